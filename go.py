@@ -1,0 +1,104 @@
+"""Start sleepcast from a clone, `python3 go.py [COMMAND ...]`, or check it, `python3 go.py test [OPTION ...]`
+
+The plan: fill a virtual environment in `.venv` beside this file from a lock with hashes (RUN to use it,
+DEV to test it: RUN and more), keep a stamp of what was installed, so that a later start costs one comparison,
+and hand over. Standard library only; what a warm start can do without is imported late.
+"""
+
+import os
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent
+VENV = ROOT / ".venv"
+PYTHON = VENV / "bin" / "python"
+RUN, DEV = "requirements/run.txt", "requirements/dev.txt"
+VERSION = "{}.{}".format(*sys.version_info)
+
+
+def refusal(sentence: str, code: int = 2) -> SystemExit:
+    print(sentence, file=sys.stderr)
+    return SystemExit(code)
+
+
+def run(*command: str) -> bool:
+    """Run a module of the environment; true if it succeeded."""
+    import subprocess
+
+    return subprocess.run([PYTHON, "-m", *command], cwd=ROOT, check=False).returncode == 0
+
+
+def make_environment() -> None:
+    import importlib.util
+    import venv
+
+    # pip writes its name with the version last: without it, .venv is half made or another Python's.
+    if PYTHON.exists() and (VENV / "bin" / f"pip{VERSION}").exists():
+        return
+    if importlib.util.find_spec("ensurepip") is None:
+        raise refusal(
+            f"This Python ({sys.executable}) cannot make virtual environments: its ensurepip is missing.\n"
+            f"On Debian or Ubuntu, install it with: sudo apt install python{VERSION}-venv"
+        )
+    venv.create(VENV, clear=True, symlinks=True, with_pip=True)
+
+
+def state(lock: str) -> str:
+    """All that an environment made from this lock depends on."""
+    return "\n".join([VERSION, str(ROOT), *((ROOT / file).read_text() for file in ("pyproject.toml", lock))])
+
+
+def prepare(lock: str) -> None:
+    """Bring .venv to what the lock says, unless it is there already."""
+    stamp = VENV / "installed"
+    if PYTHON.exists() and stamp.exists() and stamp.read_text() in (state(lock), state(DEV)):
+        return
+    import subprocess
+
+    print(f"sleepcast: installing {lock} into {VENV} ...", file=sys.stderr)
+    try:
+        stamp.unlink(missing_ok=True)
+        make_environment()
+    except (OSError, subprocess.CalledProcessError) as error:
+        raise refusal(f"Cannot make the virtual environment {VENV}: {error}", 1) from None
+    install = ("pip", "install", "--quiet", "--disable-pip-version-check")
+    # The lock holds the build backend too, so the project itself is installed without the network.
+    itself = ("--no-index", "--no-deps", "--no-build-isolation", "--editable", ".")
+    if not (run(*install, "--require-hashes", "-r", lock) and run(*install, *itself)):
+        raise refusal("Installing failed; pip says why above. Then run the same command again.", 1)
+    stamp.write_text(state(lock))
+
+
+def test(*pytest_options: str) -> int:
+    """Run every check, even after one has failed; pytest last, so that its closing line closes the output."""
+    failed = []
+    for check in (("ruff", "format", "--check"), ("ruff", "check"), ("mypy",), ("pytest", *pytest_options)):
+        print("==", *check, flush=True)
+        if not run(*check):
+            failed.append(" ".join(check))
+    if failed:
+        print("failed:", *failed, sep="\n  ", file=sys.stderr)
+    return 1 if failed else 0
+
+
+def main(*arguments: str) -> None:
+    if sys.version_info < (3, 11):  # noqa: UP036 - an older Python is the one that must say this sentence
+        raise refusal(
+            f"sleepcast needs Python 3.11 or newer; this is Python {VERSION} ({sys.executable}).\n"
+            "Start it with a newer one, for example: python3.11 go.py"
+        )
+    if os.name != "posix":
+        raise refusal("go.py knows Linux and macOS; on Windows, start it inside WSL.")
+    if arguments[:1] == ("test",):
+        prepare(DEV)
+        sys.exit(test(*arguments[1:]))  # the options go to pytest
+    prepare(RUN)
+    # Named with its Python: in a deep folder a script's first line may be too long for the system.
+    os.execv(PYTHON, [str(PYTHON), str(VENV / "bin" / "sleepcast"), *arguments])
+
+
+if __name__ == "__main__":
+    try:
+        main(*sys.argv[1:])
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -1,0 +1,95 @@
+"""A message: what one party of the channel says to the others, and the bounds that every message keeps.
+
+Expressions travel as text, never as compiled code: robots differ in what they know, and each compiles in its
+own names. A message is told from all others by who sent it, that sender's epoch (its lives so far) and its
+number.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from math import inf, isnan
+
+import msgspec
+
+from sleepcast.errors import MisuseError
+
+MAX_TEXT = 16_384
+"""Characters of an expression: what the language reads at most."""
+MAX_NAME = 64
+"""Characters in the name of a sender, as for any name."""
+MAX_NUMBER = 2**63 - 1
+"""Epochs and sequence numbers fit a signed 64-bit integer in whatever language another robot is written
+in."""
+
+
+class Kind(StrEnum):
+    """What a message is for; the first part of it that a receiver looks at."""
+
+    COMMAND = "command"
+    """Evaluate the text once."""
+    ASK = "ask"
+    """Evaluate a text without side effects and answer."""
+    STOP = "stop"
+    """Stop the body and keep it stopped; handled before the language is asked."""
+    RELEASE = "release"
+    """End STOP."""
+    HEARTBEAT = "heartbeat"
+    """The operator is there."""
+    ANSWER = "answer"
+    """What came of a COMMAND or an ASK, in the body."""
+    REPORT = "report"
+    """Something that a robot says unasked."""
+    DIGEST = "digest"
+    """What a party has heard so far, in short."""
+    REQUEST = "request"
+    """Please send again what I missed."""
+
+
+TO_OPERATOR = frozenset({Kind.ANSWER, Kind.REPORT})
+"""Kinds that robots address to the operator; every other kind is for all who hear it."""
+
+
+class MessageError(MisuseError):
+    """A message that goes past a bound."""
+
+
+class Message(msgspec.Struct, frozen=True):
+    """One message.
+
+    issued: when it was sent; deadline: after which nobody acts on it any more (inf: always good); both in
+    seconds of the swarm's clock. standing: whether it must reach everybody in the end, late joiners too
+    (rules and operators). body: what answers and reports carry: names to plain values. Raises MessageError
+    past a bound.
+    """
+
+    sender: str
+    epoch: int
+    sequence: int
+    kind: Kind
+    issued: float
+    deadline: float = inf
+    text: str = ""
+    standing: bool = False
+    body: dict[str, object] = {}
+
+    def __post_init__(self) -> None:
+        if not 0 < len(self.sender) <= MAX_NAME:
+            raise MessageError(
+                f'a sender\'s name has 1 to {MAX_NAME} characters, not {len(self.sender)}: "{self.sender}"'
+            )
+        if len(self.text) > MAX_TEXT:
+            raise MessageError(
+                f"a message's text has at most {MAX_TEXT} characters, this one has {len(self.text)}"
+            )
+        if not (0 <= self.epoch <= MAX_NUMBER and 0 <= self.sequence <= MAX_NUMBER):
+            raise MessageError(f"epoch {self.epoch} and sequence {self.sequence} must lie in 0..{MAX_NUMBER}")
+        if isnan(self.issued) or isnan(self.deadline):
+            raise MessageError(
+                f"a message needs times, not issued {self.issued} with deadline {self.deadline}"
+            )
+
+    @property
+    def id(self) -> str:
+        """The name of this message among all: `desk-3.17` is message 17 of the third life of `desk`."""
+        return f"{self.sender}-{self.epoch}.{self.sequence}"

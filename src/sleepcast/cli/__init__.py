@@ -1,0 +1,130 @@
+"""The roof: the command `sleepcast`, one subcommand for each job.
+
+`main` owns how the program ends: every error that a user can cause becomes its sentence on standard error and its
+exit status, Ctrl-C becomes 130, a reader that went away ends the program quietly. The subcommands live in modules of
+their own, and those import the rooms below only when they run, so that a small job starts fast.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+import click
+
+from sleepcast import __version__
+from sleepcast.cli.streams import complain, open_streams
+from sleepcast.errors import SleepcastError, did_you_mean
+
+INTERRUPTED = 130
+"""The exit status of a program that Ctrl-C ended (128 + SIGINT), as a shell reports it."""
+READER_GONE = 141
+"""The exit status of a program whose reader went away (128 + SIGPIPE)."""
+
+COMMANDS = {
+    "demo": ("sleepcast.cli.swarm", "demo"),
+    "run": ("sleepcast.cli.swarm", "run"),
+    "scenarios": ("sleepcast.cli.gallery", "scenarios"),
+    "eval": ("sleepcast.cli.evaluate", "evaluate"),
+    "check": ("sleepcast.cli.check", "check"),
+    "repl": ("sleepcast.cli.repl", "repl"),
+}
+"""Every subcommand with its module and its name there, in the order of the help page."""
+
+
+class Commands(click.Group):
+    """Subcommands that are imported when they are asked for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """The names, in the order in which a newcomer needs them."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        """The command of that name, or None."""
+        if name not in COMMANDS:
+            return None
+        module, attribute = COMMANDS[name]
+        command: click.Command = getattr(import_module(module), attribute)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """As click does it, with our own words for a name that is no command."""
+        name = args[0]
+        if name not in COMMANDS and not name.startswith("-"):
+            known = f"commands are {', '.join(COMMANDS)}"
+            raise click.UsageError(f"unknown command {name!r}{did_you_mean(name, COMMANDS)}: {known}", ctx)
+        return super().resolve_command(ctx, args)
+
+
+@click.group(
+    cls=Commands,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+@click.version_option(__version__, "--version", message="%(prog)s %(version)s")
+@click.pass_context
+def program(ctx: click.Context) -> int:
+    """One broadcast expression, and every robot decides for itself whether it is meant.
+
+    Without a command this is `sleepcast demo bravo`: 1,000 scouts in the browser.
+
+    \b
+    Examples:
+      sleepcast
+      sleepcast demo bravo --headless --seconds 60 --seed 7 --json
+      sleepcast eval '(+ 1 2)'
+    """
+    if ctx.invoked_subcommand is None:
+        from sleepcast.cli.swarm import demo
+
+        status: int = ctx.invoke(demo, name="bravo")
+        return status
+    return 0
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line (by default this process's own) and return the exit status."""
+    try:
+        status = _run(sys.argv[1:] if arguments is None else list(arguments))
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        _forget_output()
+        return READER_GONE
+    except OSError as error:
+        # What a person can do about a full disk or a vanished device is outside this program.
+        _forget_output()
+        complain(f"cannot write the output: {error.strerror or error}")
+        return 1
+    return status
+
+
+def _run(arguments: list[str]) -> int:
+    open_streams()
+    try:
+        status = program.main(arguments, prog_name="sleepcast", standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except SleepcastError as error:
+        complain(str(error))
+        return error.exit_status
+    except (KeyboardInterrupt, click.Abort):
+        return INTERRUPTED
+    return status if isinstance(status, int) else 0
+
+
+def _forget_output() -> None:
+    """Send what is still buffered nowhere, so that Python's own flush at the end has nothing to complain about."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None:
+            try:
+                stream.flush()
+            except OSError:
+                os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)

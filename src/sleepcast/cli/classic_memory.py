@@ -1,0 +1,58 @@
+"""The classic dialect at the command line: the machine of the thesis's appendix F as a memory to type into."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from sleepcast.cli.memories import EVALUATED, REFUSED, UNKNOWN, Outcome
+from sleepcast.cli.streams import pieces
+from sleepcast.errors import MisuseError
+from sleepcast.language.classic import ClassicError, ClassicMachine, Mode, TranscriptEntry, run_transcript
+
+
+class ClassicMemory:
+    """Variables V0 to V5 and buffers E0 to E5; `mode` is "classic" or "faithful"."""
+
+    def __init__(self, mode: Mode) -> None:
+        self._machine = ClassicMachine(mode)
+
+    def set(self, name: str, value: str) -> None:
+        """Give one of V0 to V5 a whole number. Raises MisuseError."""
+        if name.upper() not in self._machine.variables:
+            raise MisuseError(f"--set {name}={value}: the classic dialect has the variables V0 to V5 only")
+        if not value.lstrip("-").isdecimal() or not -32768 <= int(value) < 30000:
+            raise MisuseError(f"--set {name}={value}: the classic dialect has whole numbers from -32768 to 29999 only")
+        self._machine.evaluate(f"(SETQ {name} {value})")
+
+    def evaluate(self, text: str) -> Outcome:
+        """Evaluate one expression."""
+        value, error = None, None
+        try:
+            value = self._machine.evaluate(text)
+        except ClassicError as raised:
+            error = raised
+        return _outcome(text, value, tuple(self._machine.messages), error)
+
+    def run(self, text: str) -> Iterator[Outcome]:
+        """Evaluate all of `text`: expressions ended by `@` and the whole by `$`, or else one or more whole lines each."""
+        if "@" in text or "$" in text:
+            yield from map(_of_entry, run_transcript(text, self._machine))
+        else:
+            yield from (self.evaluate(piece.strip()) for _, piece in pieces(text, classic=True))
+
+
+def _of_entry(entry: TranscriptEntry) -> Outcome:
+    return _outcome(entry.text, entry.value, entry.messages, entry.error)
+
+
+def _outcome(text: str, value: int | None, messages: tuple[str, ...], error: ClassicError | None) -> Outcome:
+    status = EVALUATED if error is None else max(REFUSED, error.exit_status)
+    details = {
+        "text": text,
+        "value": value,
+        "status": status,
+        "messages": list(messages),
+        "error": None if error is None else str(error),
+    }
+    said = messages if error is None else (*messages, str(error))
+    return Outcome(UNKNOWN if value is None else str(value), status, said, details)

@@ -1,0 +1,86 @@
+"""`sleepcast eval`: expressions in, one value a line out, all in one memory."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+
+import click
+
+from sleepcast.cli.memories import Outcome, TypedMemory
+from sleepcast.cli.streams import complain, put, read_standard_input
+from sleepcast.errors import MisuseError
+
+_NEGATIVE_NUMBER = re.compile(r"-\.?[0-9]")
+
+
+class NegativeNumbersAllowed(click.Command):
+    """A command whose arguments may begin with a minus sign and a digit without being taken for options."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """As click does it; a blank before such an argument keeps it from looking like an option."""
+        return super().parse_args(ctx, [f" {arg}" if _NEGATIVE_NUMBER.match(arg) else arg for arg in args])
+
+
+@click.command("eval", cls=NegativeNumbersAllowed, short_help="Evaluate expressions in one memory.")
+@click.argument("expressions", metavar="EXPR...", nargs=-1, required=True)
+@click.option(
+    "--dialect",
+    type=click.Choice(["standard", "classic", "faithful"]),
+    default="standard",
+    show_default=True,
+    help="Classic is the original program with its COND repaired, faithful is the original as it was.",
+)
+@click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="Give a variable a value first.")
+@click.option("--seed", type=int, default=0, show_default=True, help="What chance (PROB, DICE, ...) depends on.")
+@click.option("--explain", is_flag=True, help="Say on standard error how each value came about.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object for each expression instead.")
+def evaluate(
+    expressions: tuple[str, ...], dialect: str, settings: tuple[str, ...], seed: int, explain: bool, as_json: bool
+) -> int:
+    """Evaluate each EXPR, all in one memory, and print one value a line.
+
+    `-` reads expressions from standard input; in the classic dialects they may end with @ and the whole with $.
+    Warnings, faults and what PRINT and REPORT say go to standard error. The exit status is 0 if everything was
+    evaluated (to UNKNOWN, too), 1 if something was refused or faulted, 2 if something could not be read.
+
+    \b
+    Examples:
+      sleepcast eval '(+ 1 2)'
+      sleepcast eval --set fuel=80% --explain '(AND (> fuel 50%) (> ordnance 70%))'
+      sleepcast eval --dialect classic '(SETQQ E2 (+ V0 V1))' E2
+    """
+    memory = _memory(dialect, seed, explain)
+    for setting in settings:
+        name, equals, value = setting.strip().partition("=")
+        if not equals:
+            raise MisuseError(f"--set {setting}: wanted NAME=VALUE, for example --set fuel=80%")
+        memory.set(name.strip(), value.strip())
+    worst = 0
+    for outcome in _outcomes(memory, expressions):
+        put(outcome.to_json() if as_json else outcome.value)
+        for line in outcome.said:
+            complain(line)
+        worst = max(worst, outcome.status)
+    return worst
+
+
+def _outcomes(memory: TypedMemory, expressions: Sequence[str]) -> Iterator[Outcome]:
+    for text in expressions:
+        if text == "-":
+            yield from memory.run(read_standard_input())
+        else:
+            yield memory.evaluate(text.strip())
+
+
+def _memory(dialect: str, seed: int, explain: bool) -> TypedMemory:
+    """The memory of a dialect; only its own modules are loaded."""
+    if dialect == "standard":
+        from sleepcast.cli.standard_memory import StandardMemory
+
+        return StandardMemory(seed=seed, explain=explain)
+    if explain:
+        raise MisuseError(f"--explain needs the standard dialect; --dialect {dialect} says what the original said")
+    from sleepcast.cli.classic_memory import ClassicMemory
+
+    return ClassicMemory("faithful" if dialect == "faithful" else "classic")

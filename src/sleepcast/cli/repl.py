@@ -1,0 +1,17 @@
+"""`sleepcast repl`: a conversation with one robot's mind.
+
+A line that begins with `:` asks about the mind, everything else is evaluated in it. At a terminal the editor of
+`prompt` reads the lines; from a pipe they are read as they come. Values go to standard output, the rest to standard
+error, as with `eval`.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+
+import click
+
+from sleepcast.cli.memories import TypedMemory
+from sleepcast.cli.streams import complain, put, read_standard_input, still_open
+from sleepcast.errors import MisuseError, SleepcastError, did_you_mean

@@ -1,0 +1,35 @@
+"""Time comes in by the door: whoever needs it is given a `Clock`."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """A source of time in seconds; only differences mean anything."""
+
+    def now(self) -> float: ...
+
+
+class WallClock:
+    """The computer's monotonic clock, in seconds."""
+
+    def now(self) -> float:
+        return time.monotonic()
+
+
+class ManualClock:
+    """A clock that stands still until it is told to move: simulated time, in seconds."""
+
+    def __init__(self, start: float = 0.0) -> None:
+        self._now = start
+
+    def now(self) -> float:
+        return self._now
+
+    def advance(self, seconds: float) -> None:
+        """Move time on; a negative step is refused with ValueError."""
+        if seconds < 0:
+            raise ValueError(f"time cannot go back by {-seconds} s")
+        self._now += seconds

@@ -1,0 +1,125 @@
+// The account of every command: on how many robots it matched, did not match, went wrong, and who has not been heard.
+
+const OUTCOMES = ["matched", "not_matched", "fault", "silent"];
+export const MATCHED = 1; // code of an outcome; console/session.py sends one for each robot
+
+export class Accounting extends EventTarget {
+  constructor(root, wire) {
+    super();
+    this.wire = wire;
+    this.root = root;
+    this.rows = new Map(); // by id: {row, line}
+    this.chosen = "";
+    root.querySelector("#commands").addEventListener("click", (event) => {
+      const line = event.target.closest("tr");
+      if (line) this.choose(line.dataset.id === this.chosen ? "" : line.dataset.id);
+    });
+    root.querySelector("#commands").addEventListener("keydown", (event) => this.key(event));
+  }
+
+  get latest() {
+    return [...this.rows.values()].map(({ row }) => row).filter((row) => row.kind === "command").pop()?.id ?? "";
+  }
+
+  get(id) {
+    return this.rows.get(id)?.row;
+  }
+
+  // rows: oldest first. Lines are kept and changed in place, so that focus and selection stay.
+  set(rows) {
+    const body = this.root.querySelector("#commands");
+    const before = this.get(this.chosen);
+    for (const id of [...this.rows.keys()].filter((id) => !rows.some((row) => row.id === id))) {
+      this.rows.get(id).line.remove();
+      this.rows.delete(id);
+    }
+    for (const row of rows) {
+      let entry = this.rows.get(row.id);
+      if (!entry) {
+        entry = { line: this.line(row) };
+        this.rows.set(row.id, entry);
+        body.prepend(entry.line);
+      }
+      entry.row = row;
+      OUTCOMES.forEach((outcome, index) => {
+        const cell = entry.line.cells[index + 2];
+        cell.textContent = row[outcome].toLocaleString("en");
+        cell.classList.toggle("none", row[outcome] === 0);
+      });
+    }
+    this.root.querySelector("#no-commands").hidden = rows.length > 0;
+    const now = this.get(this.chosen);
+    if (before && now && OUTCOMES.some((outcome) => before[outcome] !== now[outcome])) this.changed();
+    if (!now && this.chosen) this.choose("");
+  }
+
+  line(row) {
+    const line = document.createElement("tr");
+    line.dataset.id = row.id;
+    line.className = row.kind;
+    line.tabIndex = -1;
+    line.setAttribute("aria-selected", "false");
+    const sent = line.insertCell();
+    sent.textContent = clock(row.at);
+    sent.className = "sent";
+    const text = line.insertCell();
+    const code = document.createElement("code");
+    code.textContent = row.text.replace(/\s+/g, " ");
+    text.title = row.text;
+    text.className = "text";
+    text.append(code);
+    for (const outcome of OUTCOMES) line.insertCell().className = `count ${outcome.replace("_", "-")}`;
+    return line;
+  }
+
+  choose(id) {
+    this.chosen = id;
+    let first = true;
+    for (const line of this.root.querySelector("#commands").rows) {
+      const chosen = line.dataset.id === id;
+      line.setAttribute("aria-selected", String(chosen));
+      line.tabIndex = chosen || (first && !id) ? 0 : -1;
+      first = false;
+    }
+    this.changed();
+  }
+
+  changed() {
+    const row = this.get(this.chosen);
+    if (row) {
+      const counts = `matched ${row.matched}, not matched ${row.not_matched}, fault ${row.fault}, silent ${row.silent}`;
+      this.root.querySelector("#counts").textContent = counts;
+    }
+    this.dispatchEvent(new CustomEvent("choose", { detail: row ?? null }));
+  }
+
+  key(event) {
+    const line = event.target.closest("tr");
+    if (!line) return;
+    const other = { ArrowDown: line.nextElementSibling, ArrowUp: line.previousElementSibling }[event.key];
+    if (event.key === "Enter" || event.key === " ") this.choose(line.dataset.id === this.chosen ? "" : line.dataset.id);
+    else if (other) {
+      this.choose(other.dataset.id);
+      other.focus();
+    } else return;
+    event.preventDefault();
+  }
+
+  // Which robots the chosen command matched, 1 for each that it did.
+  async lit() {
+    const { outcomes } = await this.wire.ask("outcomes", { command: this.chosen });
+    return Uint8Array.from(bytes(outcomes), (code) => (code === MATCHED ? 1 : 0));
+  }
+}
+
+// Bytes from the base64 text that JSON carries.
+export function bytes(base64) {
+  return Uint8Array.from(atob(base64), (character) => character.charCodeAt(0));
+}
+
+// Seconds as hours, minutes and seconds.
+export function clock(seconds) {
+  const whole = Math.floor(seconds);
+  const two = (number) => String(number).padStart(2, "0");
+  return `${Math.floor(whole / 3600)}:${two(Math.floor(whole / 60) % 60)}:${two(whole % 60)}`;
+}

@@ -1,0 +1,27 @@
+// Binary frames from the station, as console/frames.py lays them out (little endian).
+
+export const STILL = 1 | 2 | 4; // any of the flags that hold a body still
+export const FLAG_NAMES = ["stopped", "frozen", "sleeping", "marked"]; // by bit
+
+const HEADER = 32;
+
+// One frame: {running, stopped, count, number, tick, time, wanted, achieved, poses, groups, flags}
+// with poses as x, y (m) and heading (rad) of every robot in turn, time in simulated seconds.
+export function decode(buffer) {
+  const view = new DataView(buffer);
+  const state = view.getUint8(1);
+  const count = view.getUint32(4, true);
+  return {
+    running: (state & 1) !== 0,
+    stopped: (state & 2) !== 0,
+    count,
+    number: view.getUint32(8, true),
+    tick: view.getUint32(12, true),
+    time: view.getFloat64(16, true),
+    wanted: view.getFloat32(24, true),
+    achieved: view.getFloat32(28, true),
+    poses: new Float32Array(buffer, HEADER, 3 * count),
+    groups: new Uint8Array(buffer, HEADER + 12 * count, count),
+    flags: new Uint8Array(buffer, HEADER + 13 * count, count),
+  };
+}

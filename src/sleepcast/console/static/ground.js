@@ -1,0 +1,83 @@
+// What lies under the robots: the area, the grid with its unit, obstacles. And, over them, the places' names.
+
+import { gridStep } from "./view.js";
+
+export function drawGround(pen, view, scene, colours) {
+  pen.fillStyle = colours.ground;
+  pen.fillRect(0, 0, view.width, view.height);
+  const [left, bottom, right, top] = scene.area;
+  pen.fillStyle = colours.area;
+  pen.fillRect(view.toScreenX(left), view.toScreenY(top), (right - left) * view.scale, (top - bottom) * view.scale);
+  const step = gridStep(view, scene.unit, 140).metres;
+  drawGrid(pen, view, step, colours.grid);
+  pen.strokeStyle = colours.edge;
+  pen.lineWidth = 1;
+  pen.strokeRect(view.toScreenX(left), view.toScreenY(top), (right - left) * view.scale, (top - bottom) * view.scale);
+  pen.fillStyle = colours.obstacle;
+  pen.strokeStyle = colours.edge;
+  for (const corners of scene.obstacles) {
+    pen.beginPath();
+    for (const [x, y] of corners) pen.lineTo(view.toScreenX(x), view.toScreenY(y));
+    pen.closePath();
+    pen.fill();
+    pen.stroke();
+  }
+}
+
+function drawGrid(pen, view, step, colour) {
+  const [left, top] = view.toWorld(0, 0);
+  const [right, bottom] = view.toWorld(view.width, view.height);
+  pen.beginPath();
+  for (let k = Math.ceil(left / step); k * step <= right; k += 1) {
+    const x = Math.round(view.toScreenX(k * step)) + 0.5;
+    pen.moveTo(x, 0);
+    pen.lineTo(x, view.height);
+  }
+  for (let k = Math.ceil(bottom / step); k * step <= top; k += 1) {
+    const y = Math.round(view.toScreenY(k * step)) + 0.5;
+    pen.moveTo(0, y);
+    pen.lineTo(view.width, y);
+  }
+  pen.strokeStyle = colour;
+  pen.lineWidth = 1;
+  pen.stroke();
+}
+
+// Places: a crossed ring where it is, and the name beside it. Returns the boxes that the names take.
+export function drawPlaces(pen, view, places, colours) {
+  const boxes = [];
+  for (const place of places) {
+    const x = view.toScreenX(place.x);
+    const y = view.toScreenY(place.y);
+    pen.beginPath();
+    pen.arc(x, y, 9, 0, 2 * Math.PI);
+    for (const [dx, dy] of [[0, 1], [0, -1], [1, 0], [-1, 0]]) {
+      pen.moveTo(x + 4 * dx, y + 4 * dy);
+      pen.lineTo(x + 14 * dx, y + 14 * dy);
+    }
+    pen.strokeStyle = colours.ground;
+    pen.lineWidth = 5;
+    pen.stroke();
+    pen.strokeStyle = colours.place;
+    pen.lineWidth = 2.2;
+    pen.stroke();
+    boxes.push(...drawLabel(pen, view, place.name, x + 17, y, colours.place, colours.ground, "600 13px", []));
+  }
+  return boxes;
+}
+
+// A name at a point, left out where it would cover one of the boxes; the box it took, in a list of one or none.
+export function drawLabel(pen, view, text, x, y, colour, halo, font, boxes) {
+  pen.font = `${font} system-ui, sans-serif`;
+  const box = [x - 2, y - 8, x + pen.measureText(text).width + 2, y + 8];
+  if (box[0] > view.width || box[2] < 0 || box[1] > view.height || box[3] < 0) return [];
+  if (boxes.some((other) => box[0] < other[2] && box[2] > other[0] && box[1] < other[3] && box[3] > other[1])) return [];
+  pen.textBaseline = "middle";
+  pen.lineJoin = "round";
+  pen.lineWidth = 4;
+  pen.strokeStyle = halo;
+  pen.strokeText(text, x, y);
+  pen.fillStyle = colour;
+  pen.fillText(text, x, y);
+  return [box];
+}

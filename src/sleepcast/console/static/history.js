@@ -1,0 +1,48 @@
+// Earlier commands, kept in the browser between sessions.
+
+const KEY = "sleepcast.history";
+const MOST = 200; // commands kept
+
+export class History {
+  constructor(storage) {
+    this.storage = storage;
+    this.items = this.load(); // oldest first
+    this.at = this.items.length;
+    this.draft = "";
+  }
+
+  load() {
+    try {
+      const found = JSON.parse(this.storage.getItem(KEY) ?? "[]");
+      return Array.isArray(found) ? found.filter((item) => typeof item === "string").slice(-MOST) : [];
+    } catch {
+      return []; // no storage, or something else wrote there: start anew
+    }
+  }
+
+  add(text) {
+    this.items = [...this.items.filter((item) => item !== text), text].slice(-MOST);
+    this.at = this.items.length;
+    this.draft = "";
+    try {
+      this.storage.setItem(KEY, JSON.stringify(this.items));
+    } catch {
+      // A full or forbidden storage only means that the history ends with this session.
+    }
+  }
+
+  // The text one step back (-1) or forth (+1) from `text`, or null at the end.
+  move(step, text) {
+    if (this.at === this.items.length) this.draft = text;
+    const to = this.at + step;
+    if (to < 0 || to > this.items.length) return null;
+    this.at = to;
+    return to === this.items.length ? this.draft : this.items[to];
+  }
+
+  // Commands that contain all words of the query, latest first.
+  search(query) {
+    const words = query.toLowerCase().split(/\s+/).filter(Boolean);
+    return this.items.filter((item) => words.every((word) => item.toLowerCase().includes(word))).reverse();
+  }
+}

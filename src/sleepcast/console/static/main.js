@@ -1,0 +1,201 @@
+// The page: puts the panes together. What a pane knows it is told here; panes do not know each other.
+
+import { Accounting, bytes } from "./accounting.js";
+import { picture, styleOf } from "./shapes.js";
+import { Prompt } from "./prompt.js";
+import { RobotPane } from "./robot.js";
+import { Safety } from "./safety.js";
+import { Time } from "./time.js";
+import { Wire } from "./wire.js";
+import { World } from "./world.js";
+
+const find = (id) => document.getElementById(id);
+const address = new URL("live", window.location.href);
+address.protocol = address.protocol.replace("http", "ws");
+address.search = window.location.search; // the session's token
+
+const wire = new Wire(address);
+const world = new World(document.querySelector(".world"));
+const prompt = new Prompt(document.querySelector(".desk"), wire);
+const accounting = new Accounting(document.querySelector(".accounting"), wire);
+const robot = new RobotPane(document.querySelector(".robot"), wire);
+const safety = new Safety(document, wire);
+const time = new Time(document, wire);
+
+let begun = false; // whether the prompt was filled once
+let groups = []; // {name, count}, in the order of their codes in a frame
+let lit = null; // {caption, count}: what the lit robots are
+
+// ---- from the station
+
+wire.addEventListener("hello", ({ detail }) => {
+  find("offline").hidden = true;
+  const scene = { ...detail.scene, groups };
+  find("title").textContent = scene.title;
+  document.title = `${scene.title} · sleepcast`;
+  find("story").textContent = scene.story;
+  world.setScene(scene);
+  prompt.setReady(scene.commands);
+  prompt.setNames(detail.names);
+  safety.connected();
+  if (robot.index >= 0) wire.tell("watch", { robot: robot.index });
+  if (begun) return;
+  begun = true;
+  prompt.set(scene.commands[0]?.text ?? "");
+});
+
+wire.addEventListener("frame", ({ detail }) => {
+  if (!world.scene) return;
+  world.setFrame(detail);
+  time.show(world.frame);
+});
+
+world.addEventListener("drawn", ({ detail }) => wire.tell("drawn", { number: detail.number }));
+
+wire.addEventListener("commands", ({ detail }) => {
+  accounting.set(detail.rows);
+  if (robot.command === null && accounting.latest) robot.about(accounting.get(accounting.latest));
+});
+
+wire.addEventListener("groups", ({ detail }) => {
+  groups = detail.groups;
+  if (world.scene) world.scene.groups = groups;
+  drawLegend();
+});
+
+wire.addEventListener("robot", ({ detail }) => robot.show(detail));
+wire.addEventListener("safety", ({ detail }) => safety.show(detail));
+
+wire.addEventListener("lost", ({ detail }) => {
+  const why = detail.reason ? ` (${detail.reason})` : "";
+  find("offline").textContent = `No connection to the station${why}. What is shown is old. Trying again …`;
+  find("offline").hidden = false;
+});
+
+// ---- who is lit
+
+function light(marks, caption) {
+  world.setLit(marks);
+  lit = marks ? { caption, count: marks.reduce((sum, mark) => sum + mark, 0) } : null;
+  drawLegend();
+}
+
+prompt.addEventListener("preview", ({ detail }) => {
+  if (detail === null) lightChosen();
+  else light(detail.counted ? Uint8Array.from(bytes(detail.lit), (code) => (code === 1 ? 1 : 0)) : null, "would obey");
+});
+
+prompt.addEventListener("sent", ({ detail }) => {
+  wire.ask("commands").then((answer) => {
+    accounting.set(answer.rows);
+    accounting.choose(detail);
+  });
+});
+
+accounting.addEventListener("choose", ({ detail }) => {
+  robot.about(detail ?? accounting.get(accounting.latest) ?? null);
+  if (!prompt.preview || detail) lightChosen();
+});
+
+async function lightChosen() {
+  const id = accounting.chosen;
+  if (!id) {
+    light(null);
+    return;
+  }
+  try {
+    const marks = await accounting.lit();
+    const row = accounting.get(id);
+    if (id === accounting.chosen && row) light(marks, { stop: "stopped", release: "released" }[row.kind] ?? "matched");
+  } catch {
+    // No connection: the lights stay as they were, and the page says that they are old.
+  }
+}
+
+function drawLegend() {
+  const { colours, scene } = world;
+  if (!scene) return;
+  const members = groups.reduce((sum, group) => sum + group.shown, 0);
+  const line = (icon, count, text) => {
+    const item = document.createElement("li");
+    const number = Object.assign(document.createElement("b"), { textContent: count.toLocaleString("en") });
+    item.append(icon, number, ` ${text}`);
+    return item;
+  };
+  const lines = [line(picture(0, colours.robots[0]), scene.count - members, members ? "in no group" : scene.noun)];
+  groups.forEach((group, index) => {
+    const style = styleOf(index + 1);
+    if (group.count) lines.push(line(picture(style, colours.robots[style]), group.count, group.name));
+  });
+  if (lit) {
+    const glow = Object.assign(document.createElement("span"), { className: "glow" });
+    const last = line(glow, lit.count, lit.caption);
+    last.className = "lit";
+    lines.push(last);
+  }
+  find("legend").replaceChildren(...lines);
+}
+
+// ---- the chosen robot
+
+world.addEventListener("choose", ({ detail }) => {
+  robot.choose(detail, detail < 0 ? "" : world.scene.names[detail]);
+  follow(false);
+  find("heard").textContent = detail < 0 ? "No robot chosen" : world.describe(detail);
+});
+
+function follow(on) {
+  find("follow").setAttribute("aria-pressed", String(on));
+  world.follow(on);
+}
+
+find("follow").addEventListener("click", () => follow(!world.following));
+world.addEventListener("moved", () => find("follow").setAttribute("aria-pressed", String(world.following)));
+
+// ---- view, theme, guide
+
+find("zoom-in").addEventListener("click", () => world.zoom(1.4));
+find("zoom-out").addEventListener("click", () => world.zoom(1 / 1.4));
+find("fit").addEventListener("click", () => world.fit());
+
+const toggleTrails = () => find("trails-on").setAttribute("aria-pressed", String(world.toggleTrails()));
+find("trails-on").addEventListener("click", toggleTrails);
+world.addEventListener("trails", toggleTrails);
+
+const dark = window.matchMedia("(prefers-color-scheme: dark)");
+
+function setTheme(theme) {
+  document.documentElement.dataset.theme = theme;
+  world.recolour();
+  drawLegend();
+}
+
+function keptTheme() {
+  try {
+    return window.localStorage.getItem("sleepcast.theme");
+  } catch {
+    return null;
+  }
+}
+
+find("theme").addEventListener("click", () => {
+  const theme = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
+  setTheme(theme);
+  try {
+    window.localStorage.setItem("sleepcast.theme", theme);
+  } catch {
+    // Without storage the choice holds for this session.
+  }
+});
+dark.addEventListener("change", () => keptTheme() ?? setTheme(dark.matches ? "dark" : "light"));
+setTheme(keptTheme() ?? (dark.matches ? "dark" : "light"));
+
+find("help").addEventListener("click", () => find("guide").showModal());
+window.addEventListener("keydown", (event) => {
+  const typing = event.target.closest?.("textarea, input, select, dialog");
+  if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (event.key === "/") prompt.focus();
+  else if (event.key === "?") find("guide").showModal();
+  else return;
+  event.preventDefault();
+});

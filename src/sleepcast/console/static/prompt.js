@@ -1,0 +1,321 @@
+// The prompt: an expression is typed, checked by the station while one types, previewed, confirmed and sent.
+
+import { Editor } from "./editor.js";
+import { History } from "./history.js";
+import { callAt, isUnfinished, wordAt } from "./lisp.js";
+import { Listbox } from "./listbox.js";
+
+const PAUSE = 120; // ms without a key before the text is checked
+const AGAIN = 1000; // ms after which the robots have moved enough to ask again who would obey
+const NAMES_AGE = 2000; // ms for which the ranges of values in the list of names are good enough
+const MOST_NAMES = 12; // names offered at once
+const MOST_FOUND = 8; // commands offered by the search
+
+export class Prompt extends EventTarget {
+  constructor(root, wire) {
+    super();
+    this.wire = wire;
+    this.find = (id) => root.querySelector(`#${id}`);
+    this.editor = new Editor(this.find("text"), this.find("backdrop"));
+    this.history = new History(window.localStorage);
+    this.names = [];
+    this.namesAt = -Infinity;
+    this.completions = new Listbox(this.find("completions"), this.editor.area);
+    this.found = new Listbox(this.find("search-found"), this.find("search-text"));
+    this.preview = null; // what the station said of the text that stands there now
+    this.sending = false;
+    this.sent = new Set(); // ready-made commands that went out
+    this.listen();
+  }
+
+  listen() {
+    this.editor.addEventListener("change", () => this.changed());
+    this.editor.area.addEventListener("keydown", (event) => this.key(event));
+    this.editor.area.addEventListener("blur", () => this.completions.hide());
+    this.editor.area.addEventListener("click", () => this.completions.hide());
+    document.addEventListener("selectionchange", () => this.showUsage());
+    this.completions.addEventListener("take", (event) => this.complete(event.detail));
+    this.find("send").addEventListener("click", () => this.send());
+    this.find("everybody-yes").addEventListener("change", () => this.showSend());
+    this.find("search-text").addEventListener("input", () => this.searched());
+    this.find("search-text").addEventListener("keydown", (event) => this.searchKey(event));
+    this.find("search-text").addEventListener("blur", () => this.endSearch(false));
+    this.found.addEventListener("take", (event) => this.recall(event.detail));
+    setInterval(() => {
+      if (this.preview && !this.sending && document.visibilityState === "visible") this.ask();
+    }, AGAIN);
+  }
+
+  focus() {
+    this.editor.area.focus();
+  }
+
+  set(text) {
+    this.editor.set(text);
+    this.completions.hide();
+    this.focus();
+  }
+
+  // ---- ready-made commands
+
+  setReady(commands) {
+    this.ready = commands;
+    this.find("ready").replaceChildren(
+      ...commands.map((command, index) => {
+        const button = document.createElement("button");
+        button.type = "button";
+        button.title = command.text;
+        button.append(String(index + 1), " ", command.title);
+        button.firstChild.replaceWith(Object.assign(document.createElement("b"), { textContent: index + 1 }));
+        button.addEventListener("click", () => this.set(command.text));
+        return button;
+      }),
+    );
+    this.showReady();
+  }
+
+  showReady() {
+    const next = this.ready.findIndex((command) => !this.sent.has(command.text));
+    [...this.find("ready").children].forEach((button, index) => {
+      button.classList.toggle("sent", this.sent.has(this.ready[index].text));
+      button.classList.toggle("next", index === next);
+    });
+  }
+
+  // ---- checking and previewing
+
+  changed() {
+    this.preview = null;
+    this.showPreview();
+    this.showSend();
+    this.showUsage();
+    this.offer();
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.ask(), this.editor.text.trim() ? PAUSE : 0);
+  }
+
+  async ask() {
+    const { text } = this.editor;
+    if (!text.trim()) {
+      this.find("findings").hidden = true;
+      this.dispatchEvent(new CustomEvent("preview", { detail: null }));
+      return;
+    }
+    let answer;
+    try {
+      answer = await this.wire.ask("preview", { text });
+    } catch {
+      return; // the page says elsewhere that there is no connection; the next key asks again
+    }
+    if (text !== this.editor.text) return; // typed on meanwhile
+    this.preview = answer;
+    this.editor.mark(answer.findings);
+    this.showFindings(answer.findings);
+    this.showPreview();
+    this.showSend();
+    this.dispatchEvent(new CustomEvent("preview", { detail: answer }));
+  }
+
+  showPreview() {
+    const answer = this.preview?.counted ? this.preview : null;
+    for (const name of ["yes", "no", "unknown"]) {
+      this.find(name).textContent = answer ? answer[name].toLocaleString("en") : "–";
+    }
+    this.find("unknown").parentElement.title = answer?.reasons.map(([why, count]) => `${count}: ${why}`).join("\n") ?? "";
+    this.find("preview").classList.toggle("known", answer !== null);
+    const everybody = answer?.everybody ?? false;
+    if (this.find("everybody").hidden === everybody) {
+      this.find("everybody").hidden = !everybody;
+      this.find("everybody-yes").checked = false;
+    }
+    if (everybody) {
+      const count = (answer.yes + answer.no + answer.unknown).toLocaleString("en");
+      this.find("everybody-text").textContent = `This has no test: yes, I mean all ${count} robots.`;
+    }
+  }
+
+  showFindings(findings) {
+    const unfinished = isUnfinished(this.editor.tokens);
+    this.find("findings").hidden = findings.length === 0;
+    this.find("findings").replaceChildren(
+      ...findings.map((finding, index) => {
+        const line = document.createElement("pre");
+        line.className = unfinished && finding.severity === "error" ? "unfinished" : finding.severity;
+        line.textContent = index === 0 ? finding.shown : finding.message;
+        return line;
+      }),
+    );
+  }
+
+  showSend() {
+    const wrong = this.preview?.findings.some((finding) => finding.severity === "error") ?? false;
+    const open = this.preview?.everybody && !this.find("everybody-yes").checked;
+    this.find("send").disabled = !this.editor.text.trim() || wrong || open || this.sending;
+  }
+
+  // ---- sending
+
+  async send() {
+    const { text } = this.editor;
+    if (!text.trim() || this.sending) return;
+    const box = this.find("everybody-yes");
+    if (!this.find("everybody").hidden && !box.checked) {
+      box.focus();
+      return;
+    }
+    this.sending = true;
+    this.showSend();
+    try {
+      const answer = await this.wire.ask("send", { text, everybody: box.checked });
+      this.history.add(text);
+      if (this.ready.some((command) => command.text === text)) this.sent.add(text);
+      this.showReady();
+      if (this.editor.text === text) this.editor.set("");
+      this.dispatchEvent(new CustomEvent("sent", { detail: answer.command }));
+    } catch (refusal) {
+      this.showFindings([{ severity: "error", shown: refusal.message, message: refusal.message }]);
+    } finally {
+      this.sending = false;
+      this.showSend();
+    }
+  }
+
+  // ---- keys
+
+  key(event) {
+    if (event.isComposing) return;
+    if (this.completions.open && this.completionKey(event)) {
+      event.preventDefault();
+    } else if (event.key === "Enter" && !event.shiftKey) {
+      event.preventDefault();
+      this.send();
+    } else if (event.key === "r" && event.ctrlKey) {
+      event.preventDefault();
+      this.startSearch();
+    } else if (event.key === "ArrowUp" && this.editor.onFirstLine() && !event.shiftKey) {
+      this.turn(event, -1);
+    } else if (event.key === "ArrowDown" && this.editor.onLastLine() && !event.shiftKey) {
+      this.turn(event, 1);
+    }
+  }
+
+  completionKey(event) {
+    if (event.key === "ArrowDown") this.completions.move(1);
+    else if (event.key === "ArrowUp") this.completions.move(-1);
+    else if (event.key === "Tab" && !event.shiftKey) this.completions.take();
+    else if (event.key === "Enter" && this.completions.at >= 0) this.completions.take();
+    else if (event.key === "Escape") this.completions.hide();
+    else return false;
+    return true;
+  }
+
+  turn(event, step) {
+    const text = this.history.move(step, this.editor.text);
+    if (text === null) return;
+    event.preventDefault();
+    this.editor.set(text);
+    this.completions.hide();
+  }
+
+  // ---- names
+
+  async offer() {
+    const word = wordAt(this.editor.tokens, this.editor.caret);
+    const typing = document.activeElement === this.editor.area;
+    if (!word || !typing || this.editor.caret !== word.end || word.text.length < 2) {
+      this.completions.hide();
+      return;
+    }
+    if (performance.now() - this.namesAt > NAMES_AGE) {
+      this.namesAt = performance.now();
+      try {
+        this.names = (await this.wire.ask("names")).names;
+      } catch {
+        return;
+      }
+      if (wordAt(this.editor.tokens, this.editor.caret)?.text !== word.text) return;
+    }
+    const key = word.text.toLowerCase();
+    if (this.names.some((name) => name.name.toLowerCase() === key)) {
+      this.completions.hide();
+      return;
+    }
+    const calls = word.kind === "head";
+    const fitting = this.names.filter((name) => (name.usage !== "") === calls && name.name.toLowerCase().includes(key));
+    const starts = (name) => (name.name.toLowerCase().startsWith(key) ? 0 : 1);
+    fitting.sort((a, b) => starts(a) - starts(b) || a.name.localeCompare(b.name));
+    this.completions.show(
+      fitting.slice(0, MOST_NAMES).map((name) => ({
+        value: name.name,
+        parts: [["name", name.name], ["kind", name.kind], ["range", name.usage || name.range], ["doc", name.doc]],
+      })),
+    );
+    this.placeCompletions(word.start);
+  }
+
+  placeCompletions(offset) {
+    const { list } = this.completions;
+    const desk = list.parentElement.getBoundingClientRect();
+    const at = this.editor.place(offset);
+    const widest = Math.max(0, desk.width - list.offsetWidth - 8);
+    list.style.left = `${Math.max(8, Math.min(at.left - desk.left - 10, widest))}px`;
+    list.style.bottom = `${desk.bottom - at.top + 6}px`;
+  }
+
+  complete(name) {
+    const word = wordAt(this.editor.tokens, this.editor.caret);
+    if (word) this.editor.replace(word.start, word.end, name);
+    this.completions.hide();
+  }
+
+  // How the function around the caret is written.
+  showUsage() {
+    if (document.activeElement !== this.editor.area) return;
+    const call = callAt(this.editor.tokens, this.editor.caret)?.toLowerCase();
+    const known = call && this.names.find((name) => name.usage && name.name.toLowerCase() === call);
+    this.find("usage").replaceChildren();
+    if (known) {
+      const usage = Object.assign(document.createElement("code"), { textContent: known.usage });
+      this.find("usage").append(usage, ` ${known.doc}`);
+    }
+  }
+
+  setNames(names) {
+    this.names = names;
+    this.namesAt = performance.now();
+  }
+
+  // ---- search in the history
+
+  startSearch() {
+    this.find("search").hidden = false;
+    this.find("search-text").value = "";
+    this.find("search-text").focus();
+    this.searched();
+  }
+
+  searched() {
+    const found = this.history.search(this.find("search-text").value).slice(0, MOST_FOUND);
+    this.found.show(found.map((text) => ({ value: text, parts: [["text", text.replace(/\s+/g, " ")]] })), 0);
+  }
+
+  searchKey(event) {
+    if (event.key === "Enter") this.found.take();
+    else if (event.key === "Escape") this.endSearch(true);
+    else if (this.found.open && (event.key === "ArrowDown" || (event.key === "r" && event.ctrlKey))) this.found.move(1);
+    else if (this.found.open && event.key === "ArrowUp") this.found.move(-1);
+    else return;
+    event.preventDefault();
+  }
+
+  recall(text) {
+    this.endSearch(true);
+    this.set(text);
+  }
+
+  endSearch(refocus) {
+    this.find("search").hidden = true;
+    this.found.hide();
+    if (refocus) this.focus();
+  }
+}

@@ -1,0 +1,118 @@
+// The robot pane: why the chosen robot obeyed a command or did not, what it knows, and the rules it runs.
+
+import { picture, palette, styleOf } from "./shapes.js";
+import { drawWhy } from "./why.js";
+
+const TABS = ["why", "values", "rules"];
+
+export class RobotPane {
+  constructor(root, wire) {
+    this.root = root;
+    this.wire = wire;
+    this.find = (id) => root.querySelector(`#${id}`);
+    this.index = -1;
+    this.command = null; // the row of the command that is asked about
+    for (const name of TABS) {
+      this.find(`tab-${name}`).addEventListener("click", () => this.open(name));
+      this.find(`tab-${name}`).addEventListener("keydown", (event) => this.key(event, name));
+    }
+  }
+
+  choose(index, name) {
+    this.index = index;
+    this.find("no-robot").hidden = index >= 0;
+    this.find("robot").hidden = index < 0;
+    this.find("follow").hidden = index < 0;
+    this.find("robot-name").textContent = index < 0 ? "Robot" : name;
+    this.find("robot-state").replaceChildren();
+    this.find("pane-values").replaceChildren();
+    this.find("pane-rules").replaceChildren();
+    this.wire.tell("watch", { robot: index });
+    this.askWhy();
+  }
+
+  // The command about which the robot is asked; null where there is none.
+  about(row) {
+    this.command = row;
+    this.askWhy();
+  }
+
+  async askWhy() {
+    const { index, command } = this;
+    const pane = this.find("pane-why");
+    if (index < 0) return;
+    if (!command) {
+      pane.replaceChildren(sentence("No command has been sent yet. Send one, and this robot says why it obeys or not."));
+      return;
+    }
+    try {
+      const answer = await this.wire.ask("why", { robot: index, command: command.id });
+      if (index === this.index && command.id === this.command?.id) drawWhy(pane, answer);
+    } catch (refusal) {
+      if (index === this.index && command.id === this.command?.id) pane.replaceChildren(sentence(refusal.message));
+    }
+  }
+
+  // News of the chosen robot: {robot, group, groups, state, values, rules}.
+  show(news) {
+    if (news.robot !== this.index) return;
+    const state = this.find("robot-state");
+    state.replaceChildren();
+    const style = styleOf(news.group);
+    state.append(picture(style, palette().robots[style]), [...news.groups, ...news.state].join(" · "));
+    fill(this.find("pane-values"), ["Name", "Value", "Kind"], news.values, (value) => [value.name, value.shown, value.kind], "Nothing is known of it.");
+    fill(
+      this.find("pane-rules"),
+      ["Rule", "Active", "Last value", "Text"],
+      news.rules,
+      (rule) => [rule.name, rule.active ? "● yes" : "○ no", rule.fault ? `! ${rule.fault}` : rule.value, rule.text],
+      "This robot holds no rules: it only answers messages.",
+    );
+  }
+
+  open(name) {
+    for (const each of TABS) {
+      const chosen = each === name;
+      this.find(`tab-${each}`).setAttribute("aria-selected", String(chosen));
+      this.find(`tab-${each}`).tabIndex = chosen ? 0 : -1;
+      this.find(`pane-${each}`).hidden = !chosen;
+    }
+  }
+
+  key(event, name) {
+    const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+    if (!step) return;
+    const next = TABS[(TABS.indexOf(name) + step + TABS.length) % TABS.length];
+    this.open(next);
+    this.find(`tab-${next}`).focus();
+    event.preventDefault();
+  }
+}
+
+function sentence(text) {
+  return Object.assign(document.createElement("p"), { className: "empty", textContent: text });
+}
+
+// A table whose cells are changed in place while its rows stay the same.
+function fill(pane, heads, rows, cellsOf, none) {
+  if (!rows.length) {
+    pane.replaceChildren(sentence(none));
+    return;
+  }
+  let table = pane.querySelector("table");
+  if (!table || table.tBodies[0].rows.length !== rows.length) {
+    table = document.createElement("table");
+    const head = table.createTHead().insertRow();
+    for (const text of heads) head.append(Object.assign(document.createElement("th"), { scope: "col", textContent: text }));
+    const body = table.createTBody();
+    for (let i = 0; i < rows.length; i += 1) heads.forEach(() => body.rows[i] ?? body.insertRow());
+    for (const line of body.rows) heads.forEach(() => line.insertCell());
+    pane.replaceChildren(table);
+  }
+  rows.forEach((row, i) => {
+    cellsOf(row).forEach((text, k) => {
+      const cell = table.tBodies[0].rows[i].cells[k];
+      if (cell.textContent !== text) cell.textContent = text;
+    });
+  });
+}

@@ -1,0 +1,125 @@
+// The robots on the map, in one batch: shapes while they are few enough to tell apart, else points in one image.
+
+import { STILL } from "./frame.js";
+import { addRobot, styleOf, STYLES } from "./shapes.js";
+import { drawLabel } from "./ground.js";
+
+const MOST_SHAPES = 6000; // robots; more become points
+const MOST_LABELS = 45; // robots on the screen; more names would only cover them
+const DIMMED = 0.5; // opacity of the robots outside the lit ones
+
+// Half a robot's length on the screen: its true size, but never too small to see.
+export function sizeOf(view, scene) {
+  return Math.min(26, Math.max(4.4, scene.radius * view.scale));
+}
+
+// marks: {lit: Uint8Array with 1 for each robot that is lit, or null; chosen, pointed: indices or -1}
+export function drawSwarm(pen, view, scene, frame, marks, colours, boxes, ratio) {
+  if (frame.count > MOST_SHAPES) drawPoints(pen, view, frame, marks, colours, ratio);
+  else drawShapes(pen, view, scene, frame, marks, colours);
+  const size = sizeOf(view, scene);
+  for (const [index, width] of [[marks.pointed, 1.5], [marks.chosen, 2.6]]) {
+    if (index < 0 || index >= frame.count) continue;
+    pen.beginPath();
+    pen.arc(view.toScreenX(frame.poses[3 * index]), view.toScreenY(frame.poses[3 * index + 1]), size + 7, 0, 7);
+    pen.strokeStyle = colours.chosen;
+    pen.lineWidth = width;
+    pen.stroke();
+  }
+  drawNames(pen, view, scene, frame, marks, colours, boxes, size);
+}
+
+function drawShapes(pen, view, scene, frame, marks, colours) {
+  const size = sizeOf(view, scene);
+  const halos = new Path2D();
+  const buckets = new Map();
+  for (let i = 0; i < frame.count; i += 1) {
+    const x = view.toScreenX(frame.poses[3 * i]);
+    const y = view.toScreenY(frame.poses[3 * i + 1]);
+    if (x < -30 || y < -30 || x > view.width + 30 || y > view.height + 30) continue;
+    const lit = marks.lit?.[i] === 1;
+    if (lit) {
+      halos.moveTo(x + size + 4.5, y);
+      halos.arc(x, y, size + 4.5, 0, 2 * Math.PI);
+    }
+    const style = styleOf(frame.groups[i]);
+    const key = style + STYLES * ((frame.flags[i] & STILL ? 1 : 0) + (lit ? 2 : 0));
+    let bucket = buckets.get(key);
+    if (!bucket) buckets.set(key, (bucket = { bodies: new Path2D(), noses: new Path2D() }));
+    addRobot(bucket.bodies, bucket.noses, style, x, y, size, frame.poses[3 * i + 2]);
+  }
+  drawHalos(pen, halos, colours.lit);
+  for (const key of [...buckets.keys()].sort((a, b) => a - b)) {
+    const { bodies, noses } = buckets.get(key);
+    const style = key % STYLES;
+    const lit = key >= 2 * STYLES;
+    pen.globalAlpha = marks.lit && !lit && style === 0 ? DIMMED : 1;
+    pen.strokeStyle = pen.fillStyle = lit && style === 0 ? colours.ink : colours.robots[style];
+    pen.lineWidth = 1.4;
+    pen.stroke(noses);
+    if (Math.floor(key / STYLES) % 2) pen.stroke(bodies);
+    else pen.fill(bodies);
+  }
+  pen.globalAlpha = 1;
+}
+
+function drawHalos(pen, halos, colour) {
+  pen.fillStyle = pen.strokeStyle = colour;
+  pen.globalAlpha = 0.45;
+  pen.fill(halos);
+  pen.globalAlpha = 1;
+  pen.lineWidth = 1.8;
+  pen.stroke(halos);
+}
+
+let image = null; // kept between frames: a screenful of pixels
+
+function drawPoints(pen, view, frame, marks, colours, ratio) {
+  const { width, height } = pen.canvas;
+  if (image?.width !== width || image.height !== height) image = pen.createImageData(width, height);
+  const pixels = new Uint32Array(image.data.buffer);
+  pixels.fill(0);
+  const inks = colours.robots.map((colour) => packed(pen, colour));
+  const lit = packed(pen, colours.lit);
+  for (let i = 0; i < frame.count; i += 1) {
+    const bright = marks.lit?.[i] === 1;
+    const side = bright ? 4 : 2;
+    const x = Math.round(view.toScreenX(frame.poses[3 * i]) * ratio);
+    const y = Math.round(view.toScreenY(frame.poses[3 * i + 1]) * ratio);
+    if (x < 0 || y < 0 || x + side > width || y + side > height) continue;
+    const ink = bright ? lit : inks[styleOf(frame.groups[i])];
+    for (let row = y * width + x; row < (y + side) * width + x; row += width) pixels.fill(ink, row, row + side);
+  }
+  pen.putImageData(image, 0, 0);
+}
+
+const packedColours = new Map();
+
+// A CSS colour as one number in the order of an image's bytes.
+function packed(pen, colour) {
+  if (!packedColours.has(colour)) {
+    pen.fillStyle = colour; // any colour reads back as #rrggbb
+    const number = Number.parseInt(pen.fillStyle.slice(1), 16);
+    const [red, green, blue] = [number >> 16, (number >> 8) & 255, number & 255];
+    packedColours.set(colour, ((255 << 24) | (blue << 16) | (green << 8) | red) >>> 0);
+  }
+  return packedColours.get(colour);
+}
+
+function drawNames(pen, view, scene, frame, marks, colours, boxes, size) {
+  const named = [marks.chosen, marks.pointed].filter((index) => index >= 0 && index < frame.count);
+  const visible = [];
+  for (let i = 0; i < frame.count && visible.length <= MOST_LABELS; i += 1) {
+    const x = view.toScreenX(frame.poses[3 * i]);
+    const y = view.toScreenY(frame.poses[3 * i + 1]);
+    if (x > 0 && y > 0 && x < view.width && y < view.height) visible.push(i);
+  }
+  if (visible.length <= MOST_LABELS) named.push(...visible);
+  for (const i of new Set(named)) {
+    const x = view.toScreenX(frame.poses[3 * i]) + size + 9;
+    const y = view.toScreenY(frame.poses[3 * i + 1]);
+    const strong = i === marks.chosen || i === marks.pointed;
+    const font = strong ? "600 12px" : "11px";
+    boxes.push(...drawLabel(pen, view, scene.names[i], x, y, strong ? colours.ink : colours.quiet, colours.ground, font, boxes));
+  }
+}

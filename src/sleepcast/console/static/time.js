@@ -1,0 +1,57 @@
+// Time: run, pause, one tick; how fast it is wanted to run and how fast it does.
+
+import { clock } from "./accounting.js";
+
+const SPEEDS = [0.5, 1, 2, 5, 10, 30, 60, 100, 300];
+const BEHIND = 0.93; // of the wanted speed: below, the page says that it is not reached
+
+export class Time {
+  constructor(root, wire) {
+    this.wire = wire;
+    this.find = (id) => root.querySelector(`#${id}`);
+    this.running = true;
+    this.wanted = 0;
+    this.find("run").addEventListener("click", () => this.toggle());
+    this.find("step").addEventListener("click", () => this.step());
+    this.find("speed").addEventListener("change", (event) => wire.tell("pace", { speed: Number(event.target.value) }));
+    window.addEventListener("keydown", (event) => {
+      if (!event.ctrlKey || event.altKey || event.metaKey) return;
+      if (event.code === "Space") this.toggle();
+      else if (event.key === ".") this.step();
+      else return;
+      event.preventDefault();
+    });
+  }
+
+  toggle() {
+    this.wire.tell("pace", { running: !this.running });
+  }
+
+  step() {
+    this.wire.tell("step");
+  }
+
+  show(frame) {
+    if (frame.wanted !== this.wanted) this.offer(frame.wanted);
+    this.wanted = frame.wanted;
+    this.running = frame.running;
+    this.find("run").setAttribute("aria-pressed", String(frame.running));
+    this.find("run").setAttribute("aria-label", frame.running ? "Pause" : "Run");
+    this.find("clock").textContent = clock(frame.time);
+    const behind = frame.running && frame.achieved < BEHIND * frame.wanted;
+    this.find("achieved").textContent = frame.running ? `${factor(frame.achieved)} reached` : "paused";
+    this.find("achieved").classList.toggle("behind", behind);
+  }
+
+  offer(wanted) {
+    const speeds = [...new Set([...SPEEDS, wanted])].sort((a, b) => a - b);
+    this.find("speed").replaceChildren(
+      ...speeds.map((speed) => new Option(factor(speed), String(speed), false, speed === wanted)),
+    );
+  }
+}
+
+// A factor with two or three digits: 0.5×, 9.8×, 30×.
+function factor(value) {
+  return `${value >= 9.95 ? Math.round(value) : +value.toFixed(1)}×`;
+}

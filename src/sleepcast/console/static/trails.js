@@ -1,0 +1,66 @@
+// Trails: where every robot was in the last seconds, drawn on a canvas of their own a few times a second.
+
+const DEPTH = 20; // samples kept of each robot
+const EVERY = 180; // ms between samples
+const BANDS = [0.5, 0.28, 0.13]; // opacity, youngest to oldest
+const MOST = 5000; // robots; beyond, trails would only be a fog
+
+export class Trails {
+  constructor() {
+    this.samples = []; // youngest first: x, y of every robot in turn
+    this.last = 0;
+  }
+
+  // Keep the frame's positions if it is time to; whether it was.
+  sample(frame, now) {
+    if (frame.count > MOST || now - this.last < EVERY) return false;
+    if (this.samples.length && this.samples[0].tick === frame.tick) return false;
+    if (this.samples.length && (this.samples[0].xy.length !== 2 * frame.count || frame.tick < this.samples[0].tick)) {
+      this.samples = [];
+    }
+    this.last = now;
+    const reused = this.samples.length >= DEPTH ? this.samples.pop() : { xy: new Float32Array(2 * frame.count) };
+    for (let i = 0; i < frame.count; i += 1) {
+      reused.xy[2 * i] = frame.poses[3 * i];
+      reused.xy[2 * i + 1] = frame.poses[3 * i + 1];
+    }
+    reused.tick = frame.tick;
+    this.samples.unshift(reused);
+    return true;
+  }
+
+  // Draw all trails; each band of age and each style is one stroke.
+  draw(pen, view, styles, colours) {
+    pen.lineWidth = 1.1;
+    pen.lineJoin = "round";
+    const perBand = Math.ceil(DEPTH / BANDS.length);
+    for (let band = BANDS.length - 1; band >= 0; band -= 1) {
+      const run = this.samples.slice(band * perBand, (band + 1) * perBand + 1);
+      if (run.length < 2) continue;
+      pen.globalAlpha = BANDS[band];
+      colours.forEach((colour, style) => {
+        const path = this.path(run, view, styles, style);
+        if (!path) return;
+        pen.strokeStyle = colour;
+        pen.stroke(path);
+      });
+    }
+    pen.globalAlpha = 1;
+  }
+
+  path(run, view, styles, style) {
+    let path = null;
+    for (let i = 0; i < styles.length; i += 1) {
+      if (styles[i] !== style) continue;
+      const x = view.toScreenX(run[0].xy[2 * i]);
+      const y = view.toScreenY(run[0].xy[2 * i + 1]);
+      if (x < -50 || y < -50 || x > view.width + 50 || y > view.height + 50) continue;
+      path ??= new Path2D();
+      path.moveTo(x, y);
+      for (let k = 1; k < run.length; k += 1) {
+        path.lineTo(view.toScreenX(run[k].xy[2 * i]), view.toScreenY(run[k].xy[2 * i + 1]));
+      }
+    }
+    return path;
+  }
+}

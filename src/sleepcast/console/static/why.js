@@ -1,0 +1,57 @@
+// Why: how one robot evaluated one command, as the expression with the value of each of its parts.
+
+const MARKS = { true: "✓", false: "✗", unknown: "?", skipped: "·", fault: "!" };
+
+// What an element shows for one explanation (answer of the question "why").
+export function drawWhy(pane, why) {
+  const verdict = document.createElement("p");
+  verdict.className = `verdict ${why.matched ? "matched" : "not-matched"}`;
+  const mark = document.createElement("b");
+  mark.textContent = why.matched ? "✓ matched" : why.faults.length ? "! fault" : "✗ not matched";
+  verdict.append(mark);
+  const reason = document.createElement("p");
+  reason.className = "reason";
+  reason.textContent = why.reason || (why.matched ? "Every test was true." : why.faults[0] ?? "");
+  const tree = document.createElement("ul");
+  tree.className = "tree";
+  tree.setAttribute("role", "tree");
+  tree.setAttribute("aria-label", "The expression with its values");
+  tree.append(branch(why.root, 1));
+  pane.replaceChildren(verdict, reason, tree);
+}
+
+// One part with the parts inside it; numbers that only stand for themselves are left to their parent's text.
+function branch(step, level) {
+  const item = document.createElement("li");
+  item.setAttribute("role", "treeitem");
+  item.setAttribute("aria-level", level);
+  item.className = `${step.state}${step.note ? " culprit" : ""}`;
+  const line = document.createElement("div");
+  line.className = "line";
+  const mark = document.createElement("span");
+  mark.className = "mark";
+  mark.textContent = MARKS[step.state] ?? "";
+  mark.setAttribute("aria-label", step.state);
+  const text = document.createElement("code");
+  text.textContent = step.text;
+  text.title = step.text;
+  const value = document.createElement("span");
+  value.className = "value";
+  value.textContent = step.state === "skipped" ? "skipped" : step.value;
+  line.append(mark, text, value);
+  item.append(line);
+  if (step.note || step.fault) {
+    const note = document.createElement("p");
+    note.className = "note";
+    note.textContent = step.fault || step.note;
+    item.append(note);
+  }
+  if (step.parts.length) {
+    item.setAttribute("aria-expanded", "true");
+    const inside = document.createElement("ul");
+    inside.setAttribute("role", "group");
+    inside.append(...step.parts.map((part) => branch(part, level + 1)));
+    item.append(inside);
+  }
+  return item;
+}

@@ -1,0 +1,90 @@
+// The connection to the station: one WebSocket, JSON both ways, binary frames downwards (console/frames.py).
+//
+// Every question carries a serial number and gets a promise for its answer. A frame is answered for once it
+// has been drawn, and only then is the next one sent: a slow page skips frames and never queues them.
+
+const FIRST_WAIT = 500; // ms before the first attempt to connect again; doubles up to LONGEST_WAIT
+const LONGEST_WAIT = 8000;
+const ANSWER_WAIT = 15000; // ms after which a question counts as unanswered
+
+export class Refusal extends Error {}
+
+export class Wire extends EventTarget {
+  constructor(address) {
+    super();
+    this.address = address;
+    this.waiting = new Map();
+    this.serial = 0;
+    this.wait = FIRST_WAIT;
+    this.connect();
+  }
+
+  get open() {
+    return this.socket.readyState === WebSocket.OPEN;
+  }
+
+  connect() {
+    this.socket = new WebSocket(this.address);
+    this.socket.binaryType = "arraybuffer";
+    this.socket.onopen = () => {
+      this.wait = FIRST_WAIT;
+    };
+    this.socket.onmessage = (event) => this.receive(event.data);
+    this.socket.onclose = (event) => this.lost(event);
+  }
+
+  lost(event) {
+    for (const { reject, timer } of this.waiting.values()) {
+      clearTimeout(timer);
+      reject(new Refusal("The connection to the station was lost before an answer came."));
+    }
+    this.waiting.clear();
+    this.emit("lost", { reason: event.reason, again: this.wait });
+    setTimeout(() => this.connect(), this.wait);
+    this.wait = Math.min(this.wait * 2, LONGEST_WAIT);
+  }
+
+  receive(data) {
+    if (data instanceof ArrayBuffer) {
+      this.emit("frame", data);
+      return;
+    }
+    const message = JSON.parse(data);
+    const asked = this.waiting.get(message.serial);
+    if (!asked) {
+      this.emit(message.type, message);
+      return;
+    }
+    this.waiting.delete(message.serial);
+    clearTimeout(asked.timer);
+    if (message.type === "refused") asked.reject(new Refusal(message.reason));
+    else asked.resolve(message);
+  }
+
+  // Send a message that wants no answer; false if there is no connection.
+  tell(type, fields = {}) {
+    if (!this.open) return false;
+    this.socket.send(JSON.stringify({ type, ...fields }));
+    return true;
+  }
+
+  // Send a question; a promise for the answer, which a refusal breaks with its reason.
+  ask(type, fields = {}) {
+    return new Promise((resolve, reject) => {
+      const serial = ++this.serial;
+      if (!this.tell(type, { serial, ...fields })) {
+        reject(new Refusal("There is no connection to the station."));
+        return;
+      }
+      const timer = setTimeout(() => {
+        this.waiting.delete(serial);
+        reject(new Refusal("The station has not answered."));
+      }, ANSWER_WAIT);
+      this.waiting.set(serial, { resolve, reject, timer });
+    });
+  }
+
+  emit(name, detail) {
+    this.dispatchEvent(new CustomEvent(name, { detail }));
+  }
+}

@@ -1,0 +1,326 @@
+// The world pane: three canvases one above the other, and how people move around in them.
+//
+// Nothing is drawn but in `draw`, at most once for each picture of the screen. The ground is drawn again only when the
+// view changes, the trails when there are new ones, the robots with every frame.
+
+import { decode, FLAG_NAMES } from "./frame.js";
+import { drawGround, drawPlaces } from "./ground.js";
+import { palette, styleOf } from "./shapes.js";
+import { drawSwarm, sizeOf } from "./swarm.js";
+import { Trails } from "./trails.js";
+import { gridStep, UNITS, View } from "./view.js";
+
+const ZOOM_STEP = 1.4;
+const NEAR = 14; // pixels: how far beside a robot a click may be
+const DRAG = 4; // pixels: what moves less is a click
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+
+export class World extends EventTarget {
+  constructor(root) {
+    super();
+    this.map = root.querySelector("#map");
+    this.tip = root.querySelector("#tip");
+    this.root = root;
+    this.pens = Object.fromEntries(
+      ["ground", "trails", "robots"].map((name) => [name, root.querySelector(`#${name}`).getContext("2d")]),
+    );
+    this.view = new View();
+    this.trails = new Trails();
+    this.showTrails = true;
+    this.scene = null;
+    this.frame = null;
+    this.marks = { lit: null, chosen: -1, pointed: -1 };
+    this.following = false;
+    this.fitted = true;
+    this.colours = palette();
+    this.stale = new Set();
+    this.waiting = false;
+    new ResizeObserver(() => this.resize()).observe(this.map);
+    this.listen();
+  }
+
+  // ---- what is shown
+
+  setScene(scene) {
+    const another = this.scene?.title !== scene.title || this.scene.count !== scene.count;
+    this.scene = scene;
+    if (another) {
+      this.trails = new Trails();
+      this.choose(-1);
+      this.fit();
+    }
+    this.repaint("ground", "trails", "robots");
+  }
+
+  setFrame(buffer) {
+    this.frame = decode(buffer);
+    this.styles = Uint8Array.from(this.frame.groups, styleOf);
+    if (this.trails.sample(this.frame, performance.now())) this.repaint("trails");
+    if (this.following && this.marks.chosen >= 0) this.centreChosen();
+    this.repaint("robots");
+  }
+
+  setLit(lit) {
+    this.marks.lit = lit;
+    this.repaint("robots");
+  }
+
+  choose(index, tell = true) {
+    this.marks.chosen = index;
+    if (index < 0) this.following = false;
+    this.repaint("robots");
+    if (tell) this.dispatchEvent(new CustomEvent("choose", { detail: index }));
+  }
+
+  follow(on) {
+    this.following = on;
+    if (on) this.centreChosen();
+  }
+
+  recolour() {
+    this.colours = palette();
+    this.repaint("ground", "trails", "robots");
+  }
+
+  // What a robot is, in words: its name, then what flags say.
+  describe(index) {
+    const words = [this.scene.names[index]];
+    const group = this.scene.groups?.[this.frame.groups[index] - 1];
+    if (group) words.push(group.name);
+    FLAG_NAMES.forEach((name, bit) => {
+      if (this.frame.flags[index] & (1 << bit)) words.push(name);
+    });
+    return words.join(" · ");
+  }
+
+  // ---- the view
+
+  resize() {
+    const { width, height } = this.map.getBoundingClientRect();
+    this.ratio = Math.min(2, window.devicePixelRatio || 1);
+    for (const pen of Object.values(this.pens)) {
+      pen.canvas.width = Math.round(width * this.ratio);
+      pen.canvas.height = Math.round(height * this.ratio);
+      pen.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+    }
+    this.view.resize(width, height);
+    if (this.fitted) this.fit();
+    this.repaint("ground", "trails", "robots");
+  }
+
+  fit() {
+    if (!this.scene) return;
+    this.view.fit(this.scene.area);
+    this.moved(true);
+  }
+
+  zoom(factor, x, y) {
+    this.view.zoom(factor, x, y);
+    this.moved();
+  }
+
+  pan(dx, dy) {
+    this.following = false;
+    this.view.pan(dx, dy);
+    this.moved();
+  }
+
+  centreChosen() {
+    const { chosen } = this.marks;
+    if (chosen < 0 || !this.frame) return;
+    this.view.centre(this.frame.poses[3 * chosen], this.frame.poses[3 * chosen + 1]);
+    this.moved();
+  }
+
+  moved(fitted = false) {
+    this.fitted = fitted;
+    this.repaint("ground", "trails", "robots");
+    this.dispatchEvent(new Event("moved"));
+  }
+
+  toggleTrails() {
+    this.showTrails = !this.showTrails;
+    this.repaint("trails");
+    return this.showTrails;
+  }
+
+  // ---- drawing
+
+  repaint(...layers) {
+    for (const layer of layers) this.stale.add(layer);
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => this.draw());
+  }
+
+  draw() {
+    this.waiting = false;
+    const { stale, pens, view, scene, frame, colours } = this;
+    this.stale = new Set();
+    if (!scene) return;
+    if (stale.has("ground")) {
+      drawGround(pens.ground, view, scene, colours);
+      this.drawScale();
+    }
+    if (!frame) return;
+    if (stale.has("trails")) {
+      pens.trails.clearRect(0, 0, view.width, view.height);
+      if (this.showTrails) this.trails.draw(pens.trails, view, this.styles, colours.robots);
+    }
+    pens.robots.clearRect(0, 0, view.width, view.height);
+    const boxes = drawPlaces(pens.robots, view, scene.places, colours);
+    drawSwarm(pens.robots, view, scene, frame, this.marks, colours, boxes, this.ratio);
+    drawPlaces(pens.robots, view, scene.places, colours);
+    this.dispatchEvent(new CustomEvent("drawn", { detail: frame }));
+  }
+
+  drawScale() {
+    const step = gridStep(this.view, this.scene.unit, 140);
+    this.root.querySelector("#scale-bar").style.width = `${step.metres * this.view.scale}px`;
+    this.root.querySelector("#scale-text").textContent = step.label;
+  }
+
+  // ---- finding robots
+
+  // The robot nearest to the pixel within reach, or -1.
+  at(px, py) {
+    if (!this.frame) return -1;
+    const { poses, count } = this.frame;
+    const [x, y] = this.view.toWorld(px, py);
+    const reach = Math.max(NEAR, sizeOf(this.view, this.scene)) / this.view.scale;
+    let best = reach * reach;
+    let found = -1;
+    for (let i = 0; i < count; i += 1) {
+      const dx = poses[3 * i] - x;
+      const dy = poses[3 * i + 1] - y;
+      const distance = dx * dx + dy * dy;
+      if (distance < best) [best, found] = [distance, i];
+    }
+    return found;
+  }
+
+  // The robot next to the chosen one in a direction of the screen; the one nearest to the middle if none is chosen.
+  next([right, down]) {
+    const { poses, count } = this.frame;
+    const from = this.marks.chosen;
+    const [x, y] = from < 0 ? [this.view.x, this.view.y] : [poses[3 * from], poses[3 * from + 1]];
+    let best = Infinity;
+    let found = from;
+    for (let i = 0; i < count; i += 1) {
+      if (i === from) continue;
+      const dx = poses[3 * i] - x;
+      const dy = poses[3 * i + 1] - y;
+      const along = dx * right - dy * down;
+      const aside = Math.abs(dx * down + dy * right);
+      if (from >= 0 && (along <= 0 || aside > along)) continue;
+      const distance = Math.hypot(dx, dy) + (from < 0 ? 0 : aside);
+      if (distance < best) [best, found] = [distance, i];
+    }
+    return found;
+  }
+
+  keepInSight(index) {
+    const x = this.view.toScreenX(this.frame.poses[3 * index]);
+    const y = this.view.toScreenY(this.frame.poses[3 * index + 1]);
+    if (x < 20 || y < 20 || x > this.view.width - 20 || y > this.view.height - 20) this.centreChosen();
+  }
+
+  // ---- pointer and keys
+
+  listen() {
+    const pointers = new Map();
+    let travelled = 0;
+    const place = (event) => {
+      const box = this.map.getBoundingClientRect();
+      return [event.clientX - box.left, event.clientY - box.top];
+    };
+    this.map.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0) return;
+      this.map.setPointerCapture(event.pointerId);
+      pointers.set(event.pointerId, place(event));
+      travelled = 0;
+    });
+    this.map.addEventListener("pointermove", (event) => {
+      const now = place(event);
+      const before = pointers.get(event.pointerId);
+      if (!before) {
+        this.point(...now);
+        return;
+      }
+      const [dx, dy] = [now[0] - before[0], now[1] - before[1]];
+      travelled += Math.hypot(dx, dy);
+      if (pointers.size === 2) this.pinch(pointers, event.pointerId, before, now);
+      else if (travelled > DRAG) this.pan(dx, dy);
+      pointers.set(event.pointerId, now);
+      this.map.classList.toggle("dragging", travelled > DRAG);
+    });
+    const release = (event) => {
+      if (pointers.delete(event.pointerId) && event.type === "pointerup" && travelled <= DRAG) {
+        this.choose(this.at(...place(event)));
+      }
+      this.map.classList.remove("dragging");
+    };
+    this.map.addEventListener("pointerup", release);
+    this.map.addEventListener("pointercancel", release);
+    this.map.addEventListener("pointerleave", () => this.point(-1e9, -1e9));
+    this.map.addEventListener("dblclick", (event) => this.zoom(ZOOM_STEP ** 2, ...place(event)));
+    this.map.addEventListener(
+      "wheel",
+      (event) => {
+        event.preventDefault();
+        const lines = event.deltaMode === 1 ? 30 : 1;
+        const amount = Math.max(-240, Math.min(240, event.deltaY * lines));
+        this.zoom(Math.exp(-amount * (event.ctrlKey ? 0.01 : 0.0022)), ...place(event));
+      },
+      { passive: false },
+    );
+    this.map.addEventListener("keydown", (event) => {
+      if (this.frame && !event.ctrlKey && !event.metaKey && !event.altKey && this.key(event)) event.preventDefault();
+    });
+  }
+
+  pinch(pointers, id, before, now) {
+    const [other] = [...pointers].filter(([key]) => key !== id).map(([, at]) => at);
+    const gap = (at) => Math.max(1, Math.hypot(at[0] - other[0], at[1] - other[1]));
+    this.zoom(gap(now) / gap(before), (now[0] + other[0]) / 2, (now[1] + other[1]) / 2);
+  }
+
+  // The pointer is over the pixel: show what is there.
+  point(px, py) {
+    if (!this.scene || !this.frame) return;
+    const found = this.at(px, py);
+    const unit = UNITS[this.scene.unit];
+    const [x, y] = this.view.toWorld(px, py);
+    const inside = px > -1e8;
+    this.root.querySelector("#place-text").textContent = inside
+      ? `x ${(x / unit).toFixed(2)}  y ${(y / unit).toFixed(2)} ${this.scene.unit}`
+      : "";
+    if (found !== this.marks.pointed) {
+      this.marks.pointed = found;
+      this.map.classList.toggle("pointing", found >= 0);
+      this.repaint("robots");
+    }
+    this.tip.hidden = found < 0;
+    if (found >= 0) {
+      this.tip.textContent = this.describe(found);
+      this.tip.style.transform = `translate(${Math.min(px + 16, this.view.width - 180)}px, ${py + 16}px)`;
+    }
+  }
+
+  // Do what a key on the map means; whether it means anything.
+  key(event) {
+    const arrow = ARROWS[event.key];
+    if (arrow && event.shiftKey) this.pan(-60 * arrow[0], -60 * arrow[1]);
+    else if (arrow) {
+      this.choose(this.next(arrow));
+      if (this.marks.chosen >= 0) this.keepInSight(this.marks.chosen);
+    } else if (event.key === "+" || event.key === "=") this.zoom(ZOOM_STEP);
+    else if (event.key === "-" || event.key === "_") this.zoom(1 / ZOOM_STEP);
+    else if (event.key === "f" || event.key === "F") this.fit();
+    else if (event.key === "c" || event.key === "C") this.centreChosen();
+    else if (event.key === "t" || event.key === "T") this.dispatchEvent(new Event("trails"));
+    else if (event.key === "Escape") this.choose(-1);
+    else return false;
+    return true;
+  }
+}

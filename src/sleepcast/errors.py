@@ -1,0 +1,53 @@
+"""What can go wrong, said so that a person can act on it.
+
+Every error that a user can cause is a `SleepcastError`: its text is one or more plain sentences that say where, what
+came, what was wanted and what to do. The roof prints the text and exits with `exit_status` (2 for misuse, 1 for a
+failure at work). The rooms keep their own subclasses beside the code that raises them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+class SleepcastError(Exception):
+    """Anything that a person using sleepcast can cause or must know about."""
+
+    exit_status = 1
+
+
+class MisuseError(SleepcastError):
+    """The call itself is wrong: an unknown name, a malformed file, an impossible option."""
+
+    exit_status = 2
+
+
+def nearest(name: str, candidates: Iterable[str]) -> str | None:
+    """The candidate most like `name` (case ignored) as it is written, or None if none is near."""
+    import difflib  # only needed when something is wrong already
+
+    written = {candidate.casefold(): candidate for candidate in candidates}
+    found = difflib.get_close_matches(name.casefold(), written, n=1, cutoff=0.7)
+    return written[found[0]] if found else None
+
+
+def did_you_mean(name: str, candidates: Iterable[str]) -> str:
+    """` (did you mean X?)` for the candidate nearest to `name`, or an empty string."""
+    found = nearest(name, candidates)
+    return f" (did you mean {found}?)" if found else ""
+
+
+def line_and_column(text: str, offset: int) -> tuple[int, int]:
+    """Line and column, both from 1, of a character offset in `text`."""
+    before = text[:offset]
+    line_start = before.rfind("\n") + 1
+    return before.count("\n") + 1, offset - line_start + 1
+
+
+def with_caret(message: str, text: str, start: int, end: int) -> str:
+    """`message`, then the line of `text` at `start`, then carets under the characters from `start` to `end`."""
+    line_start = text.rfind("\n", 0, start) + 1
+    line_end = text.find("\n", start)
+    line = text[line_start : len(text) if line_end < 0 else line_end]
+    width = max(1, min(end, line_start + len(line)) - start)
+    return f"{message}\n  {line}\n  {' ' * (start - line_start)}{'^' * width}"

@@ -1,0 +1,49 @@
+"""The SLEEP language: text to form, form to checked parts, parts to a program that one robot's machine evaluates.
+
+Standard library only; it knows nothing of robots, channels or pages.
+"""
+
+from sleepcast.language.checker import CheckError, Finding
+from sleepcast.language.explain import Explanation, Recollection, Rehearsal, Step, explain, rehearse
+from sleepcast.language.form import Form, List, Number, Symbol, Text, format_value, show
+from sleepcast.language.machine import MAX_STEPS, Library, Program, evaluate
+from sleepcast.language.names import FreshNames, Names
+from sleepcast.language.operations import Memory
+from sleepcast.language.reader import ReadError, read, read_all
+from sleepcast.language.review import Checked, check
+from sleepcast.language.vocabulary import Constant, HostFunction, Kind, Variable, Vocabulary
+
+__all__ = [
+    "MAX_STEPS",
+    "CheckError",
+    "Checked",
+    "Constant",
+    "Explanation",
+    "Finding",
+    "Form",
+    "FreshNames",
+    "HostFunction",
+    "Kind",
+    "Library",
+    "List",
+    "Memory",
+    "Names",
+    "Number",
+    "Program",
+    "ReadError",
+    "Recollection",
+    "Rehearsal",
+    "Step",
+    "Symbol",
+    "Text",
+    "Variable",
+    "Vocabulary",
+    "check",
+    "evaluate",
+    "explain",
+    "format_value",
+    "read",
+    "read_all",
+    "rehearse",
+    "show",
+]

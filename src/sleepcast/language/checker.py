@@ -1,0 +1,320 @@
+"""The checker: forms in, one tree of parts out, and everything that is wrong or doubtful, found in one pass.
+
+A name is looked up as a local name first, then among buffers and the robot's vocabulary, then among what this robot
+has learned. Errors are what no robot could run: unreadable text, a wrong number of arguments, assigning a sensor.
+A name or function that nobody declared is a warning only, because robots differ: the name reads as unknown, the
+function is a fault where it is reached.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import nan
+
+from sleepcast.errors import MisuseError, did_you_mean, line_and_column, with_caret
+from sleepcast.language.form import Form, List, Number, Symbol, Text, walk
+from sleepcast.language.functions import FUNCTIONS, MANY, Function
+from sleepcast.language.names import Group, Names, Operator, Stored, UserVariable, reaches, uses_in
+from sleepcast.language.parts import Label, Part
+from sleepcast.language.vocabulary import (
+    Constant,
+    HostFunction,
+    Variable,
+    VocabularyError,
+    buffer_number,
+    describe,
+)
+
+MAX_COST = 10_000
+"""Steps that one expression may cost by its own static bound; the same as an evaluation's budget."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something wrong ("error") or doubtful ("warning") at the offsets start..end of the checked text."""
+
+    severity: str
+    message: str
+    start: int
+    end: int
+
+    def render(self, text: str) -> str:
+        """The message, the line it is about, and carets under the spot."""
+        return with_caret(self.message, text, self.start, self.end)
+
+
+class CheckError(MisuseError):
+    """An expression that no robot could run; its text lists every error with a caret."""
+
+    def __init__(self, findings: list[Finding], text: str) -> None:
+        super().__init__("\n".join(finding.render(text) for finding in findings))
+        self.findings, self.text = findings, text
+
+
+class Checker:
+    """One pass over one text. After `part`, see findings, uses (keys fetched or called) and free (learned names)."""
+
+    def __init__(self, names: Names, text: str, special: Mapping[str, Special]) -> None:
+        self.names, self.text, self.special = names, text, special
+        self.findings: list[Finding] = []
+        self.uses: set[str] = set()
+        self.free: set[str] = set()
+        self.scopes: list[dict[str, int]] = []
+        self.fixed_locals: set[int] = set()
+        self.locals = 0
+        self.loops = 0
+        self.pending: dict[str, str] = {}
+        """Names that this very text declares: key to "variable", "rule", "group" or "operator"."""
+        self.pending_parameters: dict[str, int] = {}
+        self.pending_uses: dict[str, frozenset[str]] = {}
+        self.kept: list[Part] = []
+        """Expressions that this text stores for later, as parts."""
+
+    # ---- findings
+
+    def error(self, message: str, form: Form) -> Part:
+        """Note an error at `form` (`@@` becomes its line and column) and go on with a part that is unknown."""
+        self._find("error", message, form)
+        return Part("const", form, number=nan)
+
+    def warn(self, message: str, form: Form) -> None:
+        """Note a warning at `form`."""
+        self._find("warning", message, form)
+
+    def _find(self, severity: str, message: str, form: Form) -> None:
+        line, column = line_and_column(self.text, form.start)
+        text = message.replace("@@", f"at {line}:{column}", 1)
+        self.findings.append(Finding(severity, text, form.start, form.end))
+
+    def suggestion(self, name: str) -> str:
+        """` (did you mean X?)` out of every name that this robot knows."""
+        return did_you_mean(name, (*self.names.vocabulary.names(), *self.names.heard(), *self.pending))
+
+    # ---- names
+
+    def declare_all(self, form: Form) -> None:
+        """Note the names that `form` itself declares, so that the rest of it may use them."""
+        sorts = {"defvar": "variable", "rule": "rule", "defun": "operator", "join": "group"}
+        for inside in walk(form):
+            if isinstance(inside, List) and inside.head in sorts and len(inside.items) >= 2:
+                name = inside.items[1]
+                if isinstance(name, Symbol):
+                    self.pending.setdefault(name.key, sorts[inside.head])
+                    if inside.head == "defun" and len(inside.items) > 2 and isinstance(inside.items[2], List):
+                        self.pending_parameters[name.key] = len(inside.items[2].items)
+
+    def local(self, key: str) -> int | None:
+        """The number of the local name `key`, innermost first."""
+        for scope in reversed(self.scopes):
+            if key in scope:
+                return scope[key]
+        return None
+
+    @contextmanager
+    def scope(self, keys: list[str], *, fixed: bool = False) -> Iterator[tuple[int, ...]]:
+        """Local names while the block lasts; gives their numbers. fixed: they cannot be assigned."""
+        numbers = tuple(range(self.locals, self.locals + len(keys)))
+        self.locals += len(keys)
+        self.scopes.append(dict(zip(keys, numbers, strict=True)))
+        if fixed:
+            self.fixed_locals.update(numbers)
+        yield numbers
+        self.scopes.pop()
+
+    def sort_of(self, key: str) -> str | None:
+        """What the learned name `key` is or will be: "variable", "rule", "group", "operator", or None."""
+        self.free.add(key)
+        found = self.names.declared(key)
+        if found is None:
+            return self.pending.get(key)
+        return {UserVariable: "variable", Stored: "rule", Operator: "operator", Group: "group"}[type(found)]
+
+    def meaning(self, key: str) -> str | None:
+        """What a name is already, for a person: `sensor variable`, `buffer`, `rule`, ...; None if it is free."""
+        if buffer_number(key) is not None:
+            return "buffer"
+        if key in FUNCTIONS:
+            return "function"
+        binding = self.names.vocabulary.bindings.get(key)
+        return describe(binding) if binding else self.sort_of(key)
+
+    def user_slot(self, symbol: Symbol) -> int:
+        """The slot of a user variable; an error and slot 0 if the vocabulary is full."""
+        try:
+            return self.names.vocabulary.user_slot(symbol.key)
+        except VocabularyError as error:
+            self.error(f"{error} @@", symbol)
+            return 0
+
+    # ---- parts
+
+    def part(self, form: Form) -> Part:
+        """The part that evaluates `form`."""
+        if isinstance(form, Number):
+            return Part("const", form, number=form.value)
+        if isinstance(form, Symbol):
+            return self._symbol(form)
+        if isinstance(form, List):
+            return self._call(form)
+        return self.error("a text in quotes @@ stands only as the label of REPORT, PRINT or TK", form)
+
+    def parts(self, forms: tuple[Form, ...]) -> tuple[Part, ...]:
+        return tuple(map(self.part, forms))
+
+    def _symbol(self, symbol: Symbol) -> Part:
+        key = symbol.key
+        number = self.local(key)
+        if number is not None:
+            return Part("local", symbol, slot=number, name=key)
+        binding = self.names.vocabulary.bindings.get(key)
+        if isinstance(binding, Variable):
+            op = "linked" if binding.linked else "var"
+            return Part(op, symbol, slot=binding.slot, name=key, data=binding)
+        if isinstance(binding, Constant):
+            return Part("const", symbol, number=binding.value, name=key)
+        if binding is not None or key in FUNCTIONS:
+            return self.error(f"{symbol.text} @@ is a function: write ({symbol.text} ...)", symbol)
+        number = buffer_number(key)
+        if number == 0:
+            return self.error("E0 @@ is the message itself: it cannot be named in an expression", symbol)
+        if number is not None:
+            self.uses.add(f"e{number}")
+            return Part("fetch", symbol, name=f"e{number}")
+        return self._learned(symbol)
+
+    def _learned(self, symbol: Symbol) -> Part:
+        sort = self.sort_of(symbol.key)
+        if sort == "variable":
+            return Part("var", symbol, slot=self.user_slot(symbol), name=symbol.key)
+        if sort == "rule":
+            self.uses.add(symbol.key)
+            return Part("fetch", symbol, name=symbol.key)
+        if sort == "group":
+            return self.error(f"{symbol.text} @@ is a group: write (IN {symbol.text})", symbol)
+        if sort == "operator":
+            return self.error(f"{symbol.text} @@ is an operator: write ({symbol.text} ...)", symbol)
+        self.warn(f'unknown name "{symbol.text}" @@{self.suggestion(symbol.text)}', symbol)
+        return Part("absent", symbol, name=symbol.key)
+
+    def _call(self, form: List) -> Part:
+        if not form.items:
+            return self.error("nothing in the parentheses @@: wanted (function argument ...)", form)
+        head = form.items[0]
+        if not isinstance(head, Symbol):
+            self.parts(form.items[1:])
+            return self.error("a list @@ begins with a function's name: wanted (function argument ...)", head)
+        function = FUNCTIONS.get(head.key)
+        if function is not None:
+            return self._builtin(form, function)
+        binding = self.names.vocabulary.bindings.get(head.key)
+        if isinstance(binding, HostFunction):
+            return self._host(form, binding)
+        sort = "buffer" if buffer_number(head.key) is not None else None
+        if binding is not None or sort or self.sort_of(head.key) not in (None, "operator"):
+            self.parts(form.items[1:])
+            what = self.meaning(head.key)
+            return self.error(f"{head.text} @@ is a {what}, not a function: its name alone gives its value", head)
+        if self.sort_of(head.key) == "operator":
+            return self._operator(form, head)
+        return self._missing(form, head)
+
+    def _builtin(self, form: List, function: Function) -> Part:
+        if not self.counts(form, function.least, function.most, function.usage):
+            return Part("const", form, number=nan)
+        if function.name.casefold() in self.special:
+            return self.special[function.name.casefold()](self, form)
+        if function.kind == "act":
+            return Part("act", form, self.parts(form.items[1:]), name=function.name.casefold())
+        return Part("pure", form, self.parts(form.items[1:]), name=function.name, data=function)
+
+    def counts(self, form: List, least: int, most: int, usage: str) -> bool:
+        """Whether `form` has from `least` to `most` arguments; an error if it has not."""
+        given = len(form.items) - 1
+        if least <= given <= most:
+            return True
+        wanted = f"{least}" if least == most else f"at least {least}" if most >= MANY else f"{least} to {most}"
+        if given > MANY:
+            wanted = f"at most {most}"
+        plural = "" if wanted.endswith(" 1") or wanted == "1" else "s"
+        self.error(f"{usage} takes {wanted} argument{plural}, got {given} @@", form)
+        return False
+
+    def _host(self, form: List, function: HostFunction) -> Part:
+        most = len(function.dimensions)
+        least = most if function.least is None else function.least
+        if function.labelled:
+            least, most = least + 1, most + 1
+        if not self.counts(form, least, most, function.usage):
+            return Part("const", form, number=nan)
+        if not function.labelled:
+            return Part("host", form, self.parts(form.items[1:]), name=function.name.casefold(), data=function)
+        label = form.items[1]
+        if not isinstance(label, Text):
+            return self.error(f'{function.usage} @@ wants a text in quotes, such as "here"', label)
+        rest = self.parts(form.items[2:])
+        return Part("host", form, rest, name=function.name.casefold(), data=Label(label.value, function))
+
+    def _operator(self, form: List, head: Symbol) -> Part:
+        found = self.names.declared(head.key)
+        if isinstance(found, Operator):
+            count = len(found.parameters)
+            usage = f"({' '.join((found.name, *found.parameters))})"
+        else:
+            count = self.pending_parameters.get(head.key, 0)
+            usage = f"({head.text} ...)"
+        self.uses.add(head.key)
+        if not self.counts(form, count, count, usage):
+            return Part("const", form, number=nan)
+        return Part("call", form, self.parts(form.items[1:]), name=head.key)
+
+    def _missing(self, form: List, head: Symbol) -> Part:
+        self.warn(f'unknown function "{head.text}" @@{self.suggestion(head.text)}', head)
+        self.parts(form.items[1:])
+        return Part("missing", form, name=head.text)
+
+    # ---- stored expressions
+
+    def stored(self, key: str, body: tuple[Form, ...], parameters: list[str], where: Form) -> frozenset[str]:
+        """Check forms that are kept for later under `key`, by themselves: none of the local names here hold there.
+
+        Gives the keys they use, having noted an error if `key` would come to use itself.
+        """
+        kept = self.scopes, self.uses, self.free, self.loops
+        self.scopes, self.uses, self.free, self.loops = [], set(), set(), 0
+        with self.scope(parameters):
+            tree = Part("progn", where, self.parts(body))
+        self.kept.append(tree)
+        uses = frozenset(self.uses)
+        self.scopes, self.uses, self.free, self.loops = kept
+        self.bounded(tree, where)
+        way = reaches(uses, key, lambda k: self.pending_uses.get(k) or uses_in(self.names, k))
+        if way is not None:
+            through = " through " + ", ".join(k.upper() for k in way[:-1]) if len(way) > 1 else ""
+            self.error(f"{key.upper()} @@ would name itself{through}: an evaluation must end", where)
+        else:
+            self.pending_uses[key] = uses
+        return uses
+
+    def bounded(self, tree: Part, where: Form) -> int:
+        """The static cost of `tree`, having noted an error if it is over `MAX_COST`."""
+        steps = cost(tree)
+        if steps > MAX_COST:
+            self.error(f"this @@ may cost {steps} steps, at most {MAX_COST} are allowed", where)
+        return steps
+
+
+def cost(part: Part) -> int:
+    """Steps that `part` is charged: one for each part inside it, those in a DOTIMES as often as it repeats.
+
+    What a buffer or an operator costs is charged where it is entered.
+    """
+    inside = sum(map(cost, part.parts))
+    if part.op == "dotimes":
+        return 1 + int(part.number) * inside
+    return inside if part.op == "clause" else 1 + inside
+
+
+Special = Callable[[Checker, List], Part]
+"""How a special form is taken apart."""

@@ -1,0 +1,156 @@
+"""The classic dialect: SLEEP as the program of the thesis's appendix F reads, stores and evaluates it.
+
+`ClassicMachine` is one robot of that program; `run_transcript` is its interactive form. Text becomes shorts
+in buffer E0 (`classic_tokens`), and `classic_evaluator` walks them. There are two modes:
+
+- `faithful` gives what the original gave wherever it had a defined behaviour, two faults of its token
+  pointer included: `(COND ((AND 1 0) 99) ((AND 1 1) 88))` is 0, and after a failed form its caller reads on
+  inside it.
+- `classic`, the default, repairs these two and nothing else.
+
+What made the original crash, hang or write outside its tables is a `ClassicError` in both modes. What was
+assigned before it stands, and the machine can be used on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from sleepcast.errors import MisuseError
+from sleepcast.language.classic_evaluator import Evaluator
+from sleepcast.language.classic_tokens import (
+    CLOSE,
+    EXPRESSION,
+    EXPRESSION_NAMES,
+    OPEN,
+    VARIABLE_NAMES,
+    ClassicError,
+    ClassicReadError,
+    Memory,
+    closing,
+    display,
+    lookup,
+    tokenise,
+)
+
+__all__ = [
+    "ClassicError",
+    "ClassicMachine",
+    "ClassicReadError",
+    "Mode",
+    "TranscriptEntry",
+    "run_transcript",
+]
+
+MESSAGES: Final = 1_000
+"""Lines that one evaluation may say: far more than anybody reads."""
+
+Mode = Literal["classic", "faithful"]
+
+
+class ClassicMachine:
+    """One robot of the original program: variables V0 to V5, buffers E0 to E5, and an evaluator.
+
+    `mode` is "classic" (the faults of the token pointer repaired) or "faithful" (as it was). `say` receives
+    each line that the original would print while evaluating: its messages and what PRINT shows.
+    Raises MisuseError for another mode.
+    """
+
+    def __init__(self, mode: Mode = "classic", *, say: Callable[[str], None] | None = None) -> None:
+        if mode not in ("classic", "faithful"):
+            raise MisuseError(f"the classic dialect has no mode {mode!r}: use 'classic' or 'faithful'")
+        self.messages: list[str] = []
+        """What the last `evaluate` said, in order: messages of the original and lines of PRINT."""
+        self._repairs = mode == "classic"
+        self._say = say
+        self._memory = Memory()
+
+    @property
+    def variables(self) -> dict[str, int]:
+        """The values of V0 to V5 by name, a copy."""
+        return dict(zip(VARIABLE_NAMES, self._memory.values, strict=True))
+
+    def buffer(self, name: str) -> str:
+        """The expression in buffer `name`, as text that reads back ("" for an empty one).
+
+        Raises ClassicError for a name other than E0 to E5.
+        """
+        index = lookup(name) - EXPRESSION
+        if not 0 <= index < len(EXPRESSION_NAMES):
+            raise ClassicError(f"there is no buffer {name!r}: there are {', '.join(EXPRESSION_NAMES)}")
+        return self._memory.contents(index).lstrip(" ")
+
+    def show(self, text: str) -> str:
+        """The stored form of `text` as the original prints it, with one blank before the first token.
+
+        Raises ClassicReadError if the text cannot be stored.
+        """
+        return display(tokenise(text))
+
+    def evaluate(self, text: str) -> int:
+        """Store `text` in E0, evaluate its first expression and return the value, a 16-bit number.
+
+        Anything after the first expression is stored and never looked at, as in the original. Raises
+        ClassicReadError if the text cannot be stored, ClassicError for what else crashed the original.
+        """
+        self.messages = []
+        tokens = tokenise(text)
+        if not tokens:
+            raise ClassicReadError(
+                "the message is empty, and the original crashed here: send an expression such as (+ 1 2)"
+            )
+        if tokens[0] == OPEN and closing(tokens, 0) is None:
+            missing = tokens.count(OPEN) - tokens.count(CLOSE)
+            raise ClassicReadError(
+                f"the message ends inside a list, and the original read on past its buffer: add {missing} ')'"
+            )
+        self._memory.store(0, tokens)
+        return Evaluator(self._memory, repairs=self._repairs, tell=self._tell).run(0)
+
+    def _tell(self, line: str) -> None:
+        if len(self.messages) >= MESSAGES:
+            raise ClassicError(f"the expression says more than {MESSAGES} lines: split the work over several messages")
+        self.messages.append(line)
+        if self._say is not None:
+            self._say(line)
+
+
+@dataclass(frozen=True)
+class TranscriptEntry:
+    """One expression of a transcript: what was typed, and what the machine made of it.
+
+    `shown` is the stored form as the original prints it ("" if the text could not be stored), `messages` what
+    was said; `value` is None exactly where `error` says why there is none.
+    """
+
+    text: str
+    shown: str
+    messages: tuple[str, ...]
+    value: int | None
+    error: ClassicError | None
+
+
+def run_transcript(text: str, machine: ClassicMachine) -> Iterator[TranscriptEntry]:
+    """Evaluate input of the original's interactive program: expressions end with `@`, the whole with `$`.
+
+    Entries come as they are evaluated. What follows `$` is not read; the end of `text` stands for a missing
+    `$`. An expression without its `@` is not evaluated: its entry has an error.
+    """
+    *expressions, rest = text.partition("$")[0].split("@")
+    for expression in expressions:
+        yield _entry(expression.strip(), machine)
+    if rest.strip():
+        error = ClassicReadError("the last expression is not evaluated: it has no '@' behind it; add one")
+        yield TranscriptEntry(rest.strip(), "", (), None, error)
+
+
+def _entry(text: str, machine: ClassicMachine) -> TranscriptEntry:
+    value, error = None, None
+    try:
+        value = machine.evaluate(text)
+    except ClassicError as raised:
+        error = raised
+    shown = "" if isinstance(error, ClassicReadError) else machine.show(text)
+    return TranscriptEntry(text, shown, tuple(machine.messages), value, error)

@@ -1,0 +1,459 @@
+"""The compiler: Python code from the parts of a checked expression, never from anybody's text.
+
+Only numbers (as float literals), slots and names made here get into the source; everything else reaches the code
+through constants in its namespace. The code computes the usual case inline and hands everything unusual (an unknown,
+a result that is not finite, a division by zero) to the functions of `machine`, so it gives the walker's results bit
+for bit. An expression whose pieces only read becomes one Python expression; pieces with effects become statements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import inf, nan, sqrt
+from typing import NamedTuple
+
+from sleepcast.language.flat import FLIPPED, flat, flat_test
+from sleepcast.language.operations import apply, between, enter, gauss, prob
+from sleepcast.language.parts import Part
+
+_COMPARE = {
+    "<": ("<", ">="),
+    "<=": ("<=", ">"),
+    ">": (">", "<="),
+    ">=": (">=", "<"),
+    "=": ("==", ""),
+    "EQ": ("==", ""),
+}
+_TINY = 1e290
+"""Adding less than this to a finite number never overflows: half a unit in the last place of the largest is 1e292."""
+
+
+class Piece(NamedTuple):
+    """Code for a value. code: a Python expression. atom: it can be repeated and has no effect. fixed: nothing
+    later changes it. slow: what to compute instead if `code` comes out not finite ("" if it cannot)."""
+
+    code: str
+    atom: bool = False
+    fixed: bool = False
+    slow: str = ""
+
+
+_ZERO, _ONE, _UNKNOWN = Piece("0.0", True, True), Piece("1.0", True, True), Piece("N", True, True)
+
+
+Code = Callable[..., float]
+
+
+def generate(root: Part, parameters: int = 0) -> Code:
+    """The expression as a Python function of (values, memory, *arguments)."""
+    return _Generator(root, parameters).function()
+
+
+class _Generator:
+    def __init__(self, root: Part, parameters: int) -> None:
+        self.root, self.parameters = root, parameters
+        self.lines: list[str] = []
+        self.indent = " "
+        self.temporaries = 0
+        self.space: dict[str, object] = {
+            "A": apply, "B": between, "E": enter, "G": gauss, "P": prob, "N": nan, "I": inf, "sqrt": sqrt,
+        }  # fmt: skip
+
+    def function(self) -> Code:
+        result = self.value(self.root).code
+        names = ",".join(f"n{i}" for i in range(self.parameters))
+        source = f"def f(v,m{',' + names if names else ''}):\n" + "".join(self.lines) + f" return {result}\n"
+        exec(compile(source, "<expression>", "exec"), self.space)
+        code: Code = self.space["f"]  # type: ignore[assignment]
+        return code
+
+    # ---- writing
+
+    def emit(self, line: str) -> None:
+        self.lines.append(f"{self.indent}{line}\n")
+
+    def temporary(self) -> str:
+        self.temporaries += 1
+        return f"t{self.temporaries}"
+
+    def keep(self, piece: Piece) -> Piece:
+        """The value in a temporary, as a statement, so that nothing later changes it."""
+        if piece.fixed:
+            return piece
+        name = self.temporary()
+        self.emit(f"{name}={self.safe(piece).code}")
+        return Piece(name, True, True)
+
+    def atom(self, piece: Piece) -> tuple[str, str]:
+        """How to write the piece the first time it is evaluated, and how to repeat it."""
+        piece = self.safe(piece)
+        if piece.atom:
+            return piece.code, piece.code
+        name = self.temporary()
+        return f"({name}:={piece.code})", name
+
+    def safe(self, piece: Piece) -> Piece:
+        """The piece with its check that the value is finite."""
+        if not piece.slow:
+            return piece
+        name = self.temporary()
+        return Piece(f"({name} if -I<({name}:={piece.code})<I else {piece.slow})")
+
+    def constant(self, part: Part) -> str:
+        """The name of `part` in the code's namespace."""
+        name = f"p{part.index}"
+        self.space[name] = part
+        return name
+
+    def block(self, head: str) -> str:
+        """Open an indented block; gives the indent to come back to."""
+        self.emit(head)
+        before = self.indent
+        self.indent += " "
+        return before
+
+    # ---- values
+
+    def value(self, part: Part) -> Piece:
+        how = getattr(self, f"_{part.op}", None)
+        if how is None:
+            raise TypeError(f"no code for op {part.op}")
+        piece: Piece = how(part)
+        return piece
+
+    def values(self, parts: Sequence[Part]) -> list[Piece]:
+        """Pieces for operands in order: when a later one needs statements, earlier ones are computed before them."""
+        pieces: list[Piece] = []
+        for part in parts:
+            mark = len(self.lines)
+            piece = self.value(part)
+            if len(self.lines) > mark:
+                written, self.lines = self.lines[mark:], self.lines[:mark]
+                pieces = [self.keep(p) for p in pieces]
+                self.lines += written
+            pieces.append(piece)
+        return pieces
+
+    def kept(self, parts: Sequence[Part]) -> list[str]:
+        """Operands as codes that can be repeated in any order."""
+        pieces = self.values(parts)
+        if all(p.atom for p in pieces):
+            return [p.code for p in pieces]
+        return [self.keep(p).code for p in pieces]
+
+    def arguments(self, parts: Sequence[Part]) -> str:
+        """Operands as the inside of a tuple, a comma after each."""
+        return "".join(f"{self.safe(p).code}," for p in self.values(parts))
+
+    def last(self, parts: Sequence[Part]) -> Piece:
+        """One after the other; the last one's piece."""
+        piece = _ZERO
+        for i, part in enumerate(parts):
+            piece = self.value(part)
+            if i < len(parts) - 1 and not piece.atom:
+                self.emit(self.safe(piece).code)
+        return piece
+
+    def statement(self, code: str) -> Piece:
+        """A value that comes with an effect: computed now, once."""
+        return self.keep(Piece(code))
+
+    def _const(self, part: Part) -> Piece:
+        if part.number != part.number:
+            return _UNKNOWN
+        return Piece(repr(float(part.number)), True, True)
+
+    def _var(self, part: Part) -> Piece:
+        return Piece(f"v[{part.slot}]", True)
+
+    def _local(self, part: Part) -> Piece:
+        return Piece(f"n{part.slot}", True)
+
+    def _absent(self, part: Part) -> Piece:
+        return _UNKNOWN
+
+    def _linked(self, part: Part) -> Piece:
+        return self.statement(f"m.read({part.slot})")
+
+    def _in(self, part: Part) -> Piece:
+        return Piece(f"(1.0 if {self._in_test(part)} else 0.0)")
+
+    def _known(self, part: Part) -> Piece:
+        first, again = self.atom(self.value(part.parts[0]))
+        return Piece(f"(1.0 if {first}=={again} else 0.0)")
+
+    # ---- pure functions
+
+    def _pure(self, part: Part) -> Piece:
+        name, count = part.name, len(part.parts)
+        if name in ("+", "-", "*") and count > 1:
+            return self._fold(part)
+        if name in _COMPARE and count == 2:
+            return self._comparison(part)
+        how = _INLINE.get((name, count))
+        if how is not None:
+            return how(self, part, *self.kept(part.parts))
+        return Piece(f"A(m,{self.constant(part)},({self.arguments(part.parts)}))")
+
+    def _fold(self, part: Part) -> Piece:
+        pieces = self.values(part.parts)
+        fast, slow = [], []
+        for piece in pieces:
+            if piece.slow or piece.atom:
+                fast.append(piece.code)
+                slow.append(piece.slow or piece.code)
+            else:
+                first, again = self.atom(piece)
+                fast.append(first)
+                slow.append(again)
+        code = f"({part.name.join(fast)})"
+        if self._cannot_overflow(part, pieces):
+            return Piece(code)
+        return Piece(code, slow=f"A(m,{self.constant(part)},({','.join(slow)},))")
+
+    def _cannot_overflow(self, part: Part, pieces: list[Piece]) -> bool:
+        if len(pieces) != 2 or any(piece.slow for piece in pieces):
+            return False
+        limit = 1.0 if part.name == "*" else _TINY
+        return any(p.op == "const" and abs(p.number) <= limit for p in part.parts)
+
+    def _comparison(self, part: Part) -> Piece:
+        left, right = self.values(part.parts)
+        (a, again), (b, b_again) = self.atom(left), self.atom(right)
+        yes, no = _COMPARE[part.name]
+        otherwise = f"{again}{no}{b_again}" if no else f"{again}<{b_again} or {again}>{b_again}"
+        return Piece(f"(1.0 if {a}{yes}{b} else 0.0 if {otherwise} else N)")
+
+    # ---- tests: Python expressions that are true just if the value is
+
+    def test(self, part: Part) -> str:
+        how = getattr(self, f"_{part.op}_test", None)
+        if how is not None:
+            code: str | None = how(part)
+            if code is not None:
+                return code
+        first, again = self.atom(self.value(part))
+        return f"({first}<0.0 or {again}>0.0)"
+
+    def _pure_test(self, part: Part) -> str | None:
+        if part.name in _COMPARE and len(part.parts) == 2:
+            left, right = self.values(part.parts)
+            return f"{self.safe(left).code}{_COMPARE[part.name][0]}{self.safe(right).code}"
+        if part.name == "NOT":
+            inside = part.parts[0]
+            if inside.op == "pure" and inside.name in FLIPPED and len(inside.parts) == 2:
+                left, right = self.values(inside.parts)
+                return f"{self.safe(left).code}{FLIPPED[inside.name]}{self.safe(right).code}"
+            return f"{self.safe(self.value(inside)).code}==0.0"
+        return None
+
+    def _and_test(self, part: Part) -> str | None:
+        return self._joined(part, " and ") if not part.watch else None
+
+    def _or_test(self, part: Part) -> str | None:
+        return self._joined(part, " or ")
+
+    def _joined(self, part: Part, word: str) -> str | None:
+        if not part.parts or not flat_test(part):
+            return None
+        return f"({word.join(self.test(inside) for inside in part.parts)})"
+
+    def _in_test(self, part: Part) -> str:
+        return f"{part.name!r} in m.groups"
+
+    def _prob_test(self, part: Part) -> str | None:
+        chance = part.parts[0]
+        return f"m.draw()<{float(chance.number)!r}" if chance.op == "const" and chance.number == chance.number else None
+
+    # ---- special forms
+
+    def _and(self, part: Part) -> Piece:
+        if not part.parts:
+            return _ONE
+        if flat(part):
+            return Piece(self._nested(part.parts))
+        result = self.temporary()
+        for i, inside in enumerate(part.parts):
+            before = self.block(f"if {result}<0.0 or {result}>0.0:") if i else self.indent
+            if part.watch == i and i:
+                self.emit("m.matched=True")
+            self.emit(f"{result}={self.safe(self.value(inside)).code}")
+            self.indent = before
+        if part.watch == len(part.parts):
+            self.emit(f"if {result}<0.0 or {result}>0.0: m.matched=True")
+        return Piece(result, True, True)
+
+    def _nested(self, parts: Sequence[Part]) -> str:
+        part, rest = parts[0], parts[1:]
+        if not rest:
+            return self.safe(self.value(part)).code
+        if part.op == "pure" and part.name in _COMPARE and len(part.parts) == 2:
+            left, right = self.values(part.parts)
+            (a, again), (b, b_again) = self.atom(left), self.atom(right)
+            yes, no = _COMPARE[part.name]
+            otherwise = f"{again}{no}{b_again}" if no else f"{again}<{b_again} or {again}>{b_again}"
+            return f"({self._nested(rest)} if {a}{yes}{b} else 0.0 if {otherwise} else N)"
+        first, again = self.atom(self.value(part))
+        return f"({self._nested(rest)} if {first}<0.0 or {again}>0.0 else {again})"
+
+    def _or(self, part: Part) -> Piece:
+        if not part.parts:
+            return _ZERO
+        result, unknown = self.temporary(), self.temporary()
+        self.emit(f"{result}={unknown}=0.0")
+        for inside in part.parts:
+            before = self.block(f"if not({result}<0.0 or {result}>0.0):")
+            self.emit(f"{result}={self.safe(self.value(inside)).code}")
+            self.emit(f"if {result}!={result}: {unknown}=N")
+            self.indent = before
+        return Piece(f"({result} if {result}<0.0 or {result}>0.0 else {unknown})", True, True)
+
+    def _cond(self, part: Part) -> Piece:
+        result, begun = self.temporary(), self.indent
+        self.emit(f"{result}=0.0")
+        # Clauses chain as if and elif, unless a later test needs statements of its own: then a flag says to go on.
+        going = "" if all(flat_test(clause.parts[0]) for clause in part.parts[1:]) else self.temporary()
+        if going:
+            self.emit(f"{going}=True")
+        for i, clause in enumerate(part.parts):
+            if going:
+                self.block(f"if {going}:")
+            test, *body = clause.parts
+            if body:
+                code = self.test(test)
+            else:
+                first, value = self.atom(self.value(test))
+                code = f"{first}<0.0 or {value}>0.0"
+            self.block(f"{'elif' if i and not going else 'if'} {code}:")
+            if going:
+                self.emit(f"{going}=False")
+            if clause.watch:
+                self.emit("m.matched=True")
+            self.emit(f"{result}={self.safe(self.last(body)).code if body else value}")
+            self.indent = begun
+        return Piece(result, True, True)
+
+    def _if(self, part: Part) -> Piece:
+        test, yes, *no = part.parts
+        code = self.test(test)
+        if flat(part):
+            return Piece(f"({self.safe(self.value(yes)).code} if {code} else {self.safe(self.last(no)).code})")
+        result = self.temporary()
+        before = self.block(f"if {code}:")
+        if part.watch:
+            self.emit("m.matched=True")
+        self.emit(f"{result}={self.safe(self.value(yes)).code}")
+        self.indent = before
+        self.block("else:")
+        self.emit(f"{result}={self.safe(self.last(no)).code}")
+        self.indent = before
+        return Piece(result, True, True)
+
+    def _progn(self, part: Part) -> Piece:
+        return self.last(part.parts)
+
+    def _let(self, part: Part) -> Piece:
+        count = int(part.number)
+        for i, piece in enumerate(self.values(part.parts[:count])):
+            self.emit(f"n{part.slot + i}={self.safe(piece).code}")
+        return self.last(part.parts[count:])
+
+    def _dotimes(self, part: Part) -> Piece:
+        repeats = f"r{part.index}"
+        self.space[repeats] = tuple(map(float, range(int(part.number))))
+        before = self.block(f"for n{part.slot} in {repeats}:")
+        piece = self.last(part.parts)
+        self.emit(self.safe(piece).code)
+        self.indent = before
+        return _ZERO
+
+    def _dice(self, part: Part) -> Piece:
+        result, drawn, total, going = (self.temporary() for _ in range(4))
+        self.emit(f"{result}={total}=0.0; {going}=True; {drawn}=m.draw()")
+        for side in part.parts:
+            chance, expression = side.parts
+            before = self.block(f"if {going}:")
+            self.emit(f"{total}+={self.safe(self.value(chance)).code}")
+            self.emit(f"if {total}!={total}: {result}=N; {going}=False")
+            self.block(f"elif {drawn}<{total}:")
+            self.emit(f"{going}=False")
+            self.emit(f"{result}={self.safe(self.value(expression)).code}")
+            self.indent = before
+        return Piece(result, True, True)
+
+    # ---- assignment, storing, calling
+
+    def _set_user(self, part: Part) -> Piece:
+        self.emit(f"v[{part.slot}]={self.safe(self.value(part.parts[0])).code}")
+        return Piece(f"v[{part.slot}]", True)
+
+    def _set_local(self, part: Part) -> Piece:
+        self.emit(f"n{part.slot}={self.safe(self.value(part.parts[0])).code}")
+        return Piece(f"n{part.slot}", True)
+
+    def _write(self, part: Part) -> Piece:
+        value = self.safe(self.value(part.parts[0])).code
+        return self.statement(f"m.write({self.constant(part)},{value})")
+
+    def _defvar(self, part: Part) -> Piece:
+        name = self.constant(part)
+        before = self.block(f"if not m.defined({name}):")
+        value = self.safe(self.value(part.parts[0])).code if part.parts else "N"
+        self.emit(f"m.define({name},{value})")
+        self.indent = before
+        return Piece(f"v[{part.slot}]", True)
+
+    def _store(self, part: Part) -> Piece:
+        value = self.safe(self.value(part.parts[0])).code if part.parts else "0.0"
+        return self.statement(f"m.store({self.constant(part)},{value})")
+
+    def _fetch(self, part: Part) -> Piece:
+        name = self.constant(part)
+        return self.statement(f"E(m,{name},m.fetch({name}))")
+
+    def _call(self, part: Part) -> Piece:
+        name = self.constant(part)
+        arguments = self.kept(part.parts)
+        return self.statement(f"E(m,{name},m.operator({name}),({''.join(a + ',' for a in arguments)}))")
+
+    def _host(self, part: Part) -> Piece:
+        return self.statement(f"m.host({self.constant(part)},{self.arguments(part.parts)})")
+
+    def _act(self, part: Part) -> Piece:
+        return self.statement(f"m.act({self.constant(part)},{self.arguments(part.parts)})")
+
+    def _missing(self, part: Part) -> Piece:
+        name = self.constant(part)
+        return self.statement(f"m.fault({name},'this robot has no function '+{name}.name)")
+
+    def _prob(self, part: Part) -> Piece:
+        return Piece(f"P(m,{self.safe(self.value(part.parts[0])).code})")
+
+    def _random(self, part: Part) -> Piece:
+        return Piece(f"B(m,{self.constant(part)},{self.arguments(part.parts)})")
+
+    def _gauss(self, part: Part) -> Piece:
+        return Piece(f"G(m,{self.constant(part)},{self.arguments(part.parts)})")
+
+
+def _quotient(g: _Generator, part: Part, a: str, b: str) -> Piece:
+    name = g.temporary()
+    return Piece(f"({name} if {b} and -I<({name}:={a}/{b})<I else A(m,{g.constant(part)},({a},{b})))")
+
+
+def _distance(g: _Generator, part: Part, x1: str, y1: str, x2: str, y2: str) -> Piece:
+    across, up, name = g.temporary(), g.temporary(), g.temporary()
+    code = f"sqrt(({across}:={x1}-{x2})*{across}+({up}:={y1}-{y2})*{up})"
+    return Piece(f"({name} if ({name}:={code})<I else A(m,{g.constant(part)},({x1},{y1},{x2},{y2})))")
+
+
+_INLINE: dict[tuple[str, int], Callable[..., Piece]] = {
+    ("-", 1): lambda g, part, a: Piece(f"(-{a})"),
+    ("/", 2): _quotient,
+    ("ABS", 1): lambda g, part, a: Piece(f"abs({a})"),
+    ("MIN", 2): lambda g, part, a, b: Piece(f"({a} if {a}<={b} else {b} if {b}<{a} else N)"),
+    ("MAX", 2): lambda g, part, a, b: Piece(f"({a} if {a}>={b} else {b} if {b}>{a} else N)"),
+    ("NOT", 1): lambda g, part, a: Piece(f"(1.0 if {a}==0.0 else 0.0 if {a}=={a} else N)"),
+    ("SQRT", 1): lambda g, part, a: Piece(f"(sqrt({a}) if {a}>=0.0 else A(m,{g.constant(part)},({a},)))"),
+    ("DIST", 4): _distance,
+}

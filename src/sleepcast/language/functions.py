@@ -1,0 +1,321 @@
+"""The built-in functions of the standard dialect: their shapes, and what the arithmetic ones compute.
+
+Three kinds. *Pure* functions take known, finite numbers and return a number; whatever is wrong with the numbers they
+say by raising `Undefined` (or Python's own ArithmeticError and ValueError), and the machine turns that, and a result
+that is not finite, into a fault and an unknown. *Special forms* decide themselves what of their text is evaluated.
+*Acts* change the robot's mind or speak; each is carried out by the `Memory`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+MANY = 100
+"""Arguments of one call at most: the bound of the original interpreter (`eval numArgs > 100`)."""
+MAX_REPEATS = 1_000
+"""The literal count of a DOTIMES at most."""
+
+TWO_PI = 2.0 * math.pi
+
+
+class Undefined(ArithmeticError):
+    """The function has no value for these numbers; the text says why."""
+
+
+class Function(NamedTuple):
+    """One built-in. arguments: how people write them. kind: "pure", "special" or "act". rule: how dimensions go."""
+
+    name: str
+    least: int
+    most: int
+    arguments: str
+    kind: str
+    rule: str
+    doc: str
+    compute: Callable[[Sequence[float]], float] | None = None
+
+    @property
+    def usage(self) -> str:
+        return f"({self.name} {self.arguments})" if self.arguments else f"({self.name})"
+
+
+def _add(a: Sequence[float]) -> float:
+    total = a[0] if a else 0.0
+    for x in a[1:]:
+        total += x
+    return total
+
+
+def _subtract(a: Sequence[float]) -> float:
+    if len(a) == 1:
+        return -a[0]
+    total = a[0]
+    for x in a[1:]:
+        total -= x
+    return total
+
+
+def _multiply(a: Sequence[float]) -> float:
+    total = a[0] if a else 1.0
+    for x in a[1:]:
+        total *= x
+    return total
+
+
+def _divide(a: Sequence[float]) -> float:
+    total, rest = (1.0, a) if len(a) == 1 else (a[0], a[1:])
+    for x in rest:
+        if x == 0:
+            raise Undefined("division by zero")
+        total /= x
+    return total
+
+
+def _power(a: Sequence[float]) -> float:
+    try:
+        return math.pow(a[0], a[1])
+    except ValueError as error:
+        raise Undefined(f"{a[0]:g} to the power {a[1]:g} has no value") from error
+
+
+def _mod(a: Sequence[float]) -> float:
+    if a[1] == 0:
+        raise Undefined("division by zero")
+    return a[0] % a[1]
+
+
+def _least(a: Sequence[float]) -> float:
+    best = a[0]
+    for x in a[1:]:
+        best = x if x < best else best
+    return best
+
+
+def _greatest(a: Sequence[float]) -> float:
+    best = a[0]
+    for x in a[1:]:
+        best = x if x > best else best
+    return best
+
+
+def _square_root(a: Sequence[float]) -> float:
+    if a[0] < 0:
+        raise Undefined(f"square root of {a[0]:g}")
+    return math.sqrt(a[0])
+
+
+def _logarithm(a: Sequence[float]) -> float:
+    if a[0] <= 0:
+        raise Undefined(f"logarithm of {a[0]:g}")
+    return math.log(a[0])
+
+
+def _distance(a: Sequence[float]) -> float:
+    across, up = a[0] - a[2], a[1] - a[3]
+    return math.sqrt(across * across + up * up)
+
+
+def _wrap(a: Sequence[float]) -> float:
+    turned = a[0] % TWO_PI
+    return turned - TWO_PI if turned > math.pi else turned
+
+
+def _clamp(a: Sequence[float]) -> float:
+    value, low, high = a
+    if low > high:
+        raise Undefined(f"CLAMP from {low:g} to {high:g}: the low end is above the high end")
+    return low if value < low else high if value > high else value
+
+
+def _round(a: Sequence[float]) -> float:
+    return float(round(a[0]))
+
+
+def _chain(holds: Callable[[float, float], bool]) -> Callable[[Sequence[float]], float]:
+    def compare(a: Sequence[float]) -> float:
+        return 1.0 if all(map(holds, a, a[1:])) else 0.0
+
+    return compare
+
+
+def _all_different(a: Sequence[float]) -> float:
+    return 1.0 if len({x + 0.0 for x in a}) == len(a) else 0.0
+
+
+def _negation(a: Sequence[float]) -> float:
+    return 0.0 if a[0] else 1.0
+
+
+_EQUAL = _chain(lambda x, y: x == y)
+
+_TABLE = (
+    Function("+", 0, MANY, "x ...", "pure", "same", "Sum; 0 of nothing.", _add),
+    Function("-", 1, MANY, "x ...", "pure", "same", "Difference; of one number its negative.", _subtract),
+    Function("*", 0, MANY, "x ...", "pure", "product", "Product; 1 of nothing.", _multiply),
+    Function("/", 1, MANY, "x ...", "pure", "quotient", "Quotient; of one number its inverse.", _divide),
+    Function("^", 2, 2, "x power", "pure", "power", "x to a power.", _power),
+    Function("MOD", 2, 2, "x divisor", "pure", "same", "Remainder with the sign of the divisor.", _mod),
+    Function("ABS", 1, 1, "x", "pure", "same", "Size without the sign.", lambda a: abs(a[0])),
+    Function("MIN", 1, MANY, "x ...", "pure", "same", "The smallest.", _least),
+    Function("MAX", 1, MANY, "x ...", "pure", "same", "The largest.", _greatest),
+    Function("SQRT", 1, 1, "x", "pure", "root", "Square root.", _square_root),
+    Function("EXP", 1, 1, "x", "pure", "plain", "e to the power x.", lambda a: math.exp(a[0])),
+    Function("LOG", 1, 1, "x", "pure", "plain", "Natural logarithm.", _logarithm),
+    Function("SIN", 1, 1, "angle", "pure", "plain", "Sine of an angle in radians.", lambda a: math.sin(a[0])),
+    Function("COS", 1, 1, "angle", "pure", "plain", "Cosine of an angle in radians.", lambda a: math.cos(a[0])),
+    Function("TAN", 1, 1, "angle", "pure", "plain", "Tangent of an angle in radians.", lambda a: math.tan(a[0])),
+    Function("ATAN2", 2, 2, "y x", "pure", "ratio", "Angle of the point (x, y), -pi..pi.", lambda a: math.atan2(*a)),
+    Function(
+        "FLOOR",
+        1,
+        1,
+        "x",
+        "pure",
+        "same",
+        "The whole number below or at x.",
+        lambda a: float(math.floor(a[0])),
+    ),
+    Function("CEIL", 1, 1, "x", "pure", "same", "The whole number above or at x.", lambda a: float(math.ceil(a[0]))),
+    Function("ROUND", 1, 1, "x", "pure", "same", "The nearest whole number, a half to the even one.", _round),
+    Function("DIST", 4, 4, "x1 y1 x2 y2", "pure", "same", "Distance between two points.", _distance),
+    Function(
+        "BEARING",
+        4,
+        4,
+        "x1 y1 x2 y2",
+        "pure",
+        "ratio",
+        "Direction from the first point to the second, -pi..pi, counter-clockwise from the x axis.",
+        lambda a: math.atan2(a[3] - a[1], a[2] - a[0]),
+    ),
+    Function("WRAP", 1, 1, "angle", "pure", "plain", "The same angle within -pi..pi (-pi itself is pi).", _wrap),
+    Function("CLAMP", 3, 3, "x low high", "pure", "same", "x, but not below low nor above high.", _clamp),
+    Function("=", 1, MANY, "x ...", "pure", "compare", "Whether all are equal.", _EQUAL),
+    Function("EQ", 1, MANY, "x ...", "pure", "compare", "The same as =.", _EQUAL),
+    Function("/=", 1, MANY, "x ...", "pure", "compare", "Whether no two are equal.", _all_different),
+    Function(
+        "<",
+        1,
+        MANY,
+        "x ...",
+        "pure",
+        "compare",
+        "Whether each is below the next.",
+        _chain(lambda x, y: x < y),
+    ),
+    Function(
+        "<=",
+        1,
+        MANY,
+        "x ...",
+        "pure",
+        "compare",
+        "Whether none is above the next.",
+        _chain(lambda x, y: x <= y),
+    ),
+    Function(
+        ">",
+        1,
+        MANY,
+        "x ...",
+        "pure",
+        "compare",
+        "Whether each is above the next.",
+        _chain(lambda x, y: x > y),
+    ),
+    Function(
+        ">=",
+        1,
+        MANY,
+        "x ...",
+        "pure",
+        "compare",
+        "Whether none is below the next.",
+        _chain(lambda x, y: x >= y),
+    ),
+    Function("NOT", 1, 1, "x", "pure", "truth", "1 for 0, 0 for any other number.", _negation),
+    Function("AND", 0, MANY, "x ...", "special", "truth", "The first that is not true, else the last."),
+    Function("OR", 0, MANY, "x ...", "special", "truth", "The first that is true; else unknown if any was, else 0."),
+    Function("KNOWN", 1, 1, "x", "special", "truth", "1 if x has a value, 0 if it is unknown."),
+    Function(
+        "COND",
+        0,
+        MANY,
+        "(test expr ...) ...",
+        "special",
+        "branches",
+        "The first clause whose test is true; else 0.",
+    ),
+    Function("IF", 2, 3, "test then else", "special", "branches", "then if the test is true, else else."),
+    Function("WHEN", 1, MANY, "test expr ...", "special", "branches", "Everything after the test, if it is true."),
+    Function("PROGN", 0, MANY, "expr ...", "special", "last", "One after the other; the value of the last."),
+    Function("LET", 1, MANY, "((name expr) ...) expr ...", "special", "last", "Names of its own for some values."),
+    Function(
+        "DOTIMES",
+        1,
+        MANY,
+        "(name count) expr ...",
+        "special",
+        "truth",
+        "Repeats, name running from 0; gives 0.",
+    ),
+    Function("SETQ", 2, 2, "name expr", "special", "last", "Assigns a variable, or stores into a buffer."),
+    Function("SETQQ", 2, 2, "buffer expr", "special", "truth", "Stores expr in a buffer as it stands; gives 0."),
+    Function("DEFVAR", 1, 2, "name expr", "special", "last", "Makes a user variable, unless it is there already."),
+    Function("QUOTE", 1, 1, "expr", "special", "truth", "expr itself, for SETQ on a buffer and for TELL."),
+    Function(
+        "QUASIQUOTE",
+        1,
+        1,
+        "expr",
+        "special",
+        "truth",
+        "expr with its ,parts replaced by their values, for TELL.",
+    ),
+    Function("UNQUOTE", 1, 1, "expr", "special", "truth", "Inside a quasi-quote: the value of expr."),
+    Function("RULE", 2, 2, "name expr", "special", "truth", "Stores expr under a name and activates it."),
+    Function("ACTIVATE", 1, 1, "name", "special", "truth", "Lets a rule run at every tick."),
+    Function("DEACTIVATE", 1, 1, "name", "special", "truth", "Keeps a rule but does not run it."),
+    Function("FORGET", 1, 1, "name", "special", "truth", "Removes a rule, a buffer's expression or an operator."),
+    Function("LEASE", 2, 2, "name seconds", "special", "truth", "Deactivates a rule after so long, unless renewed."),
+    Function(
+        "DEFUN",
+        3,
+        MANY,
+        "name (parameter ...) expr ...",
+        "special",
+        "truth",
+        "A new operator, called by value.",
+    ),
+    Function("JOIN", 1, 1, "group", "special", "truth", "Makes this robot a member."),
+    Function("LEAVE", 1, 1, "group", "special", "truth", "Ends the membership."),
+    Function("IN", 1, 1, "group", "special", "truth", "1 if this robot is a member, else 0."),
+    Function("PROB", 1, 1, "chance", "special", "plain", "1 with this probability, else 0."),
+    Function(
+        "DICE",
+        1,
+        MANY,
+        "(chance expr) ...",
+        "special",
+        "branches",
+        "One of the expressions by chance; else 0.",
+    ),
+    Function("RANDOM", 2, 2, "low high", "special", "same", "A number drawn evenly between the two."),
+    Function("GAUSS", 2, 2, "mean deviation", "special", "same", "A number from a normal distribution."),
+    Function("SLEEP", 0, 0, "", "act", "truth", "Powers down: from now on only messages are evaluated."),
+    Function("WAKE", 0, 0, "", "act", "truth", "Ends SLEEP."),
+    Function("FREEZE", 0, 0, "", "act", "truth", "Holds the body still; rules are not evaluated."),
+    Function("THAW", 0, 0, "", "act", "truth", "Ends FREEZE."),
+    Function("MARK", 0, 0, "", "act", "truth", "Sets the selection flag."),
+    Function("UNMARK", 0, 0, "", "act", "truth", "Clears the selection flag."),
+    Function("ROLLBACK", 0, 0, "", "act", "truth", "Brings back the last rules that ran without a fault."),
+    Function("REPORT", 1, MANY, '"label" expr ...', "special", "last", "Tells the operator; gives the last value."),
+    Function("PRINT", 1, MANY, '"label" expr ...', "special", "last", "The same as REPORT."),
+    Function("TELL", 1, 1, "expr", "special", "truth", "Broadcasts expr to the robots in radio range."),
+    Function("PING", 0, 1, "caste", "special", "truth", "Sends a ping that robots near by hear."),
+)
+
+FUNCTIONS: dict[str, Function] = {function.name.casefold(): function for function in _TABLE}
+"""Every built-in by its key (case-folded name)."""

@@ -1,0 +1,193 @@
+"""The machine: programs, the memory they touch, and how one is evaluated within its bounds.
+
+A `Program` is a checked expression. The first evaluations walk its tree of parts; once it has proved worth it, Python
+code is generated from the tree (`compiler`). Both give the same numbers, faults and effects, bit for bit, because
+both leave everything unusual to the few functions below.
+
+Every program is charged its static cost when it is entered, so evaluations end however buffers and operators call
+each other: past the budget the evaluation stops with a fault, and what was assigned before it stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import nan
+
+from sleepcast.language import special
+from sleepcast.language.checker import MAX_COST, Checker, CheckError, cost
+from sleepcast.language.compiler import Code, generate
+from sleepcast.language.form import Form
+from sleepcast.language.names import Names, Operator
+from sleepcast.language.operations import Memory
+from sleepcast.language.parts import Part, acts, chancy, walk
+from sleepcast.language.walker import Walker
+
+MAX_STEPS = MAX_COST
+"""Steps of one evaluation, all buffers and operators it enters included: about two milliseconds of a slow computer."""
+HOT = 30
+"""Evaluations of a program by walking before code is generated; generating costs about as much as a hundred walks."""
+MAX_PROGRAMS = 4_096
+"""Programs kept by their text for one vocabulary; when full, all are forgotten and made again as they are needed."""
+
+
+class OutOfSteps(Exception):
+    """The evaluation went past `MAX_STEPS`; caught by `evaluate`."""
+
+
+class Program:
+    """A checked expression that can be entered. body: its parts, evaluated in order (an operator may have several).
+
+    cost: steps charged when entered. uses: keys of buffers, rules and operators it names. free: keys of learned names
+    it depends on. test: the top-level test as a program of its own, None if everybody matches. acts, chancy: of the
+    whole program. slots: the length of values it needs.
+    """
+
+    def __init__(self, form: Form, root: Part, parameters: int, checker: Checker) -> None:
+        self.form, self.root, self.parameters, self.text = form, root, parameters, checker.text
+        self.uses, self.free = frozenset(checker.uses), frozenset(checker.free)
+        self.locals, self.cost = checker.locals, cost(root)
+        parts = walk(root)
+        for index, part in enumerate(parts):
+            part.index = index
+        self.size = len(parts)
+        self.slots = 1 + max((p.slot for p in parts if p.op in ("var", "write", "defvar", "set_user")), default=-1)
+        self.acts, self.chancy = acts(root), chancy(root)
+        self.asks = any(p.op in ("host", "linked") for p in parts)
+        self.test = self._find_test(checker) if parameters == 0 else None
+        self.runs = 0
+        self.code: Code | None = None
+
+    def run(self, memory: Memory, *arguments: float) -> float:
+        """Enter the program: charge its cost, evaluate it, give its value. Raises OutOfSteps."""
+        memory.steps += self.cost
+        if memory.steps > MAX_STEPS:
+            raise OutOfSteps
+        values = memory.values
+        if len(values) < self.slots:
+            values.extend([nan] * (self.slots - len(values)))
+        if self.code is not None:
+            return self.code(values, memory, *arguments)
+        self.runs += 1
+        if self.runs > HOT:
+            self.compile()
+        return Walker(memory, self, arguments).value(self.root)
+
+    def compile(self) -> None:
+        """Generate the program's Python code now."""
+        if self.code is None:
+            self.code = generate(self.root, self.parameters)
+
+    def _find_test(self, checker: Checker) -> Program | None:
+        part: Part | None = self.root
+        while part is not None and part.op in ("progn", "let"):
+            inside = part.parts[int(part.number) :] if part.op == "let" else part.parts
+            part = next((p for p in inside if p.op in ("cond", "if", "and", "progn", "let")), None)
+        if part is None or part.op not in ("cond", "if", "and"):
+            return None
+        tests = _watch(part)
+        if not tests:
+            return None
+        if part is self.root and part.op == "and" and len(tests) == len(part.parts):
+            return self
+        root = tests[0] if len(tests) == 1 else Part("and" if part.op == "and" else "or", part.form, tests)
+        test = Program.__new__(Program)
+        test._as_test(self, _within(self.root, part, root), checker)
+        return test
+
+    def _as_test(self, whole: Program, root: Part, checker: Checker) -> None:
+        self.__dict__.update(whole.__dict__)
+        self.root, self.form, self.cost = root, root.form, cost(root)
+        self.acts, self.chancy = acts(root), chancy(root)
+        self.asks = any(p.op in ("host", "linked") for p in walk(root))
+        self.test, self.runs, self.code = self, 0, None
+
+
+def _watch(part: Part) -> tuple[Part, ...]:
+    """Mark where the top-level test is, for `Memory.matched`; gives the parts that are the test."""
+    if part.op == "cond":
+        for clause in part.parts:
+            clause.watch = 1
+        return tuple(clause.parts[0] for clause in part.parts)
+    if part.op == "if":
+        part.watch = 1
+        return part.parts[:1]
+    leading = 0
+    while leading < len(part.parts) and not acts(part.parts[leading]):
+        leading += 1
+    part.watch = leading
+    return part.parts[:leading]
+
+
+def _within(root: Part, inside: Part, test: Part) -> Part:
+    """The test of `inside`, with the LETs of `root` around it, so that their names have their values."""
+    if root is inside:
+        return test
+    if root.op == "progn":
+        return _within(next(p for p in root.parts if inside in walk(p)), inside, test)
+    count = int(root.number)
+    body = _within(next(p for p in root.parts[count:] if inside in walk(p)), inside, test)
+    return Part("let", root.form, (*root.parts[:count], body), slot=root.slot, number=count)
+
+
+def build(text: str, forms: Sequence[Form], names: Names, parameters: tuple[str, ...] = ()) -> tuple[Program, Checker]:
+    """Check `forms` (read from `text`) and make a program of them; look at the checker's findings before using it."""
+    checker = Checker(names, text, special.SPECIAL)
+    for form in forms:
+        checker.declare_all(form)
+    with checker.scope([p.casefold() for p in parameters]):
+        body = checker.parts(tuple(forms))
+    root = body[0] if len(body) == 1 else Part("progn", forms[0], body)
+    checker.bounded(root, forms[0])
+    checker.findings.sort(key=lambda finding: finding.start)
+    return Program(forms[0], root, len(parameters), checker), checker
+
+
+class Library:
+    """Programs by text, shared by all robots of one vocabulary: a text is compiled once for a thousand robots.
+
+    What a text means may depend on what a robot has learned, so each program is kept with what its learned names were.
+    """
+
+    def __init__(self) -> None:
+        self._programs: dict[tuple[str, tuple[str, ...]], list[tuple[tuple[object, ...], Program]]] = {}
+        self._count = 0
+
+    def program(
+        self, text: str, forms: Callable[[], Sequence[Form]], names: Names, parameters: tuple[str, ...] = ()
+    ) -> Program:
+        """The program of `text` for a robot with these names. Raises ReadError (from `forms`) and CheckError."""
+        known = self._programs.setdefault((text, parameters), [])
+        for sorts, program in known:
+            if sorts == _sorts(program, names):
+                return program
+        program, checker = build(text, forms(), names, parameters)
+        errors = [finding for finding in checker.findings if finding.severity == "error"]
+        if errors:
+            raise CheckError(errors, text)
+        self._count += 1
+        if self._count > MAX_PROGRAMS:
+            self._programs, self._count = {}, 1
+            known = self._programs.setdefault((text, parameters), [])
+        known.append((_sorts(program, names), program))
+        return program
+
+
+def _sorts(program: Program, names: Names) -> tuple[object, ...]:
+    sorts: list[object] = []
+    for key in sorted(program.free):
+        found = names.declared(key)
+        sorts.append(len(found.parameters) if isinstance(found, Operator) else type(found))
+    return tuple(sorts)
+
+
+def evaluate(program: Program, memory: Memory) -> float:
+    """One evaluation from outside: a fresh budget, and no way out but a value; past the budget a fault and unknown."""
+    memory.steps = memory.depth = 0
+    memory.matched = program.test is None
+    try:
+        value = program.run(memory)
+    except OutOfSteps:
+        return memory.fault(program.root, f"out of steps: at most {MAX_STEPS} in one evaluation")
+    if program.test is program:
+        memory.matched = value < 0.0 or value > 0.0
+    return value

@@ -1,0 +1,130 @@
+"""Parts: a checked expression, every name turned into the place where it lives.
+
+The checker makes one tree of `Part`s from a form; the machine walks it, the compiler writes Python from it, the
+explainer shows it. What a part means is said by its `op`:
+
+    const       number                    var        slot of the robot's values
+    local       number of a local name    linked     slot, read from the host's own memory
+    absent      a name nobody declared    pure       a pure built-in function
+    and or known if cond progn let dotimes           the special forms (`cond` holds `clause` parts: test, then body)
+    set_user    slot                      set_local  number of a local name
+    write       SETQ of anything else     defvar     slot
+    store       an expression into a buffer or rule; the form is data, at most one part (a value to store) is evaluated
+    fetch       a buffer or rule, evaluated deeply   call      an operator made by DEFUN
+    host        a function of the robot              missing   a function that this robot does not have
+    in          group membership          prob dice random gauss
+    act         everything else that changes the robot's mind or speaks, named by `name`
+"""
+
+from __future__ import annotations
+
+from sleepcast.language.form import Form
+from sleepcast.language.functions import Function
+from sleepcast.language.vocabulary import HostFunction, Variable
+
+ACTING = frozenset({"set_user", "write", "defvar", "store", "act", "missing"})
+CHANCY = frozenset({"prob", "dice", "random", "gauss"})
+
+
+class Part:
+    """One node of a checked expression.
+
+    parts: the parts that are evaluated, in order. number: a constant's value, or a count. slot: in the values, or the
+    number of a local name. name: the key of what is named. data: what else the op needs, see `checker`.
+    watch: for the top-level test of a program, how many leading parts are the test (`and`), or 1 (`if`, `clause`).
+    index: the part's own number in its program, outside first, left to right.
+    """
+
+    __slots__ = ("data", "form", "index", "name", "number", "op", "parts", "slot", "watch")
+
+    def __init__(
+        self,
+        op: str,
+        form: Form,
+        parts: tuple[Part, ...] = (),
+        *,
+        number: float = 0.0,
+        slot: int = 0,
+        name: str = "",
+        data: Data = None,
+    ) -> None:
+        self.op, self.form, self.parts, self.number, self.slot = op, form, parts, number, slot
+        self.name, self.data, self.watch, self.index = name, data, 0, 0
+
+    @property
+    def function(self) -> Function:
+        """The built-in of a `pure` part."""
+        if not isinstance(self.data, Function):
+            raise TypeError(f"a part of op {self.op} has no built-in function")
+        return self.data
+
+
+class Storing:
+    """What a `store` part stores: `form` under `key`, or the number it evaluates to if `value`; a rule is activated."""
+
+    __slots__ = ("activate", "form", "key", "value")
+
+    def __init__(self, key: str, form: Form, *, activate: bool, value: bool = False) -> None:
+        self.key, self.form, self.activate, self.value = key, form, activate, value
+
+
+class Defining:
+    """What DEFUN defines: parameters as written, and the body."""
+
+    __slots__ = ("body", "parameters")
+
+    def __init__(self, parameters: tuple[str, ...], body: tuple[Form, ...]) -> None:
+        self.parameters, self.body = parameters, body
+
+
+class Template:
+    """What TELL tells: a form whose unquoted places (by their order) are filled with the values of the parts."""
+
+    __slots__ = ("form", "unquoted")
+
+    def __init__(self, form: Form, unquoted: tuple[Form, ...]) -> None:
+        self.form, self.unquoted = form, unquoted
+
+
+class Label:
+    """The text that goes with REPORT, PRINT or a labelled host function."""
+
+    __slots__ = ("function", "text")
+
+    def __init__(self, text: str, function: HostFunction | None = None) -> None:
+        self.text, self.function = text, function
+
+
+Data = Function | HostFunction | Variable | Storing | Defining | Template | Label | None
+
+
+def walk(part: Part) -> list[Part]:
+    """`part` and every part inside it, outside first, left to right."""
+    found = [part]
+    for inside in part.parts:
+        found.extend(walk(inside))
+    return found
+
+
+def acts(part: Part) -> bool:
+    """Whether evaluating `part` can change the robot or speak (calls count as acting: what they do may change)."""
+    return any(_acts(p) for p in walk(part))
+
+
+def _acts(part: Part) -> bool:
+    if part.op == "host":
+        return host_of(part).acts
+    return part.op in ACTING
+
+
+def chancy(part: Part) -> bool:
+    """Whether the value of `part` depends on chance."""
+    return any(p.op in CHANCY for p in walk(part))
+
+
+def host_of(part: Part) -> HostFunction:
+    """The robot's own function of a `host` part."""
+    function = part.data.function if isinstance(part.data, Label) else part.data
+    if not isinstance(function, HostFunction):
+        raise TypeError(f"a part of op {part.op} has no host function")
+    return function

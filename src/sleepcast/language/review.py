@@ -1,0 +1,227 @@
+"""Checking a text before it is sent: the checker's errors, and advice on what is probably not meant.
+
+The advice is about dimensions (5 s compared with a length), declared ranges (fuel runs from 0 to 1, so `(> fuel 50)`
+never holds) and the places where failing closed has an edge (an IF whose test is unknown runs its else).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, isfinite
+
+from sleepcast.errors import line_and_column
+from sleepcast.language.checker import Checker, CheckError, Finding
+from sleepcast.language.form import Form, Number, show
+from sleepcast.language.machine import Program, build
+from sleepcast.language.names import Names
+from sleepcast.language.parts import Part, host_of, walk
+from sleepcast.language.reader import read
+from sleepcast.language.vocabulary import Constant, HostFunction, Variable
+from sleepcast.units import LENGTH, NONE, UNITS, Dimension, shown
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """A text that was checked. program: None if there is any error. cost: its static bound in steps."""
+
+    text: str
+    findings: tuple[Finding, ...]
+    program: Program | None
+    cost: int
+
+    @property
+    def errors(self) -> list[Finding]:
+        return [finding for finding in self.findings if finding.severity == "error"]
+
+    @property
+    def warnings(self) -> list[Finding]:
+        return [finding for finding in self.findings if finding.severity == "warning"]
+
+    def required(self) -> Program:
+        """The program. Raises CheckError with every error if there is none."""
+        if self.program is None:
+            raise CheckError(self.errors, self.text)
+        return self.program
+
+
+def check(text: str, names: Names) -> Checked:
+    """Read and check one expression. Raises ReadError for text that cannot be read; everything else is a finding."""
+    form = read(text)
+    program, checker = build(text, [form], names)
+    findings = sorted([*checker.findings, *_Advice(text, names).on(program, form, checker)], key=lambda f: f.start)
+    failed = any(finding.severity == "error" for finding in findings)
+    return Checked(text, tuple(findings), None if failed else program, program.cost)
+
+
+class _Advice:
+    """One pass over the parts, from the inside out, carrying dimensions; None is a dimension that anything fits."""
+
+    def __init__(self, text: str, names: Names) -> None:
+        self.text, self.names = text, names
+        self.findings: list[Finding] = []
+
+    def on(self, program: Program, form: Form, checker: Checker) -> list[Finding]:
+        self.dimension(program.root)
+        for body in checker.kept:
+            self.dimension(body)
+        return self.findings
+
+    def warn(self, message: str, form: Form) -> None:
+        line, column = line_and_column(self.text, form.start)
+        self.findings.append(Finding("warning", message.replace("@@", f"at {line}:{column}", 1), form.start, form.end))
+
+    def dimension(self, part: Part) -> Dimension | None:
+        """The dimension of `part`'s value; what is doubtful inside it is noted on the way."""
+        inside = [self.dimension(p) for p in part.parts]
+        if part.op == "const":
+            return part.form.dimension if isinstance(part.form, Number) else self._constant(part)
+        if part.op in ("var", "linked"):
+            return part.data.quantity.dimension if isinstance(part.data, Variable) else None
+        if part.op == "pure":
+            return self._pure(part, inside)
+        if part.op == "host":
+            return self._host(part, inside)
+        if part.op in ("random", "gauss"):
+            return self._same(part, inside)
+        if part.op == "write" and isinstance(part.data, Variable):
+            wanted = part.data.quantity.dimension
+            if inside[0] is not None and inside[0] != wanted:
+                self.warn(f"{part.data.name} is {wanted}, but {inside[0]} is assigned to it @@", part.form)
+            self._assigned_range(part)
+            return wanted
+        if part.op == "if":
+            self._may_be_unknown(part)
+        if part.op in ("set_user", "set_local", "progn", "if", "let"):
+            return inside[-1] if inside else None
+        return None
+
+    def _constant(self, part: Part) -> Dimension | None:
+        found = self.names.vocabulary.bindings.get(part.name)
+        return found.dimension if isinstance(found, Constant) else None
+
+    def _same(self, part: Part, inside: list[Dimension | None]) -> Dimension | None:
+        """All parts of one dimension: it, or a warning at the first that differs."""
+        found: Dimension | None = None
+        for dimension, operand in zip(inside, part.parts, strict=True):
+            if dimension is None:
+                continue
+            if found is not None and dimension != found:
+                where = part.name or part.op.upper()
+                self.warn(f"{show(operand.form)} @@ is {dimension}, but the rest of {where} is {found}", operand.form)
+                return None
+            found = dimension
+        return found
+
+    def _pure(self, part: Part, inside: list[Dimension | None]) -> Dimension | None:
+        rule = part.function.rule
+        if rule in ("same", "ratio", "compare"):
+            found = self._same(part, inside)
+            if rule == "compare":
+                self._range(part)
+            return found if rule == "same" else NONE
+        if rule == "truth":
+            if part.name == "NOT" and part.parts[0].op == "in":
+                self.warn(f"{show(part.form)} @@ also holds on a robot that never heard of the group", part.form)
+            return NONE
+        if rule == "product":
+            return _combine(inside, 1)
+        if rule == "quotient":
+            return _combine(inside, -1)
+        if rule == "power":
+            return self._power(part, inside)
+        if rule == "root":
+            base = inside[0]
+            return Dimension(*(n // 2 for n in base)) if base and not any(n % 2 for n in base) else base and None
+        for dimension, operand in zip(inside, part.parts, strict=True):
+            if dimension not in (None, NONE):
+                self.warn(
+                    f"{show(operand.form)} @@ is {dimension}, but {part.name} wants a plain number",
+                    operand.form,
+                )
+        return NONE
+
+    def _power(self, part: Part, inside: list[Dimension | None]) -> Dimension | None:
+        base, exponent = inside[0], part.parts[1]
+        if base in (None, NONE):
+            return base
+        if exponent.op == "const" and float(exponent.number).is_integer():
+            return Dimension(*(n * int(exponent.number) for n in base))
+        return None
+
+    def _host(self, part: Part, inside: list[Dimension | None]) -> Dimension | None:
+        function: HostFunction = host_of(part)
+        for wanted, found, operand in zip(function.dimensions, inside, part.parts, strict=False):
+            if wanted is not None and found is not None and found != wanted:
+                self.warn(f"{show(operand.form)} @@ is {found}, but {function.name} wants {wanted}", operand.form)
+        return function.result
+
+    # ---- declared ranges
+
+    def _range(self, part: Part) -> None:
+        if len(part.parts) != 2 or part.name not in ("<", "<=", ">", ">="):
+            return
+        left, right = part.parts
+        name = part.name
+        if left.op == "const":
+            left, right = right, left
+            name = {"<": ">", ">": "<", "<=": ">=", ">=": "<="}[name]
+        if right.op != "const" or not isinstance(left.data, Variable) or left.op not in ("var", "linked"):
+            return
+        quantity, limit = left.data.quantity, right.number
+        low, high = quantity.low, quantity.high
+        always = {"<": high < limit, "<=": high <= limit, ">": low > limit, ">=": low >= limit}[name]
+        never = {"<": low >= limit, "<=": low > limit, ">": high <= limit, ">=": high < limit}[name]
+        if not (always or never):
+            return
+        unit = quantity.shown_as or quantity.unit
+        runs = f"{quantity.name} runs from {shown(low, unit)} to {shown(high, unit)}"
+        if not isfinite(high):
+            runs = f"{quantity.name} is never below {shown(low, unit)}"
+        elif low == -inf:
+            runs = f"{quantity.name} is never above {shown(high, unit)}"
+        hint = _range_hint(quantity.low, quantity.high, unit, right)
+        self.warn(f"{show(part.form)} @@ is {'always' if always else 'never'} true: {runs}{hint}", part.form)
+
+    def _assigned_range(self, part: Part) -> None:
+        value = part.parts[0]
+        if value.op != "const" or not isinstance(part.data, Variable):
+            return
+        quantity = part.data.quantity
+        if value.number < quantity.low or value.number > quantity.high:
+            unit = quantity.shown_as or quantity.unit
+            self.warn(
+                f"{show(value.form)} @@ is outside of {quantity.name}, "
+                f"{shown(quantity.low, unit)} to {shown(quantity.high, unit)}",
+                value.form,
+            )
+
+    # ---- unknown
+
+    def _may_be_unknown(self, part: Part) -> None:
+        if len(part.parts) < 3:
+            return
+        for inside in walk(part.parts[0]):
+            perishable = isinstance(inside.data, Variable) and inside.data.quantity.freshness < inf
+            if inside.op == "absent" or (inside.op in ("var", "linked") and perishable):
+                self.warn(f"if {show(inside.form)} @@ is unknown, the else branch runs", inside.form)
+                return
+
+
+def _combine(inside: list[Dimension | None], sign: int) -> Dimension | None:
+    """The product of dimensions (sign 1), or the first by the rest (sign -1); a bare number counts as plain."""
+    if all(dimension is None for dimension in inside):
+        return None
+    total = [0] * len(LENGTH)
+    for i, dimension in enumerate(inside):
+        turn = sign if i or (len(inside) == 1 and sign < 0) else 1
+        for k, exponent in enumerate(dimension or NONE):
+            total[k] += turn * exponent
+    return Dimension(*total)
+
+
+def _range_hint(low: float, high: float, unit: str, limit: Part) -> str:
+    """` (did you mean 50%?)` where the same digits in the variable's own unit would lie in its range."""
+    if not unit or not isinstance(limit.form, Number) or limit.form.unit:
+        return ""
+    meant = limit.number / 100.0 if unit == "%" else limit.number * UNITS[unit].factor
+    return f" (did you mean {limit.form.text}{unit}?)" if low <= meant <= high and meant != limit.number else ""

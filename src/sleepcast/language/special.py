@@ -1,0 +1,315 @@
+"""How each special form is taken apart: which of its pieces are names, which are kept, which are evaluated.
+
+One function for each form, found by name in `SPECIAL`; the number of arguments has been checked before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import nan
+
+from sleepcast.language.checker import Checker, Special
+from sleepcast.language.form import QUASIQUOTE, QUOTE, UNQUOTE, Form, List, Number, Symbol, Text
+from sleepcast.language.functions import FUNCTIONS, MAX_REPEATS
+from sleepcast.language.parts import Defining, Label, Part, Storing, Template
+from sleepcast.language.vocabulary import Constant, HostFunction, Kind, Variable, buffer_number
+
+MAX_LOOPS = 4
+"""DOTIMES inside DOTIMES at most."""
+
+SPECIAL: dict[str, Special] = {}
+
+
+def _special(*names: str) -> Callable[[Special], Special]:
+    def register(how: Special) -> Special:
+        for name in names:
+            SPECIAL[name] = how
+        return how
+
+    return register
+
+
+# ---- control
+
+
+@_special("and", "or", "known", "if", "progn")
+def _plain(checker: Checker, form: List) -> Part:
+    return Part(form.head or "", form, checker.parts(form.items[1:]))
+
+
+@_special("when")
+def _when(checker: Checker, form: List) -> Part:
+    return Part("cond", form, (_clause(checker, form, form.items[1:]),))
+
+
+@_special("cond")
+def _cond(checker: Checker, form: List) -> Part:
+    clauses = []
+    for item in form.items[1:]:
+        if isinstance(item, List) and item.items:
+            clauses.append(_clause(checker, item, item.items))
+        else:
+            checker.error("a clause of COND @@ is a list: wanted (test expr ...)", item)
+    return Part("cond", form, tuple(clauses))
+
+
+def _clause(checker: Checker, where: List, items: tuple[Form, ...]) -> Part:
+    return Part("clause", where, checker.parts(items))
+
+
+@_special("dice")
+def _dice(checker: Checker, form: List) -> Part:
+    clauses = []
+    for item in form.items[1:]:
+        if isinstance(item, List) and len(item.items) == 2:
+            clauses.append(_clause(checker, item, item.items))
+        else:
+            checker.error("a side of DICE @@ is a list of two: wanted (chance expr)", item)
+    return Part("dice", form, tuple(clauses))
+
+
+@_special("let")
+def _let(checker: Checker, form: List) -> Part:
+    bindings = form.items[1]
+    names: list[str] = []
+    values: list[Part] = []
+    if not isinstance(bindings, List):
+        return checker.error("LET @@ begins with its names: wanted ((name expr) ...)", bindings)
+    for item in bindings.items:
+        if isinstance(item, List) and len(item.items) == 2 and isinstance(item.items[0], Symbol):
+            if item.items[0].key in names:
+                checker.error(f"{item.items[0].text} @@ is named twice in one LET", item)
+            names.append(item.items[0].key)
+            values.append(checker.part(item.items[1]))
+        else:
+            checker.error("a binding of LET @@ is a list of two: wanted (name expr)", item)
+    with checker.scope(names) as numbers:
+        body = checker.parts(form.items[2:])
+    return Part("let", form, (*values, *body), slot=numbers[0] if numbers else 0, number=len(values))
+
+
+@_special("dotimes")
+def _dotimes(checker: Checker, form: List) -> Part:
+    head = form.items[1]
+    if not (isinstance(head, List) and len(head.items) == 2 and isinstance(head.items[0], Symbol)):
+        return checker.error("DOTIMES @@ begins with its counter: wanted (name count)", head)
+    name, count = head.items
+    if not (
+        isinstance(count, Number)
+        and count.dimension is None
+        and count.value.is_integer()
+        and 0 <= count.value <= MAX_REPEATS
+    ):
+        return checker.error(f"the count of DOTIMES @@ must be a whole number from 0 to {MAX_REPEATS}", count)
+    if checker.loops >= MAX_LOOPS:
+        return checker.error(f"DOTIMES @@ stands inside {MAX_LOOPS} others: at most {MAX_LOOPS} nest", form)
+    checker.loops += 1
+    with checker.scope([name.key], fixed=True) as (number,):  # type: ignore[attr-defined]
+        body = checker.parts(form.items[2:])
+    checker.loops -= 1
+    return Part("dotimes", form, body, slot=number, number=count.value)
+
+
+# ---- assignment
+
+
+@_special("setq")
+def _setq(checker: Checker, form: List) -> Part:
+    target, value = form.items[1:]
+    if not isinstance(target, Symbol):
+        checker.part(value)
+        return checker.error("SETQ @@ wants the name of a variable or buffer", target)
+    number = checker.local(target.key)
+    if number is not None:
+        if number in checker.fixed_locals:
+            return checker.error(f"the counter {target.text} @@ of a DOTIMES cannot be assigned", target)
+        return Part("set_local", form, (checker.part(value),), slot=number, name=target.key)
+    if buffer_number(target.key) is not None:
+        if isinstance(value, List) and value.head == QUOTE and len(value.items) == 2:
+            return _store(checker, form, target, value.items[1], activate=False)
+        if buffer_number(target.key) == 0:
+            return _store(checker, form, target, value, activate=False)
+        storing = Storing(f"e{buffer_number(target.key)}", value, activate=False, value=True)
+        return Part("store", form, (checker.part(value),), name=storing.key, data=storing)
+    part = checker.part(value)
+    binding = checker.names.vocabulary.bindings.get(target.key)
+    if isinstance(binding, Variable):
+        if binding.kind is Kind.SENSOR:
+            return checker.error(f"{target.text} @@ is a sensor: it can be read, not assigned", target)
+        return Part("write", form, (part,), slot=binding.slot, name=target.key, data=binding)
+    if isinstance(binding, Constant):
+        return checker.error(f"{target.text} @@ is a constant: it cannot be assigned", target)
+    if isinstance(binding, HostFunction) or target.key in FUNCTIONS:
+        return checker.error(f"{target.text} @@ is a function: it cannot be assigned", target)
+    sort = checker.sort_of(target.key)
+    if sort == "variable":
+        declared = checker.names.declared(target.key) is not None
+        return Part(
+            "set_user" if declared else "write",
+            form,
+            (part,),
+            slot=checker.user_slot(target),
+            name=target.key,
+        )
+    if sort is not None:
+        article = "an" if sort == "operator" else "a"
+        return checker.error(f"{target.text} @@ is {article} {sort}, not a variable", target)
+    checker.warn(
+        f'unknown name "{target.text}" @@{checker.suggestion(target.text)}: make it first with (DEFVAR {target.text})',
+        target,
+    )
+    return Part("write", form, (part,), slot=-1, name=target.key)
+
+
+@_special("setqq")
+def _setqq(checker: Checker, form: List) -> Part:
+    target, body = form.items[1:]
+    if not isinstance(target, Symbol) or buffer_number(target.key) is None:
+        return checker.error("SETQQ @@ wants a buffer, E1 to E63", target)
+    return _store(checker, form, target, body, activate=False)
+
+
+@_special("rule")
+def _rule(checker: Checker, form: List) -> Part:
+    target, body = form.items[1:]
+    if not isinstance(target, Symbol):
+        return checker.error("RULE @@ wants a name", target)
+    return _store(checker, form, target, body, activate=True)
+
+
+def _store(checker: Checker, form: List, target: Symbol, body: Form, *, activate: bool) -> Part:
+    number = buffer_number(target.key)
+    if number == 0:
+        return checker.error("E0 @@ holds the message itself: nothing can be stored there", target)
+    if number is None and not _is_free_for(checker, target, "rule"):
+        return Part("const", form, number=nan)
+    key = target.key if number is None else f"e{number}"
+    checker.stored(key, (body,), [], target)
+    return Part("store", form, name=key, data=Storing(key, body, activate=activate))
+
+
+def _is_free_for(checker: Checker, target: Symbol, sort: str) -> bool:
+    meaning = checker.meaning(target.key)
+    if meaning is None or meaning == sort:
+        return True
+    article = "an" if meaning[0] in "aeiou" else "a"
+    checker.error(f"{target.text} @@ is already {article} {meaning}: choose another name for the {sort}", target)
+    return False
+
+
+@_special("defvar")
+def _defvar(checker: Checker, form: List) -> Part:
+    target = form.items[1]
+    values = checker.parts(form.items[2:])
+    if not isinstance(target, Symbol):
+        return checker.error("DEFVAR @@ wants a name", target)
+    if not _is_free_for(checker, target, "variable"):
+        return Part("const", form, number=nan)
+    return Part("defvar", form, values, slot=checker.user_slot(target), name=target.key)
+
+
+@_special("defun")
+def _defun(checker: Checker, form: List) -> Part:
+    target, parameters = form.items[1], form.items[2]
+    if not isinstance(target, Symbol):
+        return checker.error("DEFUN @@ wants a name", target)
+    if not isinstance(parameters, List) or not all(isinstance(p, Symbol) for p in parameters.items):
+        return checker.error("DEFUN @@ wants its parameters in parentheses: (name ...)", parameters)
+    keys = [p.key for p in parameters.items if isinstance(p, Symbol)]
+    if len(set(keys)) < len(keys):
+        return checker.error("a parameter @@ is named twice", parameters)
+    if not _is_free_for(checker, target, "operator"):
+        return Part("const", form, number=nan)
+    checker.stored(target.key, form.items[3:], keys, target)
+    defining = Defining(tuple(p.text for p in parameters.items if isinstance(p, Symbol)), form.items[3:])
+    return Part("act", form, name="defun", data=defining, slot=0)
+
+
+# ---- names of rules and groups
+
+
+@_special("activate", "deactivate", "forget")
+def _about_rule(checker: Checker, form: List) -> Part:
+    return Part("act", form, (), name=form.head or "", data=Label(_rule_key(checker, form.items[1])))
+
+
+@_special("lease")
+def _lease(checker: Checker, form: List) -> Part:
+    seconds = checker.part(form.items[2])
+    return Part("act", form, (seconds,), name="lease", data=Label(_rule_key(checker, form.items[1])))
+
+
+def _rule_key(checker: Checker, target: Form) -> str:
+    if not isinstance(target, Symbol):
+        checker.error("the name of a rule or buffer is wanted @@", target)
+        return ""
+    number = buffer_number(target.key)
+    if number is not None:
+        if number == 0:
+            checker.error("E0 @@ is the message itself: it is evaluated once and never active", target)
+        return f"e{number}"
+    meaning = checker.meaning(target.key)
+    if meaning is None:
+        checker.warn(f'unknown rule "{target.text}" @@{checker.suggestion(target.text)}', target)
+    elif meaning not in ("rule", "operator"):
+        checker.error(f"{target.text} @@ is a {meaning}, not a rule", target)
+    return target.key
+
+
+@_special("join", "leave", "in")
+def _group(checker: Checker, form: List) -> Part:
+    target = form.items[1]
+    if not isinstance(target, Symbol):
+        return checker.error(f"{form.items[0].text} @@ wants the name of a group", target)  # type: ignore[attr-defined]
+    if not _is_free_for(checker, target, "group"):
+        return Part("const", form, number=nan)
+    if form.head == "in":
+        return Part("in", form, name=target.key)
+    return Part("act", form, name=form.head or "", data=Label(target.text))
+
+
+# ---- chance, speaking
+
+
+@_special("prob", "random", "gauss")
+def _chance(checker: Checker, form: List) -> Part:
+    return Part(form.head or "", form, checker.parts(form.items[1:]))
+
+
+@_special("report", "print")
+def _report(checker: Checker, form: List) -> Part:
+    first, *rest = form.items[1:]
+    label = first.value if isinstance(first, Text) else ""
+    forms = tuple(rest) if isinstance(first, Text) else form.items[1:]
+    return Part("act", form, checker.parts(forms), name="report", data=Label(label))
+
+
+@_special("ping")
+def _ping(checker: Checker, form: List) -> Part:
+    return Part("act", form, checker.parts(form.items[1:]), name="ping")
+
+
+@_special("tell")
+def _tell(checker: Checker, form: List) -> Part:
+    template = form.items[1]
+    head = template.head if isinstance(template, List) and len(template.items) == 2 else None
+    unquoted: list[Form] = []
+    if head in (QUOTE, QUASIQUOTE):
+        template = template.items[1]  # type: ignore[attr-defined]
+    if head != QUOTE:
+        _collect_unquoted(template, unquoted)
+    return Part("act", form, checker.parts(tuple(unquoted)), name="tell", data=Template(template, tuple(unquoted)))
+
+
+def _collect_unquoted(form: Form, found: list[Form]) -> None:
+    if isinstance(form, List):
+        if form.head == UNQUOTE and len(form.items) == 2:
+            found.append(form.items[1])
+        else:
+            for item in form.items:
+                _collect_unquoted(item, found)
+
+
+@_special(QUOTE, QUASIQUOTE, UNQUOTE)
+def _quote(checker: Checker, form: List) -> Part:
+    return checker.error("a quoted expression @@ stands only as what SETQ stores into a buffer, and inside TELL", form)

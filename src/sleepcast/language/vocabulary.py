@@ -1,0 +1,204 @@
+"""Vocabularies: the names that a robot knows before anything is sent to it, and the slots its values lie in.
+
+A robot's numbers are one list of floats, NaN for unknown. A `Vocabulary` says what lies where: first the support
+variables that every robot has, then the variables of its type, then, appended as they are first heard of, user
+variables. Robots of one type share one vocabulary, so a program compiled for one runs on all of them.
+Names are compared case-folded, in one namespace; a clash is refused when it is declared.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from sleepcast.errors import MisuseError
+from sleepcast.language.functions import FUNCTIONS
+from sleepcast.units import NONE, Dimension, Quantity
+
+BUFFERS = 64
+"""Buffers E0 (the message) to E63."""
+MAX_RULES = 64
+"""Rules with a name of their own, on one robot."""
+MAX_USER_VARIABLES = 256
+"""User variables that the robots of one vocabulary may name between them."""
+MAX_OPERATORS = 64
+"""Operators made by DEFUN, on one robot."""
+MAX_GROUPS = 64
+"""Groups that one robot may know."""
+
+
+class Kind(Enum):
+    """The four kinds of variables."""
+
+    SENSOR = "sensor"
+    ACTUATOR = "actuator"
+    SUPPORT = "support"
+    USER = "user"
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """A variable of a vocabulary. slot: where its value lies. linked: it lies in the host's own memory instead."""
+
+    quantity: Quantity
+    kind: Kind
+    slot: int
+    linked: bool = False
+
+    @property
+    def name(self) -> str:
+        return self.quantity.name
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """A named number. dimension None: it takes the unit of what it meets."""
+
+    name: str
+    value: float
+    dimension: Dimension | None = None
+    doc: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class HostFunction:
+    """A function of the robot's own software.
+
+    dimensions: one for each argument, None where any will do; `least` arguments must be given. result: dimension of
+    the value. acts: whether it does something to the world (then an unknown argument never reaches it). labelled:
+    whether its only argument is a text in quotes. `call(body, *arguments)` returns a float or None (which counts as 1).
+    """
+
+    name: str
+    call: Callable[..., float | None]
+    dimensions: tuple[Dimension | None, ...] = ()
+    least: int | None = None
+    arguments: str = ""
+    result: Dimension | None = None
+    acts: bool = True
+    labelled: bool = False
+    doc: str = ""
+
+    @property
+    def usage(self) -> str:
+        return f"({self.name} {self.arguments})" if self.arguments else f"({self.name})"
+
+
+Binding = Variable | Constant | HostFunction
+
+
+class VocabularyError(MisuseError):
+    """A name that clashes with another, or more names than fit."""
+
+
+SUPPORT = (
+    Quantity("marked", low=0, high=1, doc="the selection flag set by MARK"),
+    Quantity("marking", low=0, high=1, doc="whether the robot's light shows the mark"),
+    Quantity("frozen", low=0, high=1, doc="held still by FREEZE"),
+    Quantity("sleeping", low=0, high=1, doc="powered down by SLEEP"),
+    *(Quantity(f"active{i}", low=0, high=1, doc=f"whether buffer E{i} runs at every tick") for i in range(1, BUFFERS)),
+    Quantity("id", doc="the robot's number", low=0),
+    Quantity("time", "s", low=0, doc="time since the start"),
+    Quantity("tick", low=0, doc="ticks since the start"),
+)
+MARKED, MARKING, FROZEN, SLEEPING = range(4)
+ACTIVE0 = 3
+"""Slot of active<i> is ACTIVE0 + i."""
+ID, TIME_SLOT, TICK = ACTIVE0 + BUFFERS, ACTIVE0 + BUFFERS + 1, ACTIVE0 + BUFFERS + 2
+_READ_ONLY_SUPPORT = frozenset({ID, TIME_SLOT, TICK})
+
+CONSTANTS = (
+    Constant("TRUE", 1.0, NONE, "truth"),
+    Constant("FALSE", 0.0, NONE, "falsehood"),
+    Constant("NIL", 0.0, None, "the same as FALSE"),
+    Constant("PI", math.pi, NONE, "half a turn in radians"),
+    Constant("UNKNOWN", math.nan, None, "what nobody has measured"),
+)
+
+
+def buffer_number(key: str) -> int | None:
+    """5 for the keys `e5` and `expr5`, None for anything that is no buffer's name."""
+    digits = key[4:] if key.startswith("expr") else key[1:] if key.startswith("e") else ""
+    if digits.isdigit() and (digits == "0" or digits[0] != "0") and len(digits) <= 2 and int(digits) < BUFFERS:
+        return int(digits)
+    return None
+
+
+@dataclass(eq=False)
+class Vocabulary:
+    """The names of one type of robot; see the module. Sensors and actuators keep the order they are given in."""
+
+    name: str = "robot"
+    sensors: tuple[Quantity, ...] = ()
+    actuators: tuple[Quantity, ...] = ()
+    linked: frozenset[str] = frozenset()
+    constants: tuple[Constant, ...] = ()
+    functions: tuple[HostFunction, ...] = ()
+    bindings: dict[str, Binding] = field(default_factory=dict, init=False)
+    user_slots: dict[str, int] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        kinds = ((SUPPORT, Kind.SUPPORT), (self.sensors, Kind.SENSOR), (self.actuators, Kind.ACTUATOR))
+        slot = 0
+        for quantities, kind in kinds:
+            for quantity in quantities:
+                found = Kind.SENSOR if slot in _READ_ONLY_SUPPORT else kind
+                self._declare(Variable(quantity, found, slot, quantity.name.casefold() in self.linked))
+                slot += 1
+        self.size = slot
+        """Slots of the variables that every robot of this type has."""
+        others: tuple[Binding, ...] = (*CONSTANTS, *self.constants, *self.functions)
+        for binding in others:
+            self._declare(binding)
+
+    @property
+    def first_sensor(self) -> int:
+        """Slot of the first sensor; the others follow in order, then the actuators."""
+        return len(SUPPORT)
+
+    @property
+    def first_actuator(self) -> int:
+        return len(SUPPORT) + len(self.sensors)
+
+    def user_slot(self, key: str) -> int:
+        """The slot of the user variable `key`, a new one if it was never heard of. Raises VocabularyError if full."""
+        slot = self.user_slots.get(key)
+        if slot is None:
+            if len(self.user_slots) >= MAX_USER_VARIABLES:
+                raise VocabularyError(f"no room for a user variable {key}: there are {MAX_USER_VARIABLES} already")
+            slot = self.user_slots[key] = self.size + len(self.user_slots)
+        return slot
+
+    def names(self) -> Iterable[str]:
+        """Every name, as declared: variables, constants, the robot's functions and the built-in ones."""
+        yield from (binding.name for binding in self.bindings.values())
+        yield from (function.name for function in FUNCTIONS.values())
+
+    def _declare(self, binding: Binding) -> None:
+        key = binding.name.casefold()
+        if key in self.bindings or key in FUNCTIONS or buffer_number(key) is not None:
+            other = (
+                f"the {describe(self.bindings[key])} {self.bindings[key].name}"
+                if key in self.bindings
+                else f"the function {FUNCTIONS[key].name}"
+                if key in FUNCTIONS
+                else f"the buffer {key.upper()}"
+            )
+            raise VocabularyError(
+                f"{self.name}: the {describe(binding)} {binding.name} has the same name as {other}; rename one"
+            )
+        self.bindings[key] = binding
+
+
+def describe(binding: Binding) -> str:
+    """What a binding is, in a word or two: `sensor variable`, `constant`, `function`."""
+    if isinstance(binding, Variable):
+        return f"{binding.kind.value} variable"
+    return "constant" if isinstance(binding, Constant) else "function"
+
+
+def constants(named: Mapping[str, float]) -> tuple[Constant, ...]:
+    """Constants from a mapping of names to SI values, each of no stated dimension."""
+    return tuple(Constant(name, value) for name, value in named.items())

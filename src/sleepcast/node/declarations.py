@@ -1,0 +1,271 @@
+"""Declarations: what a host says of the variables and functions that it links.
+
+`sensor` and `actuator` describe a variable. Over a getter of a robot's class they mark it for linking; as the values of
+the table given to `link_struct` and `link_mapping` they describe a field or an entry. `function` and `command` mark a
+method that expressions may call. Everything is said in the host's own units; the numbers are converted to SI and
+back where they pass between the host and the robot's mind, and nowhere else.
+
+    class Scout:
+        @property
+        @actuator(unit="m/s", low=-0.5, high=0.5)
+        def velocity(self) -> float: ...
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from types import FunctionType
+from typing import Any, TypeVar, overload
+
+from sleepcast.errors import did_you_mean
+from sleepcast.language.functions import MANY
+from sleepcast.language.vocabulary import HostFunction
+from sleepcast.node.places import LinkError, as_number
+from sleepcast.units import NONE, UNITS, Dimension, Quantity, to_si
+
+MARK = "__sleepcast__"
+"""The attribute of a getter or method that keeps its declaration."""
+
+Member = TypeVar("Member", bound=Callable[..., Any] | property)
+Method = TypeVar("Method", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True, slots=True)
+class Declaration:
+    """One linked variable, as `sensor` or `actuator` made it; calling it marks a getter or property."""
+
+    acts: bool
+    unit: str
+    low: float
+    high: float
+    freshness: float
+    measured_at: str
+    field: str
+    name: str
+    doc: str
+
+    def __call__(self, member: Member) -> Member:
+        getter = member.fget if isinstance(member, property) else member
+        if not isinstance(getter, FunctionType):
+            raise LinkError(f"@sensor and @actuator stand over a property or a method, not over {member!r:.60}")
+        setattr(getter, MARK, self)
+        return member
+
+    def quantity(self, name: str, doc: str = "") -> Quantity:
+        """The variable as the vocabulary knows it, its range in SI."""
+        low, high = si(self.low, self.unit), si(self.high, self.unit)
+        return Quantity(name, self.unit, low, high, self.freshness, self.doc or doc)
+
+
+def sensor(
+    *,
+    unit: str = "",
+    low: float = -math.inf,
+    high: float = math.inf,
+    freshness: float = math.inf,
+    measured_at: str = "",
+    field: str = "",
+    name: str = "",
+    doc: str = "",
+) -> Declaration:
+    """A variable that the host measures and expressions read.
+
+    unit: of the host's number, a key of `units.UNITS`, "" for a plain number. low, high: its range, in that unit.
+    freshness: seconds after which a measurement counts as unknown; the host says when it measured, through the
+    attribute, field or key `measured_at` (seconds, by the clock that the robot thinks by) or through
+    `VariableTable.measured`. field: the attribute, field path or key, where it is not called as the variable is.
+    name: of the variable, where the getter is called otherwise. Raises LinkError for what cannot be.
+    """
+    return _checked(Declaration(False, unit, low, high, freshness, measured_at, field, name, doc))
+
+
+def actuator(
+    *, unit: str = "", low: float = -math.inf, high: float = math.inf, field: str = "", name: str = "", doc: str = ""
+) -> Declaration:
+    """A variable that expressions set, for the host to act on; the words are those of `sensor`.
+
+    What is set is first brought within low..high: the last check before the host's own.
+    """
+    return _checked(Declaration(True, unit, low, high, math.inf, "", field, name, doc))
+
+
+def _checked(found: Declaration) -> Declaration:
+    _check_unit(found.unit)
+    if not found.low < found.high:
+        raise LinkError(f"low={found.low:g} is not below high={found.high:g}")
+    if not found.freshness > 0:
+        raise LinkError(f"freshness={found.freshness:g} is not a number of seconds above 0")
+    if found.measured_at and math.isinf(found.freshness):
+        raise LinkError(f"measured_at={found.measured_at!r} has no use without a freshness limit; give freshness= too")
+    return found
+
+
+def _check_unit(unit: str) -> None:
+    if unit and unit not in UNITS:
+        raise LinkError(f"unknown unit {unit!r}{did_you_mean(unit, UNITS)}; the units are {' '.join(UNITS)}")
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """One linked method, as `function` or `command` made it; units None: nothing was said of them."""
+
+    acts: bool
+    units: tuple[str | None, ...] | None
+    result: str | None
+    labelled: bool
+    name: str
+    doc: str
+
+    def __call__(self, method: Method) -> Method:
+        if not isinstance(method, FunctionType):
+            raise LinkError(f"@function and @command stand over a method, not over {method!r:.60}")
+        setattr(method, MARK, self)
+        return method
+
+    def host_function(self, kind: type, attribute: str) -> HostFunction:
+        """The function as the vocabulary knows it; it calls the method `attribute` of whatever body it is given."""
+        label, method = f"{kind.__name__}.{attribute}", getattr(kind, attribute)
+        names, least = _parameters(method, label)
+        numbers = len(names) - self.labelled
+        if numbers < 0:
+            raise LinkError(f"{label} is labelled, so its first argument is the text, but it takes no argument")
+        if self.units is not None and len(self.units) != numbers:
+            raise LinkError(f"{label} takes {numbers} numbers, but units= names {len(self.units)} units")
+        units = self.units if self.units is not None else (None,) * numbers
+        return HostFunction(
+            self.name or attribute,
+            _caller(attribute, label, (None, *units) if self.labelled else units, self.result),
+            tuple(map(_dimension, units)),
+            max(0, least - self.labelled),
+            " ".join(names),
+            _dimension(self.result),
+            self.acts,
+            self.labelled,
+            self.doc or first_line(method),
+        )
+
+
+def declared_in(kind: type) -> dict[str, Declaration | Operation]:
+    """What a class declares, by attribute, base classes first; what overrides an attribute keeps its declaration."""
+    found: dict[str, Declaration | Operation] = {}
+    for base in reversed(kind.__mro__):
+        for name, member in vars(base).items():
+            mark = getattr(member.fget if isinstance(member, property) else member, MARK, None)
+            if isinstance(mark, Declaration | Operation):
+                found[name] = mark
+    return found
+
+
+@overload
+def function(method: Method, /) -> Method: ...
+@overload
+def function(
+    *, units: Sequence[str | None] | None = None, result: str | None = None, name: str = "", doc: str = ""
+) -> Operation: ...
+def function(
+    method: Method | None = None,
+    /,
+    *,
+    units: Sequence[str | None] | None = None,
+    result: str | None = None,
+    name: str = "",
+    doc: str = "",
+) -> Method | Operation:
+    """A method that computes a number and changes nothing.
+
+    units: one for each argument, as for `sensor`, None where any number will do. result: the unit of what it
+    returns: a number, or None, which counts as 1. name: by which expressions call it, where that is not the method's.
+    """
+    made = _operation(Operation(False, None if units is None else tuple(units), result, False, name, doc))
+    return made if method is None else made(method)
+
+
+@overload
+def command(method: Method, /) -> Method: ...
+@overload
+def command(
+    *,
+    units: Sequence[str | None] | None = None,
+    result: str | None = None,
+    labelled: bool = False,
+    name: str = "",
+    doc: str = "",
+) -> Operation: ...
+def command(
+    method: Method | None = None,
+    /,
+    *,
+    units: Sequence[str | None] | None = None,
+    result: str | None = None,
+    labelled: bool = False,
+    name: str = "",
+    doc: str = "",
+) -> Method | Operation:
+    """A method that does something to the world: like `function`, but an unknown argument never reaches it.
+
+    labelled: its first argument is not a number but a text in quotes, of which `units` says nothing.
+    """
+    made = _operation(Operation(True, None if units is None else tuple(units), result, labelled, name, doc))
+    return made if method is None else made(method)
+
+
+def _operation(made: Operation) -> Operation:
+    for unit in (*(made.units or ()), made.result):
+        _check_unit(unit or "")
+    return made
+
+
+def _dimension(unit: str | None) -> Dimension | None:
+    return None if unit is None else UNITS[unit].dimension if unit else NONE
+
+
+def _parameters(method: Callable[..., object], label: str) -> tuple[list[str], int]:
+    """Names of a method's parameters, and how many of them must be given."""
+    from inspect import Parameter, signature  # slow to load, and only linking needs it
+
+    _, *parameters = signature(method).parameters.values()
+    for each in parameters:
+        if each.kind not in (Parameter.POSITIONAL_ONLY, Parameter.POSITIONAL_OR_KEYWORD):
+            raise LinkError(f"{label} cannot be called from expressions: {each} is no plain positional argument")
+    if len(parameters) > MANY:
+        raise LinkError(f"{label} takes {len(parameters)} arguments; an expression gives {MANY} at most")
+    return [each.name for each in parameters], sum(each.default is Parameter.empty for each in parameters)
+
+
+def _caller(
+    attribute: str, label: str, units: tuple[str | None, ...], result: str | None
+) -> Callable[..., float | None]:
+    if not any(units):
+
+        def call(body: object, *arguments: float) -> object:
+            return getattr(body, attribute)(*arguments)
+
+    else:
+
+        def call(body: object, *arguments: float) -> object:
+            given = zip(arguments, units, strict=False)  # arguments with a default may be left out
+            return getattr(body, attribute)(*(from_si(x, unit) if unit else x for x, unit in given))
+
+    def call_number(body: object, *arguments: float) -> float | None:
+        returned = call(body, *arguments)
+        return None if returned is None else si(as_number(returned, f"what {label} returned"), result or "")
+
+    return call_number
+
+
+def si(number: float, unit: str) -> float:
+    """A number of the host's `unit` in SI."""
+    return to_si(number, unit) if unit else number
+
+
+def from_si(number: float, unit: str) -> float:
+    """A number in SI as the host's `unit`."""
+    return number / UNITS[unit].factor if unit else number
+
+
+def first_line(documented: object) -> str:
+    """The first line of a docstring, "" if there is none."""
+    text = getattr(documented, "__doc__", None) or ""
+    return text.strip().partition("\n")[0]

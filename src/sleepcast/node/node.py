@@ -1,0 +1,337 @@
+"""The node: one robot's mind. Messages and readings come in, a tick lets it think, what it says lies in its outbox.
+
+It knows no socket, no array and no page, and a test can drive it without any of them. Messages are evaluated once, in
+the order in which they came; then the active rules run. STOP and RELEASE are no matter of the language: they take
+effect when they are received.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict, deque
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import inf, isnan, nan
+
+from sleepcast.channel.message import Kind, Message
+from sleepcast.errors import SleepcastError
+from sleepcast.language.explain import Answer, Explanation, Recollection, explain, rehearse
+from sleepcast.language.machine import Program, evaluate
+from sleepcast.language.names import Declared, UserVariable
+from sleepcast.language.parts import Part
+from sleepcast.language.reader import read
+from sleepcast.language.review import Checked, check
+from sleepcast.language.vocabulary import FROZEN, SLEEPING, Variable, Vocabulary
+from sleepcast.node.buffers import ExpressionBuffer, RuleView
+from sleepcast.node.memory import Fault, RobotMemory, Voice
+from sleepcast.node.scheduler import Scheduler
+from sleepcast.node.variables import VariableTable
+from sleepcast.robot import Robot
+
+MAX_RECOLLECTIONS = 64
+"""Evaluations of messages that a robot can still explain."""
+MAX_QUEUE = 64
+"""Messages waiting for the next tick; more are dropped and counted, as a radio drops what it has no room for."""
+MAX_SEEN = 1_024
+"""Message ids remembered so that a repeated message changes nothing."""
+MAX_OUTBOX = 256
+"""Things said in one tick; the rest is dropped and counted."""
+MAX_FAULTS_IN_ROW = 10
+"""Evaluations with a fault, one after the other, after which a rule is deactivated."""
+TELL_SECONDS = 5.0
+"""How long what a robot tells others may still be acted on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What came of one text. printed: what it reported, label and values. explanation: made when it is asked for."""
+
+    value: float
+    matched: bool
+    faults: tuple[Fault, ...]
+    cost: int
+    steps: int
+    printed: tuple[tuple[str, tuple[float, ...]], ...]
+    recollection: Recollection
+
+    @property
+    def explanation(self) -> Explanation:
+        return explain(self.recollection)
+
+
+class Node:
+    """One robot's mind.
+
+    number: its `id` in expressions and in its chance. seed: of the run. body: what the functions of its vocabulary are
+    called on; if it is a `Robot` it is stopped, released and held still as well. variables: linked variables, if any.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        vocabulary: Vocabulary,
+        *,
+        number: int = 0,
+        seed: int = 0,
+        body: object | None = None,
+        variables: VariableTable | None = None,
+    ) -> None:
+        self.name, self.number, self.body = name, number, body
+        self.stopped = False
+        self.outbox: list[Message] = []
+        self.pings: list[float] = []
+        self.lost = 0
+        """Messages and sayings that found no room."""
+        self.epoch = 0
+        table = variables or VariableTable(vocabulary.name, like=vocabulary)
+        self._memory = RobotMemory(
+            table, Voice(self._report, self._tell, self._ping), number=number, seed=seed, body=body
+        )
+        self._scheduler = Scheduler(self._memory.rules, self._run_rule)
+        self._queue: deque[Message] = deque()
+        self._seen: OrderedDict[str, None] = OrderedDict()
+        self._recollections: deque[Recollection] = deque(maxlen=MAX_RECOLLECTIONS)
+        self._printed: list[tuple[str, tuple[float, ...]]] = []
+        self._sequence = 0
+        self._was_still = False
+
+    # ---- what others look at
+
+    @property
+    def vocabulary(self) -> Vocabulary:
+        return self._memory.vocabulary
+
+    @property
+    def values(self) -> list[float]:
+        """The numbers by slot; NaN is unknown. Linked variables lie in the host's memory instead."""
+        return self._memory.values
+
+    @property
+    def groups(self) -> frozenset[str]:
+        """Keys of the groups that the robot is in."""
+        return self._memory.groups
+
+    @property
+    def awake(self) -> bool:
+        """Whether the next tick has anything to do: a message, or rules that run."""
+        return bool(self._queue) or bool(self._memory.rules.running)
+
+    @property
+    def dropped(self) -> int:
+        """Assignments and calls that an unknown kept from the body."""
+        return self._memory.dropped
+
+    def declared(self, key: str) -> Declared | None:
+        """What the robot has learned under this key."""
+        return self._memory.declared(key)
+
+    def heard(self) -> Iterable[str]:
+        """Every learned name as written."""
+        return self._memory.heard()
+
+    def fetch(self, part: Part) -> Program | None:
+        """The program in the buffer or rule that a `fetch` part names."""
+        return self._memory.fetch(part)
+
+    def operator(self, part: Part) -> Program | None:
+        """The program of the operator that a `call` part names, None if it has none of that name."""
+        return self._memory.operators.get(part.name)
+
+    def rules(self) -> list[RuleView]:
+        """Every kept expression, in the order of the round."""
+        return [
+            RuleView(b.name, b.text, b.active, b.last_value, b.last_fault, b.steps, b.firings, b.lease)
+            for b in self._memory.rules.in_order()
+        ]
+
+    def variables(self) -> list[tuple[str, float]]:
+        """Every variable by name, in the order of the vocabulary, user variables last."""
+        memory = self._memory
+        found = [
+            (binding.name, memory.variables.read(binding.slot) if binding.linked else memory.values[binding.slot])
+            for binding in self.vocabulary.bindings.values()
+            if isinstance(binding, Variable)
+        ]
+        learned = [d for d in memory.learned.values() if isinstance(d, UserVariable)]
+        return found + [(d.name, memory.values[d.slot]) for d in learned]
+
+    def actuators(self) -> dict[str, float]:
+        """The actuators that were assigned since the last call, by name."""
+        memory = self._memory
+        first = self.vocabulary.first_actuator
+        taken = {self.vocabulary.actuators[slot - first].name: memory.values[slot] for slot in sorted(memory.actuated)}
+        memory.actuated.clear()
+        return taken
+
+    # ---- what comes in
+
+    def receive(self, message: Message) -> None:
+        """Take a message from the channel: STOP and RELEASE at once, commands and questions into the queue."""
+        if message.id in self._seen:
+            return
+        self._seen[message.id] = None
+        if len(self._seen) > MAX_SEEN:
+            self._seen.popitem(last=False)
+        if message.kind is Kind.STOP:
+            self._stop(message)
+        elif message.kind is Kind.RELEASE:
+            self._release(message)
+        elif message.kind in (Kind.COMMAND, Kind.ASK):
+            if len(self._queue) < MAX_QUEUE:
+                self._queue.append(message)
+            else:
+                self.lost += 1
+
+    def sense(self, readings: Sequence[float], now: float) -> None:
+        """Take sensor values (SI, in the order of the vocabulary's sensors, NaN: not measured) at `now` (s)."""
+        self._memory.variables.sense(self.values, readings, now)
+
+    def think(self, tick: int, now: float) -> None:
+        """One tick: the messages that are waiting, then one round of the active rules, unless asleep or frozen."""
+        memory = self._memory
+        memory.at(tick, now)
+        memory.variables.refresh(memory.values, now)
+        if memory.rules.leases:
+            for buffer in memory.rules.expire(now):
+                self._report(f"lease of {buffer.name} ended", ())
+        while self._queue:
+            self._obey(self._queue.popleft(), now)
+        if memory.rules.running and not (memory.values[SLEEPING] > 0 or memory.values[FROZEN] > 0):
+            self._scheduler.round()
+        self._hold()
+
+    def evaluate(self, text: str) -> Result:
+        """Check and evaluate one text in this memory, as if it were a message. Raises ReadError and CheckError."""
+        return self.run(check(text, self))
+
+    def run(self, checked: Checked) -> Result:
+        """Evaluate a text that has been checked. Raises CheckError if it has errors."""
+        self._printed = []
+        value, recollection = self._run(checked.required(), "")
+        memory = self._memory
+        return Result(
+            value,
+            memory.matched,
+            tuple(memory.faults),
+            checked.cost,
+            memory.steps,
+            tuple(self._printed),
+            recollection,
+        )
+
+    def why(self, command: str | None = None) -> Explanation:
+        """How a command was evaluated (by its id; None: the last one), or what a rule (by its name) would do now.
+
+        Raises SleepcastError if the robot remembers neither.
+        """
+        for recollection in reversed(self._recollections):
+            if command is None or recollection.command == command:
+                return explain(recollection)
+        buffer = self._memory.rules.kept.get((command or "").casefold())
+        if buffer is not None:
+            return rehearse(buffer.program, self._memory.rehearsal(), command=buffer.name)
+        what = "no command" if command is None else f"no command or rule {command}"
+        raise SleepcastError(f"{self.name} remembers {what}: it keeps the last {MAX_RECOLLECTIONS} commands")
+
+    # ---- evaluating
+
+    def _run(self, program: Program, command: str) -> tuple[float, Recollection]:
+        memory = self._memory
+        answers: list[Answer] = []
+        recollection = Recollection(
+            program, memory.values.copy(), memory.groups, answers, memory.time, memory.tick, command
+        )
+        self._recollections.append(recollection)
+        memory.answers, memory.faults = answers, []
+        value = evaluate(program, memory)
+        memory.answers = None
+        return value, recollection
+
+    def _run_rule(self, buffer: ExpressionBuffer) -> None:
+        memory = self._memory
+        memory.faults = []
+        buffer.last_value = evaluate(buffer.program, memory)
+        buffer.steps = memory.steps
+        if memory.matched:
+            buffer.firings += 1
+        if not memory.faults:
+            buffer.faults_in_row = 0
+            return
+        buffer.last_fault = str(memory.faults[0])
+        buffer.faults_in_row += 1
+        memory.rule_faulted()
+        if buffer.faults_in_row >= MAX_FAULTS_IN_ROW and not buffer.protected:
+            memory.rules.activate(buffer, False)
+            self._report(f"rule {buffer.name} deactivated", ())
+
+    def _obey(self, message: Message, now: float) -> None:
+        if now > message.deadline:
+            self._answer(message, "late")
+            return
+        memory = self._memory
+        try:
+            program = memory.library.program(message.text, lambda: [read(message.text)], memory)
+        except SleepcastError as error:
+            self._answer(message, "fault", fault=str(error).splitlines()[0])
+            return
+        if message.kind is Kind.ASK:
+            found = rehearse(program, memory.rehearsal(), command=message.id)
+            self._answer(message, "answer", found.value, "; ".join(found.faults))
+            return
+        value, _ = self._run(program, message.id)
+        if memory.faults:
+            self._answer(message, "fault", value, str(memory.faults[0]))
+        else:
+            self._answer(message, "matched" if memory.matched else "not matched", value)
+
+    # ---- the body
+
+    def _stop(self, message: Message) -> None:
+        self.stopped = True
+        if isinstance(self.body, Robot):
+            self.body.stop()
+        self._answer(message, "stopped")
+
+    def _release(self, message: Message) -> None:
+        self.stopped = False
+        if isinstance(self.body, Robot):
+            self.body.release()
+        self._answer(message, "released")
+
+    def _hold(self) -> None:
+        """A sleeping or frozen robot keeps its body still."""
+        values = self._memory.values
+        still = values[SLEEPING] > 0 or values[FROZEN] > 0
+        if still != self._was_still:
+            self._was_still = still
+            if isinstance(self.body, Robot):
+                self.body.hold(still)
+
+    # ---- what goes out
+
+    def _say(self, kind: Kind, *, text: str = "", deadline: float = inf, body: dict[str, object] | None = None) -> None:
+        if len(self.outbox) >= MAX_OUTBOX:
+            self.lost += 1
+            return
+        self._sequence += 1
+        self.outbox.append(
+            Message(self.name, self.epoch, self._sequence, kind, self._memory.time, deadline, text, False, body or {})
+        )
+
+    def _answer(self, message: Message, outcome: str, value: float = nan, fault: str = "") -> None:
+        body: dict[str, object] = {"command": message.id, "outcome": outcome}
+        body["value"] = None if isnan(value) else value
+        body["fault"] = fault or None
+        self._say(Kind.ANSWER, body=body)
+
+    def _report(self, label: str, values: tuple[float, ...]) -> None:
+        self._printed.append((label, values))
+        self._say(Kind.REPORT, body={"label": label, "values": [None if isnan(v) else v for v in values]})
+
+    def _tell(self, text: str) -> None:
+        self._say(Kind.COMMAND, text=text, deadline=self._memory.time + TELL_SECONDS)
+
+    def _ping(self, caste: float) -> None:
+        if len(self.pings) < MAX_OUTBOX:
+            self.pings.append(caste)
+        else:
+            self.lost += 1

@@ -1,0 +1,144 @@
+"""One simulated body: a light view of its column in the arrays, and the functions that expressions may call
+on it.
+
+A `Body` is a `Robot`. It only notes what it is asked; `motion` carries it out, within the limits, at the next
+tick.
+"""
+
+from __future__ import annotations
+
+from math import isnan, pi
+
+from sleepcast.robot import BodyFunction, Reading, RobotModel, Setpoint
+from sleepcast.simulator import sonar
+from sleepcast.simulator.bodies import Bodies, Mode, Saying
+from sleepcast.simulator.scenario import Scenario
+from sleepcast.units import LENGTH, NONE, RATE, SPEED, Quantity
+
+TUMBLE = 67.0 * pi / 180.0
+"""How far a tumble turns, to one side or the other: the angle of Hoskins's vehicles."""
+
+
+class Body:
+    """The body of the robot with index `number`."""
+
+    __slots__ = ("_bodies", "model", "number")
+
+    def __init__(self, bodies: Bodies, model: RobotModel, number: int) -> None:
+        self._bodies, self.model, self.number = bodies, model, number
+
+    @property
+    def stopped(self) -> bool:
+        return bool(self._bodies.stopped[self.number])
+
+    def sense(self) -> Reading:
+        bodies = self._bodies
+        return Reading(bodies.time, tuple(bodies.readings([self.number])[0]))
+
+    def act(self, wanted: Setpoint) -> None:
+        speed = self._bodies.wanted_speed[self.number] if isnan(wanted.speed) else wanted.speed
+        turn = self._bodies.wanted_turn[self.number] if isnan(wanted.turn_rate) else wanted.turn_rate
+        self.drive(speed, turn)
+
+    def stop(self) -> None:
+        self.halt()
+        self._bodies.stopped[self.number] = True
+
+    def release(self) -> None:
+        self._bodies.stopped[self.number] = False
+
+    def hold(self, still: bool) -> None:
+        self._bodies.held[self.number] = still
+
+    # ---- what expressions may ask; see FUNCTIONS
+
+    def drive(self, speed: float, turn_rate: float) -> None:
+        bodies, i = self._bodies, self.number
+        if not bodies.stopped[i]:
+            bodies.mode[i] = Mode.DRIVE
+            bodies.wanted_speed[i], bodies.wanted_turn[i] = speed, turn_rate
+
+    def go_to(self, x: float, y: float) -> None:
+        bodies, i = self._bodies, self.number
+        if not bodies.stopped[i]:
+            left, bottom, right, top = bodies.fence
+            bodies.mode[i] = Mode.GOTO
+            bodies.target_x[i], bodies.target_y[i] = min(max(x, left), right), min(max(y, bottom), top)
+
+    def wander(self) -> None:
+        if not self._bodies.stopped[self.number]:
+            self._bodies.mode[self.number] = Mode.WANDER
+
+    def halt(self) -> None:
+        self.drive(0.0, 0.0)
+        self._bodies.swing[self.number] = 0.0
+
+    def tumble(self) -> float:
+        """Turn by `TUMBLE` to the left (1) or right (-1), as chance has it."""
+        bodies, i = self._bodies, self.number
+        side = 1.0 if bodies.drawn(f"tumble {bodies.tick}", bodies.numbers[i : i + 1])[0] < 0.5 else -1.0
+        if not bodies.stopped[i]:
+            bodies.swing[i] = side * TUMBLE
+        return side
+
+    def say(self, text: str) -> None:
+        self._bodies.said.append(Saying(self._bodies.time, self.number, text))
+
+    def sonar(self, which: float) -> float:
+        return self.nearest(*sonar.sector(self._bodies.geometry.sonars, which))
+
+    def nearest(self, first: float, last: float) -> float:
+        return sonar.nearest(self._bodies, self.number, first, last)
+
+
+FUNCTIONS = (
+    BodyFunction(
+        "DRIVE",
+        Body.drive,
+        (SPEED, RATE),
+        arguments="speed turn_rate",
+        doc="Drives on at this speed and turn rate.",
+    ),
+    BodyFunction("GOTO", Body.go_to, (LENGTH, LENGTH), arguments="x y", doc="Drives to a point and stays there."),
+    BodyFunction("WANDER", Body.wander, doc="Roams by itself again."),
+    BodyFunction("ST", Body.halt, doc="Comes to rest."),
+    BodyFunction("TUMBLE", Body.tumble, result=NONE, doc="Turns by 67 degrees, left or right by chance."),
+    BodyFunction("TK", Body.say, (None,), arguments='"text"', labelled=True, doc="Says the text aloud."),
+)
+SONAR_FUNCTIONS = (
+    BodyFunction(
+        "SONAR",
+        Body.sonar,
+        (NONE,),
+        arguments="number",
+        result=LENGTH,
+        acts=False,
+        doc="Distance to the nearest robot before this sonar; 0 is in front, then counter-clockwise.",
+    ),
+    BodyFunction(
+        "NEAREST",
+        Body.nearest,
+        (NONE, NONE),
+        arguments="from to",
+        result=LENGTH,
+        acts=False,
+        doc="Distance to the nearest robot between two angles, counter-clockwise from the heading.",
+    ),
+)
+
+
+def model_of(scenario: Scenario, bodies: Bodies) -> RobotModel:
+    """What all robots of the scenario have in common."""
+    robots = scenario.robots
+    speed, turn = robots.limits.speed, robots.limits.turn_rate
+    return RobotModel(
+        robots.type,
+        sensors=bodies.sensors,
+        actuators=(
+            Quantity("drive_speed", "m/s", -speed, speed, doc="drives at this speed", shown_as=robots.speed_unit),
+            Quantity("drive_turn", "rad/s", -turn, turn, doc="turns at this rate", shown_as="deg/s"),
+        ),
+        functions=(*FUNCTIONS, *(SONAR_FUNCTIONS if robots.geometry.sonars else ())),
+        limits=robots.limits,
+        geometry=robots.geometry,
+    )

@@ -1,0 +1,33 @@
+"""The gallery: the scenarios that come with sleepcast, by name, and scenarios anywhere else, by path."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sleepcast.errors import MisuseError, did_you_mean
+from sleepcast.simulator.scenario import FILE, Scenario, load
+
+GALLERY = Path(__file__).resolve().parent.parent / "scenarios"
+"""The folder of the gallery: one folder for each scenario."""
+
+
+def scenario_names() -> list[str]:
+    """The names of the scenarios in the gallery, sorted."""
+    return sorted(file.parent.name for file in GALLERY.glob(f"*/{FILE}"))
+
+
+def find_scenario(name: str) -> Scenario:
+    """The scenario of the gallery called `name`, or the one in the folder or file at that path.
+
+    Raises MisuseError if there is neither, and what `load` raises for what is wrong in it.
+    """
+    names = scenario_names()
+    if name in names:
+        return load(GALLERY / name)
+    path = Path(name)
+    if path.exists():
+        return load(path)
+    raise MisuseError(
+        f'no scenario "{name}"{did_you_mean(name, names)}: wanted one of {", ".join(names)}, '
+        f"or the path of a folder with a {FILE}"
+    )

@@ -1,0 +1,123 @@
+"""Motion: one tick of all bodies at once.
+
+What each body wants (to wander, to drive, to reach a point) becomes a wanted speed and turn rate; tumbling,
+holding, an empty tank and the fence overrule it; the limits cut it; then it moves. A body has no inertia in
+turning and touches nobody: contact belongs to a later simulator behind the same interface.
+"""
+
+from __future__ import annotations
+
+from math import inf, pi, sqrt
+
+import numpy as np
+
+from sleepcast.channel.chance import GOLDEN, mix
+from sleepcast.simulator.bodies import TURN, Bodies, Flags, Floats, Mode
+
+BRAKING = 0.8
+"""Share of the acceleration that an approach to a point counts on, so that there is some left to correct
+with."""
+_UNIT_SPREAD = sqrt(12.0)
+"""Makes an even draw of width 1 one of standard deviation 1."""
+
+
+def step(bodies: Bodies) -> None:
+    """Move all bodies through the tick `bodies.tick`, and count it."""
+    tick = bodies.scenario.tick
+    speed, turn = _wanted(bodies, tick)
+    moves = ~(bodies.held | _empty(bodies))
+    _tumble(bodies, moves, turn, tick)
+    _turn_back(bodies, turn)
+    speed *= moves
+    turn *= moves
+    _move(bodies, speed, turn, tick)
+    bodies.tick += 1
+
+
+def wrap(angle: Floats) -> Floats:
+    """Each angle (rad) within -pi..pi."""
+    return angle - TURN * np.floor((angle + pi) / TURN)
+
+
+def _wanted(bodies: Bodies, tick: float) -> tuple[Floats, Floats]:
+    """What each body wants: speed and turn rate, shape (count,), before anything overrules or limits it."""
+    wanders = bodies.mode == Mode.WANDER
+    _roam(bodies, tick)
+    speed = np.where(wanders, bodies.scenario.robots.wander.speed, bodies.wanted_speed)
+    turn = np.where(wanders, bodies.roaming, bodies.wanted_turn)
+    going = np.flatnonzero(bodies.mode == Mode.GOTO)
+    if going.size:
+        across, up = bodies.target_x[going] - bodies.x[going], bodies.target_y[going] - bodies.y[going]
+        away = np.sqrt(across * across + up * up)
+        error = wrap(np.arctan2(up, across) - bodies.heading[going])
+        there = away <= bodies.geometry.radius
+        braking = np.sqrt(2.0 * BRAKING * bodies.limits.acceleration * away)
+        fastest = np.minimum(np.minimum(braking, away / tick), bodies.limits.speed)
+        speed[going] = np.where(there, 0.0, fastest * np.maximum(0.0, np.cos(error)))
+        turn[going] = np.where(there, 0.0, error / tick)
+    return speed, turn
+
+
+def _roam(bodies: Bodies, tick: float) -> None:
+    """Let the turn rates of wandering bodies drift: an Ornstein-Uhlenbeck process, one step of Euler's
+    method."""
+    wander = bodies.scenario.robots.wander
+    bits = mix(bodies.chance + np.uint64(bodies.tick * GOLDEN & 0xFFFF_FFFF_FFFF_FFFF))
+    drawn = (bits >> np.uint64(11)) * 2.0**-53 - 0.5
+    kept = max(0.0, 1.0 - tick / wander.steadiness)
+    bodies.roaming *= kept
+    bodies.roaming += drawn * (_UNIT_SPREAD * wander.turn_rate * sqrt(1.0 - kept * kept))
+
+
+def _tumble(bodies: Bodies, moves: Flags, turn: Floats, tick: float) -> None:
+    """Bodies that tumble, and can move, turn as fast as they can until their swing is done."""
+    swinging = np.flatnonzero(bodies.swing)
+    swinging = swinging[moves[swinging]]
+    if swinging.size:
+        limit = bodies.limits.turn_rate
+        now = np.clip(bodies.swing[swinging] / tick, -limit, limit)
+        turn[swinging] = now
+        left = bodies.swing[swinging] - now * tick
+        bodies.swing[swinging] = np.where(np.abs(left) < 1e-9, 0.0, left)
+
+
+def _empty(bodies: Bodies) -> Flags:
+    """Whether each body has run out of something that driving uses."""
+    empty = np.zeros(bodies.count, bool)
+    for row, store in zip(bodies.stores, bodies.scenario.robots.stores, strict=True):
+        if store.reach < inf:
+            empty |= row <= 0.0
+    return empty
+
+
+def _turn_back(bodies: Bodies, turn: Floats) -> None:
+    """Bodies that are at the fence and look outwards turn to the middle of the world."""
+    left, bottom, right, top = bodies.fence
+    at_fence = (bodies.x <= left) | (bodies.x >= right) | (bodies.y <= bottom) | (bodies.y >= top)
+    outside = np.flatnonzero(at_fence & (bodies.mode != Mode.GOTO) & ~bodies.stopped)
+    if outside.size:
+        middle = np.arctan2((bottom + top) / 2 - bodies.y[outside], (left + right) / 2 - bodies.x[outside])
+        error = wrap(middle - bodies.heading[outside])
+        away = np.abs(error) > pi / 4
+        turn[outside[away]] = np.copysign(bodies.limits.turn_rate, error[away])
+
+
+def _move(bodies: Bodies, speed: Floats, turn: Floats, tick: float) -> None:
+    """Drive each body for one tick, within its limits and its fence, and take what it uses from its
+    stores."""
+    limits = bodies.limits
+    np.clip(speed, -limits.speed, limits.speed, out=speed)
+    np.clip(turn, -limits.turn_rate, limits.turn_rate, out=turn)
+    most = limits.acceleration * tick
+    bodies.speed += np.clip(speed - bodies.speed, -most, most)
+    bodies.heading[:] = wrap(bodies.heading + turn * tick)
+    way = bodies.speed * tick
+    bodies.x += way * np.cos(bodies.heading)
+    bodies.y += way * np.sin(bodies.heading)
+    left, bottom, right, top = bodies.fence
+    np.clip(bodies.x, left, right, out=bodies.x)
+    np.clip(bodies.y, bottom, top, out=bodies.y)
+    for row, store in zip(bodies.stores, bodies.scenario.robots.stores, strict=True):
+        if store.reach < inf:
+            row -= np.abs(way) * (store.full / store.reach)
+            np.maximum(row, 0.0, out=row)

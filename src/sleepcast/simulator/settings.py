@@ -1,0 +1,309 @@
+"""Settings: a TOML file read key by key, so that every mistake is told with its file, its line and its key.
+
+The standard parser gives values without places, so the text is looked through once more for the line of each
+key. A `Table` is asked for its keys one by one; leaving its `with` block refuses every key that nobody asked
+for. Physical values are strings with a unit ("5mi", "30 kn") or plain numbers in SI.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Sequence
+from math import inf, isfinite
+from pathlib import Path
+from types import TracebackType
+from typing import NamedTuple, NoReturn
+
+from sleepcast.errors import MisuseError, did_you_mean, nearest
+from sleepcast.units import NONE, UNITS, Dimension, to_si
+
+MAX_BYTES = 1_048_576
+"""Of one file: the largest scenario of people is a hundred times smaller."""
+
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z%][A-Za-z/0-9]*|)\s*")
+_NAME = r"""(?:[\w-]+|"[^"]*"|'[^']*')"""
+_KEY = re.compile(rf"\s*({_NAME}(?:\s*\.\s*{_NAME})*)\s*=")
+_HEADER = re.compile(rf"\s*(\[\[?)\s*({_NAME}(?:\s*\.\s*{_NAME})*)\s*\]")
+_PART = re.compile(_NAME)
+
+Path_ = tuple[str | int, ...]
+
+
+class SettingsError(MisuseError):
+    """Something wrong in a file; the text begins with the file, the line and the key."""
+
+
+class Measure(NamedTuple):
+    """A physical value in SI, and the unit in which it was written ("" for a plain number)."""
+
+    value: float
+    unit: str = ""
+
+
+class Document:
+    """One file: its values as parsed, and the line of every key. Raises SettingsError if it is no TOML."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            raw = path.read_bytes()
+        except OSError as error:
+            raise SettingsError(f"{path}: cannot be read: {error.strerror or error}") from error
+        if len(raw) > MAX_BYTES:
+            raise SettingsError(f"{path}: {len(raw)} bytes are too many for a settings file; at most {MAX_BYTES}")
+        try:
+            text = raw.decode()
+            values = tomllib.loads(text)
+        except UnicodeDecodeError as error:
+            line = raw.count(b"\n", 0, error.start) + 1
+            raise SettingsError(f"{path}:{line}: not UTF-8 text: {error.reason}") from error
+        except tomllib.TOMLDecodeError as error:
+            raise self._not_toml(text, str(error)) from error
+        self.values: dict[str, object] = values
+        self.lines = key_lines(text)
+
+    def root(self) -> Table:
+        return Table(self, self.values, ())
+
+    def error(self, where: Path_, sentence: str) -> SettingsError:
+        """An error at the key `where`, or at the nearest table around it that has a line of its own."""
+        line = next((self.lines[where[:n]] for n in range(len(where), 0, -1) if where[:n] in self.lines), 1)
+        return SettingsError(f"{self.path}:{line}: {shown_key(where)}: {sentence}")
+
+    def _not_toml(self, text: str, said: str) -> SettingsError:
+        place = re.search(r"\(at line (\d+), column (\d+)\)", said)
+        line = int(place[1]) if place else text.count("\n") + 1
+        reason = said[: place.start()].strip() if place else said
+        return SettingsError(f"{self.path}:{line}: not TOML: {reason}")
+
+
+def key_lines(text: str) -> dict[Path_, int]:
+    """The line, from 1, of every key and table header. Tables in an array have their index in the path."""
+    found: dict[Path_, int] = {}
+    table: Path_ = ()
+    counts: dict[Path_, int] = {}
+    quoted = ""  # the mark that ends a text of several lines
+    for number, line in enumerate(text.split("\n"), 1):
+        if quoted:
+            quoted = "" if quoted in line else quoted
+            continue
+        quoted = next((mark for mark in ('"""', "'''") if line.count(mark) == 1), "")
+        if header := _HEADER.match(line):
+            table = _path(header[2])
+            if header[1] == "[[":
+                counts[table] = counts.get(table, -1) + 1
+                table = (*table, counts[table])
+            found.setdefault(table, number)
+        elif key := _KEY.match(line):
+            found.setdefault((*table, *_path(key[1])), number)
+    return found
+
+
+def _path(written: str) -> Path_:
+    return tuple(part.strip("\"'") for part in _PART.findall(written))
+
+
+def shown_key(where: Path_) -> str:
+    """`robots.limits.speed`, `commands[0].title`: a key as people write it."""
+    shown = ""
+    for part in where:
+        shown += f"[{part}]" if isinstance(part, int) else f".{part}" if shown else part
+    return shown or "the file"
+
+
+class Table:
+    """One table of a document. Every method raises SettingsError for a value that is missing or not as
+    wanted."""
+
+    def __init__(self, document: Document, values: dict[str, object], where: Path_) -> None:
+        self.document, self.values, self.where = document, values, where
+        self._asked: set[str] = set()
+
+    def __enter__(self) -> Table:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        if kind is None:
+            for key in self.values:
+                if key not in self._asked:
+                    raise self.error(key, f"unknown key{did_you_mean(key, self._asked)}; {self._known()}")
+
+    def error(self, key: str, sentence: str) -> SettingsError:
+        return self.document.error((*self.where, key), sentence)
+
+    def has(self, key: str) -> bool:
+        self._asked.add(key)
+        return key in self.values
+
+    def text(self, key: str, default: str | None = None, *, choices: Sequence[str] = (), most: int = 500) -> str:
+        """A text of at most `most` characters, one of `choices` if there are any."""
+        value = self._value(key, default)
+        if not isinstance(value, str):
+            self._refuse(key, "a text in quotes", value)
+        if choices and value not in choices:
+            raise self.error(key, f'wanted one of {", ".join(choices)}, not "{value}"{did_you_mean(value, choices)}')
+        if len(value) > most:
+            raise self.error(key, f"a text of {len(value)} characters; at most {most} fit")
+        return value
+
+    def boolean(self, key: str, default: bool) -> bool:
+        value = self._value(key, default)
+        if not isinstance(value, bool):
+            self._refuse(key, "true or false", value)
+        return value
+
+    def whole(self, key: str, default: int | None = None, *, low: int, high: int) -> int:
+        """A whole number from `low` to `high`."""
+        value = self._value(key, default)
+        if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
+            self._refuse(key, f"a whole number from {low} to {high}", value)
+        return value
+
+    def measure(
+        self,
+        key: str,
+        dimension: Dimension | None = NONE,
+        default: Measure | None = None,
+        *,
+        low: float = -inf,
+        high: float = inf,
+    ) -> Measure:
+        """A physical value of `dimension` (None: of any) within low..high, all in SI."""
+        return self._measured(key, self._value(key, default), dimension, low, high)
+
+    def number(
+        self,
+        key: str,
+        dimension: Dimension = NONE,
+        default: float | None = None,
+        *,
+        low: float = -inf,
+        high: float = inf,
+    ) -> float:
+        """The same as `measure`, without its unit."""
+        return self.measure(key, dimension, None if default is None else Measure(default), low=low, high=high).value
+
+    def span(
+        self,
+        key: str,
+        dimension: Dimension | None = NONE,
+        default: tuple[Measure, Measure] | None = None,
+        *,
+        low: float = -inf,
+        high: float = inf,
+    ) -> tuple[Measure, Measure]:
+        """Two physical values, the least and the greatest: `["0%", "100%"]`."""
+        value = self._value(key, default)
+        if default is not None and value is default:
+            return default
+        if not isinstance(value, list) or len(value) != 2:
+            self._refuse(key, 'a list of the least and the greatest, such as ["1km", "5km"],', value)
+        first, last = (self._measured(key, end, dimension, low, high) for end in value)
+        if first.value > last.value:
+            self._refuse(key, "the least before the greatest", value)
+        return first, last
+
+    def point(self, key: str, low: tuple[float, float], high: tuple[float, float]) -> tuple[float, float]:
+        """Two lengths, x and y, in m, within the rectangle from `low` to `high`."""
+        value = self._value(key, None)
+        if not isinstance(value, list) or len(value) != 2:
+            self._refuse(key, 'a list of x and y, such as ["3km", "4km"],', value)
+        dimension = UNITS["m"].dimension
+        x, y = (self._measured(key, value[i], dimension, low[i], high[i]).value for i in (0, 1))
+        return x, y
+
+    def table(self, key: str) -> Table:
+        """The table under `key`, empty if there is none."""
+        value = self.values.get(key, {})
+        self._asked.add(key)
+        if not isinstance(value, dict):
+            self._refuse(key, f"a table [{shown_key((*self.where, key))}]", value)
+        return Table(self.document, value, (*self.where, key))
+
+    def tables(self, key: str, *, most: int) -> dict[str, Table]:
+        """The tables under the table `key`, by their names, at most so many: `[places.vessel]`."""
+        around = self.table(key)
+        if len(around.values) > most:
+            raise self.error(key, f"{len(around.values)} of them; at most {most} fit")
+        return {name: around.table(name) for name in around.values}
+
+    def array(self, key: str, *, most: int) -> list[Table]:
+        """The tables of the array `key`, at most so many: `[[commands]]`."""
+        value = self._value(key, ())
+        if not isinstance(value, list | tuple) or not all(isinstance(item, dict) for item in value):
+            self._refuse(key, f"tables [[{shown_key((*self.where, key))}]]", value)
+        if len(value) > most:
+            raise self.error(key, f"{len(value)} of them; at most {most} fit")
+        return [Table(self.document, item, (*self.where, key, i)) for i, item in enumerate(value)]
+
+    def _value(self, key: str, default: object) -> object:
+        self._asked.add(key)
+        if key in self.values:
+            return self.values[key]
+        if default is None:
+            written = nearest(key, set(self.values) - self._asked)
+            if written:
+                raise self.error(written, f"unknown key (did you mean {key}?)")
+            raise self.error(key, "is missing")
+        return default
+
+    def _measured(self, key: str, value: object, dimension: Dimension | None, low: float, high: float) -> Measure:
+        if isinstance(value, Measure):
+            return value
+        found = _as_measure(value)
+        wanted = f"{dimension or 'a value'}{_example(dimension)}"
+        if found is None:
+            self._refuse(key, wanted, value)
+        if found.unit and found.unit not in UNITS:
+            units = [unit for unit, known in UNITS.items() if dimension in (None, known.dimension)]
+            raise self.error(key, f'unknown unit in "{value}"{did_you_mean(found.unit, units)}; wanted {wanted}')
+        if dimension is not None and found.unit and UNITS[found.unit].dimension != dimension:
+            raise self.error(key, f'wanted {wanted}, not "{value}", {UNITS[found.unit].dimension}')
+        if not isfinite(found.value) or not low <= found.value <= high:
+            self._refuse(key, f"{dimension or 'a value'} {_between(low, high, found.unit)}", value)
+        return found
+
+    def _known(self) -> str:
+        return f"known here: {', '.join(sorted(self._asked))}" if self._asked else "nothing is wanted here"
+
+    def _refuse(self, key: str, wanted: str, value: object) -> NoReturn:
+        raise self.error(key, f"wanted {wanted}{'' if wanted.endswith(',') else ','} not {shown_value(value)}")
+
+
+def _as_measure(value: object) -> Measure | None:
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return Measure(float(value))
+    match = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
+    if match is None:
+        return None
+    number, unit = float(match[1]), match[2]
+    unit = unit if unit in UNITS else next((known for known in UNITS if known == unit.casefold()), unit)
+    return Measure(to_si(number, unit) if unit in UNITS else number, unit)
+
+
+def _example(dimension: Dimension | None) -> str:
+    examples = (unit for unit, known in UNITS.items() if known.dimension == dimension and dimension != NONE)
+    return "".join(f' such as "5{unit}"' for unit in list(examples)[:1])
+
+
+def _between(low: float, high: float, unit: str) -> str:
+    def end(value: float) -> str:
+        return f"{value / UNITS[unit].factor:.6g}{unit}" if unit in UNITS else f"{value:.6g}"
+
+    if high == inf:
+        return f"of at least {end(low)}"
+    return f"from {end(low)} to {end(high)}"
+
+
+def shown_value(value: object) -> str:
+    """A TOML value as people write it, shortened."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return f'"{value[:40]}"'
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, list):
+        return f"[{', '.join(map(shown_value, value[:4]))}{', ...' if len(value) > 4 else ''}]"
+    return str(value)[:40]

@@ -1,0 +1,96 @@
+"""The simulator as the loop knows it: robots with names and bodies, ticks, readings, pings, and a hash of the
+state.
+
+The full simulator of many Scouts will stand behind this same interface.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from sleepcast.simulator.bodies import Bodies, Floats, Saying
+from sleepcast.simulator.body import Body, model_of
+from sleepcast.simulator.motion import step, wrap
+from sleepcast.simulator.scenario import Scenario
+
+
+class Simulator:
+    """A scenario brought to life; `seed` replaces the scenario's own. Equal seeds make equal runs, to the
+    last bit.
+
+    names, robots: of each robot by its index; a robot's own number is its index + 1. model: what they all
+    are.
+    """
+
+    def __init__(self, scenario: Scenario, seed: int | None = None) -> None:
+        self.scenario = scenario
+        self.seed = scenario.seed if seed is None else seed
+        self.bodies = Bodies(scenario, self.seed)
+        self.model = model_of(scenario, self.bodies)
+        self.names = tuple(f"{scenario.robots.type}{i + 1}" for i in range(scenario.robots.count))
+        self.robots = tuple(Body(self.bodies, self.model, i) for i in range(scenario.robots.count))
+        self._pings: list[tuple[int, float]] = []
+        self._pinged = False
+
+    @property
+    def tick(self) -> int:
+        """Ticks since the start."""
+        return self.bodies.tick
+
+    @property
+    def time(self) -> float:
+        """Simulated seconds since the start."""
+        return self.bodies.time
+
+    @property
+    def x(self) -> Floats:
+        """Where the robots are, m, shape (robots,); the simulator's own array."""
+        return self.bodies.x
+
+    @property
+    def y(self) -> Floats:
+        return self.bodies.y
+
+    @property
+    def said(self) -> deque[Saying]:
+        """The latest things that robots said aloud."""
+        return self.bodies.said
+
+    def step(self) -> None:
+        """One tick: everything moves, then the pings sent since the last tick are heard."""
+        if self._pinged:
+            self.bodies.sensed[-3:] = np.nan
+            self._pinged = False
+        step(self.bodies)
+        for number, caste in self._pings:
+            self._spread(number, caste)
+        self._pings.clear()
+
+    def readings(self, numbers: Sequence[int] | None = None) -> list[list[float]]:
+        """What the robots with these indices (None: all) sense; see `Bodies.readings`."""
+        return self.bodies.readings(numbers)
+
+    def ping(self, number: int, caste: float) -> None:
+        """Robot `number` sends a ping that carries `caste`; those in reach sense it in the next tick."""
+        if self.scenario.ping_reach:
+            self._pings.append((number, caste))
+
+    def state_hash(self) -> str:
+        """SHA-256 of the state of all bodies, as hexadecimal digits."""
+        return self.bodies.state_hash()
+
+    def _spread(self, number: int, caste: float) -> None:
+        """Let every robot in reach hear a ping, unless it hears a nearer one in this tick."""
+        bodies = self.bodies
+        across, up = bodies.x[number] - bodies.x, bodies.y[number] - bodies.y
+        away = np.sqrt(across * across + up * up)
+        castes, ranges, bearings = bodies.sensed[-3:]
+        hears = (away <= self.scenario.ping_reach) & ~(ranges <= away)
+        hears[number] = False
+        castes[hears] = caste
+        ranges[hears] = away[hears]
+        bearings[hears] = wrap(np.arctan2(up[hears], across[hears]) - bodies.heading[hears])
+        self._pinged = True

@@ -1,0 +1,316 @@
+"""The operator's desk: check a text, see who would obey, send it, and keep account of what became of it.
+
+The desk knows no page, socket or body. What it sends goes to an `outbox` that it was given; what robots say is brought
+to it by `hear` and `observe`. Time comes from the swarm's clock.
+
+Threads: every public method may be called from any thread; a lock guards the roster, the commands and the journal,
+and is never held while a text is checked or a preview is evaluated. `outbox` is called with the lock held, so that
+messages leave in the order of their numbers: it must only queue the message, never wait for another thread.
+A preview reads what robots have learned (operators, buffers) out of their minds without stopping them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from math import inf, isfinite
+from threading import RLock
+
+from sleepcast.channel import Kind, Message
+from sleepcast.clock import Clock
+from sleepcast.errors import MisuseError, SleepcastError, did_you_mean
+from sleepcast.language import Checked, Explanation, check
+from sleepcast.language.machine import Program
+from sleepcast.language.parts import walk
+from sleepcast.language.vocabulary import Vocabulary
+from sleepcast.station.accounting import Accounting, Answer, Command, Outcome, account
+from sleepcast.station.journal import Event, Journal, MemoryJournal
+from sleepcast.station.minds import FleetNames, Minds, Telemetry
+from sleepcast.station.preview import Preview, is_for_everybody, preview
+from sleepcast.station.roster import Roster
+
+DEADLINE = 5.0
+"""Seconds for which a one-shot command is good unless it says otherwise: time for repairs on a bad radio, too short
+for a command to take effect when nobody thinks of it any more."""
+MAX_DEADLINE = 3600.0
+"""Seconds for which a one-shot command may be good at most; what must hold longer is a rule."""
+STALE_AFTER = 5.0
+"""Seconds after which a robot's last news decides nothing in a preview."""
+REPEAT_AFTER = 0.5
+"""Seconds between two sendings of a STOP or RELEASE while somebody is not accounted for."""
+MAX_COMMANDS = 1_000
+"""Commands whose answers are kept; the journal has them all."""
+MAX_REPORTS = 1_000
+"""Latest reports that are kept for the page."""
+
+
+class AddressError(MisuseError):
+    """A command that would go to everybody without saying so."""
+
+
+class SortError(MisuseError):
+    """A command sent as the wrong sort (one-shot or standing), or with an impossible deadline."""
+
+
+class NoSuchCommandError(MisuseError):
+    """An id that belongs to no command of this desk."""
+
+
+class NoExplanationError(SleepcastError):
+    """The robot cannot say why: it did not hear the command, or has forgotten how it went."""
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """Something that a robot said unasked. heard: s of the desk's clock. body: what its message carried."""
+
+    robot: str
+    heard: float
+    body: dict[str, object]
+
+
+class Station:
+    """One operator's desk; see the module for who may call what.
+
+    vocabulary, minds: the names and the minds of the fleet (a dictionary of nodes by name will do); `minds` is looked
+    into, never changed. outbox: takes what is sent. operator, epoch: who sends, and which life of that sender this is.
+    """
+
+    def __init__(
+        self,
+        vocabulary: Vocabulary,
+        minds: Minds,
+        outbox: Callable[[Message], None],
+        clock: Clock,
+        *,
+        operator: str = "desk",
+        epoch: int = 1,
+        journal: Journal | None = None,
+        stale_after: float = STALE_AFTER,
+    ) -> None:
+        self.operator, self.epoch, self.stale_after = operator, epoch, stale_after
+        self.journal: Journal = MemoryJournal() if journal is None else journal
+        self.reports: deque[Report] = deque(maxlen=MAX_REPORTS)
+        """What robots said unasked, the latest last."""
+        self._vocabulary, self._minds, self._outbox, self._clock = vocabulary, minds, outbox, clock
+        self._roster = Roster(minds)
+        self._commands: dict[str, Command] = {}
+        self._sequence = 0
+        self._lock = RLock()
+
+    # ---- before sending
+
+    def check(self, text: str) -> Checked:
+        """Everything that is wrong or doubtful in `text`, in the names of the fleet. Raises ReadError."""
+        return check(text, FleetNames(self._vocabulary, self._minds))
+
+    def preview(self, text: str) -> Preview:
+        """Who would obey `text` now. Raises ReadError, and CheckError for a text that no robot could run."""
+        program = self._program(text)
+        with self._lock:
+            rows = list(self._roster)
+        return preview(program, rows, self._minds, self._clock.now(), self.stale_after)
+
+    def _program(self, text: str) -> Program:
+        return self.check(text).required()
+
+    # ---- sending
+
+    def send(
+        self, text: str, *, standing: bool = False, deadline: float | None = None, everybody: bool = False
+    ) -> Command:
+        """Broadcast an expression and keep account of it.
+
+        A one-shot command (the default) is evaluated within `deadline` seconds from now (`DEADLINE` unless given) or
+        never; a standing one is good until it has reached everybody. Raises ReadError and CheckError for a text that
+        no robot could run, AddressError if it would go to everybody and `everybody` does not say so, SortError for a
+        standing command that has a test and joins a group (who matches is a matter of the moment) or a deadline.
+        """
+        try:
+            program = self._program(text)
+            self._settle_address(program, everybody)
+            seconds = _settle_sort(program, standing, deadline)
+        except SleepcastError as error:
+            self._note(Event.REFUSED, text=text, details={"reason": str(error)})
+            raise
+        with self._lock:
+            rows = list(self._roster)
+        expected = preview(program, rows, self._minds, self._clock.now(), self.stale_after)
+        return self._broadcast(Kind.COMMAND, text, standing, seconds, frozenset(expected.yes))
+
+    def stop(self) -> Command:
+        """Stop every body at once, whatever it is doing; it stays stopped until `release`."""
+        return self._broadcast(Kind.STOP)
+
+    def release(self) -> Command:
+        """End STOP on every robot; nothing old resumes by itself."""
+        return self._broadcast(Kind.RELEASE)
+
+    def attend(self) -> None:
+        """Send the last STOP or RELEASE again if robots are not accounted for; call this at every tick or so."""
+        with self._lock:
+            now = self._clock.now()
+            latest = next((c for c in reversed(self._commands.values()) if c.kind is not Kind.COMMAND), None)
+            if latest is None or now - latest.last_sent < REPEAT_AFTER:
+                return
+            silent = latest.silent()
+            if silent:
+                latest.last_sent = now
+                self._note(Event.REPEATED, subject=latest.id, text=latest.text, details={"silent": len(silent)})
+                self._outbox(latest.message)
+
+    def _settle_address(self, program: Program, everybody: bool) -> None:
+        if everybody or not is_for_everybody(program):
+            return
+        which = "has no test" if program.test is None else "has a test that is always true"
+        with self._lock:
+            count = len(self._roster)
+        raise AddressError(
+            f"this command {which}, so every robot that hears it would obey ({count} on the roster): confirm that "
+            "everybody is meant, or put a test before it, as in (WHEN (IN bravo) ...)"
+        )
+
+    def _broadcast(
+        self,
+        kind: Kind,
+        text: str = "",
+        standing: bool = False,
+        seconds: float = inf,
+        predicted: frozenset[str] = frozenset(),
+    ) -> Command:
+        with self._lock:
+            self._sequence += 1
+            now = self._clock.now()
+            message = Message(
+                self.operator, self.epoch, self._sequence, kind, now, now + seconds, text=text, standing=standing
+            )
+            command = Command(message, self._roster.names(), predicted, last_sent=now)
+            self._commands[message.id] = command
+            while len(self._commands) > MAX_COMMANDS:
+                del self._commands[next(iter(self._commands))]
+            details = {
+                "kind": kind.value,
+                "standing": standing,
+                "deadline": message.deadline,
+                "digest": hashlib.sha256(text.encode()).hexdigest(),
+                "predicted": sorted(predicted),
+            }
+            self._note(Event.SENT, subject=message.id, text=text, details=details)
+            self._outbox(message)
+            return command
+
+    # ---- what comes in
+
+    def hear(self, message: Message) -> None:
+        """Take in what a robot says: an ANSWER to a command, a REPORT, or anything that shows that it is there."""
+        with self._lock:
+            now = self._clock.now()
+            self._roster.hear(message.sender, now)
+            if message.kind is Kind.REPORT:
+                self.reports.append(Report(message.sender, now, message.body))
+            elif message.kind is Kind.ANSWER:
+                self._take_answer(message, now)
+            else:
+                return
+            details = {"kind": message.kind.value, **message.body}
+            subject = message.body.get("command", "")
+            self._note(Event.HEARD, message.sender, subject=str(subject), details=details)
+
+    def _take_answer(self, message: Message, now: float) -> None:
+        command = self._commands.get(str(message.body.get("command")))
+        outcome = message.body.get("outcome")
+        if command is None or command.kind is not Kind.COMMAND or outcome not in _OUTCOMES:
+            return
+        value, fault = message.body.get("value"), message.body.get("fault")
+        answer = Answer(
+            Outcome(outcome),
+            now,
+            float(value) if isinstance(value, int | float) and isfinite(value) else None,
+            fault if isinstance(fault, str) else None,
+        )
+        command.answers.setdefault(message.sender, answer)
+
+    def observe(self, now: float, rows: Iterable[Telemetry]) -> None:
+        """Take in telemetry of `now` (s of the desk's clock): what robots tell of themselves. Nodes are such rows."""
+        with self._lock:
+            told = list(rows)
+            self._roster.observe(now, told)
+            latest = next((c for c in reversed(self._commands.values()) if c.kind is not Kind.COMMAND), None)
+            if latest is None or now < latest.message.issued:
+                return
+            wanted = latest.kind is Kind.STOP
+            for row in told:
+                if row.stopped is wanted and row.name not in latest.answers:
+                    latest.answers[row.name] = Answer(Outcome.MATCHED, now)
+
+    # ---- afterwards
+
+    @property
+    def roster(self) -> dict[str, float | None]:
+        """Every robot by name, with the time at which it was last heard (s of the desk's clock), None if never."""
+        with self._lock:
+            return {row.robot: row.heard if row.heard > -inf else None for row in self._roster}
+
+    def commands(self) -> list[Command]:
+        """What was sent, oldest first."""
+        with self._lock:
+            return list(self._commands.values())
+
+    def accounting(self, command: str) -> Accounting:
+        """What became of the command with this id. Raises NoSuchCommandError."""
+        with self._lock:
+            found = self._commands.get(command)
+            if found is None:
+                raise _no_such_command(command, self._commands)
+            return account(found, self._clock.now(), {row.robot: row.heard for row in self._roster})
+
+    def why(self, robot: str, command: str | None = None) -> Explanation:
+        """How `robot` evaluated a command (None: its last one): the tree of values and the first test that failed.
+
+        Raises UnknownRobotError, NoSuchCommandError, and NoExplanationError if the robot cannot say.
+        """
+        with self._lock:
+            known = command is None or command in self._commands
+            row = self._roster[robot]
+            commands = list(self._commands)
+        if command is not None and not known:
+            raise _no_such_command(command, commands)
+        mind = self._minds.get(row.robot)
+        if mind is None:
+            raise NoExplanationError(f"{robot} cannot be asked from here: only its radio is known, not its mind")
+        return mind.why(command)
+
+    def _note(
+        self, event: Event, who: str = "", *, subject: str = "", text: str = "", details: Mapping[str, object]
+    ) -> None:
+        with self._lock:
+            now = self._clock.now()
+            self.journal.append(now, who or self.operator, event, subject=subject, text=text, details=details)
+
+
+_OUTCOMES = frozenset(outcome.value for outcome in Outcome)
+
+
+def _no_such_command(command: str, known: Iterable[str]) -> NoSuchCommandError:
+    names = list(known)
+    return NoSuchCommandError(f'no command "{command}" was sent from this desk{did_you_mean(command, names)}')
+
+
+def _settle_sort(program: Program, standing: bool, deadline: float | None) -> float:
+    """The seconds for which a command is good. Raises SortError."""
+    if not standing:
+        seconds = DEADLINE if deadline is None else deadline
+        if not 0.0 < seconds <= MAX_DEADLINE:
+            raise SortError(f"a deadline lies more than 0 and at most {MAX_DEADLINE:g} s ahead, not {seconds:g} s")
+        return seconds
+    if deadline is not None:
+        raise SortError("a standing command has no deadline: it is good until everybody has it")
+    joins = any(part.op == "act" and part.name == "join" for part in walk(program.root))
+    if joins and program.test is not None:
+        raise SortError(
+            "a command with a test and a JOIN cannot be standing, because who matches is a matter of the moment: "
+            "send it as a one-shot command"
+        )
+    return inf

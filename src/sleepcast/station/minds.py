@@ -1,0 +1,76 @@
+"""Minds: what the desk may ask about the robots' minds, and the names that the fleet knows between them.
+
+The desk never touches a mind, it only asks; a dictionary of nodes by name is a `Minds`, and so is anything that
+answers for many robots at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from copy import copy
+from typing import Protocol
+
+from sleepcast.language.explain import Explanation, Rehearsal
+from sleepcast.language.names import Declared
+from sleepcast.language.vocabulary import Vocabulary
+
+
+class Telemetry(Protocol):
+    """What a robot tells of itself. values: its numbers by slot, SI, NaN unknown. groups: keys of those it is in."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def values(self) -> list[float]: ...
+
+    @property
+    def groups(self) -> frozenset[str]: ...
+
+    @property
+    def stopped(self) -> bool: ...
+
+
+class Mind(Telemetry, Protocol):
+    """One robot's mind, as far as the desk is concerned."""
+
+    def declared(self, key: str) -> Declared | None:
+        """What the robot has learned under this key, or None."""
+
+    def heard(self) -> Iterable[str]:
+        """Every learned name as written."""
+
+    def rehearsal(self) -> Rehearsal:
+        """A memory with what the robot has learned, in which nothing happens."""
+
+    def why(self, command: str | None = None) -> Explanation:
+        """How the robot evaluated a command (by its id; None: the last one)."""
+
+
+Minds = Mapping[str, Mind]
+"""The minds of a fleet by the robots' names."""
+
+
+class FleetNames:
+    """The names that a fleet knows: its vocabulary, and what any of its minds has learned (a `Names` for the checker).
+
+    Slots of new user variables are given out in a copy of the vocabulary: checking a text, keystroke by keystroke,
+    leaves nothing behind in the robots' own tables.
+    """
+
+    def __init__(self, vocabulary: Vocabulary, minds: Minds) -> None:
+        self.vocabulary = copy(vocabulary)
+        self.vocabulary.user_slots = dict(vocabulary.user_slots)
+        self._minds = minds
+
+    def declared(self, key: str) -> Declared | None:
+        """What the first mind that knows `key` has learned under it, or None."""
+        for mind in self._minds.values():
+            found = mind.declared(key)
+            if found is not None:
+                return found
+        return None
+
+    def heard(self) -> Iterable[str]:
+        """Every name that some mind has learned, each once."""
+        return {name: None for mind in self._minds.values() for name in mind.heard()}

@@ -1,0 +1,124 @@
+"""Units and dimensions: everything inside is SI; conversion happens when a text is read.
+
+A dimension is a triple of whole exponents (length, time, mass). Angles, fractions and counts have none. The factors
+are exact by definition (international foot, statute and nautical mile, knot).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+
+class Dimension(NamedTuple):
+    """Exponents of metre, second and kilogram."""
+
+    length: int = 0
+    time: int = 0
+    mass: int = 0
+
+    def __str__(self) -> str:
+        if self in _DIMENSION_NAMES:
+            return _DIMENSION_NAMES[self]
+        parts = [f"{u}^{n}" if n != 1 else u for u, n in zip(("m", "s", "kg"), self, strict=True) if n]
+        return "*".join(parts)
+
+
+NONE = Dimension()
+LENGTH = Dimension(length=1)
+TIME = Dimension(time=1)
+MASS = Dimension(mass=1)
+SPEED = Dimension(length=1, time=-1)
+ACCELERATION = Dimension(length=1, time=-2)
+RATE = Dimension(time=-1)
+
+_DIMENSION_NAMES = {
+    NONE: "a plain number",
+    LENGTH: "a length",
+    TIME: "a time",
+    MASS: "a mass",
+    SPEED: "a speed",
+    ACCELERATION: "an acceleration",
+    RATE: "a rate",
+}
+
+
+class Unit(NamedTuple):
+    """How a literal with this suffix becomes SI: multiply by `factor`."""
+
+    factor: float
+    dimension: Dimension
+
+
+_DEGREE = math.pi / 180.0
+
+UNITS: dict[str, Unit] = {
+    "m": Unit(1.0, LENGTH),
+    "km": Unit(1000.0, LENGTH),
+    "cm": Unit(0.01, LENGTH),
+    "mm": Unit(0.001, LENGTH),
+    "in": Unit(0.0254, LENGTH),
+    "ft": Unit(0.3048, LENGTH),
+    "yd": Unit(0.9144, LENGTH),
+    "mi": Unit(1609.344, LENGTH),
+    "nmi": Unit(1852.0, LENGTH),
+    "ms": Unit(0.001, TIME),
+    "s": Unit(1.0, TIME),
+    "min": Unit(60.0, TIME),
+    "h": Unit(3600.0, TIME),
+    "deg": Unit(_DEGREE, NONE),
+    "rad": Unit(1.0, NONE),
+    "%": Unit(0.01, NONE),
+    "m/s": Unit(1.0, SPEED),
+    "km/h": Unit(1000.0 / 3600.0, SPEED),
+    "kn": Unit(1852.0 / 3600.0, SPEED),
+    "in/s": Unit(0.0254, SPEED),
+    "ft/s": Unit(0.3048, SPEED),
+    "m/s2": Unit(1.0, ACCELERATION),
+    "deg/s": Unit(_DEGREE, RATE),
+    "rad/s": Unit(1.0, RATE),
+    "kg": Unit(1.0, MASS),
+}
+
+
+def to_si(number: float, suffix: str) -> float:
+    """`number` of the unit `suffix` in SI, rounded once where the factor allows (50% is 0.5, 45deg is pi/4)."""
+    if suffix == "%":
+        return number / 100.0
+    if suffix in ("mm", "ms"):
+        return number / 1000.0
+    if suffix == "cm":
+        return number / 100.0
+    return number * UNITS[suffix].factor
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A named physical value that a robot has: what minds and bodies both say of it.
+
+    unit: a key of `UNITS` or "" for a plain number; the value itself is always held in SI. low, high: its declared
+    range in SI, -inf..inf where none is. freshness: seconds after which a measured value counts as unknown (inf: never).
+    shown_as: the unit in which people read it ("%", "mi"); the same as `unit` unless said otherwise.
+    """
+
+    name: str
+    unit: str = ""
+    low: float = -math.inf
+    high: float = math.inf
+    freshness: float = math.inf
+    doc: str = ""
+    shown_as: str = ""
+
+    @property
+    def dimension(self) -> Dimension:
+        return UNITS[self.unit].dimension if self.unit else NONE
+
+
+def shown(value: float, suffix: str, digits: int = 4) -> str:
+    """`value` (SI) in the unit `suffix` for a person, with its unit: `43.1 %`, `2.13 mi`; unknown is UNKNOWN."""
+    if math.isnan(value):
+        return "UNKNOWN"
+    if not suffix:
+        return f"{value:.{digits}g}"
+    return f"{value / UNITS[suffix].factor:.{digits}g} {suffix}"

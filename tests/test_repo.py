@@ -1,0 +1,183 @@
+"""The repository as a newcomer meets it: locks that agree, a start that explains itself, a whole wheel."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import sysconfig
+import tomllib
+import venv
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+import sleepcast
+
+ROOT = Path(__file__).resolve().parent.parent
+SOURCE = ROOT / "src"
+
+
+def run(
+    *command: str | Path, cwd: Path = ROOT, env: Mapping[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, check=False)
+
+
+# --- locks ------------------------------------------------------------------------------------------------
+
+
+def locked(lock: str) -> set[tuple[str, str]]:
+    """Names and versions in a lock. A line that pins nothing (an address, an option) is an error."""
+    pins: set[tuple[str, str]] = set()
+    for line in (ROOT / "requirements" / lock).read_text(encoding="utf-8").splitlines():
+        if line.startswith((" ", "#")):
+            assert line.lstrip().startswith(("#", "--hash=sha256:")), f"{lock}: {line}"
+            continue
+        requirement = Requirement(line.removesuffix("\\"))
+        (pin,) = requirement.specifier
+        assert pin.operator == "==", f"{lock}: {line}"
+        pins.add((canonicalize_name(requirement.name), pin.version))
+    return pins
+
+
+def test_the_development_lock_holds_all_of_the_users_lock() -> None:
+    assert locked("run.txt") < locked("dev.txt")
+
+
+def test_the_locks_satisfy_the_project() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    groups = project["dependency-groups"]
+    wanted = {"run.txt": project["project"]["dependencies"] + groups["backend"], "dev.txt": []}
+    for group in groups.values():
+        wanted["dev.txt"] += [line for line in group if isinstance(line, str)]
+    for lock, lines in wanted.items():
+        pins = locked(lock)
+        for requirement in map(Requirement, lines):
+            versions = [version for name, version in pins if name == canonicalize_name(requirement.name)]
+            assert versions, f"{lock} lacks {requirement}: renew it as CONTRIBUTING.md says"
+            assert all(version in requirement.specifier for version in versions), f"{lock}: {requirement}"
+
+
+# --- go.py ------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def clone(tmp_path: Path) -> Path:
+    """What go.py needs, in a folder without .venv, so that it starts as on a fresh machine."""
+    for name in ("go.py", "pyproject.toml", "requirements/run.txt", "requirements/dev.txt"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
+    return tmp_path
+
+
+def test_go_refuses_an_old_python(clone: Path) -> None:
+    done = start_changed(clone, "sys.version_info = (3, 9, 2)")
+    assert "sleepcast needs Python 3.11 or newer; this is Python 3.9 (" in done.stderr
+    assert "python3.11 go.py" in done.stderr
+    assert (done.returncode, done.stdout) == (2, "")
+
+
+def test_go_names_the_package_that_is_missing(clone: Path) -> None:
+    done = start_changed(clone, "sys.modules['ensurepip'] = None")
+    version = "{}.{}".format(*sys.version_info)
+    assert "cannot make virtual environments: its ensurepip is missing" in done.stderr
+    assert f"sudo apt install python{version}-venv" in done.stderr
+    assert (done.returncode, done.stdout) == (2, "")
+
+
+def start_changed(clone: Path, change: str) -> subprocess.CompletedProcess[str]:
+    """Run the clone's go.py in a Python that lacks something."""
+    start = f"import runpy, sys; {change}; sys.argv = ['go.py']; runpy.run_path('go.py', run_name='__main__')"
+    return run(sys.executable, "-c", start, cwd=clone)
+
+
+def test_go_says_why_it_cannot_make_its_environment(clone: Path) -> None:
+    (clone / ".venv").write_text("a file where the folder should be")
+    done = run(sys.executable, "go.py", cwd=clone)
+    assert f"Cannot make the virtual environment {clone / '.venv'}: " in done.stderr
+    assert "Traceback" not in done.stderr
+    assert (done.returncode, done.stdout) == (1, "")
+
+
+def test_go_takes_a_failed_installation_for_no_installation(clone: Path) -> None:
+    offline = {**os.environ, "PIP_NO_INDEX": "1", "PIP_FIND_LINKS": str(clone / "nothing")}
+    for _ in range(2):
+        done = run(sys.executable, "go.py", cwd=clone, env=offline)
+        assert "sleepcast: installing requirements/run.txt" in done.stderr
+        assert "Installing failed; pip says why above." in done.stderr
+        assert "Traceback" not in done.stderr
+        assert (done.returncode, done.stdout) == (1, "")
+
+
+def test_go_stops_cleanly_at_an_interrupt(clone: Path) -> None:
+    with subprocess.Popen(
+        [sys.executable, "go.py"], cwd=clone, stderr=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        assert process.stderr is not None
+        first = process.stderr.readline()
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to everything that runs in it
+        rest = process.stderr.read()
+    assert first.startswith("sleepcast: installing")
+    assert "Traceback" not in rest
+    assert process.returncode == 130
+
+
+# --- the wheel --------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("wheel")
+    done = run(sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", folder)
+    assert done.returncode == 0, done.stdout + done.stderr
+    (built,) = folder.glob("*.whl")
+    return built
+
+
+def test_the_wheel_holds_the_whole_package(wheel: Path) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        packed = {name for name in archive.namelist() if ".dist-info/" not in name}
+    files = (path for path in (SOURCE / "sleepcast").rglob("*") if path.is_file())
+    assert packed == {path.relative_to(SOURCE).as_posix() for path in files if path.suffix != ".pyc"}
+    assert "sleepcast/console/static/index.html" in packed
+    assert "sleepcast/py.typed" in packed
+    assert any(name.startswith("sleepcast/scenarios/") for name in packed)
+
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The scripts of an environment that holds the wheel, and borrows our libraries but not our sleepcast."""
+    home = tmp_path_factory.mktemp("empty")
+    venv.create(home, with_pip=False, symlinks=True)
+    python = home / "bin" / "python"
+    install = ("install", "--quiet", "--no-index", "--no-deps", wheel)
+    done = run(sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", python, *install)
+    assert done.returncode == 0, done.stderr
+    (site,) = home.glob("lib/python*/site-packages")
+    # Path files in a folder named by a path file are not followed: our editable install stays behind.
+    (site / "libraries.pth").write_text(sysconfig.get_path("purelib"))
+    return home / "bin"
+
+
+def test_the_wheel_works_on_its_own(installed: Path, tmp_path: Path) -> None:
+    where = run(installed / "python", "-c", "import sleepcast; print(sleepcast.__file__)", cwd=tmp_path)
+    assert Path(where.stdout.strip()).is_relative_to(installed.parent)
+    version = run(installed / "sleepcast", "--version", cwd=tmp_path)
+    assert sleepcast.__version__ in version.stdout
+    value = run(installed / "sleepcast", "eval", "(+ 1 2)", cwd=tmp_path)
+    assert (value.stdout, value.stderr, value.returncode) == ("3\n", "", 0)
+
+
+def test_the_wheels_scenario_runs(installed: Path, tmp_path: Path) -> None:
+    options = ("--headless", "--seconds", "1", "--seed", "7", "--json")
+    done = run(installed / "sleepcast", "demo", "bravo", *options, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["scenario"] == "bravo"

@@ -23,12 +23,14 @@ class MisuseError(SleepcastError):
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
-    """The candidate most like `name` (case ignored) as it is written, or None if none is near."""
+    """The candidate most like `name` (case ignored), in capitals if `name` is, or None if none is near."""
     import difflib  # only needed when something is wrong already
 
     written = {candidate.casefold(): candidate for candidate in candidates}
     found = difflib.get_close_matches(name.casefold(), written, n=1, cutoff=0.7)
-    return written[found[0]] if found else None
+    if not found:
+        return None
+    return written[found[0]].upper() if name.isupper() else written[found[0]]
 
 
 def did_you_mean(name: str, candidates: Iterable[str]) -> str:

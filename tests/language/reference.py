@@ -327,6 +327,17 @@ class Reference:
         finally:
             sys.setrecursionlimit(usual)
 
+    def state(self) -> dict[str, object]:
+        """All that an evaluation can change, in numbers and texts that can be compared."""
+        flagged = {key for key in self.stored if buffer_number(key) and self.values[f"active{key[1:]}"] > 0}
+        return {
+            "variables": {key: value.hex() for key, value in {**self.values, **self.user}.items()},
+            "stored": {key: show(form) for key, form in self.stored.items()},
+            "active": sorted(self.active | flagged),
+            "operators": sorted(self.operators),
+            "groups": sorted(key for key, member in self.groups.items() if member),
+        }
+
     def fault(self, reason: str) -> float:
         self.faults.append(reason)
         return UNKNOWN
@@ -406,13 +417,13 @@ class Reference:
         operator_ = self.operators.get(head)
         if operator_ is not None:
             if len(forms) != len(operator_.parameters):
-                return self.fault(f"{head.upper()} takes")
+                return self.fault(head)
             numbers = [self.value(form, scope) for form in forms]
             own = dict(zip(operator_.parameters, numbers, strict=True))
             return self.enter(operator_.body, ChainMap(own))
         function = self.vocabulary.bindings.get(head)
         if not isinstance(function, HostFunction):
-            return self.fault("has no function")
+            return self.fault(f"no function {head}")
         return self.host(function, forms, scope)
 
     def host(self, function: HostFunction, forms: Sequence[Form], scope: Scope) -> float:
@@ -421,7 +432,10 @@ class Reference:
             given.append(form.value if isinstance(form, Text) else self.value(form, scope))
         if any(isinstance(x, float) and math.isnan(x) for x in given):
             return self.fault("unknown never reaches") if function.acts else UNKNOWN
-        result = function.call(self.body, *given)
+        try:
+            result = function.call(self.body, *given)
+        except Exception:
+            return self.fault(function.name)
         return 1.0 if result is None else float(result)
 
     # ---- boolean and control ----
@@ -494,7 +508,7 @@ class Reference:
         if key in self.user:
             self.user[key] = value
         elif not isinstance(binding, Variable) or binding.kind is Kind.SENSOR:
-            return self.fault("SETQ")
+            return self.fault(key)
         elif math.isnan(value):
             return self.fault("unknown never reaches")
         else:
@@ -588,7 +602,7 @@ class Reference:
 
     def switch(self, key: str, on: bool) -> float:
         if not self.exists(key):
-            return self.fault("no rule")
+            return self.fault(key)
         self.activate(key, on)
         return 1.0
 
@@ -598,7 +612,7 @@ class Reference:
             del self.operators[key]
             return 1.0
         if not self.exists(key):
-            return self.fault("no rule")
+            return self.fault(key_of(forms[0]))
         self.stored.pop(key, None)
         self.activate(key, False)
         return 1.0
@@ -606,7 +620,7 @@ class Reference:
     def do_lease(self, forms: Sequence[Form], scope: Scope) -> float:
         seconds = self.value(forms[1], scope)
         if not self.exists(key_of(forms[0])):
-            return self.fault("no rule")
+            return self.fault(key_of(forms[0]))
         return self.fault("unknown") if math.isnan(seconds) else 1.0
 
     def do_defun(self, forms: Sequence[Form], scope: Scope) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 from sleepcast.cli.memories import EVALUATED, REFUSED, UNKNOWN, Outcome
@@ -20,7 +21,7 @@ class ClassicMemory:
         """Give one of V0 to V5 a whole number. Raises MisuseError."""
         if name.upper() not in self._machine.variables:
             raise MisuseError(f"--set {name}={value}: the classic dialect has the variables V0 to V5 only")
-        if not value.lstrip("-").isdecimal() or not -32768 <= int(value) < 30000:
+        if not re.fullmatch("-?[0-9]{1,5}", value) or not -32768 <= int(value) < 30000:
             raise MisuseError(f"--set {name}={value}: the classic dialect has whole numbers from -32768 to 29999 only")
         self._machine.evaluate(f"(SETQ {name} {value})")
 
@@ -34,7 +35,7 @@ class ClassicMemory:
         return _outcome(text, value, tuple(self._machine.messages), error)
 
     def run(self, text: str) -> Iterator[Outcome]:
-        """Evaluate all of `text`: expressions ended by `@` and the whole by `$`, or else one or more whole lines each."""
+        """Evaluate all of `text`: either expressions that end with `@`, the whole with `$`, or one a line."""
         if "@" in text or "$" in text:
             yield from map(_of_entry, run_transcript(text, self._machine))
         else:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Protocol
 
 EVALUATED, REFUSED, UNREADABLE = 0, 1, 2
 """How an evaluation ended, as exit statuses: fully (an unknown value included); refused or faulted; not readable."""

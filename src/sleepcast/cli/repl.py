@@ -6,12 +6,3 @@ error, as with `eval`.
 """
 
 from __future__ import annotations
-
-import sys
-from collections.abc import Callable, Iterator
-
-import click
-
-from sleepcast.cli.memories import TypedMemory
-from sleepcast.cli.streams import complain, put, read_standard_input, still_open
-from sleepcast.errors import MisuseError, SleepcastError, did_you_mean

@@ -186,10 +186,10 @@ class Checker:
 
     def _learned(self, symbol: Symbol) -> Part:
         sort = self.sort_of(symbol.key)
+        self.uses.add(symbol.key)  # even if it is nothing yet: it may become a rule
         if sort == "variable":
             return Part("var", symbol, slot=self.user_slot(symbol), name=symbol.key)
         if sort == "rule":
-            self.uses.add(symbol.key)
             return Part("fetch", symbol, name=symbol.key)
         if sort == "group":
             return self.error(f"{symbol.text} @@ is a group: write (IN {symbol.text})", symbol)
@@ -270,6 +270,7 @@ class Checker:
         return Part("call", form, self.parts(form.items[1:]), name=head.key)
 
     def _missing(self, form: List, head: Symbol) -> Part:
+        self.uses.add(head.key)
         self.warn(f'unknown function "{head.text}" @@{self.suggestion(head.text)}', head)
         self.parts(form.items[1:])
         return Part("missing", form, name=head.text)

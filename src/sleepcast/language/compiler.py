@@ -60,7 +60,7 @@ class _Generator:
         }  # fmt: skip
 
     def function(self) -> Code:
-        result = self.value(self.root).code
+        result = self.safe(self.value(self.root)).code
         names = ",".join(f"n{i}" for i in range(self.parameters))
         source = f"def f(v,m{',' + names if names else ''}):\n" + "".join(self.lines) + f" return {result}\n"
         exec(compile(source, "<expression>", "exec"), self.space)

@@ -19,13 +19,14 @@ from sleepcast.language.compiler import Code, generate
 from sleepcast.language.form import Form
 from sleepcast.language.names import Names, Operator
 from sleepcast.language.operations import Memory
-from sleepcast.language.parts import Part, acts, chancy, walk
+from sleepcast.language.parts import CHANCY, Part, acts, is_acting, walk
 from sleepcast.language.walker import Walker
 
 MAX_STEPS = MAX_COST
 """Steps of one evaluation, all buffers and operators it enters included: about two milliseconds of a slow computer."""
 HOT = 30
 """Evaluations of a program by walking before code is generated; generating costs about as much as a hundred walks."""
+_SLOTTED = frozenset({"var", "write", "defvar", "set_user"})
 MAX_PROGRAMS = 4_096
 """Programs kept by their text for one vocabulary; when full, all are forgotten and made again as they are needed."""
 
@@ -50,9 +51,8 @@ class Program:
         for index, part in enumerate(parts):
             part.index = index
         self.size = len(parts)
-        self.slots = 1 + max((p.slot for p in parts if p.op in ("var", "write", "defvar", "set_user")), default=-1)
-        self.acts, self.chancy = acts(root), chancy(root)
-        self.asks = any(p.op in ("host", "linked") for p in parts)
+        self.slots = 1 + max((p.slot for p in parts if p.op in _SLOTTED), default=-1)
+        self._look_at(parts)
         self.test = self._find_test(checker) if parameters == 0 else None
         self.runs = 0
         self.code: Code | None = None
@@ -62,6 +62,10 @@ class Program:
         memory.steps += self.cost
         if memory.steps > MAX_STEPS:
             raise OutOfSteps
+        return self.go(memory, *arguments)
+
+    def go(self, memory: Memory, *arguments: float) -> float:
+        """Evaluate the program, its cost having been charged."""
         values = memory.values
         if len(values) < self.slots:
             values.extend([nan] * (self.slots - len(values)))
@@ -77,6 +81,12 @@ class Program:
         if self.code is None:
             self.code = generate(self.root, self.parameters)
 
+    def _look_at(self, parts: list[Part]) -> None:
+        ops = {part.op for part in parts}
+        self.acts = any(map(is_acting, parts))
+        self.chancy = not CHANCY.isdisjoint(ops)
+        self.asks = "host" in ops or "linked" in ops
+
     def _find_test(self, checker: Checker) -> Program | None:
         part: Part | None = self.root
         while part is not None and part.op in ("progn", "let"):
@@ -88,6 +98,7 @@ class Program:
         if not tests:
             return None
         if part is self.root and part.op == "and" and len(tests) == len(part.parts):
+            part.watch = 0  # nothing but a test: its value says whether it held
             return self
         root = tests[0] if len(tests) == 1 else Part("and" if part.op == "and" else "or", part.form, tests)
         test = Program.__new__(Program)
@@ -97,8 +108,7 @@ class Program:
     def _as_test(self, whole: Program, root: Part, checker: Checker) -> None:
         self.__dict__.update(whole.__dict__)
         self.root, self.form, self.cost = root, root.form, cost(root)
-        self.acts, self.chancy = acts(root), chancy(root)
-        self.asks = any(p.op in ("host", "linked") for p in walk(root))
+        self._look_at(walk(root))
         self.test, self.runs, self.code = self, 0, None
 
 
@@ -182,10 +192,11 @@ def _sorts(program: Program, names: Names) -> tuple[object, ...]:
 
 def evaluate(program: Program, memory: Memory) -> float:
     """One evaluation from outside: a fresh budget, and no way out but a value; past the budget a fault and unknown."""
-    memory.steps = memory.depth = 0
+    memory.steps, memory.depth = program.cost, 0
     memory.matched = program.test is None
+    code, values = program.code, memory.values
     try:
-        value = program.run(memory)
+        value = program.go(memory) if code is None or len(values) < program.slots else code(values, memory)
     except OutOfSteps:
         return memory.fault(program.root, f"out of steps: at most {MAX_STEPS} in one evaluation")
     if program.test is program:

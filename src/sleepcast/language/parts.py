@@ -22,7 +22,7 @@ from sleepcast.language.form import Form
 from sleepcast.language.functions import Function
 from sleepcast.language.vocabulary import HostFunction, Variable
 
-ACTING = frozenset({"set_user", "write", "defvar", "store", "act", "missing"})
+ACTING = frozenset({"set_user", "write", "defvar", "store", "act"})
 CHANCY = frozenset({"prob", "dice", "random", "gauss"})
 
 
@@ -107,19 +107,15 @@ def walk(part: Part) -> list[Part]:
 
 
 def acts(part: Part) -> bool:
-    """Whether evaluating `part` can change the robot or speak (calls count as acting: what they do may change)."""
-    return any(_acts(p) for p in walk(part))
+    """Whether evaluating `part` can change the robot or speak; what a buffer or an operator does is its own."""
+    return any(map(is_acting, walk(part)))
 
 
-def _acts(part: Part) -> bool:
+def is_acting(part: Part) -> bool:
+    """Whether `part` itself does something, whatever its parts do."""
     if part.op == "host":
         return host_of(part).acts
     return part.op in ACTING
-
-
-def chancy(part: Part) -> bool:
-    """Whether the value of `part` depends on chance."""
-    return any(p.op in CHANCY for p in walk(part))
 
 
 def host_of(part: Part) -> HostFunction:

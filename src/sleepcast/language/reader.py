@@ -26,7 +26,8 @@ _TOKEN = re.compile(
       | "(?P<label>[^"\n]*)"
       | (?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?P<unit>%|[A-Za-z]+(?:/[A-Za-z]+)?[0-9]?)?
         (?=[\s()'`,;"]|$)
-      | (?P<name>[^\s()'`,;"]+)
+      | (?P<name>[A-Za-z_*/<>=^%!?$&][\w+*/<>=^%!?$&.#:-]{0,63}(?=[\s()'`,;"]|$))
+      | (?P<odd>[^\s()'`,;"]+)
       | (?P<bad>")""",
     re.VERBOSE | re.ASCII,
 )
@@ -91,7 +92,9 @@ def read_all(text: str) -> list[Form]:
             form = List(tuple(items), opened, end)
             items = around
         elif kind == "name":
-            form = _symbol(match.group("name"), text, start, end)
+            form = Symbol(match.group("name"), start, end)
+        elif kind == "odd":
+            form = _symbol(match.group("odd"), text, start, end)
         elif kind == "number" or kind == "unit":
             form = _number(match.group("number"), match.group("unit"), text, start, end)
         elif kind == "label":
@@ -123,6 +126,7 @@ def _looks_numeric(text: str) -> bool:
 
 
 def _symbol(name: str, text: str, start: int, end: int) -> Symbol:
+    """The symbol of a name that the token pattern was not sure of. Raises ReadError."""
     if is_name(name):
         return Symbol(name, start, end)
     if len(name) > MAX_NAME:

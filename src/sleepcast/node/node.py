@@ -14,13 +14,15 @@ from math import inf, isnan, nan
 
 from sleepcast.channel.message import Kind, Message
 from sleepcast.errors import SleepcastError
-from sleepcast.language.explain import Answer, Explanation, Recollection, explain, rehearse
+from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
 from sleepcast.language.machine import Program, evaluate
 from sleepcast.language.names import Declared, UserVariable
 from sleepcast.language.parts import Part
 from sleepcast.language.reader import read
+from sleepcast.language.rehearsal import Answer
 from sleepcast.language.review import Checked, check
 from sleepcast.language.vocabulary import FROZEN, SLEEPING, Variable, Vocabulary
+from sleepcast.node.acts import ACTS
 from sleepcast.node.buffers import ExpressionBuffer, RuleView
 from sleepcast.node.memory import Fault, RobotMemory, Voice
 from sleepcast.node.scheduler import Scheduler
@@ -39,6 +41,9 @@ MAX_FAULTS_IN_ROW = 10
 """Evaluations with a fault, one after the other, after which a rule is deactivated."""
 TELL_SECONDS = 5.0
 """How long what a robot tells others may still be acted on."""
+
+
+Recollected = tuple[Program, list[float], frozenset[str], list[Answer], float, int, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,12 +89,13 @@ class Node:
         self.epoch = 0
         table = variables or VariableTable(vocabulary.name, like=vocabulary)
         self._memory = RobotMemory(
-            table, Voice(self._report, self._tell, self._ping), number=number, seed=seed, body=body
+            table, Voice(self._report, self._tell, self._ping), ACTS, number=number, seed=seed, body=body
         )
         self._scheduler = Scheduler(self._memory.rules, self._run_rule)
         self._queue: deque[Message] = deque()
         self._seen: OrderedDict[str, None] = OrderedDict()
-        self._recollections: deque[Recollection] = deque(maxlen=MAX_RECOLLECTIONS)
+        # The fields of a Recollection, made into one only when somebody asks: this happens for every message.
+        self._recollections: deque[Recollected] = deque(maxlen=MAX_RECOLLECTIONS)
         self._printed: list[tuple[str, tuple[float, ...]]] = []
         self._sequence = 0
         self._was_still = False
@@ -206,7 +212,7 @@ class Node:
     def run(self, checked: Checked) -> Result:
         """Evaluate a text that has been checked. Raises CheckError if it has errors."""
         self._printed = []
-        value, recollection = self._run(checked.required(), "")
+        value = self._run(checked.required(), "")
         memory = self._memory
         return Result(
             value,
@@ -215,7 +221,7 @@ class Node:
             checked.cost,
             memory.steps,
             tuple(self._printed),
-            recollection,
+            Recollection(*self._recollections[-1]),
         )
 
     def why(self, command: str | None = None) -> Explanation:
@@ -223,7 +229,8 @@ class Node:
 
         Raises SleepcastError if the robot remembers neither.
         """
-        for recollection in reversed(self._recollections):
+        for recollected in reversed(self._recollections):
+            recollection = Recollection(*recollected)
             if command is None or recollection.command == command:
                 return explain(recollection)
         buffer = self._memory.rules.kept.get((command or "").casefold())
@@ -234,17 +241,16 @@ class Node:
 
     # ---- evaluating
 
-    def _run(self, program: Program, command: str) -> tuple[float, Recollection]:
+    def _run(self, program: Program, command: str) -> float:
         memory = self._memory
         answers: list[Answer] = []
-        recollection = Recollection(
-            program, memory.values.copy(), memory.groups, answers, memory.time, memory.tick, command
+        self._recollections.append(
+            (program, memory.values.copy(), memory.groups, answers, memory.time, memory.tick, command)
         )
-        self._recollections.append(recollection)
         memory.answers, memory.faults = answers, []
         value = evaluate(program, memory)
         memory.answers = None
-        return value, recollection
+        return value
 
     def _run_rule(self, buffer: ExpressionBuffer) -> None:
         memory = self._memory
@@ -277,7 +283,7 @@ class Node:
             found = rehearse(program, memory.rehearsal(), command=message.id)
             self._answer(message, "answer", found.value, "; ".join(found.faults))
             return
-        value, _ = self._run(program, message.id)
+        value = self._run(program, message.id)
         if memory.faults:
             self._answer(message, "fault", value, str(memory.faults[0]))
         else:

@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 FRESH = 2.0
-"""Seconds for which what a body measured of itself holds: at full speed it has gone a few lengths by then."""
+"""Seconds for which a ping that was heard tells something; all else a body measures at every tick."""
 MAX_SAYINGS = 1_000
 """Latest sayings that are kept for whoever listens."""
 TURN = 2.0 * pi
@@ -70,8 +70,11 @@ class Bodies:
         self.numbers = np.arange(self.count, dtype=np.uint64)
         self.chance = mix(self.numbers * np.uint64(GOLDEN) + np.uint64(key(seed, "bodies")))
         """A key for each robot, uint64."""
-        self.x, self.y, self.heading, self.speed = self.sensed[:4]
-        self.stores = self.sensed[4 : 4 + len(robots.stores)]
+        self.x: Floats = self.sensed[0]
+        self.y: Floats = self.sensed[1]
+        self.heading: Floats = self.sensed[2]
+        self.speed: Floats = self.sensed[3]
+        self.stores: Floats = self.sensed[4 : 4 + len(robots.stores)]
         self._start()
         self.mode = np.full(self.count, Mode.WANDER if robots.wanders else Mode.DRIVE, np.int8)
         self.wanted_speed, self.wanted_turn = np.zeros(self.count), np.zeros(self.count)
@@ -145,10 +148,10 @@ def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:
     """The sensors of the scenario's robots, in the order of the rows of `Bodies.sensed`."""
     length, speed = scenario.length_unit, scenario.robots.limits.speed
     return (
-        Quantity("x", "m", 0.0, scenario.width, FRESH, "where the robot is, to the east", length),
-        Quantity("y", "m", 0.0, scenario.height, FRESH, "where the robot is, to the north", length),
-        Quantity("heading", "rad", -pi, pi, FRESH, "counter-clockwise from east", "deg"),
-        Quantity("speed", "m/s", -speed, speed, FRESH, "along the heading", scenario.robots.speed_unit),
+        Quantity("x", "m", 0.0, scenario.width, doc="where the robot is, to the east", shown_as=length),
+        Quantity("y", "m", 0.0, scenario.height, doc="where the robot is, to the north", shown_as=length),
+        Quantity("heading", "rad", -pi, pi, doc="counter-clockwise from east", shown_as="deg"),
+        Quantity("speed", "m/s", -speed, speed, doc="along the heading", shown_as=scenario.robots.speed_unit),
         *(_of_store(store) for store in scenario.robots.stores),
         *(
             Quantity(f"{place.name}_{axis}", "m", 0.0, size, doc=f"where {place.title} is, {way}", shown_as=length)
@@ -160,7 +163,7 @@ def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:
 
 
 def _of_store(store: Store) -> Quantity:
-    return Quantity(store.name, store.unit, 0.0, store.full, FRESH, store.about, store.unit)
+    return Quantity(store.name, store.unit, 0.0, store.full, doc=store.about, shown_as=store.unit)
 
 
 def _ping_sensors(length: str) -> tuple[Quantity, ...]:

@@ -14,6 +14,7 @@ import re
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
+from textwrap import dedent
 
 from sleepcast.errors import MisuseError
 from sleepcast.units import TIME, UNITS, to_si
@@ -75,7 +76,7 @@ def parse_mission(text: str, name: str) -> tuple[Order, ...]:
     for order in orders:
         if not _bare(order.text):
             raise MissionError(f"{order.place}: a time without an expression after it")
-    return tuple(orders)
+    return tuple(Order(order.time, dedent(order.text).strip(), order.place) for order in orders)
 
 
 def _bare(text: str) -> str:

@@ -22,6 +22,19 @@ class Outcome(StrEnum):
     FAULT = "fault"
 
 
+SAID: Mapping[str, Outcome] = {
+    "matched": Outcome.MATCHED,
+    "not matched": Outcome.NOT_MATCHED,
+    "fault": Outcome.FAULT,
+    "late": Outcome.FAULT,
+    "stopped": Outcome.MATCHED,
+    "released": Outcome.MATCHED,
+}
+"""What an outcome counts as, by the word that a robot uses. Late: it heard the command past its deadline and did
+nothing, which nobody should take for a decision of its own."""
+LATE = "heard after its deadline, so not evaluated"
+
+
 @dataclass(frozen=True, slots=True)
 class Answer:
     """What one robot answered. heard: when, in s of the desk's clock. value: of the command; None for unknown."""
@@ -30,6 +43,19 @@ class Answer:
     heard: float
     value: float | None = None
     fault: str | None = None
+
+
+def answer_from(body: Mapping[str, object], now: float) -> Answer | None:
+    """The answer in the body of an ANSWER heard at `now`; None if it says nothing that can be understood."""
+    said = body.get("outcome")
+    outcome = SAID.get(said) if isinstance(said, str) else None
+    if outcome is None:
+        return None
+    value, fault = body.get("value"), body.get("fault")
+    if said == "late":
+        fault = LATE
+    known = float(value) if isinstance(value, int | float) and abs(value) < inf else None
+    return Answer(outcome, now, known, fault if isinstance(fault, str) else None)
 
 
 @dataclass(eq=False)
@@ -135,9 +161,8 @@ SHOWN = 5
 
 def account(command: Command, now: float, heard: Mapping[str, float]) -> Accounting:
     """The account of `command` at `now`. heard: when each robot was last heard (-inf: never)."""
-    names = (*command.addressed, *(name for name in command.answers if name not in set(command.addressed)))
     by_outcome: dict[Outcome, list[str]] = {outcome: [] for outcome in Outcome}
-    for name in names:
+    for name in dict.fromkeys((*command.addressed, *command.answers)):
         answer = command.answers.get(name)
         if answer is not None:
             by_outcome[answer.outcome].append(name)

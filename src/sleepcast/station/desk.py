@@ -15,7 +15,7 @@ import hashlib
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf
 from threading import RLock
 
 from sleepcast.channel import Kind, Message
@@ -25,7 +25,7 @@ from sleepcast.language import Checked, Explanation, check
 from sleepcast.language.machine import Program
 from sleepcast.language.parts import walk
 from sleepcast.language.vocabulary import Vocabulary
-from sleepcast.station.accounting import Accounting, Answer, Command, Outcome, account
+from sleepcast.station.accounting import Accounting, Answer, Command, Outcome, account, answer_from
 from sleepcast.station.journal import Event, Journal, MemoryJournal
 from sleepcast.station.minds import FleetNames, Minds, Telemetry
 from sleepcast.station.preview import Preview, is_for_everybody, preview
@@ -220,17 +220,9 @@ class Station:
 
     def _take_answer(self, message: Message, now: float) -> None:
         command = self._commands.get(str(message.body.get("command")))
-        outcome = message.body.get("outcome")
-        if command is None or command.kind is not Kind.COMMAND or outcome not in _OUTCOMES:
-            return
-        value, fault = message.body.get("value"), message.body.get("fault")
-        answer = Answer(
-            Outcome(outcome),
-            now,
-            float(value) if isinstance(value, int | float) and isfinite(value) else None,
-            fault if isinstance(fault, str) else None,
-        )
-        command.answers.setdefault(message.sender, answer)
+        answer = answer_from(message.body, now)
+        if command is not None and answer is not None:
+            command.answers.setdefault(message.sender, answer)
 
     def observe(self, now: float, rows: Iterable[Telemetry]) -> None:
         """Take in telemetry of `now` (s of the desk's clock): what robots tell of themselves. Nodes are such rows."""
@@ -288,9 +280,6 @@ class Station:
         with self._lock:
             now = self._clock.now()
             self.journal.append(now, who or self.operator, event, subject=subject, text=text, details=details)
-
-
-_OUTCOMES = frozenset(outcome.value for outcome in Outcome)
 
 
 def _no_such_command(command: str, known: Iterable[str]) -> NoSuchCommandError:

@@ -10,8 +10,10 @@ from collections.abc import Iterable, Mapping
 from copy import copy
 from typing import Protocol
 
-from sleepcast.language.explain import Explanation, Rehearsal
+from sleepcast.language.explain import Explanation
 from sleepcast.language.names import Declared
+from sleepcast.language.operations import Entered
+from sleepcast.language.parts import Part
 from sleepcast.language.vocabulary import Vocabulary
 
 
@@ -40,8 +42,11 @@ class Mind(Telemetry, Protocol):
     def heard(self) -> Iterable[str]:
         """Every learned name as written."""
 
-    def rehearsal(self) -> Rehearsal:
-        """A memory with what the robot has learned, in which nothing happens."""
+    def fetch(self, part: Part) -> Entered | None:
+        """The program in the buffer or rule that a `fetch` part names, None if it is empty."""
+
+    def operator(self, part: Part) -> Entered | None:
+        """The program of the operator that a `call` part names, None if it has none of that name."""
 
     def why(self, command: str | None = None) -> Explanation:
         """How the robot evaluated a command (by its id; None: the last one)."""

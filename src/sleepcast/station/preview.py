@@ -73,7 +73,7 @@ class DeskMemory:
 
     def fetch(self, part: Part) -> Entered | None:
         """What the robot's buffer or rule holds, if its value can be asked for without changing anything."""
-        return self._quiet(self._asked(part).rehearsal().fetch(part), part)
+        return self._quiet(self._asked(part).fetch(part), part)
 
     def operator(self, part: Part) -> Entered | None:
         """The robot's own operator, if it can be called without changing anything."""
@@ -81,7 +81,7 @@ class DeskMemory:
         found = mind.declared(part.name)
         if not isinstance(found, Operator) or len(found.parameters) != len(part.parts):
             return None
-        return self._quiet(mind.rehearsal().operator(part), part)
+        return self._quiet(mind.operator(part), part)
 
     def _asked(self, part: Part) -> Mind:
         if self.mind is None:

@@ -1,0 +1,1 @@
+"""Benchmarks: what sleepcast promises about speed, measured beside what people use instead."""

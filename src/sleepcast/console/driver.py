@@ -1,0 +1,92 @@
+"""The driver: it lets the swarm run, and the page's server breathe in between.
+
+Ticks and the server share one thread and take turns, so nothing has to be locked: the swarm runs for at most a slice,
+then everything that has come from pages is served, a STOP among it. How many ticks are due is the pace's business.
+"""
+
+from __future__ import annotations
+
+import asyncio
+
+from sleepcast.clock import Clock
+from sleepcast.console.frames import Groups, flags_of, pack
+from sleepcast.console.swarm import Pace, Swarm
+
+SLICE = 0.008
+"""Seconds for which ticks may run before the server is served: unnoticed by people, long against a switch."""
+FRAME_PERIOD = 1.0 / 30.0
+"""Seconds between two frames at least."""
+MAX_FACTOR = 10_000.0
+"""Simulated seconds in a second that may be wanted; no machine reaches it, so it means as fast as possible."""
+MIN_FACTOR = 0.01
+"""The slowest motion in which anything is still seen to move."""
+
+
+class Driver:
+    """See the module. frame: the latest picture (see `frames`); number: of that picture, from 1; groups: as of then.
+
+    latched: whether STOP holds, for the picture.
+    """
+
+    def __init__(self, swarm: Swarm, pace: Pace, clock: Clock) -> None:
+        self.swarm, self.pace = swarm, pace
+        self.frame, self.number = b"", 0
+        self.groups = Groups()
+        self.latched = False
+        self._clock = clock
+        self._news = asyncio.Event()
+        self._wake = asyncio.Event()
+
+    async def run(self) -> None:
+        """Let time pass until cancelled."""
+        while True:
+            began = self._clock.now()
+            self._wake.clear()
+            self.pace.keep_up(SLICE)
+            busy = self._clock.now() - began >= SLICE
+            if began - self._drawn >= FRAME_PERIOD:
+                self.draw()
+            if self.pace.paused:
+                await self._wake.wait()
+            else:
+                await asyncio.sleep(0.0 if busy else self._drawn + FRAME_PERIOD - self._clock.now())
+
+    def set_pace(self, running: bool | None = None, factor: float | None = None) -> None:
+        """Change whether time runs and how fast; None leaves it as it is."""
+        if running is not None:
+            self.pace.paused = not running
+        if factor is not None:
+            self.pace.factor = factor
+        self._wake.set()
+        self.draw()
+
+    def step(self) -> None:
+        """One tick, and time stands still."""
+        self.swarm.step()
+        self.set_pace(running=False)
+
+    def draw(self) -> None:
+        """Make a new frame of what there is now, and tell those who wait for one."""
+        swarm, pace = self.swarm, self.pace
+        minds = swarm.minds.values()
+        self.number += 1
+        self.frame = pack(
+            self.number,
+            swarm.tick,
+            swarm.now(),
+            (pace.factor, pace.achieved),
+            (not pace.paused, self.latched),
+            swarm.poses(),
+            (self.groups.look(minds), flags_of(minds)),
+        )
+        self._drawn = self._clock.now()
+        self._news.set()
+        self._news = asyncio.Event()
+
+    async def frame_after(self, number: int) -> bytes:
+        """The latest frame, as soon as there is one younger than the one with this number."""
+        while self.number <= number:
+            await self._news.wait()
+        return self.frame
+
+    _drawn = float("-inf")

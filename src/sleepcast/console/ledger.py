@@ -1,0 +1,101 @@
+"""The ledger: the account of every command as rows for the page, and what STOP has come to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import msgspec
+
+from sleepcast.channel import Kind
+from sleepcast.station import Accounting, Command, Station
+
+MOST_ROWS = 50
+"""Commands that a page shows, the latest; the journal has them all."""
+SILENT, MATCHED, NOT_MATCHED, FAULT = range(4)
+"""What one byte says of a robot's answer."""
+NAMED = 3
+"""Silent robots named in the sentence about STOP."""
+
+
+class Row(msgspec.Struct, frozen=True):
+    """One command. at: when it was sent, in simulated s. kind: command, stop or release. Then counts of robots."""
+
+    id: str
+    kind: str
+    text: str
+    at: float
+    matched: int
+    not_matched: int
+    fault: int
+    silent: int
+    predicted: int
+
+
+class Ledger:
+    """The rows of one station; a row is made anew only when another robot has answered."""
+
+    def __init__(self, station: Station, names: Sequence[str]) -> None:
+        self._station, self._names = station, names
+        self._rows: dict[str, tuple[int, Row]] = {}
+
+    def rows(self) -> list[Row]:
+        """The latest commands, oldest first."""
+        kept: dict[str, tuple[int, Row]] = {}
+        for command in self._station.commands()[-MOST_ROWS:]:
+            known = self._rows.get(command.id)
+            if known is None or known[0] != len(command.answers):
+                known = (len(command.answers), _row(command, self._station.accounting(command.id)))
+            kept[command.id] = known
+        self._rows = kept
+        return [row for _, row in kept.values()]
+
+    def outcomes(self, command: str) -> bytes:
+        """For each robot, in the order of the scene's names, what its answer was. Raises NoSuchCommandError."""
+        found = self._station.accounting(command)
+        codes = dict.fromkeys(found.matched, MATCHED)
+        codes.update(dict.fromkeys(found.not_matched, NOT_MATCHED))
+        codes.update(dict.fromkeys(found.fault, FAULT))
+        return bytes(codes.get(name, SILENT) for name in self._names)
+
+    def stop(self) -> Command | None:
+        """The STOP that holds, None if none does."""
+        for command in reversed(self._station.commands()):
+            if command.kind is Kind.STOP:
+                return command
+            if command.kind is Kind.RELEASE:
+                return None
+        return None
+
+    def stop_sentence(self, stop: Command, paused: bool) -> str:
+        """What has become of a STOP: never more than what the robots themselves have said."""
+        found = self._station.accounting(stop.id)
+        total = found.n_matched + found.n_silent
+        if not found.silent:
+            return f"STOP: all {total:,} robots say that they are stopped."
+        if paused:
+            return (
+                f"STOP is on its way: {found.n_matched:,} of {total:,} robots say that they are stopped. Time stands "
+                "still, so nothing moves; the others hear it with the next tick."
+            )
+        silent = ", ".join(_heard(name, found) for name in found.silent[:NAMED])
+        more = f" and {found.n_silent - NAMED:,} more" if found.n_silent > NAMED else ""
+        return f"STOP: {found.n_matched:,} of {total:,} robots say that they are stopped; silent: {silent}{more}."
+
+
+def _heard(name: str, found: Accounting) -> str:
+    heard = found.last_heard[name]
+    return f"{name} (never heard)" if heard is None else f"{name} (last heard {found.now - heard:.0f} s ago)"
+
+
+def _row(command: Command, found: Accounting) -> Row:
+    return Row(
+        command.id,
+        command.kind.value,
+        command.text.strip(),
+        command.message.issued,
+        found.n_matched,
+        found.n_not_matched,
+        found.n_fault,
+        found.n_silent,
+        len(command.predicted),
+    )

@@ -1,0 +1,130 @@
+"""Messages from the page, each a bounded, exact shape: what does not fit is refused with a sentence.
+
+`serial` numbers a question; the answer carries it back. Messages without one get no answer.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from sleepcast.errors import MisuseError
+
+MAX_BYTES = 131_072
+"""Of one message: the longest expression, every character escaped, fits."""
+MAX_SPEED = 10_000.0
+"""Simulated seconds in a second that may be wanted; beyond it nobody sees anything."""
+MIN_SPEED = 0.01
+
+Serial = Annotated[int, Meta(ge=1, le=2**53 - 1)]
+Text = Annotated[str, Meta(max_length=16_384)]
+Id = Annotated[str, Meta(max_length=160)]
+Index = Annotated[int, Meta(ge=-1, le=10_000_000)]
+
+
+class Message(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="type", tag=str.lower):
+    """Anything that the page says."""
+
+
+class Preview(Message):
+    """Check a text and say who would obey it now."""
+
+    serial: Serial
+    text: Text
+
+
+class Send(Message):
+    """Broadcast a text. everybody: the sender has said that all robots are meant."""
+
+    serial: Serial
+    text: Text
+    everybody: bool = False
+
+
+class Names(Message):
+    """The names that a text may use, with the ranges of their values now."""
+
+    serial: Serial
+
+
+class Why(Message):
+    """How a robot (by its index) evaluated a command (by its id)."""
+
+    serial: Serial
+    robot: Index
+    command: Id
+
+
+class Outcomes(Message):
+    """What became of a command on each robot."""
+
+    serial: Serial
+    command: Id
+
+
+class Commands(Message):
+    """The account of every command, at once."""
+
+    serial: Serial
+
+
+class Stop(Message):
+    """Stop every body."""
+
+
+class Release(Message):
+    """End STOP."""
+
+
+class Pace(Message):
+    """How time is to run; what is None stays as it is. speed: simulated seconds in a second."""
+
+    running: bool | None = None
+    speed: Annotated[float, Meta(ge=MIN_SPEED, le=MAX_SPEED)] | None = None
+
+
+class Step(Message):
+    """One tick, then stand still."""
+
+
+class Watch(Message):
+    """Tell me of this robot (by its index; -1: of none)."""
+
+    robot: Index
+
+
+class Drawn(Message):
+    """The frame with this number is on the screen."""
+
+    number: Annotated[int, Meta(ge=0, le=2**32 - 1)]
+
+
+Incoming = Preview | Send | Names | Why | Outcomes | Commands | Stop | Release | Pace | Step | Watch | Drawn
+
+_DECODER = msgspec.json.Decoder(Incoming)
+
+
+class MessageError(MisuseError):
+    """Something from the page that is no message."""
+
+
+def decode(data: str | bytes) -> Incoming:
+    """The message in `data`. Raises MessageError."""
+    try:
+        return _DECODER.decode(data)
+    except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
+        raise MessageError(f"not a message of this page: {error}") from None
+
+
+def serial_in(data: str | bytes) -> int | None:
+    """The serial number of something that is otherwise no message, so that its sender hears of it."""
+    try:
+        return msgspec.json.decode(data, type=_Numbered).serial
+    except (msgspec.DecodeError, UnicodeError, RecursionError):
+        return None
+
+
+class _Numbered(msgspec.Struct):
+    serial: Serial

@@ -1,0 +1,112 @@
+"""What the console shows: the swarm as it wants to see it, and the scene in which the swarm moves.
+
+The console knows no simulator and no loop. The roof gives it something with these few members.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Protocol
+
+import msgspec
+
+from sleepcast.language import Vocabulary
+from sleepcast.station import Mind
+
+
+class Place(msgspec.Struct, frozen=True):
+    """A named point; x, y in m of the world's frame."""
+
+    name: str
+    x: float
+    y: float
+
+
+class ReadyCommand(msgspec.Struct, frozen=True):
+    """A command that the page offers, with the words that a person would say."""
+
+    title: str
+    text: str
+    about: str = ""
+
+
+class Scene(msgspec.Struct, frozen=True):
+    """What does not change while the swarm runs.
+
+    noun: what the robots are called, in the plural. names: of the robots, by their index. area: least x, least y,
+    greatest x, greatest y in m. unit: a length of `sleepcast.units`, in which people read the map. radius: of a body,
+    in m. obstacles: polygons, each a list of corners (x, y) in m.
+    """
+
+    title: str
+    story: str
+    noun: str
+    names: tuple[str, ...]
+    area: tuple[float, float, float, float]
+    unit: str
+    radius: float
+    places: tuple[Place, ...] = ()
+    obstacles: tuple[tuple[tuple[float, float], ...], ...] = ()
+    commands: tuple[ReadyCommand, ...] = ()
+
+
+class Rule(Protocol):
+    """One expression that a robot keeps: its last value is NaN, its last fault "" where there is none."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def text(self) -> str: ...
+    @property
+    def active(self) -> bool: ...
+    @property
+    def last_value(self) -> float: ...
+    @property
+    def last_fault(self) -> str: ...
+
+
+class RobotMind(Mind, Protocol):
+    """A mind that can be looked into from here."""
+
+    def variables(self) -> Iterable[tuple[str, float]]:
+        """Every variable by name with its value in SI, NaN for unknown."""
+
+    def rules(self) -> Iterable[Rule]:
+        """Every kept expression."""
+
+
+class Swarm(Protocol):
+    """A swarm in its scene. minds: by name, in the order of `scene.names`; vocabulary: what they know from the start."""
+
+    @property
+    def scene(self) -> Scene: ...
+    @property
+    def minds(self) -> Mapping[str, RobotMind]: ...
+    @property
+    def vocabulary(self) -> Vocabulary: ...
+    @property
+    def tick(self) -> int:
+        """Ticks since the start."""
+
+    def now(self) -> float:
+        """Simulated seconds since the start."""
+
+    def step(self) -> None:
+        """One tick of everything: bodies, channel, minds, and the station's news of them."""
+
+    def poses(self) -> bytes:
+        """x (m), y (m) and heading (rad, counter-clockwise from x) of each robot in turn, float32, little endian."""
+
+
+class Pace(Protocol):
+    """How fast the swarm runs. factor: simulated seconds in a second that are wanted. paused: time stands still."""
+
+    factor: float
+    paused: bool
+
+    @property
+    def achieved(self) -> float:
+        """Simulated seconds in a second, as they were of late."""
+
+    def keep_up(self, budget: float) -> int:
+        """Make the ticks that are due, for at most about `budget` s; gives how many were made."""

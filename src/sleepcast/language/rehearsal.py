@@ -1,0 +1,157 @@
+"""Rehearsals: a memory in which nothing happens, to see what an expression would do or did.
+
+A preview asks what a robot would do now; a replay walks an evaluation again, and the memory answers what the robot's
+answered then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import nan
+
+from sleepcast.language.operations import Entered
+from sleepcast.language.parts import Label, Part
+from sleepcast.language.vocabulary import ACTIVE0, FROZEN, MARKED, SLEEPING, Variable, buffer_number
+
+Answer = float | bool | Entered | None
+
+FLAGS: dict[str, tuple[int, float]] = {
+    "sleep": (SLEEPING, 1.0),
+    "wake": (SLEEPING, 0.0),
+    "freeze": (FROZEN, 1.0),
+    "thaw": (FROZEN, 0.0),
+    "mark": (MARKED, 1.0),
+    "unmark": (MARKED, 0.0),
+}
+"""The acts that set a support flag: its slot and what it becomes."""
+
+
+class Rehearsal:
+    """A memory in which nothing happens: assignments hold within the one evaluation, acts give 1 and do nothing.
+
+    values: copied. fetch, operator, read: how to reach the robot's programs and linked variables, if there are any.
+    """
+
+    def __init__(
+        self,
+        values: Sequence[float],
+        groups: frozenset[str] = frozenset(),
+        *,
+        fetch: Callable[[Part], Entered | None] | None = None,
+        operator: Callable[[Part], Entered | None] | None = None,
+        read: Callable[[int], float] | None = None,
+        draw: Callable[[], float] | None = None,
+    ) -> None:
+        self.values, self.groups = list(values), groups
+        self.steps = self.depth = 0
+        self.matched = False
+        self.faults: list[tuple[Part, str]] = []
+        self._fetch, self._operator, self._read, self._draw = fetch, operator, read, draw
+
+    def fault(self, part: Part, reason: str) -> float:
+        self.faults.append((part, reason))
+        return nan
+
+    def draw(self) -> float:
+        return self._draw() if self._draw else nan
+
+    def read(self, slot: int) -> float:
+        return self._read(slot) if self._read else nan
+
+    def write(self, part: Part, value: float) -> float:
+        if part.slot >= 0 and value == value:
+            self.values[part.slot] = value
+        return value
+
+    def defined(self, part: Part) -> bool:
+        return self.values[part.slot] == self.values[part.slot]
+
+    def define(self, part: Part, value: float) -> float:
+        self.values[part.slot] = value
+        return value
+
+    def store(self, part: Part, value: float) -> float:
+        return value
+
+    def fetch(self, part: Part) -> Entered | None:
+        return self._fetch(part) if self._fetch else None
+
+    def operator(self, part: Part) -> Entered | None:
+        return self._operator(part) if self._operator else None
+
+    def host(self, part: Part, *arguments: float) -> float:
+        return nan
+
+    def act(self, part: Part, *arguments: float) -> float:
+        apply_flags(self, part)
+        return arguments[-1] if part.name == "report" and arguments else 1.0
+
+
+class Replay(Rehearsal):
+    """A rehearsal in which the memory answers what it answered then."""
+
+    def __init__(self, values: Sequence[float], groups: frozenset[str], answers: Sequence[Answer]) -> None:
+        super().__init__(values, groups)
+        self._answers = iter(answers)
+
+    def _number(self) -> float:
+        answer = next(self._answers)
+        return answer if isinstance(answer, float) else nan
+
+    def _program(self) -> Entered | None:
+        answer = next(self._answers)
+        return None if answer is None or isinstance(answer, float | bool) else answer
+
+    def draw(self) -> float:
+        return self._number()
+
+    def read(self, slot: int) -> float:
+        return self._number()
+
+    def write(self, part: Part, value: float) -> float:
+        answer = self._number()
+        linked = isinstance(part.data, Variable) and part.data.linked
+        if part.slot >= 0 and answer == answer and not linked:
+            self.values[part.slot] = answer
+        return answer
+
+    def defined(self, part: Part) -> bool:
+        return bool(next(self._answers))
+
+    def define(self, part: Part, value: float) -> float:
+        answer = self._number()
+        self.values[part.slot] = answer
+        return answer
+
+    def store(self, part: Part, value: float) -> float:
+        return self._number()
+
+    def fetch(self, part: Part) -> Entered | None:
+        return self._program()
+
+    def operator(self, part: Part) -> Entered | None:
+        return self._program()
+
+    def host(self, part: Part, *arguments: float) -> float:
+        return self._number()
+
+    def act(self, part: Part, *arguments: float) -> float:
+        answer = self._number()
+        if answer == answer:
+            apply_flags(self, part)
+        return answer
+
+
+def apply_flags(memory: Rehearsal, part: Part) -> None:
+    """Do of an act what the rest of the same evaluation can see: flags and groups."""
+    if part.name in FLAGS:
+        slot, value = FLAGS[part.name]
+        memory.values[slot] = value
+    elif isinstance(part.data, Label):
+        key = part.data.text.casefold()
+        if part.name == "join":
+            memory.groups |= {key}
+        elif part.name == "leave":
+            memory.groups -= {key}
+        elif part.name in ("activate", "deactivate") and (number := buffer_number(key)):
+            memory.values[ACTIVE0 + number] = 1.0 if part.name == "activate" else 0.0

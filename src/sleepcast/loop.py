@@ -1,0 +1,269 @@
+"""The loop: it alone owns the time of a simulated swarm, and every tick goes through one function in one order.
+
+    act      what the minds wanted of their bodies' actuators goes to the bodies
+    advance  the bodies move on by one tick
+    deliver  the operator's messages go out, and whatever the radio has brought is received
+    sense    robots that have something to think about get their readings
+    think    ... and think
+    report   what robots say goes on the air, the operator hears what has come in, telemetry is sampled
+
+A robot without rules and without a message is not touched: it costs nothing but its motion. Chance comes from the
+seed, time is the number of the tick, so a run repeats to the last bit however fast it is run.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from math import isinf, nan
+from typing import Protocol
+
+from sleepcast.channel import Message
+from sleepcast.channel.memory import OPERATOR, Radio
+from sleepcast.clock import Clock
+from sleepcast.errors import SleepcastError
+from sleepcast.language.reader import read
+from sleepcast.language.vocabulary import HostFunction, Vocabulary
+from sleepcast.node.node import Node, Result
+from sleepcast.robot import RobotModel, Setpoint
+from sleepcast.simulator import MissionError, Order, Simulator
+
+LONGEST_CATCH_UP = 0.25
+"""Seconds of real time that a paced run may lag behind before it lets them go: a hiccup, not a rest of work."""
+WINDOW = 1.0
+"""Seconds of real time over which the speed of a run is measured."""
+
+
+class Desk(Protocol):
+    """The operator's desk, as far as the loop knows it."""
+
+    def send(self, text: str, *, everybody: bool) -> object:
+        """Broadcast an expression, to everybody if it says so."""
+
+    def hear(self, message: Message) -> None:
+        """Take in what a robot says."""
+
+    def observe(self, now: float, rows: Iterable[Node]) -> None:
+        """Take in telemetry of `now` (s)."""
+
+    def attend(self) -> None:
+        """Do what is to be done at every tick."""
+
+
+class Swarm:
+    """A simulator, a mind for each body, and the radio between them and the operator. It is the clock of them all.
+
+    nodes: by the robots' index; minds: the same by name. desk: where the operator sits, if anybody does; what it
+    sends goes through `post`. mission: orders that the desk is to send by itself. Raises MissionError for an order
+    that is no expression, VocabularyError where the scenario's names clash with the language's.
+    """
+
+    def __init__(self, simulator: Simulator, mission: Sequence[Order] = ()) -> None:
+        self.simulator = simulator
+        self.vocabulary = vocabulary_of(simulator.model)
+        self.nodes = [
+            Node(name, self.vocabulary, number=i + 1, seed=simulator.seed, body=simulator.robots[i])
+            for i, name in enumerate(simulator.names)
+        ]
+        self.minds: Mapping[str, Node] = {node.name: node for node in self.nodes}
+        scenario = simulator.scenario
+        self.radio = Radio(scenario.radio, simulator.x, simulator.y, seed=simulator.seed, clock=self)
+        self.desk: Desk | None = None
+        self.mission = deque(_readable(order) for order in mission)
+        self.telemetry_ticks = max(1, round(scenario.telemetry / scenario.tick))
+        """Ticks between two samples of a robot."""
+        self.posted: deque[Message] = deque()
+        self.restless: set[int] = set()
+        """Indices of the robots that must think in the next tick even if they hear nothing."""
+        self.thought: list[int] = []
+        """Indices of the robots that thought in the last tick."""
+
+    def now(self) -> float:
+        """Simulated seconds since the start."""
+        return self.simulator.time
+
+    def post(self, message: Message) -> None:
+        """The operator's outbox: `message` is sent in the next tick. May be called from any thread."""
+        self.posted.append(message)
+
+    def step(self) -> None:
+        """One tick."""
+        step_swarm(self)
+
+    def run(self, seconds: float) -> None:
+        """Run for so many simulated seconds, as fast as possible."""
+        for _ in range(round(seconds / self.simulator.scenario.tick)):
+            step_swarm(self)
+
+    def evaluate(self, name: str, text: str) -> Result:
+        """Evaluate `text` on the robot called `name`, with its readings of this moment; what it says is sent in the
+        next tick. Raises KeyError for no such robot, ReadError and CheckError for a text that it cannot run."""
+        index = self.simulator.names.index(name)
+        self.sense([index])
+        found = self.nodes[index].evaluate(text)
+        self.restless.add(index)
+        return found
+
+    def sense(self, indices: Sequence[int] | None = None) -> None:
+        """Give the robots with these indices (None: all) their readings of this moment."""
+        now = self.now()
+        rows = self.simulator.readings(indices)
+        for index, row in zip(range(len(rows)) if indices is None else indices, rows, strict=True):
+            self.nodes[index].sense(row, now)
+
+    def measures(self) -> dict[str, object]:
+        """What can be counted of the run so far."""
+        return {
+            "awake": sum(node.awake for node in self.nodes),
+            "groups": _members(self.nodes),
+            "stopped": sum(node.stopped for node in self.nodes),
+            "said": len(self.simulator.said),
+            "radio": asdict(self.radio.counts),
+        }
+
+
+def step_swarm(swarm: Swarm) -> None:
+    """One tick of the whole swarm: act, advance, deliver, sense, think, report."""
+    _act(swarm)
+    swarm.simulator.step()
+    heard = _deliver(swarm)
+    thinking = sorted({i for i in swarm.restless | heard if swarm.nodes[i].awake})
+    if thinking:
+        swarm.sense(thinking)
+    _think(swarm, thinking)
+    _report(swarm, heard)
+
+
+def _act(swarm: Swarm) -> None:
+    """Assigned actuators move the bodies. What was assigned last holds, until DRIVE or the like says otherwise."""
+    for index in swarm.thought:
+        wanted = swarm.nodes[index].actuators()
+        if wanted:
+            model = swarm.simulator.model
+            setpoint = Setpoint(*(wanted.get(actuator.name, nan) for actuator in model.actuators))
+            swarm.simulator.robots[index].act(setpoint)
+
+
+def _deliver(swarm: Swarm) -> set[int]:
+    """Bring the robots what they hear in this tick; gives the indices of those that heard anything."""
+    _give_orders(swarm)
+    while swarm.posted:
+        swarm.radio.send(OPERATOR, swarm.posted.popleft())
+    heard = swarm.radio.receive_all()
+    for index, messages in heard.items():
+        receive = swarm.nodes[index].receive
+        for message in messages:
+            receive(message)
+    return set(heard)
+
+
+def _give_orders(swarm: Swarm) -> None:
+    """Let the desk send the orders of the mission whose time has come."""
+    while swarm.mission and swarm.desk is not None and swarm.mission[0].time <= swarm.now():
+        order = swarm.mission.popleft()
+        try:
+            swarm.desk.send(order.text, everybody=True)
+        except SleepcastError as error:
+            raise MissionError(f"{order.place}: {error}") from error
+
+
+def _think(swarm: Swarm, thinking: list[int]) -> None:
+    tick, now = swarm.simulator.tick, swarm.now()
+    for index in thinking:
+        swarm.nodes[index].think(tick, now)
+    swarm.thought = thinking
+
+
+def _report(swarm: Swarm, heard: set[int]) -> None:
+    """Send what the robots say; let the desk hear what has come in; take a sample of every robot when it is time."""
+    spoke = sorted(heard.union(swarm.thought, swarm.restless))
+    for index in spoke:
+        node = swarm.nodes[index]
+        for message in node.outbox:
+            swarm.radio.send(index, message)
+        for caste in node.pings:
+            swarm.simulator.ping(index, caste)
+        node.outbox.clear()
+        node.pings.clear()
+    swarm.restless = {index for index in spoke if swarm.nodes[index].awake}
+    desk = swarm.desk
+    if desk is None:
+        return
+    for message in swarm.radio.receive(OPERATOR):
+        desk.hear(message)
+    if swarm.simulator.tick % swarm.telemetry_ticks == 0:
+        sampled = swarm.radio.samples().tolist()
+        swarm.sense(sampled)
+        desk.observe(swarm.now(), [swarm.nodes[i] for i in sampled])
+    desk.attend()
+
+
+class Pace:
+    """How many ticks a run should have made by now, so that it goes `factor` times as fast as the clock on the wall.
+
+    factor: simulated seconds in a second of `clock`; infinite for as fast as possible. paused: no tick is due; whoever
+    pauses may still step. A run that cannot keep up lets the missed ticks go.
+    """
+
+    def __init__(self, clock: Clock, swarm: Swarm, factor: float) -> None:
+        self.factor, self.paused = factor, False
+        self._clock, self._swarm, self._credit = clock, swarm, 0.0
+        self._looked = clock.now()
+        self._seen: deque[tuple[float, float]] = deque()
+
+    def keep_up(self, budget: float) -> int:
+        """Make the ticks that are due, for at most about `budget` s of the clock; gives how many were made."""
+        start = self._clock.now()
+        tick = self._swarm.simulator.scenario.tick
+        lag = min(start - self._looked, LONGEST_CATCH_UP)
+        self._looked = start
+        if self.paused:
+            self._credit = 0.0
+            self._seen.clear()
+            return 0
+        most = LONGEST_CATCH_UP * self.factor / tick
+        self._credit = min(self._credit + lag * self.factor / tick, most)
+        made = 0
+        while (isinf(self.factor) or self._credit >= 1.0) and self._clock.now() - start <= budget:
+            step_swarm(self._swarm)
+            self._credit -= 1.0
+            made += 1
+        self._seen.append((start, self._swarm.now()))
+        while self._seen[0][0] < start - WINDOW:
+            self._seen.popleft()
+        return made
+
+    @property
+    def achieved(self) -> float:
+        """Simulated seconds in a second of the clock, over the last `WINDOW`; 0 while that is not known."""
+        if len(self._seen) < 2:
+            return 0.0
+        (wall, simulated), (last_wall, last_simulated) = self._seen[0], self._seen[-1]
+        return (last_simulated - simulated) / (last_wall - wall) if last_wall > wall else 0.0
+
+
+def vocabulary_of(model: RobotModel) -> Vocabulary:
+    """The names that robots of this model know. Raises VocabularyError for names that clash."""
+    functions = (
+        HostFunction(f.name, f.call, f.dimensions, f.least, f.arguments, f.result, f.acts, f.labelled, f.doc)
+        for f in model.functions
+    )
+    return Vocabulary(model.name, model.sensors, model.actuators, functions=tuple(functions))
+
+
+def _readable(order: Order) -> Order:
+    try:
+        read(order.text)
+    except SleepcastError as error:
+        raise MissionError(f"{order.place}: {error}") from error
+    return order
+
+
+def _members(nodes: Iterable[Node]) -> dict[str, int]:
+    """How many robots are in each group."""
+    counts: dict[str, int] = {}
+    for node in nodes:
+        for group in sorted(node.groups):
+            counts[group] = counts.get(group, 0) + 1
+    return dict(sorted(counts.items()))

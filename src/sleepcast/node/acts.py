@@ -1,0 +1,172 @@
+"""Acts: what an expression may do to its robot's mind beyond assigning and storing, and how it speaks.
+
+One function for each, found by name in `ACTS`; a refusal is a fault and changes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from math import nan
+
+from sleepcast.errors import SleepcastError
+from sleepcast.language.form import UNQUOTE, Form, List, Number, format_literal, show
+from sleepcast.language.names import Group, Operator, Stored
+from sleepcast.language.parts import Defining, Label, Part, Template
+from sleepcast.language.reader import read
+from sleepcast.language.vocabulary import ACTIVE0, MAX_GROUPS, MAX_OPERATORS, buffer_number
+from sleepcast.node.buffers import ExpressionBuffer
+from sleepcast.node.memory import PROVEN_TICKS, Act, RobotMemory, written
+
+
+def _join(memory: RobotMemory, part: Part) -> float:
+    name = _label(part)
+    key = name.casefold()
+    if memory.taken(part, key, Group):
+        return nan
+    if key not in memory.learned and sum(isinstance(d, Group) for d in memory.learned.values()) >= MAX_GROUPS:
+        return memory.fault(part, f"no room for another group: there are {MAX_GROUPS}")
+    memory.learn(key, Group(name))
+    memory.groups |= {key}
+    return 1.0
+
+
+def _leave(memory: RobotMemory, part: Part) -> float:
+    memory.groups -= {_label(part).casefold()}
+    return 1.0
+
+
+def _buffer(memory: RobotMemory, part: Part) -> ExpressionBuffer | None:
+    """The buffer or rule that an act names, unless there is none or it is built in, which are faults."""
+    buffer = memory.rules.kept.get(_label(part))
+    if buffer is None:
+        memory.fault(part, f"no rule {_label(part)}")
+    elif buffer.protected:
+        memory.fault(part, f"{buffer.name} is built in: it cannot be changed over the air")
+        return None
+    return buffer
+
+
+def _activate(memory: RobotMemory, part: Part) -> float:
+    number = buffer_number(_label(part))
+    if number is not None and _label(part) not in memory.rules.kept:
+        memory.changing()
+        memory.values[ACTIVE0 + number] = 1.0 if part.name == "activate" else 0.0
+        return 1.0
+    buffer = _buffer(memory, part)
+    if buffer is None:
+        return nan
+    memory.changing()
+    memory.rules.activate(buffer, part.name == "activate")
+    return 1.0
+
+
+def _forget(memory: RobotMemory, part: Part) -> float:
+    key = _label(part)
+    if key in memory.operators:
+        del memory.operators[key]
+    elif _buffer(memory, part) is None:
+        return nan
+    else:
+        memory.changing()
+        memory.rules.remove(key)
+    if memory.learned.pop(key, None) is not None:
+        memory.resolve_again(key)
+    return 1.0
+
+
+def _lease(memory: RobotMemory, part: Part, seconds: float) -> float:
+    if seconds != seconds:
+        return memory.fault(part, "a lease of unknown length")
+    buffer = _buffer(memory, part)
+    if buffer is None:
+        return nan
+    memory.changing()
+    buffer.lease = memory.time + seconds
+    memory.rules.changed()
+    return 1.0
+
+
+def _defun(memory: RobotMemory, part: Part) -> float:
+    defining = part.data
+    if not isinstance(defining, Defining):
+        raise TypeError(f"a part of op {part.op} defines nothing")
+    name = written(part)
+    key = name.casefold()
+    if memory.taken(part, key, Operator):
+        return nan
+    if key not in memory.operators and len(memory.operators) >= MAX_OPERATORS:
+        return memory.fault(part, f"no room for another operator: there are {MAX_OPERATORS}")
+    program = memory.program_for(part, key, " ".join(map(show, defining.body)), defining.parameters)
+    if program is None:
+        return nan
+    memory.operators[key] = program
+    memory.learn(key, Operator(name, defining.parameters, program.uses))
+    return 1.0
+
+
+def _rollback(memory: RobotMemory, part: Part) -> float:
+    if memory.tick - memory.unproven_since < PROVEN_TICKS:
+        memory.rules.restore(memory.proven)
+        gone = [k for k, d in memory.learned.items() if isinstance(d, Stored) and k not in memory.rules.kept]
+        for key in gone:
+            del memory.learned[key]
+            memory.resolve_again(key)
+        for buffer in memory.rules.kept.values():
+            if buffer_number(buffer.key) is None:
+                memory.learn(buffer.key, Stored(buffer.name, buffer.program.uses))
+    return 1.0
+
+
+def _report(memory: RobotMemory, part: Part, *arguments: float) -> float:
+    memory.voice.report(_label(part), arguments)
+    return arguments[-1] if arguments else 1.0
+
+
+def _tell(memory: RobotMemory, part: Part, *arguments: float) -> float:
+    if any(argument != argument for argument in arguments):
+        return memory.fault(part, "an unknown cannot be told")
+    if not isinstance(part.data, Template):
+        raise TypeError(f"a part of op {part.op} tells nothing")
+    text = show(_filled(part.data.form, iter(arguments).__next__))
+    try:
+        read(text)
+    except SleepcastError as error:
+        return memory.fault(part, f"refused: {str(error).splitlines()[0]}")
+    memory.voice.tell(text)
+    return 1.0
+
+
+def _ping(memory: RobotMemory, part: Part, caste: float = 0.0) -> float:
+    if caste != caste:
+        return memory.fault(part, "a ping of unknown caste")
+    memory.voice.ping(caste)
+    return 1.0
+
+
+ACTS: Mapping[str, Act] = {
+    "join": _join,
+    "leave": _leave,
+    "activate": _activate,
+    "deactivate": _activate,
+    "forget": _forget,
+    "lease": _lease,
+    "defun": _defun,
+    "rollback": _rollback,
+    "report": _report,
+    "tell": _tell,
+    "ping": _ping,
+}
+
+
+def _label(part: Part) -> str:
+    return part.data.text if isinstance(part.data, Label) else ""
+
+
+def _filled(form: Form, next_value: Callable[[], float]) -> Form:
+    """A template with its unquoted places replaced by values, in their order."""
+    if not isinstance(form, List):
+        return form
+    if form.head == UNQUOTE and len(form.items) == 2:
+        value = next_value()
+        return Number(value, text=format_literal(value))
+    return List(tuple(_filled(item, next_value) for item in form.items), form.start, form.end)

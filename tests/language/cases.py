@@ -1,0 +1,355 @@
+"""Cases: what the standard dialect means, in the dialect itself, and the machines that every case is run on.
+
+`tests/cases/*.cases` hold the cases; the head of each file says how they are written. `blocks` reads them, `MACHINES`
+names every machine there is, and `mismatch` says how the outcome of one evaluation differs from what a case expects.
+A machine that joins the house later joins the table.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple, Protocol
+from unittest.mock import patch
+
+from language.reference import Reference
+from sleepcast.channel import message
+from sleepcast.language import (
+    CheckError,
+    Constant,
+    HostFunction,
+    ReadError,
+    Vocabulary,
+    check,
+    format_value,
+    machine,
+)
+from sleepcast.language.names import Operator
+from sleepcast.node.node import Node
+from sleepcast.units import SPEED, Quantity
+
+FOLDER = Path(__file__).parent.parent / "cases"
+OTHER_DIALECTS = {"classic", "faithful"}
+NEARLY = 1e-9
+"""How far a value written `~2.5` may be off, as a part of it."""
+
+
+# ---- the robot that the cases are about
+
+
+class Body:
+    """The body of that robot: it notes what it was asked to do."""
+
+    def __init__(self) -> None:
+        self.done: list[str] = []
+
+    def do(self, name: str, *arguments: float | str) -> None:
+        written = [format_value(x) if isinstance(x, float) else f'"{x}"' for x in arguments]
+        self.done.append(f"({' '.join([name, *written])})")
+
+    def fail(self) -> float:
+        raise RuntimeError("a wire is loose")
+
+
+FUNCTIONS = (
+    HostFunction("VM", lambda body, r, l: body.do("VM", r, l), (SPEED, SPEED), arguments="right left"),
+    HostFunction("ST", lambda body: body.do("ST")),
+    HostFunction("TK", lambda body, text: body.do("TK", text), labelled=True, arguments='"text"'),
+    HostFunction("SONAR", lambda body, i: i / 2, (None,), arguments="i", acts=False),
+    HostFunction("GIVE", lambda body, x: x, (None,), arguments="x", acts=False),
+    HostFunction("MUTE", lambda body: math.nan, acts=False),
+    HostFunction("LOOSE", lambda body: body.fail(), acts=False),
+)
+SENSORS = (
+    Quantity("fuel", low=0, high=1, shown_as="%"),
+    Quantity("ordnance", low=0, high=1, shown_as="%"),
+    Quantity("x", "m"),
+    Quantity("y", "m"),
+    Quantity("speed", "m/s"),
+    Quantity("sonar1", "m", low=0),
+    Quantity("sonar2", "m", low=0),
+    Quantity("sonar3", "m", low=0),
+)
+ACTUATORS = (Quantity("throttle", low=0, high=1), Quantity("lamp"))
+CONSTANTS = (Constant("FRONT", 1.0), Constant("REAR", 2.0))
+
+
+@dataclass
+class Setting:
+    """The robot before its first case. values: measured, by the sensor's or actuator's key."""
+
+    extra: list[Quantity] = field(default_factory=list)
+    values: dict[str, float] = field(default_factory=dict)
+    number: int = 0
+    seed: int = 0
+
+    def vocabulary(self) -> Vocabulary:
+        sensors = (*SENSORS, *self.extra)
+        return Vocabulary("robot", sensors, ACTUATORS, constants=CONSTANTS, functions=FUNCTIONS)
+
+
+# ---- machines
+
+
+class Outcome(NamedTuple):
+    """What one evaluation came to. refused: what the reader or the checker says against the text, else ""."""
+
+    value: float = math.nan
+    faults: tuple[str, ...] = ()
+    prints: tuple[str, ...] = ()
+    tells: tuple[str, ...] = ()
+    does: tuple[str, ...] = ()
+    matched: bool = False
+    refused: str = ""
+    warnings: tuple[str, ...] = ()
+
+
+class Machine(Protocol):
+    """One robot that evaluates text after text in one memory.
+
+    checks: whether it looks over a text before it evaluates it; one that does not is spared texts that are refused.
+    """
+
+    checks: bool
+
+    def evaluate(self, text: str) -> Outcome: ...
+
+    def state(self) -> dict[str, object]:
+        """All that an evaluation can change, as numbers and texts that can be compared."""
+
+
+def printed(label: str, values: tuple[float, ...]) -> str:
+    words = [f'"{label}"'] if label else []
+    return " ".join([*words, *map(format_value, values)])
+
+
+class ReferenceMachine:
+    """The slow, obvious evaluator."""
+
+    checks = False
+
+    def __init__(self, setting: Setting) -> None:
+        self.body = Body()
+        self.mind = Reference(setting.vocabulary(), number=setting.number, seed=setting.seed, body=self.body)
+        self.mind.values.update(setting.values)
+
+    def evaluate(self, text: str) -> Outcome:
+        self.body.done.clear()
+        try:
+            value = self.mind.evaluate(text)
+        except ReadError as error:
+            return Outcome(refused=str(error))
+        return Outcome(
+            value,
+            tuple(self.mind.faults),
+            tuple(printed(*each) for each in self.mind.printed),
+            tuple(self.mind.told),
+            tuple(self.body.done),
+            self.mind.matched,
+        )
+
+    def state(self) -> dict[str, object]:
+        return self.mind.state()
+
+
+class NodeMachine:
+    """One robot's mind as it is. compiled: every text runs as generated code from its first evaluation on."""
+
+    checks = True
+
+    def __init__(self, setting: Setting, *, compiled: bool = False) -> None:
+        self.body, self.compiled = Body(), compiled
+        vocabulary = setting.vocabulary()
+        self.mind = Node("robot", vocabulary, number=setting.number, seed=setting.seed, body=self.body)
+        measured = [setting.values.get(sensor.name.casefold(), math.nan) for sensor in vocabulary.sensors]
+        self.mind.sense(measured, 0.0)
+        for i, actuator in enumerate(vocabulary.actuators):
+            if actuator.name.casefold() in setting.values:
+                self.mind.values[vocabulary.first_actuator + i] = setting.values[actuator.name.casefold()]
+
+    def evaluate(self, text: str) -> Outcome:
+        self.body.done.clear()
+        self.mind.outbox.clear()
+        try:
+            checked = check(text, self.mind)
+            if self.compiled and checked.program is not None:
+                checked.program.compile()
+            with patch.object(machine, "HOT", 0) if self.compiled else nullcontext():
+                result = self.mind.run(checked)
+        except (ReadError, CheckError) as error:
+            return Outcome(refused=str(error))
+        return Outcome(
+            result.value,
+            tuple(fault.reason for fault in result.faults),
+            tuple(printed(*each) for each in result.printed),
+            tuple(said.text for said in self.mind.outbox if said.kind is message.Kind.COMMAND),
+            tuple(self.body.done),
+            result.matched,
+            warnings=tuple(finding.message for finding in checked.warnings),
+        )
+
+    def state(self) -> dict[str, object]:
+        learned = {name.casefold(): self.mind.declared(name.casefold()) for name in self.mind.heard()}
+        views = self.mind.rules()
+        return {
+            "variables": {name.casefold(): value.hex() for name, value in self.mind.variables()},
+            "stored": {view.name.casefold(): view.text for view in views},
+            "active": sorted(view.name.casefold() for view in views if view.active),
+            "operators": sorted(key for key, found in learned.items() if isinstance(found, Operator)),
+            "groups": sorted(self.mind.groups),
+        }
+
+
+MACHINES: dict[str, Callable[[Setting], Machine]] = {
+    "reference": ReferenceMachine,
+    "node": NodeMachine,
+    "node-compiled": partial(NodeMachine, compiled=True),
+}
+
+
+# ---- reading the files
+
+
+@dataclass(frozen=True)
+class Case:
+    """One line. expected: as written after the arrow. notes: (key, words) in order, words "" where there are none."""
+
+    where: str
+    text: str
+    expected: str
+    notes: tuple[tuple[str, str], ...]
+
+    def words(self, key: str) -> list[str]:
+        return [words for found, words in self.notes if found == key]
+
+    @property
+    def refusal(self) -> str | None:
+        return self.expected.removeprefix("error:").strip() if self.expected.startswith("error:") else None
+
+
+@dataclass
+class Block:
+    """Cases that share one robot."""
+
+    title: str
+    setting: Setting = field(default_factory=Setting)
+    cases: list[Case] = field(default_factory=list)
+
+
+KEYS = {"fault", "prints", "tells", "does", "matched", "not matched", "warning", "no warning"}
+
+
+def logical_lines(path: Path) -> Iterator[tuple[str, str]]:
+    """Each line with those that continue it, and where it begins."""
+    where, line = "", ""
+    for number, written in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        if written.startswith(" "):
+            line += " " + written.strip()
+            continue
+        if line:
+            yield where, line
+        where, line = f"{path.name}:{number}", "" if written.startswith("#") else written.rstrip()
+    if line:
+        yield where, line
+
+
+def read_case(where: str, line: str) -> Case:
+    text, arrow, rest = line.partition(" => ")
+    if not arrow:
+        raise ValueError(f"{where} has no ' => ': {line}")
+    expected, *written = rest.split(" ; ")
+    notes = []
+    for note in written:
+        key, _, words = note.partition(":")
+        if key.strip() not in KEYS:
+            raise ValueError(f"{where}: {key.strip()!r} is none of the notes {sorted(KEYS)}")
+        notes.append((key.strip(), words.strip()))
+    return Case(where, text.strip(), expected.strip(), tuple(notes))
+
+
+def apply_setting(setting: Setting, where: str, line: str) -> None:
+    command, _, rest = line.partition(" ")
+    name, _, value = rest.partition("=")
+    if command == ":robot":
+        setting.number = int(rest)
+    elif command == ":seed":
+        setting.seed = int(rest)
+    elif command == ":set":
+        setting.values[name.strip().casefold()] = number(value)
+    elif command == ":sensor":
+        value, _, unit = value.partition(" ")
+        setting.extra.append(Quantity(name.strip(), unit.strip()))
+        setting.values[name.strip().casefold()] = number(value)
+    else:
+        raise ValueError(f"{where}: {command} is none of :set :sensor :robot :seed")
+
+
+def number(written: str) -> float:
+    return math.nan if written.strip() == "UNKNOWN" else float(written)
+
+
+def read_blocks(path: Path) -> list[Block]:
+    found: list[Block] = []
+    for where, line in logical_lines(path):
+        if line.startswith("--- "):
+            found.append(Block(f"{path.stem}: {line[4:]}"))
+        elif line.startswith(":"):
+            apply_setting(found[-1].setting, where, line)
+        else:
+            found[-1].cases.append(read_case(where, line))
+    return found
+
+
+def blocks() -> list[Block]:
+    """Every block of every case file of the standard dialect."""
+    files = sorted(path for path in FOLDER.glob("*.cases") if path.stem not in OTHER_DIALECTS)
+    return [block for path in files for block in read_blocks(path)]
+
+
+# ---- comparing
+
+
+def same(value: float, expected: str) -> bool:
+    """Whether `value` is what was written: bit for bit, or nearly if it was written with a ~."""
+    if expected.startswith("~"):
+        return math.isclose(value, float(expected[1:]), rel_tol=NEARLY)
+    if expected == "UNKNOWN":
+        return math.isnan(value)
+    return value.hex() == float(expected).hex()
+
+
+def mismatch(case: Case, outcome: Outcome, checks: bool) -> str:
+    """How `outcome` differs from what `case` expects, "" if it does not. checks: see `Machine`."""
+    if case.refusal is not None:
+        wrong = case.refusal not in outcome.refused or not outcome.refused
+        return f"wanted a refusal with {case.refusal!r}, got {outcome}" if wrong else ""
+    if outcome.refused:
+        return f"was refused: {outcome.refused}"
+    if not same(outcome.value, case.expected):
+        return f"gave {format_value(outcome.value)} ({outcome.value!r}); faults: {outcome.faults}"
+    found = {"prints": outcome.prints, "tells": outcome.tells, "does": outcome.does}
+    for key, got in found.items():
+        if list(got) != case.words(key):
+            return f"{key} {got}, wanted {case.words(key)}"
+    wanted = case.words("fault")
+    if len(wanted) != len(outcome.faults) or not all(map(within, wanted, outcome.faults)):
+        return f"had the faults {outcome.faults}, wanted {wanted}"
+    for key, expected in (("matched", True), ("not matched", False)):
+        if case.words(key) and outcome.matched is not expected:
+            return f"wanted it {key}"
+    return warning_mismatch(case, outcome) if checks else ""
+
+
+def within(words: str, text: str) -> bool:
+    return words.casefold() in text.casefold()
+
+
+def warning_mismatch(case: Case, outcome: Outcome) -> str:
+    missing = [words for words in case.words("warning") if not any(words in w for w in outcome.warnings)]
+    if missing:
+        return f"wanted warnings with {missing}, got {outcome.warnings}"
+    return f"wanted no warning, got {outcome.warnings}" if case.words("no warning") and outcome.warnings else ""

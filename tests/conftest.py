@@ -1,10 +1,14 @@
-"""How hypothesis searches: the same examples every time in an ordinary run, fresh and more of them at night.
+"""How the whole suite runs.
 
-`python3 go.py test --hypothesis-profile nightly` runs the night's profile. No deadline for an example: a busy
-machine is no bug, and what must be fast is measured in a test of its own.
+Hypothesis searches the same examples every time in an ordinary run, fresh ones and more of them at night:
+`python3 go.py test --hypothesis-profile nightly`. No deadline for an example: a busy machine is no bug, and what
+must be fast is measured in a test of its own. Contracts shared by several test files say what differed, as tests do.
 """
 
+import pytest
 from hypothesis import settings
+
+pytest.register_assert_rewrite("channel_contract", "robot_contract", "language.cases")
 
 settings.register_profile("ordinary", deadline=None, derandomize=True, print_blob=True)
 settings.register_profile("nightly", deadline=None, max_examples=10_000, print_blob=True)

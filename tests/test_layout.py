@@ -108,7 +108,8 @@ def walk_imports(tree: ast.AST, module: str, early: bool) -> Iterator[Import]:
             yield from (Import(alias.name, child.lineno, early) for alias in child.names)
         elif isinstance(child, ast.ImportFrom):
             origin = imported_from(child, module)
-            yield from (Import(member(origin, alias.name), child.lineno, early) for alias in child.names)
+            targets = dict.fromkeys(member(origin, alias.name) for alias in child.names)
+            yield from (Import(target, child.lineno, early) for target in targets)
         else:
             yield from walk_imports(child, module, early and not runs_later(child))
 

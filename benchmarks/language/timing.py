@@ -118,6 +118,16 @@ def _timed(batch: Batch, rounds: int) -> float:
         gc.enable()
 
 
+def one_by_one(events: Sequence[Callable[[], object]]) -> Timing:
+    """Each event timed by itself on the wall clock, garbage collection and all: what somebody waits for."""
+    times = []
+    for event in events:
+        begin = time.perf_counter()
+        event()
+        times.append(time.perf_counter() - begin)
+    return Timing(tuple(times))
+
+
 def command_times(command: Sequence[str], turns: int) -> Timing:
     """Wall-clock seconds of a whole command, from its start to its end; the first, untimed, one warms the file cache."""
     times = []

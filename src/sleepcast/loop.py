@@ -99,7 +99,7 @@ class Swarm:
     def evaluate(self, name: str, text: str) -> Result:
         """Evaluate `text` on the robot called `name`, with its readings of this moment; what it says is sent in the
         next tick. Raises KeyError for no such robot, ReadError and CheckError for a text that it cannot run."""
-        index = self.simulator.names.index(name)
+        index = self.minds[name].number - 1
         self.sense([index])
         found = self.nodes[index].evaluate(text)
         self.restless.add(index)
@@ -216,19 +216,21 @@ class Pace:
         """Make the ticks that are due, for at most about `budget` s of the clock; gives how many were made."""
         start = self._clock.now()
         tick = self._swarm.simulator.scenario.tick
-        lag = min(start - self._looked, LONGEST_CATCH_UP)
-        self._looked = start
+        lag, self._looked = start - self._looked, start
         if self.paused:
             self._credit = 0.0
             self._seen.clear()
             return 0
-        most = LONGEST_CATCH_UP * self.factor / tick
-        self._credit = min(self._credit + lag * self.factor / tick, most)
+        flat_out = isinf(self.factor)
+        if not flat_out:
+            self._credit += lag * self.factor / tick
+            self._credit = min(self._credit, max(1.0, LONGEST_CATCH_UP * self.factor / tick))
         made = 0
-        while (isinf(self.factor) or self._credit >= 1.0) and self._clock.now() - start <= budget:
+        while (flat_out or self._credit >= 1.0) and self._clock.now() - start <= budget:
             step_swarm(self._swarm)
-            self._credit -= 1.0
             made += 1
+            if not flat_out:
+                self._credit -= 1.0
         self._seen.append((start, self._swarm.now()))
         while self._seen[0][0] < start - WINDOW:
             self._seen.popleft()

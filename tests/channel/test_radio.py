@@ -7,8 +7,8 @@ from math import inf
 
 import numpy as np
 import pytest
-from channel_contract import Air, ChannelContract, message
 
+from channel_contract import Air, ChannelContract, message
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.chance import key, mix, uniform
 from sleepcast.channel.memory import OPERATOR, Radio, RadioModel
@@ -177,7 +177,7 @@ class TestChance:
 
     def test_draws_are_even_and_independent_of_their_neighbours(self) -> None:
         drawn = uniform(key("test"), np.arange(100_000, dtype=np.uint64))
-        assert 0.0 <= drawn.min()
+        assert drawn.min() >= 0.0
         assert drawn.max() < 1.0
         counts, _ = np.histogram(drawn, bins=20, range=(0, 1))
         assert np.abs(counts - 5_000).max() < 5 * np.sqrt(5_000)

@@ -29,7 +29,7 @@ from sleepcast.language import (
     machine,
 )
 from sleepcast.language.names import Operator
-from sleepcast.node.node import Node
+from sleepcast.node.node import Node, Result
 from sleepcast.units import SPEED, Quantity
 
 FOLDER = Path(__file__).parent.parent / "cases"
@@ -157,12 +157,13 @@ class ReferenceMachine:
 
 
 class NodeMachine:
-    """One robot's mind as it is. compiled: every text runs as generated code from its first evaluation on."""
+    """One robot's mind as it is. result: of the last evaluation. compiled: every text runs as generated code from its first evaluation on."""
 
     checks = True
 
     def __init__(self, setting: Setting, *, compiled: bool = False) -> None:
         self.body, self.compiled = Body(), compiled
+        self.result: Result
         vocabulary = setting.vocabulary()
         self.mind = Node("robot", vocabulary, number=setting.number, seed=setting.seed, body=self.body)
         measured = [setting.values.get(sensor.name.casefold(), math.nan) for sensor in vocabulary.sensors]
@@ -179,7 +180,7 @@ class NodeMachine:
             if self.compiled and checked.program is not None:
                 checked.program.compile()
             with patch.object(machine, "HOT", 0) if self.compiled else nullcontext():
-                result = self.mind.run(checked)
+                result = self.result = self.mind.run(checked)
         except (ReadError, CheckError) as error:
             return Outcome(refused=str(error))
         return Outcome(

@@ -247,7 +247,7 @@ def deciding_tests(form: Form, vocabulary: Vocabulary) -> list[Form] | None:
     head = form.head if isinstance(form, List) else None
     rest = arguments(form)
     if head == "cond":
-        return [items(clause)[0] for clause in rest]
+        return [items(clause)[0] for clause in rest] or None
     if head in ("if", "when"):
         return [rest[0]]
     if head == "and":
@@ -423,7 +423,7 @@ class Reference:
             return self.enter(operator_.body, ChainMap(own))
         function = self.vocabulary.bindings.get(head)
         if not isinstance(function, HostFunction):
-            return self.fault(f"no function {head}")
+            return self.fault(head)
         return self.host(function, forms, scope)
 
     def host(self, function: HostFunction, forms: Sequence[Form], scope: Scope) -> float:
@@ -591,9 +591,6 @@ class Reference:
         else:
             self.active.discard(key)
 
-    def exists(self, key: str) -> bool:
-        return key in self.stored or buffer_number(key) is not None
-
     def do_activate(self, forms: Sequence[Form], scope: Scope) -> float:
         return self.switch(key_of(forms[0]), True)
 
@@ -601,7 +598,7 @@ class Reference:
         return self.switch(key_of(forms[0]), False)
 
     def switch(self, key: str, on: bool) -> float:
-        if not self.exists(key):
+        if key not in self.stored and buffer_number(key) is None:
             return self.fault(key)
         self.activate(key, on)
         return 1.0
@@ -611,17 +608,17 @@ class Reference:
         if key in self.operators:
             del self.operators[key]
             return 1.0
-        if not self.exists(key):
-            return self.fault(key_of(forms[0]))
-        self.stored.pop(key, None)
+        if key not in self.stored:
+            return self.fault(key)
+        del self.stored[key]
         self.activate(key, False)
         return 1.0
 
     def do_lease(self, forms: Sequence[Form], scope: Scope) -> float:
-        seconds = self.value(forms[1], scope)
-        if not self.exists(key_of(forms[0])):
-            return self.fault(key_of(forms[0]))
-        return self.fault("unknown") if math.isnan(seconds) else 1.0
+        key, seconds = key_of(forms[0]), self.value(forms[1], scope)
+        if math.isnan(seconds):
+            return self.fault("unknown length")
+        return 1.0 if key in self.stored else self.fault(key)
 
     def do_defun(self, forms: Sequence[Form], scope: Scope) -> float:
         key = key_of(forms[0])

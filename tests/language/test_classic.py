@@ -1,7 +1,7 @@
 """The classic dialect: its cases in both modes, its bounds, and random text that must do no harm.
 
-`tests/cases/classic.cases` explains the format of the cases. Random well-formed expressions are checked against
-a plain evaluator over trees, which knows nothing of shorts in buffers or of a token pointer.
+`tests/cases/classic.cases` explains the format of the cases. Random well-formed expressions are checked
+against a plain evaluator over trees, which knows nothing of shorts in buffers or of a token pointer.
 """
 
 from __future__ import annotations
@@ -88,12 +88,7 @@ def read_groups(path: Path) -> Iterator[Group]:
     yield from groups
 
 
-GROUPS = [
-    (path, group)
-    for path in sorted(CASES.glob("*.cases"))
-    if path.stem in MODES
-    for group in read_groups(path)
-]
+GROUPS = [(path, group) for path in sorted(CASES.glob("*.cases")) if path.stem in MODES for group in read_groups(path)]
 
 
 @pytest.mark.parametrize(
@@ -175,9 +170,7 @@ def test_errors_are_the_projects_own_and_tell_unreadable_text_from_the_rest() ->
     assert isinstance(unreadable.value, SleepcastError)
     assert unreadable.value.exit_status == 2
     assert crashed.value.exit_status == 1
-    assert str(unreadable.value).startswith(
-        "30500 at character 6 reads as variable 500, and there are only 6"
-    )
+    assert str(unreadable.value).startswith("30500 at character 6 reads as variable 500, and there are only 6")
     assert str(crashed.value).startswith("4 divided by 0 in E0 at token 5")
 
 
@@ -391,9 +384,7 @@ def test_any_text_is_a_transcript(mode: Mode, text: str) -> None:
 def trees(*, with_cond: bool) -> st.SearchStrategy[Tree]:
     def lists(children: st.SearchStrategy[Tree]) -> st.SearchStrategy[Tree]:
         some = st.lists(children, min_size=1, max_size=4)
-        calls = st.builds(
-            lambda name, rest: (name, *rest), st.sampled_from(["+", "-", "*", "AND", "OR"]), some
-        )
+        calls = st.builds(lambda name, rest: (name, *rest), st.sampled_from(["+", "-", "*", "AND", "OR"]), some)
         setqs = st.tuples(st.just("SETQ"), st.sampled_from(["V0", "V1", "V5"]), children)
         conds = st.lists(some.map(tuple), max_size=4).map(lambda clauses: ("COND", *clauses))
         return st.one_of(calls, setqs, conds) if with_cond else st.one_of(calls, setqs)

@@ -7,6 +7,7 @@ then everything that has come from pages is served, a STOP among it. How many ti
 from __future__ import annotations
 
 import asyncio
+from math import inf
 
 from sleepcast.clock import Clock
 from sleepcast.console.frames import Groups, flags_of, pack
@@ -16,10 +17,6 @@ SLICE = 0.008
 """Seconds for which ticks may run before the server is served: unnoticed by people, long against a switch."""
 FRAME_PERIOD = 1.0 / 30.0
 """Seconds between two frames at least."""
-MAX_FACTOR = 10_000.0
-"""Simulated seconds in a second that may be wanted; no machine reaches it, so it means as fast as possible."""
-MIN_FACTOR = 0.01
-"""The slowest motion in which anything is still seen to move."""
 
 
 class Driver:
@@ -34,6 +31,7 @@ class Driver:
         self.groups = Groups()
         self.latched = False
         self._clock = clock
+        self._drawn = -inf
         self._news = asyncio.Event()
         self._wake = asyncio.Event()
 
@@ -88,5 +86,3 @@ class Driver:
         while self.number <= number:
             await self._news.wait()
         return self.frame
-
-    _drawn = float("-inf")

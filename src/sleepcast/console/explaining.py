@@ -51,8 +51,8 @@ def _show(step: Step, unit: str, vocabulary: Vocabulary) -> ShownStep:
     inside = _unit_inside(step, vocabulary) if rule == "compare" else ""
     parts = tuple(_show(part, inside, vocabulary) for part in step.children if not _LITERAL.match(part.text))
     state = _state(step, rule)
-    value = "" if state in ("skipped", "true", "false") else shown_value(
-        step.value, unit or unit_of(step.text, vocabulary)
+    value = (
+        "" if state in ("skipped", "true", "false") else shown_value(step.value, unit or unit_of(step.text, vocabulary))
     )
     return ShownStep(step.text, value, state, step.note, step.fault or "", parts)
 

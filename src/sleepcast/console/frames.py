@@ -44,9 +44,7 @@ def pack(
 ) -> bytes:
     """A frame. speeds: wanted, reached. state: time runs, STOP is latched. marks: group and flags of each robot."""
     running, stopped = state
-    header = _HEADER.pack(
-        VERSION, running | stopped << 1, 0, len(marks[0]), number, tick & 0xFFFFFFFF, time, *speeds
-    )
+    header = _HEADER.pack(VERSION, running | stopped << 1, 0, len(marks[0]), number, tick & 0xFFFFFFFF, time, *speeds)
     return b"".join((header, poses, *marks))
 
 
@@ -82,12 +80,8 @@ class Groups:
         sets: dict[frozenset[str], int] = {}
         codes = bytearray()
         for mind in minds:
-            groups = mind.groups
-            code = self._code_of.get(groups)
-            if code is None:
-                code = self._number(groups, mind)
-            codes.append(code)
-            sets[groups] = sets.get(groups, 0) + 1
+            codes.append(self.code(mind))
+            sets[mind.groups] = sets.get(mind.groups, 0) + 1
         self.counts = [0] * len(self.names)
         self.shown = [0] * len(self.names)
         for groups, count in sets.items():
@@ -97,6 +91,11 @@ class Groups:
             if (code := self._code_of[groups]) > 0:
                 self.shown[code - 1] += count
         return bytes(codes)
+
+    def code(self, mind: Mind) -> int:
+        """The number of a robot's newest group, 0 if it is in none."""
+        found = self._code_of.get(mind.groups)
+        return self._number(mind.groups, mind) if found is None else found
 
     def _number(self, groups: frozenset[str], mind: Mind) -> int:
         for key in sorted(groups):

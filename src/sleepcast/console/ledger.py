@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import msgspec
 
-from sleepcast.channel import Kind
 from sleepcast.station import Accounting, Command, Station
 
 MOST_ROWS = 50
@@ -60,9 +59,9 @@ class Ledger:
     def stop(self) -> Command | None:
         """The STOP that holds, None if none does."""
         for command in reversed(self._station.commands()):
-            if command.kind is Kind.STOP:
+            if command.kind == "stop":
                 return command
-            if command.kind is Kind.RELEASE:
+            if command.kind == "release":
                 return None
         return None
 

@@ -14,9 +14,10 @@ from sleepcast.errors import MisuseError
 
 MAX_BYTES = 131_072
 """Of one message: the longest expression, every character escaped, fits."""
-MAX_SPEED = 10_000.0
-"""Simulated seconds in a second that may be wanted; beyond it nobody sees anything."""
-MIN_SPEED = 0.01
+MAX_FACTOR = 10_000.0
+"""Simulated seconds in a second that may be wanted; no machine reaches it, so it means as fast as possible."""
+MIN_FACTOR = 0.01
+"""The slowest motion in which anything is still seen to move."""
 
 Serial = Annotated[int, Meta(ge=1, le=2**53 - 1)]
 Text = Annotated[str, Meta(max_length=16_384)]
@@ -24,7 +25,7 @@ Id = Annotated[str, Meta(max_length=160)]
 Index = Annotated[int, Meta(ge=-1, le=10_000_000)]
 
 
-class Message(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="type", tag=str.lower):
+class Message(msgspec.Struct, forbid_unknown_fields=True, tag_field="type", tag=str.lower):
     """Anything that the page says."""
 
 
@@ -79,10 +80,10 @@ class Release(Message):
 
 
 class Pace(Message):
-    """How time is to run; what is None stays as it is. speed: simulated seconds in a second."""
+    """How time is to run; what is None stays as it is. factor: simulated seconds in a second."""
 
     running: bool | None = None
-    speed: Annotated[float, Meta(ge=MIN_SPEED, le=MAX_SPEED)] | None = None
+    factor: Annotated[float, Meta(ge=MIN_FACTOR, le=MAX_FACTOR)] | None = None
 
 
 class Step(Message):
@@ -103,7 +104,7 @@ class Drawn(Message):
 
 Incoming = Preview | Send | Names | Why | Outcomes | Commands | Stop | Release | Pace | Step | Watch | Drawn
 
-_DECODER = msgspec.json.Decoder(Incoming)
+_DECODER: msgspec.json.Decoder[Incoming] = msgspec.json.Decoder(Incoming)
 
 
 class MessageError(MisuseError):

@@ -27,9 +27,7 @@ class ShownName(msgspec.Struct, frozen=True):
 def names_of(swarm: Swarm) -> list[ShownName]:
     """Every name that means something to these robots now."""
     minds = list(swarm.minds.values())
-    found = [
-        ShownName(f.name, "function", f.doc, usage=f.usage) for f in FUNCTIONS.values()
-    ]
+    found = [ShownName(f.name, "function", f.doc, usage=f.usage) for f in FUNCTIONS.values()]
     for binding in swarm.vocabulary.bindings.values():
         if isinstance(binding, HostFunction):
             found.append(ShownName(binding.name, "robot", binding.doc, usage=binding.usage))

@@ -76,7 +76,7 @@ class RobotMind(Mind, Protocol):
 
 
 class Swarm(Protocol):
-    """A swarm in its scene. minds: by name, in the order of `scene.names`; vocabulary: what they know from the start."""
+    """A swarm in its scene. minds: by name, in the order of `scene.names`. vocabulary: what they all know."""
 
     @property
     def scene(self) -> Scene: ...

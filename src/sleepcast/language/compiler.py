@@ -9,11 +9,9 @@ for bit. An expression whose pieces only read becomes one Python expression; pie
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import inf, nan, sqrt
-from typing import NamedTuple
 
+from sleepcast.language.emitter import ONE, UNKNOWN, ZERO, Emitter, Piece
 from sleepcast.language.flat import FLIPPED, flat, flat_test
-from sleepcast.language.operations import apply, between, enter, gauss, prob
 from sleepcast.language.parts import Part
 
 _COMPARE = {
@@ -28,19 +26,6 @@ _TINY = 1e290
 """Adding less than this to a finite number never overflows: half a unit in the last place of the largest is 1e292."""
 
 
-class Piece(NamedTuple):
-    """Code for a value. code: a Python expression. atom: it can be repeated and has no effect. fixed: nothing
-    later changes it. slow: what to compute instead if `code` comes out not finite ("" if it cannot)."""
-
-    code: str
-    atom: bool = False
-    fixed: bool = False
-    slow: str = ""
-
-
-_ZERO, _ONE, _UNKNOWN = Piece("0.0", True, True), Piece("1.0", True, True), Piece("N", True, True)
-
-
 Code = Callable[..., float]
 
 
@@ -49,15 +34,10 @@ def generate(root: Part, parameters: int = 0) -> Code:
     return _Generator(root, parameters).function()
 
 
-class _Generator:
+class _Generator(Emitter):
     def __init__(self, root: Part, parameters: int) -> None:
+        super().__init__()
         self.root, self.parameters = root, parameters
-        self.lines: list[str] = []
-        self.indent = " "
-        self.temporaries = 0
-        self.space: dict[str, object] = {
-            "A": apply, "B": between, "E": enter, "G": gauss, "P": prob, "N": nan, "I": inf, "sqrt": sqrt,
-        }  # fmt: skip
 
     def function(self) -> Code:
         result = self.safe(self.value(self.root)).code
@@ -67,53 +47,6 @@ class _Generator:
         code: Code = self.space["f"]  # type: ignore[assignment]
         return code
 
-    # ---- writing
-
-    def emit(self, line: str) -> None:
-        self.lines.append(f"{self.indent}{line}\n")
-
-    def temporary(self) -> str:
-        self.temporaries += 1
-        return f"t{self.temporaries}"
-
-    def keep(self, piece: Piece) -> Piece:
-        """The value in a temporary, as a statement, so that nothing later changes it."""
-        if piece.fixed:
-            return piece
-        name = self.temporary()
-        self.emit(f"{name}={self.safe(piece).code}")
-        return Piece(name, True, True)
-
-    def atom(self, piece: Piece) -> tuple[str, str]:
-        """How to write the piece the first time it is evaluated, and how to repeat it."""
-        piece = self.safe(piece)
-        if piece.atom:
-            return piece.code, piece.code
-        name = self.temporary()
-        return f"({name}:={piece.code})", name
-
-    def safe(self, piece: Piece) -> Piece:
-        """The piece with its check that the value is finite."""
-        if not piece.slow:
-            return piece
-        name = self.temporary()
-        return Piece(f"({name} if -I<({name}:={piece.code})<I else {piece.slow})")
-
-    def constant(self, part: Part) -> str:
-        """The name of `part` in the code's namespace."""
-        name = f"p{part.index}"
-        self.space[name] = part
-        return name
-
-    def block(self, head: str) -> str:
-        """Open an indented block; gives the indent to come back to."""
-        self.emit(head)
-        before = self.indent
-        self.indent += " "
-        return before
-
-    # ---- values
-
     def value(self, part: Part) -> Piece:
         how = getattr(self, f"_{part.op}", None)
         if how is None:
@@ -121,46 +54,9 @@ class _Generator:
         piece: Piece = how(part)
         return piece
 
-    def values(self, parts: Sequence[Part]) -> list[Piece]:
-        """Pieces for operands in order: when a later one needs statements, earlier ones are computed before them."""
-        pieces: list[Piece] = []
-        for part in parts:
-            mark = len(self.lines)
-            piece = self.value(part)
-            if len(self.lines) > mark:
-                written, self.lines = self.lines[mark:], self.lines[:mark]
-                pieces = [self.keep(p) for p in pieces]
-                self.lines += written
-            pieces.append(piece)
-        return pieces
-
-    def kept(self, parts: Sequence[Part]) -> list[str]:
-        """Operands as codes that can be repeated in any order."""
-        pieces = self.values(parts)
-        if all(p.atom for p in pieces):
-            return [p.code for p in pieces]
-        return [self.keep(p).code for p in pieces]
-
-    def arguments(self, parts: Sequence[Part]) -> str:
-        """Operands as the inside of a tuple, a comma after each."""
-        return "".join(f"{self.safe(p).code}," for p in self.values(parts))
-
-    def last(self, parts: Sequence[Part]) -> Piece:
-        """One after the other; the last one's piece."""
-        piece = _ZERO
-        for i, part in enumerate(parts):
-            piece = self.value(part)
-            if i < len(parts) - 1 and not piece.atom:
-                self.emit(self.safe(piece).code)
-        return piece
-
-    def statement(self, code: str) -> Piece:
-        """A value that comes with an effect: computed now, once."""
-        return self.keep(Piece(code))
-
     def _const(self, part: Part) -> Piece:
         if part.number != part.number:
-            return _UNKNOWN
+            return UNKNOWN
         return Piece(repr(float(part.number)), True, True)
 
     def _var(self, part: Part) -> Piece:
@@ -170,7 +66,7 @@ class _Generator:
         return Piece(f"n{part.slot}", True)
 
     def _absent(self, part: Part) -> Piece:
-        return _UNKNOWN
+        return UNKNOWN
 
     def _linked(self, part: Part) -> Piece:
         return self.statement(f"m.read({part.slot})")
@@ -269,7 +165,7 @@ class _Generator:
 
     def _and(self, part: Part) -> Piece:
         if not part.parts:
-            return _ONE
+            return ONE
         if flat(part):
             return Piece(self._nested(part.parts))
         result = self.temporary()
@@ -298,7 +194,7 @@ class _Generator:
 
     def _or(self, part: Part) -> Piece:
         if not part.parts:
-            return _ZERO
+            return ZERO
         result, unknown = self.temporary(), self.temporary()
         self.emit(f"{result}={unknown}=0.0")
         for inside in part.parts:
@@ -312,7 +208,8 @@ class _Generator:
         result, begun = self.temporary(), self.indent
         self.emit(f"{result}=0.0")
         # Clauses chain as if and elif, unless a later test needs statements of its own: then a flag says to go on.
-        going = "" if all(flat_test(clause.parts[0]) for clause in part.parts[1:]) else self.temporary()
+        chained = all((flat_test if len(c.parts) > 1 else flat)(c.parts[0]) for c in part.parts[1:])
+        going = "" if chained else self.temporary()
         if going:
             self.emit(f"{going}=True")
         for i, clause in enumerate(part.parts):
@@ -365,7 +262,7 @@ class _Generator:
         piece = self.last(part.parts)
         self.emit(self.safe(piece).code)
         self.indent = before
-        return _ZERO
+        return ZERO
 
     def _dice(self, part: Part) -> Piece:
         result, drawn, total, going = (self.temporary() for _ in range(4))

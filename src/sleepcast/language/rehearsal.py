@@ -8,12 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import nan
+from typing import NamedTuple
 
 from sleepcast.language.operations import Entered
 from sleepcast.language.parts import Label, Part
 from sleepcast.language.vocabulary import ACTIVE0, FROZEN, MARKED, SLEEPING, Variable, buffer_number
 
-Answer = float | bool | Entered | None
+
+class Refusal(NamedTuple):
+    """A fault that a robot's memory noted, at its place among the answers."""
+
+    part: Part
+    reason: str
+
+
+Answer = float | bool | Entered | Refusal | None
 
 FLAGS: dict[str, tuple[int, float]] = {
     "sleep": (SLEEPING, 1.0),
@@ -94,12 +103,19 @@ class Replay(Rehearsal):
         super().__init__(values, groups)
         self._answers = iter(answers)
 
-    def _number(self) -> float:
+    def _next(self) -> float | bool | Entered | None:
         answer = next(self._answers)
+        while isinstance(answer, Refusal):
+            self.fault(answer.part, answer.reason)
+            answer = next(self._answers)
+        return answer
+
+    def _number(self) -> float:
+        answer = self._next()
         return answer if isinstance(answer, float) else nan
 
     def _program(self) -> Entered | None:
-        answer = next(self._answers)
+        answer = self._next()
         return None if answer is None or isinstance(answer, float | bool) else answer
 
     def draw(self) -> float:
@@ -109,18 +125,21 @@ class Replay(Rehearsal):
         return self._number()
 
     def write(self, part: Part, value: float) -> float:
+        faults = len(self.faults)
         answer = self._number()
         linked = isinstance(part.data, Variable) and part.data.linked
-        if part.slot >= 0 and answer == answer and not linked:
+        if len(self.faults) == faults and not linked:
             self.values[part.slot] = answer
         return answer
 
     def defined(self, part: Part) -> bool:
-        return bool(next(self._answers))
+        return bool(self._next())
 
     def define(self, part: Part, value: float) -> float:
+        faults = len(self.faults)
         answer = self._number()
-        self.values[part.slot] = answer
+        if len(self.faults) == faults:
+            self.values[part.slot] = answer
         return answer
 
     def store(self, part: Part, value: float) -> float:

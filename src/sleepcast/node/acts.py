@@ -24,7 +24,7 @@ def _join(memory: RobotMemory, part: Part) -> float:
     if memory.taken(part, key, Group):
         return nan
     if key not in memory.learned and sum(isinstance(d, Group) for d in memory.learned.values()) >= MAX_GROUPS:
-        return memory.fault(part, f"no room for another group: there are {MAX_GROUPS}")
+        return memory.refuse(part, f"no room for another group: there are {MAX_GROUPS}")
     memory.learn(key, Group(name))
     memory.groups |= {key}
     return 1.0
@@ -39,9 +39,9 @@ def _buffer(memory: RobotMemory, part: Part) -> ExpressionBuffer | None:
     """The buffer or rule that an act names, unless there is none or it is built in, which are faults."""
     buffer = memory.rules.kept.get(_label(part))
     if buffer is None:
-        memory.fault(part, f"no rule {_label(part)}")
+        memory.refuse(part, f"no rule {_label(part)}")
     elif buffer.protected:
-        memory.fault(part, f"{buffer.name} is built in: it cannot be changed over the air")
+        memory.refuse(part, f"{buffer.name} is built in: it cannot be changed over the air")
         return None
     return buffer
 
@@ -76,7 +76,7 @@ def _forget(memory: RobotMemory, part: Part) -> float:
 
 def _lease(memory: RobotMemory, part: Part, seconds: float) -> float:
     if seconds != seconds:
-        return memory.fault(part, "a lease of unknown length")
+        return memory.refuse(part, "a lease of unknown length")
     buffer = _buffer(memory, part)
     if buffer is None:
         return nan
@@ -95,7 +95,7 @@ def _defun(memory: RobotMemory, part: Part) -> float:
     if memory.taken(part, key, Operator):
         return nan
     if key not in memory.operators and len(memory.operators) >= MAX_OPERATORS:
-        return memory.fault(part, f"no room for another operator: there are {MAX_OPERATORS}")
+        return memory.refuse(part, f"no room for another operator: there are {MAX_OPERATORS}")
     program = memory.program_for(part, key, " ".join(map(show, defining.body)), defining.parameters)
     if program is None:
         return nan
@@ -124,21 +124,21 @@ def _report(memory: RobotMemory, part: Part, *arguments: float) -> float:
 
 def _tell(memory: RobotMemory, part: Part, *arguments: float) -> float:
     if any(argument != argument for argument in arguments):
-        return memory.fault(part, "an unknown cannot be told")
+        return memory.refuse(part, "an unknown cannot be told")
     if not isinstance(part.data, Template):
         raise TypeError(f"a part of op {part.op} tells nothing")
     text = show(_filled(part.data.form, iter(arguments).__next__))
     try:
         read(text)
     except SleepcastError as error:
-        return memory.fault(part, f"refused: {str(error).splitlines()[0]}")
+        return memory.refuse(part, f"refused: {str(error).splitlines()[0]}")
     memory.voice.tell(text)
     return 1.0
 
 
 def _ping(memory: RobotMemory, part: Part, caste: float = 0.0) -> float:
     if caste != caste:
-        return memory.fault(part, "a ping of unknown caste")
+        return memory.refuse(part, "a ping of unknown caste")
     memory.voice.ping(caste)
     return 1.0
 

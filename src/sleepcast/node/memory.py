@@ -18,7 +18,7 @@ from sleepcast.language.machine import Library, Program
 from sleepcast.language.names import SORTS, Declared, Operator, Stored, UserVariable, reaches, uses_in
 from sleepcast.language.parts import Label, Part, Storing, host_of
 from sleepcast.language.reader import read_all
-from sleepcast.language.rehearsal import FLAGS, Answer, Rehearsal
+from sleepcast.language.rehearsal import FLAGS, Answer, Refusal, Rehearsal
 from sleepcast.language.vocabulary import (
     ACTIVE0,
     BUFFERS,
@@ -134,7 +134,7 @@ class RobotMemory:
         if found is None or isinstance(found, sort):
             return False
         what = SORTS[type(found)]
-        self.fault(part, f"{found.name} is already {'an' if what[0] in 'aeiou' else 'a'} {what}")
+        self.refuse(part, f"{found.name} is already {'an' if what[0] in 'aeiou' else 'a'} {what}")
         return True
 
     # ---- what the machine asks
@@ -144,6 +144,12 @@ class RobotMemory:
         if len(self.faults) < MAX_FAULTS:
             self.faults.append(Fault(reason, show(part.form), self.tick))
         return nan
+
+    def refuse(self, part: Part, reason: str) -> float:
+        """A fault that this memory itself has to note; written down, because walking again would not come upon it."""
+        if self.answers is not None:
+            self.answers.append(Refusal(part, reason))
+        return self.fault(part, reason)
 
     def _answer(self, value: float) -> float:
         if self.answers is not None:
@@ -172,16 +178,17 @@ class RobotMemory:
         variable = part.data
         if not isinstance(variable, Variable):
             if not isinstance(self.learned.get(part.name), UserVariable):
-                return self.fault(part, f"no variable {part.name}: make it first with (DEFVAR {part.name})")
+                return self.refuse(part, f"no variable {part.name}: make it first with (DEFVAR {part.name})")
             self.values[part.slot] = value
         elif value != value:
             self.dropped += 1
-            return self.fault(part, f"unknown never reaches {article(variable.kind.value)} ({variable.name})")
+            never = "never reaches an actuator" if variable.kind is Kind.ACTUATOR else "cannot be assigned to a flag"
+            return self.refuse(part, f"unknown {never} ({variable.name})")
         elif variable.linked:
             try:
                 self.variables.write(part.slot, value)
             except SleepcastError as error:
-                return self.fault(part, str(error))
+                return self.refuse(part, str(error))
             self.actuated.add(part.slot)
         else:
             self.values[part.slot] = value
@@ -219,7 +226,7 @@ class RobotMemory:
         """The program of an operator."""
         program = self.operators.get(part.name)
         if program is None or program.parameters != len(part.parts):
-            self.fault(part, f"no operator {part.name} of {len(part.parts)} arguments")
+            self.refuse(part, f"no operator {part.name} of {len(part.parts)} arguments")
             program = None
         if self.answers is not None:
             self.answers.append(program)
@@ -231,14 +238,14 @@ class RobotMemory:
         if any(argument != argument for argument in arguments):
             if function.acts:
                 self.dropped += 1
-                return self._answer(self.fault(part, f"unknown never reaches the body ({function.name})"))
+                return self._answer(self.refuse(part, f"unknown never reaches the body ({function.name})"))
             return self._answer(nan)
         label = (part.data.text,) if isinstance(part.data, Label) else ()
         try:
             result = function.call(self.body, *label, *arguments)
             value = 1.0 if result is None else float(result)
         except Exception as error:
-            return self._answer(self.fault(part, f"{function.name} failed: {type(error).__name__}: {error}"))
+            return self._answer(self.refuse(part, f"{function.name} failed: {type(error).__name__}: {error}"))
         return self._answer(value if -inf < value < inf else nan)
 
     # ---- storing
@@ -252,19 +259,19 @@ class RobotMemory:
             done = self._store(part, storing.key, storing.form, storing.activate)
             return self._answer((1.0 if storing.activate else 0.0) if done else nan)
         if value != value:
-            return self._answer(self.fault(part, "unknown cannot be stored as an expression"))
+            return self._answer(self.refuse(part, "unknown cannot be stored as an expression"))
         return self._answer(value if self._store(part, storing.key, Number(value), False) else nan)
 
     def _store(self, part: Part, key: str, form: Form, activate: bool) -> bool:
         before = self.rules.kept.get(key)
         if before is not None and before.protected:
-            self.fault(part, f"{before.name} is built in: it cannot be changed over the air")
+            self.refuse(part, f"{before.name} is built in: it cannot be changed over the air")
             return False
         named = buffer_number(key) is None
         if named and self.taken(part, key, Stored):
             return False
         if named and before is None and self.rules.rules() >= MAX_RULES:
-            self.fault(part, f"no room for another rule: there are {MAX_RULES}")
+            self.refuse(part, f"no room for another rule: there are {MAX_RULES}")
             return False
         text = show(form)
         program = self.program_for(part, key, text, ())
@@ -284,12 +291,12 @@ class RobotMemory:
         try:
             program = self.library.program(text, lambda: read_all(text), self, parameters)
         except SleepcastError as error:
-            self.fault(part, f"refused: {str(error).splitlines()[0]}")
+            self.refuse(part, f"refused: {str(error).splitlines()[0]}")
             return None
         way = reaches(program.uses, key, lambda k: uses_in(self, k))
         if way is not None:
             through = " through " + ", ".join(k.upper() for k in way[:-1]) if len(way) > 1 else ""
-            self.fault(part, f"{key.upper()} would name itself{through}")
+            self.refuse(part, f"{key.upper()} would name itself{through}")
             return None
         return program
 
@@ -330,10 +337,6 @@ def written(part: Part) -> str:
     """The name that a declaring part declares, as written."""
     target = part.form.items[1] if isinstance(part.form, List) else part.form
     return target.text if isinstance(target, Symbol) else part.name
-
-
-def article(kind: str) -> str:
-    return f"{'an' if kind[0] in 'aeiou' else 'a'} {kind}"
 
 
 Act = Callable[..., float]

@@ -265,8 +265,6 @@ def _stores(robots: Table, places: tuple[Place, ...]) -> tuple[Store, ...]:
 
 def _store(table: Table, name: str) -> Store:
     low, high = table.span("start", None, low=0.0)
-    if low.unit != high.unit:
-        raise table.error("start", f'wanted the same unit for both, not "{low.unit}" and "{high.unit}"')
     return Store(
         name=name,
         unit=high.unit,

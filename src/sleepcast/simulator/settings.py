@@ -79,7 +79,7 @@ class Document:
 
 
 def key_lines(text: str) -> dict[Path_, int]:
-    """The line, from 1, of every key and table header. Tables in an array have their index in the path."""
+    """The line, from 1, of every key and table. Tables in an array have their index in the path."""
     found: dict[Path_, int] = {}
     table: Path_ = ()
     counts: dict[Path_, int] = {}
@@ -91,6 +91,8 @@ def key_lines(text: str) -> dict[Path_, int]:
         quoted = next((mark for mark in ('"""', "'''") if line.count(mark) == 1), "")
         if header := _HEADER.match(line):
             table = _path(header[2])
+            for end in range(1, len(table) + 1):
+                found.setdefault(table[:end], number)
             if header[1] == "[[":
                 counts[table] = counts.get(table, -1) + 1
                 table = (*table, counts[table])
@@ -200,6 +202,8 @@ class Table:
         if not isinstance(value, list) or len(value) != 2:
             self._refuse(key, 'a list of the least and the greatest, such as ["1km", "5km"],', value)
         first, last = (self._measured(key, end, dimension, low, high) for end in value)
+        if dimension is None and first.unit != last.unit:
+            self._refuse(key, "the same unit for both", value)
         if first.value > last.value:
             self._refuse(key, "the least before the greatest", value)
         return first, last

@@ -2,7 +2,8 @@
 
 import { clock } from "./accounting.js";
 
-const SPEEDS = [0.5, 1, 2, 5, 10, 30, 60, 100, 300];
+const FASTEST = 10000; // as fast as possible
+const SPEEDS = [0.5, 1, 2, 5, 10, 30, 60, 100, 300, FASTEST];
 const BEHIND = 0.93; // of the wanted speed: below, the page says that it is not reached
 
 export class Time {
@@ -13,7 +14,7 @@ export class Time {
     this.wanted = 0;
     this.find("run").addEventListener("click", () => this.toggle());
     this.find("step").addEventListener("click", () => this.step());
-    this.find("speed").addEventListener("change", (event) => wire.tell("pace", { speed: Number(event.target.value) }));
+    this.find("speed").addEventListener("change", (event) => wire.tell("pace", { factor: Number(event.target.value) }));
     window.addEventListener("keydown", (event) => {
       if (!event.ctrlKey || event.altKey || event.metaKey) return;
       if (event.code === "Space") this.toggle();
@@ -38,7 +39,7 @@ export class Time {
     this.find("run").setAttribute("aria-pressed", String(frame.running));
     this.find("run").setAttribute("aria-label", frame.running ? "Pause" : "Run");
     this.find("clock").textContent = clock(frame.time);
-    const behind = frame.running && frame.achieved < BEHIND * frame.wanted;
+    const behind = frame.running && frame.wanted < FASTEST && frame.achieved < BEHIND * frame.wanted;
     this.find("achieved").textContent = frame.running ? `${factor(frame.achieved)} reached` : "paused";
     this.find("achieved").classList.toggle("behind", behind);
   }
@@ -53,5 +54,6 @@ export class Time {
 
 // A factor with two or three digits: 0.5×, 9.8×, 30×.
 function factor(value) {
+  if (value >= FASTEST) return "max";
   return `${value >= 9.95 ? Math.round(value) : +value.toFixed(1)}×`;
 }

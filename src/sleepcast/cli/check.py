@@ -1,0 +1,204 @@
+"""`sleepcast check`: everything that is wrong or doubtful in expressions, before anybody sends them."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from sleepcast.cli.evaluate import NegativeNumbersAllowed
+from sleepcast.cli.streams import InputError, pieces, put, read_file, read_standard_input
+
+if TYPE_CHECKING:
+    from sleepcast.cli.learned import LearnedNames
+    from sleepcast.language import Finding
+
+FAILED = 2
+"""The exit status if something must not be sent."""
+ENDINGS = frozenset({".sleep", ".cases", ".txt", ".lisp"})
+"""Endings by which an argument is taken for the name of a file, even if there is no such file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Expression:
+    """One text to check. place: its file and line, "" for one that was typed."""
+
+    place: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Review:
+    """One checked expression. cost: its static bound in steps, None if it cannot be read."""
+
+    expression: Expression
+    findings: tuple[Finding, ...]
+    cost: int | None
+
+
+@click.command("check", cls=NegativeNumbersAllowed, short_help="Say what is wrong with expressions.")
+@click.argument("sources", metavar="TEXT|FILE|-...", nargs=-1, required=True)
+@click.option("--scenario", metavar="NAME", help="Check against the names that the robots of this scenario know.")
+@click.option("--strict", is_flag=True, help="Take warnings for errors.")
+@click.option("--json", "as_json", is_flag=True, help="Print the findings as one JSON object.")
+def check(sources: tuple[str, ...], scenario: str | None, strict: bool, as_json: bool) -> int:
+    """Check expressions without evaluating them: print every finding with its place, and the cost in steps.
+
+    A source is an expression, a file of expressions, a mission script (.sleep), a file of cases (.cases), or - for
+    standard input. What one expression declares, the next ones may use. The exit status is 2 if there is an error.
+
+    \b
+    Examples:
+      sleepcast check '(COND ((< SONR3 10in) (ST)))'
+      sleepcast check --scenario bravo '(WHEN (> fule 50%) (JOIN bravo))'
+      sleepcast check --strict mission.sleep
+    """
+    names = _names(scenario)
+    reviews = [_review(each, names) for source in sources for each in _expressions(source)]
+    found = [finding.severity for review in reviews for finding in review.findings]
+    errors, warnings = found.count("error"), found.count("warning")
+    if as_json:
+        put(json.dumps({"expressions": list(map(_as_dict, reviews)), "errors": errors, "warnings": warnings}))
+    else:
+        for review in reviews:
+            _print(review)
+        put(_summary(reviews, errors, warnings))
+    return FAILED if errors or (strict and warnings) else 0
+
+
+def _names(scenario: str | None) -> LearnedNames:
+    from sleepcast.cli.learned import LearnedNames
+    from sleepcast.language import Vocabulary
+
+    if scenario is None:
+        return LearnedNames(Vocabulary())
+    from sleepcast.loop import vocabulary_of
+    from sleepcast.simulator import Simulator, find_scenario
+
+    return LearnedNames(vocabulary_of(Simulator(find_scenario(scenario)).model))
+
+
+# ---- sources
+
+
+def _expressions(source: str) -> Iterator[Expression]:
+    if source == "-":
+        yield from _plain(read_standard_input(), "standard input")
+    elif not _is_file(source):
+        yield Expression("", source.strip())
+    elif source.endswith(".sleep"):
+        yield from _mission(source)
+    elif source.endswith(".cases"):
+        yield from _cases(read_file(Path(source)), source)
+    else:
+        yield from _plain(read_file(Path(source)), source)
+
+
+def _is_file(source: str) -> bool:
+    """Whether an argument names a file: there is one, or it looks like a file's name and like no expression."""
+    if source.lstrip()[:1] in ("(", "'", "`", ";", ""):
+        return False
+    try:
+        return Path(source).exists() or Path(source).suffix in ENDINGS
+    except (OSError, ValueError):
+        return False
+
+
+def _plain(text: str, name: str) -> Iterator[Expression]:
+    """Every expression of a text; a piece that cannot be read is yielded whole, and its finding will say why."""
+    from sleepcast.language import ReadError, read_all
+
+    for line, piece in pieces(text):
+        try:
+            forms = read_all(piece)
+        except ReadError:
+            yield Expression(f"{name}:{line}", piece)
+            continue
+        for form in forms:
+            yield Expression(f"{name}:{line + piece.count(chr(10), 0, form.start)}", piece[form.start : form.end])
+
+
+def _mission(source: str) -> Iterator[Expression]:
+    from sleepcast.simulator.mission import parse_mission
+
+    for order in parse_mission(read_file(Path(source)), source):
+        yield Expression(order.place, order.text.strip())
+
+
+_NO_CASE = re.compile(r"\s*(#|---|:|$)")
+
+
+def _cases(text: str, name: str) -> Iterator[Expression]:
+    """The expressions of a file of cases: what stands before ` => `, over lines that go on with a blank."""
+    waiting: list[str] = []
+    first = 1
+    for number, line in enumerate([*text.split("\n"), ""], start=1):
+        if waiting and line[:1].isspace() and line.strip():
+            waiting.append(line)
+            continue
+        if waiting:
+            case, arrow, _ = "\n".join(waiting).partition(" => ")
+            if not arrow:
+                raise InputError(f"{name}:{first}: wanted EXPRESSION => VALUE, not {waiting[0].strip()[:40]}")
+            yield Expression(f"{name}:{first}", case.strip())
+        waiting, first = [] if _NO_CASE.match(line) else [line], number
+
+
+# ---- reviewing
+
+
+def _review(expression: Expression, names: LearnedNames) -> Review:
+    from sleepcast.language import Finding, ReadError
+    from sleepcast.language import check as check_text
+
+    try:
+        checked = check_text(expression.text, names)
+    except ReadError as error:
+        return Review(expression, (Finding("error", error.reason, error.start, error.end),), None)
+    if checked.program is not None:
+        names.learn(checked.program.form)
+    return Review(expression, checked.findings, checked.cost)
+
+
+def _print(review: Review) -> None:
+    place = f"{review.expression.place}: " if review.expression.place else ""
+    for finding in review.findings:
+        put(f"{place}{finding.severity}: {finding.render(review.expression.text)}")
+
+
+def _summary(reviews: list[Review], errors: int, warnings: int) -> str:
+    costs = [review.cost for review in reviews if review.cost is not None]
+    found = f"{_count(errors, 'error')}, {_count(warnings, 'warning')}"
+    if not costs:
+        return f"{_count(len(reviews), 'expression')}; {found}"
+    each = " each" if len(reviews) > 1 else ""
+    return f"{_count(len(reviews), 'expression')}, at most {_count(max(costs), 'step')}{each}; {found}"
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def _as_dict(review: Review) -> dict[str, object]:
+    from sleepcast.errors import line_and_column
+
+    findings = []
+    for finding in review.findings:
+        line, column = line_and_column(review.expression.text, finding.start)
+        findings.append(
+            {
+                "severity": finding.severity,
+                "message": finding.message,
+                "line": line,
+                "column": column,
+                "start": finding.start,
+                "end": finding.end,
+            }
+        )
+    expression = review.expression
+    return {"place": expression.place, "text": expression.text, "cost": review.cost, "findings": findings}

@@ -1,0 +1,51 @@
+"""The names that a row of expressions would teach a robot, for checking them one after the other without a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from sleepcast.language import Form, List, Symbol, Vocabulary
+from sleepcast.language.form import walk
+from sleepcast.language.machine import build
+from sleepcast.language.names import Declared, Group, Operator, Stored, UserVariable
+from sleepcast.language.vocabulary import buffer_number
+
+
+class LearnedNames:
+    """The names of a robot that has learned everything that `learn` was given, whatever its tests (a `Names`)."""
+
+    def __init__(self, vocabulary: Vocabulary) -> None:
+        self.vocabulary = vocabulary
+        self._learned: dict[str, Declared] = {}
+
+    def declared(self, key: str) -> Declared | None:
+        """What was learned under this key."""
+        return self._learned.get(key)
+
+    def heard(self) -> Iterable[str]:
+        """Every learned name as written."""
+        return [found.name for found in self._learned.values()]
+
+    def learn(self, form: Form) -> None:
+        """Take in what a checked expression declares: variables, buffers, rules, operators and groups."""
+        for inside in walk(form):
+            if isinstance(inside, List) and len(inside.items) >= 2 and isinstance(inside.items[1], Symbol):
+                self._take(inside, inside.items[1])
+
+    def _take(self, form: List, name: Symbol) -> None:
+        key = name.key
+        if form.head == "defvar":
+            self._learned[key] = UserVariable(name.text, self.vocabulary.user_slot(key))
+        elif form.head == "join":
+            self._learned[key] = Group(name.text)
+        elif form.head == "defun" and len(form.items) > 3 and isinstance(form.items[2], List):
+            parameters = tuple(p.text for p in form.items[2].items if isinstance(p, Symbol))
+            self._learned[key] = Operator(name.text, parameters, self._uses(form.items[3:], parameters))
+        elif form.head in ("rule", "setqq") and len(form.items) == 3:
+            number = buffer_number(key)
+            key = key if number is None else f"e{number}"
+            self._learned[key] = Stored(name.text, self._uses(form.items[2:], ()))
+
+    def _uses(self, body: tuple[Form, ...], parameters: tuple[str, ...]) -> frozenset[str]:
+        program, _ = build("", body, self, parameters)
+        return program.uses

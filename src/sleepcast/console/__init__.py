@@ -1,0 +1,21 @@
+"""The console: the operator's page, served by the program itself, and the one WebSocket behind it.
+
+`server` owns the port, `app` the routes and who may use them, `session` one open page, `desk` what a page can ask and
+is told, `driver` the turns of swarm and server, `frames` the moving picture; `static/` is the page, served as written.
+"""
+
+from sleepcast.console.server import DEFAULT_PORT, PortError, serve
+from sleepcast.console.swarm import Pace, Place, ReadyCommand, RobotMind, Rule, Scene, Swarm
+
+__all__ = [
+    "DEFAULT_PORT",
+    "Pace",
+    "Place",
+    "PortError",
+    "ReadyCommand",
+    "RobotMind",
+    "Rule",
+    "Scene",
+    "Swarm",
+    "serve",
+]

@@ -1,0 +1,144 @@
+"""The server: a port, an address to open, and a clean end."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import os
+import socket
+import sys
+import webbrowser
+from collections.abc import Callable
+from ipaddress import ip_address
+from secrets import token_urlsafe
+
+import uvicorn
+
+from sleepcast.clock import Clock
+from sleepcast.console.app import LOOPBACK, Door, make_app
+from sleepcast.console.desk import Desk
+from sleepcast.console.driver import Driver
+from sleepcast.console.messages import MAX_BYTES
+from sleepcast.console.swarm import Pace, Swarm
+from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.station import Station
+
+DEFAULT_PORT = 8317
+"""The port unless another is wanted: always the same, so that the browser finds the history of last time."""
+HIGHEST_PORT = 65_535
+FAREWELL = 1
+"""Seconds that open connections get to end."""
+
+
+class PortError(SleepcastError):
+    """The address cannot be listened on."""
+
+
+def serve(
+    swarm: Swarm,
+    station: Station,
+    pace: Pace,
+    clock: Clock,
+    *,
+    host: str = "127.0.0.1",
+    port: int = DEFAULT_PORT,
+    insecure: bool = False,
+    open_browser: bool = True,
+    say: Callable[[str], None] = print,
+) -> None:
+    """Serve the page and let the swarm run until Ctrl-C, which is raised on as KeyboardInterrupt after a clean stop.
+
+    host, port: where to listen; port 0 takes any free one. insecure: allow a host that others can reach, though
+    nothing is encrypted. open_browser: open the page at once. say: tells the person at the terminal what is going on.
+    Raises MisuseError for a host that others can reach, PortError for a port that is taken or forbidden.
+    """
+    _check_host(host, insecure)
+    listener = listen(host, port)
+    token = token_urlsafe(16)
+    taken: int = listener.getsockname()[1]
+    address = f"http://{host}:{taken}/?token={token}" if ":" not in host else f"http://[{host}]:{taken}/?token={token}"
+    driver = Driver(swarm, pace, clock)
+    door = Door(token, LOOPBACK if is_loopback(host) else None, taken)
+    app = make_app(Desk(swarm, station, driver, clock), door, clock)
+    config = uvicorn.Config(
+        app,
+        log_level="critical",
+        access_log=False,
+        ws_max_size=MAX_BYTES,
+        ws_per_message_deflate=False,
+        timeout_graceful_shutdown=FAREWELL,
+        server_header=False,
+        lifespan="off",
+    )
+    say(_invitation(address, open_browser and _has_screen()))
+    asyncio.run(_run(uvicorn.Server(config), driver, listener))
+
+
+async def _run(server: uvicorn.Server, driver: Driver, listener: socket.socket) -> None:
+    """Serve while the swarm runs; what ends the swarm ends the server and is raised."""
+    running = asyncio.create_task(driver.run())
+    running.add_done_callback(lambda _: setattr(server, "should_exit", True))
+    try:
+        await server.serve(sockets=[listener])
+    finally:
+        running.cancel()
+        await asyncio.wait({running})
+    if not running.cancelled():
+        running.result()
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A socket that listens. Raises PortError, with a sentence that names the port and offers another."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((host, port))
+        listener.listen()
+    except OSError as error:
+        listener.close()
+        raise PortError(_why_not(host, port, error)) from None
+    return listener
+
+
+def _why_not(host: str, port: int, error: OSError) -> str:
+    if error.errno == errno.EADDRINUSE:
+        other = port + 1 if port < HIGHEST_PORT else DEFAULT_PORT
+        return (
+            f"port {port} of {host} is in use, perhaps by another sleepcast: "
+            f"stop that one, or take another port with --port {other} (--port 0 finds a free one)"
+        )
+    if error.errno == errno.EACCES:
+        return f"port {port} needs more rights than you have: take one above 1023, such as --port {DEFAULT_PORT}"
+    return f"cannot listen on {host} port {port}: {error.strerror or error}"
+
+
+def _check_host(host: str, insecure: bool) -> None:
+    if not is_loopback(host) and not insecure:
+        raise MisuseError(
+            f"{host} can be reached by others, and what goes between the page and sleepcast is not encrypted: "
+            "whoever reads it can command the robots. Use 127.0.0.1, or say --insecure if the network is yours alone"
+        )
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine can reach `host`."""
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _has_screen() -> bool:
+    """Whether a browser would open a window; without one, a text browser could take over this terminal."""
+    return sys.platform == "darwin" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _invitation(address: str, open_browser: bool) -> str:
+    """What to say at the start. The browser is only asked to open the page: the server answers a moment later."""
+    try:
+        opened = open_browser and webbrowser.open(address)
+    except (webbrowser.Error, OSError):
+        opened = False
+    what = "Opened in your browser" if opened else "Open this address in a browser on this machine"
+    return f"{what}:\n  {address}\nCtrl-C ends it."

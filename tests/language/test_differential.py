@@ -1,0 +1,117 @@
+"""Every machine against the slow, obvious reference: random expressions in one memory after the other, bit for bit.
+
+The values, the faults in their order, what is printed, told and asked of the body, whether the message matched, and
+afterwards every variable, group, rule, buffer and operator must be the same. A text that the checker refuses is not
+evaluated anywhere, and must have changed nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from random import Random
+
+import pytest
+from hypothesis import given, note, settings
+from hypothesis import strategies as st
+
+from language.authors import OPERATORS, Author
+from language.cases import MACHINES, Machine, NodeMachine, Outcome, Setting, within
+from language.reference import cost
+from sleepcast.language import check, read
+from sleepcast.language.functions import FUNCTIONS
+from sleepcast.node.memory import MAX_FAULTS
+from sleepcast.node.node import Node
+
+EXAMPLES = max(1_000, settings().max_examples)
+"""Memories: a thousand, or as many as the chosen hypothesis profile says if that is more."""
+TEXTS = 6
+"""Expressions evaluated in each of them."""
+NUMBERS = st.sampled_from([math.nan, 0.0, 0.25, 0.5, 1.0, 3.0, -2.0, 1e300])
+SETTINGS = st.builds(
+    Setting,
+    values=st.fixed_dictionaries({name: NUMBERS for name in ("fuel", "x", "speed", "sonar1", "throttle")}),
+    number=st.integers(0, 1_000),
+    seed=st.integers(0, 2**32),
+)
+
+
+def differences(wanted: Outcome, got: Outcome) -> list[str]:
+    found = []
+    if wanted.value.hex() != got.value.hex():
+        found.append(f"value {got.value!r}, wanted {wanted.value!r}")
+    faults = wanted.faults[:MAX_FAULTS]
+    if len(faults) != len(got.faults) or not all(map(within, faults, got.faults)):
+        found.append(f"faults {got.faults}, wanted {faults}")
+    for name in ("prints", "tells", "does", "matched"):
+        if getattr(wanted, name) != getattr(got, name):
+            found.append(f"{name} {getattr(got, name)}, wanted {getattr(wanted, name)}")
+    return found
+
+
+def state_differences(wanted: Machine, got: Machine) -> list[str]:
+    here, there = wanted.state(), got.state()
+    return [f"{key} {there[key]}, wanted {here[key]}" for key in here if here[key] != there[key]]
+
+
+@pytest.mark.slow
+@settings(max_examples=EXAMPLES)
+@given(setting=SETTINGS, chance=st.randoms(use_true_random=False))
+def test_every_machine_agrees_with_the_reference(setting: Setting, chance: Random) -> None:
+    reference, author = MACHINES["reference"](setting), Author(chance)
+    others = {name: make(setting) for name, make in MACHINES.items() if name != "reference"}
+    for _ in range(TEXTS):
+        text = author.text()
+        note(text)
+        outcomes = {name: machine.evaluate(text) for name, machine in others.items()}
+        refused = {bool(outcome.refused) for outcome in outcomes.values()}
+        assert len(refused) == 1, "some machines refuse this, others do not"
+        wanted = None if True in refused else reference.evaluate(text)
+        for name, machine in others.items():
+            found = differences(wanted, outcomes[name]) if wanted else []
+            found += state_differences(reference, machine)
+            assert not found, f"{name}: " + "\n".join(found)
+
+
+def written(texts: int) -> list[str]:
+    author = Author(Random(1))
+    return [author.text() for _ in range(texts)]
+
+
+def test_the_author_writes_every_form_there_is() -> None:
+    used = Counter(word for text in written(5_000) for word in text.upper().replace("(", " ( ").split())
+    unused = [f.name for f in FUNCTIONS.values() if not used[f.name] and f.name not in ("ROLLBACK", "QUASIQUOTE", "UNQUOTE")]
+    assert not unused
+
+
+def test_few_of_its_texts_are_refused_and_many_have_a_known_value() -> None:
+    robot = MACHINES["node"](Setting(values={"fuel": 0.5, "x": 3.0, "speed": 1.0, "throttle": 0.0}))
+    outcomes = [robot.evaluate(text) for text in written(1_000)]
+    assert sum(bool(outcome.refused) for outcome in outcomes) < 50
+    assert sum(not math.isnan(outcome.value) for outcome in outcomes) > 400
+    assert sum(bool(outcome.faults) for outcome in outcomes) > 100
+
+
+def test_the_static_cost_is_one_step_for_each_part() -> None:
+    robot = Node("robot", Setting().vocabulary())
+    for name, count in OPERATORS:
+        robot.evaluate(f"(DEFUN {name} ({' '.join('pqs'[:count])}) 1)")
+    texts = [text for text in written(1_000) if "warble" not in text and f"FORGET {OPERATORS[0][0][0]}" not in text]
+    assert len(texts) > 500
+    for text in texts:
+        assert check(text, robot).cost == cost(read(text)), text
+
+
+@settings(max_examples=EXAMPLES // 4)
+@given(setting=SETTINGS, chance=st.randoms(use_true_random=False))
+def test_an_explanation_tells_what_the_evaluation_gave(setting: Setting, chance: Random) -> None:
+    robot, author = NodeMachine(setting), Author(chance)
+    for _ in range(TEXTS):
+        text = author.text()
+        note(text)
+        if robot.evaluate(text).refused:
+            continue
+        result, explained = robot.result, robot.result.explanation
+        assert explained.value.hex() == result.value.hex()
+        assert explained.matched == result.matched
+        assert explained.faults == tuple(map(str, result.faults))

@@ -1,0 +1,67 @@
+"""Mission scripts: times and expressions in order, and mistakes told with their file and line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sleepcast.simulator import MissionError, parse_mission, read_mission
+from sleepcast.simulator.mission import MAX_ORDERS
+
+
+def test_orders_with_times_and_comments() -> None:
+    orders = parse_mission("; first\n\n@12.5s (ST)\n@2min (GOTO 1 2) ; there\n", "m.sleep")
+    assert [(order.time, order.place) for order in orders] == [(12.5, "m.sleep:3"), (120.0, "m.sleep:4")]
+    assert orders[0].text == "(ST)"
+
+
+def test_an_order_goes_on_over_lines_that_begin_with_a_blank() -> None:
+    orders = parse_mission("@1s\n    (WHEN (IN a)\n      ; slowly\n      (ST))\n@1s (ST)", "m.sleep")
+    assert [order.text for order in orders] == ["(WHEN (IN a)\n  (ST))", "(ST)"]
+
+
+def test_nothing_is_a_mission() -> None:
+    assert parse_mission("; nothing\n", "m.sleep") == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("(ST)", "m.sleep:1: wanted an order such as @12.5s (ST)"),
+        ("  (ST)", "m.sleep:1: wanted an order"),
+        ("@12 (ST)", "m.sleep:1: wanted a time with its unit, such as @12.5s or @2min, not @12"),
+        ("@12m (ST)", "m.sleep:1: wanted a time with its unit"),
+        ("@soon (ST)", "not @soon"),
+        ("@-1s (ST)", "not @-1s"),
+        ("\n@5s (ST)\n@4s (ST)", "m.sleep:3: 4 s comes before the order above it (5 s)"),
+        ("@5s\n@6s (ST)", "m.sleep:1: a time without an expression"),
+        ("@5s ; later", "m.sleep:1: a time without an expression"),
+        ("@" + "9" * 400 + "h (ST)", "is too far away"),
+        ("@1s (ST)\n" * (MAX_ORDERS + 1), f"more than {MAX_ORDERS} orders"),
+    ],
+    ids=lambda value: value[:12],
+)
+def test_a_mistake_is_told_with_its_line(text: str, said: str) -> None:
+    with pytest.raises(MissionError) as caught:
+        parse_mission(text, "m.sleep")
+    assert said in str(caught.value)
+
+
+def test_a_file_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "a.sleep"
+    file.write_text("@1s (ST)\n")
+    assert read_mission(file)[0].place == f"{file}:1"
+
+
+@pytest.mark.parametrize(("raw", "said"), [(b"@1s \n\xff", ":2: not UTF-8"), (b";" * 1_048_577, "too many")])
+def test_a_file_that_is_no_script(tmp_path: Path, raw: bytes, said: str) -> None:
+    file = tmp_path / "a.sleep"
+    file.write_bytes(raw)
+    with pytest.raises(MissionError, match=said):
+        read_mission(file)
+
+
+def test_a_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(MissionError, match="cannot be read"):
+        read_mission(tmp_path / "a.sleep")

@@ -1,0 +1,170 @@
+"""Scenario files: what they say is read, and every mistake is told with its file, its line and its key."""
+
+from __future__ import annotations
+
+from math import inf, isclose, radians
+from pathlib import Path
+
+import pytest
+
+from sleepcast.errors import MisuseError
+from sleepcast.simulator import SettingsError, find_scenario, load, scenario_names
+from sleepcast.simulator.settings import key_lines
+from small_worlds import SMALL, small, write
+
+
+class TestReading:
+    def test_units_become_si(self, tmp_path: Path) -> None:
+        scenario = small(tmp_path)
+        assert (scenario.width, scenario.height, scenario.seconds, scenario.tick) == (1000.0, 1000.0, 60.0, 0.1)
+        assert isclose(scenario.robots.limits.turn_rate, radians(90))
+        assert scenario.robots.stores[0].low == 0.2
+
+    def test_what_is_not_said_has_its_usual_value(self, tmp_path: Path) -> None:
+        scenario = small(tmp_path)
+        assert (scenario.speed_up, scenario.ping_reach, scenario.radio.reach) == (1.0, 0.0, inf)
+        assert scenario.robots.wander.speed == scenario.robots.limits.speed
+        assert scenario.mission == scenario.commands == ()
+        assert scenario.robots.x == (0.0, 1000.0)
+
+    def test_a_plain_number_is_si(self, tmp_path: Path) -> None:
+        assert small(tmp_path, ('width = "1km"', "width = 1500")).width == 1500.0
+
+    def test_a_unit_may_stand_apart_and_in_any_case(self, tmp_path: Path) -> None:
+        assert small(tmp_path, ('width = "1km"', 'width = "2 KM"')).width == 2000.0
+
+    def test_units_that_people_wrote_are_kept_for_showing(self, tmp_path: Path) -> None:
+        scenario = small(tmp_path)
+        assert (scenario.length_unit, scenario.robots.speed_unit, scenario.robots.stores[0].unit) == ("km", "m/s", "%")
+
+    def test_the_name_is_that_of_the_folder(self, tmp_path: Path) -> None:
+        folder = tmp_path / "pond"
+        folder.mkdir()
+        write(folder)
+        assert load(folder).name == "pond"
+
+    def test_commands_and_noise(self, tmp_path: Path) -> None:
+        more = '\n[noise]\nx = "3m"\nbattery = "1%"\n\n[[commands]]\ntitle = "Rest"\ntext = "(ST)"\n'
+        scenario = small(tmp_path, more=more)
+        assert scenario.noise == {"x": 3.0, "battery": 0.01}
+        assert [(command.title, command.text) for command in scenario.commands] == [("Rest", "(ST)")]
+
+
+MISTAKES = [
+    # what is replaced, by what, the line and key of the error, and what it must say
+    ("width", "widht", 9, "world.widht", "unknown key (did you mean width?)"),
+    ('width = "1km"\n', "", 8, "world.width", "is missing"),
+    ('"1km"\nheight', '"1kn"\nheight', 9, "world.width", 'wanted a length such as "5m", not "1kn", a speed'),
+    ('"1km"\nheight', '"1kmh"\nheight', 9, "world.width", 'unknown unit in "1kmh" (did you mean km?)'),
+    ('"1km"\nheight', '"wide"\nheight', 9, "world.width", 'wanted a length such as "5m", not "wide"'),
+    ('"1km"\nheight', '"0km"\nheight', 9, "world.width", 'from 1e-09km to 10000km, not "0km"'),
+    ("count = 20", "count = 0", 18, "robots.count", "wanted a whole number from 1 to 10000, not 0"),
+    ("count = 20", 'count = "many"', 18, "robots.count", 'not "many"'),
+    ("count = 20", "count = true", 18, "robots.count", "not true"),
+    ("count = 20", "count = 10001", 18, "robots.count", "not 10001"),
+    ('motion = "still"', 'motion = "wonder"', 19, "robots.motion", "(did you mean wander?)"),
+    ("seed = 3", "seed = -3", 6, "seed", "wanted a whole number from 0 to"),
+    ("seed = 3", "sed = 3", 6, "sed", "unknown key (did you mean seed?)"),
+    ("format = 1", "format = 2", 2, "format", "format 2 is newer than this sleepcast, which reads format 1"),
+    ("format = 1\n", "", 1, "format", "is missing"),
+    ('x = "500m"', 'x = "5km"', 13, "places.house.x", 'from 0km to 1km, not "5km"'),
+    ("[places.house]", "[places.2nd]", 12, "places.2nd", '"2nd" is no name'),
+    ("[places.house]", "[place.house]", 12, "place", "unknown key (did you mean places?)"),
+    ('["20%", "100%"]', '["100%", "20%"]', 32, "robots.stores.battery.start", "wanted the least before the greatest"),
+    ('["20%", "100%"]', '["20%"]', 32, "robots.stores.battery.start", 'not ["20%"]'),
+    ('["20%", "100%"]', '["20kg", "100%"]', 32, "robots.stores.battery.start", "wanted the same unit for both"),
+    ("stores.battery", "stores.speed", 31, "robots.stores.speed", "has a variable of this name already"),
+    ("stores.battery", "stores.house_x", 31, "robots.stores.house_x", "has a variable of this name already"),
+    ('delay = "0s"', 'loss = "130%"', 36, "radio.loss", 'from 0% to 100%, not "130%"'),
+    ('delay = "0s"', "operator = [0, 0]", 35, "radio.operator_reach", "is missing"),
+    ('delay = "0s"', "operator = [0]", 36, "radio.operator", "a list of x and y"),
+    ('title = "a small world"', "title = 5", 3, "title", "wanted a text in quotes, not 5"),
+    ("[radio]", "[[radio]]", 35, "radio", "wanted a table [radio], not"),
+    ("sonars = 16\n", "sonars = 16\nsonar_range = 0\nlength = 3\n", 0, "", "Cannot overwrite a value"),
+    ("seed = 3", 'seed = 3\nmission = "no.sleep"', 7, "mission", "there is no file"),
+    ("tick =", "tick ", 5, "", "not TOML"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "line", "key", "said"), MISTAKES, ids=lambda value: str(value)[:24])
+def test_a_mistake_is_told_with_its_place(tmp_path: Path, old: str, new: str, line: int, key: str, said: str) -> None:
+    file = write(tmp_path, (old, new))
+    with pytest.raises(SettingsError) as caught:
+        load(file)
+    text = str(caught.value)
+    assert text.startswith(f"{file}:{line}: {key}" if line else f"{file}:"), text
+    assert said in text
+    assert caught.value.exit_status == 2
+
+
+@pytest.mark.parametrize(
+    ("raw", "said"),
+    [(b"\xff\xfe", "not UTF-8"), (b"x" * 1_048_577, "too many"), (b"a = 1\nb = [\n", ":3: not TOML")],
+    ids=["binary", "huge", "cut"],
+)
+def test_a_file_that_is_no_settings_file(tmp_path: Path, raw: bytes, said: str) -> None:
+    file = tmp_path / "scenario.toml"
+    file.write_bytes(raw)
+    with pytest.raises(SettingsError) as caught:
+        load(file)
+    assert said in str(caught.value)
+
+
+def test_a_missing_file(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match=r"nowhere.toml: cannot be read: No such file"):
+        load(tmp_path / "nowhere.toml")
+
+
+def test_an_unknown_key_lists_what_is_known(tmp_path: Path) -> None:
+    file = write(tmp_path, ("[radio]", "[radio]\nquality = 3"))
+    with pytest.raises(SettingsError, match=r"known here: delay, duplication, .*, telemetry"):
+        load(file)
+
+
+def test_a_mistake_in_one_of_several_commands(tmp_path: Path) -> None:
+    more = '\n[[commands]]\ntitle = "Rest"\ntext = "(ST)"\n\n[[commands]]\ntitle = "Go"\ntekst = "(ST)"\n'
+    file = write(tmp_path, more=more)
+    line = SMALL.count("\n") + 8
+    with pytest.raises(SettingsError, match=rf":{line}: commands\[1\]\.tekst: unknown key \(did you mean text\?\)"):
+        load(file)
+
+
+class TestKeyLines:
+    def test_keys_of_every_sort_are_found(self) -> None:
+        text = 'a = 1\n[t]\n"b c" = 2\nd.e = 3\n[[u]]\nf = 4\n[[u]]\n  f = 5 # here\n[t.v]\ng = 6'
+        assert key_lines(text) == {
+            ("a",): 1,
+            ("t",): 2,
+            ("t", "b c"): 3,
+            ("t", "d", "e"): 4,
+            ("u",): 5,
+            ("u", 0): 5,
+            ("u", 0, "f"): 6,
+            ("u", 1): 7,
+            ("u", 1, "f"): 8,
+            ("t", "v"): 9,
+            ("t", "v", "g"): 10,
+        }
+
+    def test_a_text_of_several_lines_has_no_keys(self) -> None:
+        assert key_lines('a = """\nb = 1\n"""\nc = 2') == {("a",): 1, ("c",): 4}
+
+
+class TestGallery:
+    def test_it_has_bravo_and_flood(self) -> None:
+        assert {"bravo", "flood"} <= set(scenario_names())
+
+    @pytest.mark.parametrize("name", scenario_names())
+    def test_every_scenario_loads_and_has_a_page(self, name: str) -> None:
+        scenario = find_scenario(name)
+        assert scenario.name == name
+        assert scenario.title
+        assert (scenario.path.parent / "README.md").is_file()
+
+    def test_a_path_is_a_scenario_as_well(self, tmp_path: Path) -> None:
+        assert find_scenario(str(write(tmp_path))).title == "a small world"
+        assert find_scenario(str(tmp_path)).title == "a small world"
+
+    def test_an_unknown_name_is_refused_with_the_nearest(self) -> None:
+        with pytest.raises(MisuseError, match=r'no scenario "brave" \(did you mean bravo\?\): wanted one of bravo, '):
+            find_scenario("brave")

@@ -6,11 +6,9 @@ another, each of which hears a hundred.
 
 from __future__ import annotations
 
-import statistics
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from itertools import count
 from math import inf
 from pathlib import Path
@@ -19,12 +17,20 @@ from benchmarks.language.timing import Timing, calls, command_times, in_turns, o
 from sleepcast.channel.message import Kind, Message
 from sleepcast.language import Vocabulary, check, evaluate, read
 from sleepcast.language.compiler import generate
+from sleepcast.language.machine import build
 from sleepcast.node.node import Node
 from sleepcast.units import Quantity
 
 COMMAND = "(WHEN (AND (< (DIST x y vessel_x vessel_y) 5mi) (> fuel 50%) (> ordnance 70%)) (JOIN bravo))"
 HEARD = 100
 """New texts that one robot hears: a long day's commands."""
+
+READ = "read: from text to form"
+WALKED, RUN = "evaluation, walked (a message, heard once)", "evaluation, compiled (a rule, run every tick)"
+KEPT, RUN_KEPT = "the same, kept so that it can be explained", "the same, compiled and kept"
+EXPLAINED = "the same, and explained at once, as a tree"
+EVALUATIONS = frozenset({WALKED, KEPT, EXPLAINED, RUN, RUN_KEPT})
+START, IMPORT = "sleepcast eval '(+ 1 2)', from start to end", "import sleepcast.language"
 
 _numbers = count(1)
 
@@ -62,22 +68,57 @@ def _hearing(node: Node) -> Iterator[Callable[[], None]]:
 
 
 def stages(turns: int, seconds: float) -> dict[str, Timing]:
-    """Each stage by itself, and an evaluation without, with its recollection, and with the tree made of it."""
-    node = scout()
-    text = new_text()
-    form, program, compiled = read(text), check(text, node).required(), check(text, node).required()
+    """Each stage by itself; and an evaluation plain, kept so that it can be explained, and explained at once."""
+    node, text = scout(), new_text()
+    form = read(text)
+    program, compiled = check(text, node).required(), check(text, node).required()
     compiled.compile()
-    memory = node._memory  # a mind keeps its memory to itself; here it is run with and without its recollections
+    memory = node._memory  # a mind keeps its memory to itself; here the same one runs with and without recollection
 
-    def walk(_: object) -> None:
-        program.runs = 0  # as a message is, which is heard once: not worth generating code for
+    def walk() -> None:
+        program.runs = 0  # a message is heard once, so no code is generated for it
         evaluate(program, memory)
 
-    def walk_kept(_: object) -> None:
+    def keep() -> None:
         program.runs = 0
         node._run(program, "")
 
-    def explained(_: object) -> None:
-        program.runs = 0
-        node._run(program, "")
+    def explain() -> None:
+        keep()
         node.why()
+
+    stage: dict[str, Callable[[], object]] = {
+        READ: lambda: read(text),
+        "check: from its form to a program": lambda: build(text, [form], node),
+        "review: read, check and advise, as before sending": lambda: check(text, node),
+        "compile: generate code from a program": lambda: generate(program.root, 0),
+        WALKED: walk,
+        KEPT: keep,
+        EXPLAINED: explain,
+        RUN: lambda: evaluate(compiled, memory),
+        RUN_KEPT: lambda: node._run(compiled, ""),
+    }
+    return in_turns({name: calls(_ignoring(do), range(10)) for name, do in stage.items()}, turns, seconds)
+
+
+def _ignoring(do: Callable[[], object]) -> Callable[[int], object]:
+    return lambda _: do()
+
+
+# ---- starting
+
+
+def start_times(turns: int) -> dict[str, Timing]:
+    """Whole processes on the wall clock; and what importing the language takes within one."""
+    script = Path(sys.executable).with_name("sleepcast")
+    command = [str(script)] if script.exists() else [sys.executable, "-m", "sleepcast"]
+    return {
+        "start of Python itself, doing nothing": command_times([sys.executable, "-c", "pass"], turns),
+        START: command_times([*command, "eval", "(+ 1 2)"], turns),
+        IMPORT: Timing(tuple(_import_seconds() for _ in range(turns + 1))[1:]),
+    }
+
+
+def _import_seconds() -> float:
+    program = "import time; t = time.perf_counter(); import sleepcast.language; print(time.perf_counter() - t)"
+    return float(subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True).stdout)

@@ -32,6 +32,11 @@ class Timing:
     def median(self) -> float:
         return statistics.median(self.turns)
 
+    def quantile(self, share: float) -> float:
+        """The time that this share of the turns stay below."""
+        ordered = sorted(self.turns)
+        return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
+
     def over(self, other: Timing) -> Ratio:
         """This time divided by another of the same turns."""
         return Ratio(tuple(mine / theirs for mine, theirs in zip(self.turns, other.turns, strict=True)))
@@ -129,7 +134,7 @@ def one_by_one(events: Sequence[Callable[[], object]]) -> Timing:
 
 
 def command_times(command: Sequence[str], turns: int) -> Timing:
-    """Wall-clock seconds of a whole command, from its start to its end; the first, untimed, one warms the file cache."""
+    """Wall-clock seconds of a whole command; the first, untimed, one warms the file cache."""
     times = []
     for turn in range(turns + 1):
         begin = time.perf_counter()

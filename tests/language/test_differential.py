@@ -8,7 +8,7 @@ evaluated anywhere, and must have changed nothing.
 from __future__ import annotations
 
 import math
-from collections import Counter
+import re
 from random import Random
 
 import pytest
@@ -19,6 +19,7 @@ from language.authors import OPERATORS, Author
 from language.cases import MACHINES, Machine, NodeMachine, Outcome, Setting, within
 from language.reference import cost
 from sleepcast.language import check, read
+from sleepcast.language.form import QUASIQUOTE, UNQUOTE
 from sleepcast.language.functions import FUNCTIONS
 from sleepcast.node.memory import MAX_FAULTS
 from sleepcast.node.node import Node
@@ -79,9 +80,9 @@ def written(texts: int) -> list[str]:
 
 
 def test_the_author_writes_every_form_there_is() -> None:
-    used = Counter(word for text in written(5_000) for word in text.upper().replace("(", " ( ").split())
-    unused = [f.name for f in FUNCTIONS.values() if not used[f.name] and f.name not in ("ROLLBACK", "QUASIQUOTE", "UNQUOTE")]
-    assert not unused
+    used = {name.casefold() for text in written(5_000) for name in re.findall(r"\(([^\s()]+)", text)}
+    # Quasi-quotes are written as marks; what ROLLBACK brings back is made by ticks, which the node's tests let pass.
+    assert set(FUNCTIONS) - used == {"rollback", QUASIQUOTE, UNQUOTE}
 
 
 def test_few_of_its_texts_are_refused_and_many_have_a_known_value() -> None:

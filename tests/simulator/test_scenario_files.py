@@ -122,10 +122,10 @@ def test_an_unknown_key_lists_what_is_known(tmp_path: Path) -> None:
 
 
 def test_a_mistake_in_one_of_several_commands(tmp_path: Path) -> None:
-    more = '\n[[commands]]\ntitle = "Rest"\ntext = "(ST)"\n\n[[commands]]\ntitle = "Go"\ntekst = "(ST)"\n'
+    more = '\n[[commands]]\ntitle = "Rest"\ntext = "(ST)"\n\n[[commands]]\ntitle = "Go"\ntexts = "(ST)"\n'
     file = write(tmp_path, more=more)
     line = SMALL.count("\n") + 8
-    with pytest.raises(SettingsError, match=rf":{line}: commands\[1\]\.tekst: unknown key \(did you mean text\?\)"):
+    with pytest.raises(SettingsError, match=rf":{line}: commands\[1\]\.texts: unknown key \(did you mean text\?\)"):
         load(file)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-
 from sleepcast.channel import Message
 from sleepcast.clock import ManualClock
 from sleepcast.language import HostFunction, Vocabulary
@@ -57,5 +56,3 @@ class Fleet:
             for message in node.outbox:
                 self.station.hear(message)
             node.outbox.clear()
-
-

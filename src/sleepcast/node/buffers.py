@@ -19,7 +19,8 @@ class ExpressionBuffer:
     """One kept expression.
 
     key: e1 to e63, or the rule's case-folded name. name: as written. text: of the expression. lease: time (s) at
-    which it is deactivated, inf for never. protected: built in, cannot be changed over the air. last_value,
+    which it is deactivated, inf for never. protected: built in, cannot be changed over the air. priority: the higher,
+    the later in the round (its writes win) and the safer from a budget that does not reach for all. last_value,
     last_fault, steps: of its last evaluation. firings: evaluations in which its test held. faults_in_row: of its last
     evaluations, how many without a break had a fault.
     """
@@ -31,6 +32,7 @@ class ExpressionBuffer:
     active: bool = False
     lease: float = inf
     protected: bool = False
+    priority: int = 0
     last_value: float = nan
     last_fault: str = ""
     steps: int = 0
@@ -50,6 +52,8 @@ class RuleView:
     steps: int
     firings: int
     lease: float
+    priority: int
+    protected: bool
 
 
 RuleSet = Mapping[str, tuple[str, str, Program, bool, float]]
@@ -103,8 +107,8 @@ class RuleBase:
         self.changed()
 
     def changed(self) -> None:
-        """Make the round anew."""
-        self.running = [buffer for buffer in self.in_order() if buffer.active]
+        """Make the round anew: in order, a higher priority later."""
+        self.running = sorted((b for b in self.in_order() if b.active), key=lambda b: b.priority)
         self.leases = any(buffer.lease < inf for buffer in self.running)
 
     def in_order(self) -> Iterator[ExpressionBuffer]:

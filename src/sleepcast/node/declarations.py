@@ -15,9 +15,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from types import FunctionType
-from typing import Any, TypeVar, overload
+from typing import Any, NamedTuple, TypeVar, overload
 
 from sleepcast.errors import did_you_mean
 from sleepcast.language.functions import MANY
@@ -32,8 +31,7 @@ Member = TypeVar("Member", bound=Callable[..., Any] | property)
 Method = TypeVar("Method", bound=Callable[..., Any])
 
 
-@dataclass(frozen=True, slots=True)
-class Declaration:
+class Declaration(NamedTuple):
     """One linked variable, as `sensor` or `actuator` made it; calling it marks a getter or property."""
 
     acts: bool
@@ -107,8 +105,7 @@ def _check_unit(unit: str) -> None:
         raise LinkError(f"unknown unit {unit!r}{did_you_mean(unit, UNITS)}; the units are {' '.join(UNITS)}")
 
 
-@dataclass(frozen=True, slots=True)
-class Operation:
+class Operation(NamedTuple):
     """One linked method, as `function` or `command` made it; units None: nothing was said of them."""
 
     acts: bool

@@ -15,13 +15,14 @@ from math import inf, isnan, nan
 from sleepcast.channel.message import Kind, Message
 from sleepcast.errors import SleepcastError
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
+from sleepcast.language.form import show
 from sleepcast.language.machine import Program, evaluate
 from sleepcast.language.names import Declared, UserVariable
 from sleepcast.language.parts import Part
 from sleepcast.language.reader import read
 from sleepcast.language.rehearsal import Answer
 from sleepcast.language.review import Checked, check
-from sleepcast.language.vocabulary import FROZEN, SLEEPING, Variable, Vocabulary
+from sleepcast.language.vocabulary import FROZEN, SLEEPING, Variable, Vocabulary, buffer_number
 from sleepcast.node.acts import ACTS
 from sleepcast.node.buffers import ExpressionBuffer, RuleView
 from sleepcast.node.memory import Fault, RobotMemory, Voice
@@ -145,7 +146,18 @@ class Node:
     def rules(self) -> list[RuleView]:
         """Every kept expression, in the order of the round."""
         return [
-            RuleView(b.name, b.text, b.active, b.last_value, b.last_fault, b.steps, b.firings, b.lease)
+            RuleView(
+                b.name,
+                b.text,
+                b.active,
+                b.last_value,
+                b.last_fault,
+                b.steps,
+                b.firings,
+                b.lease,
+                b.priority,
+                b.protected,
+            )
             for b in self._memory.rules.in_order()
         ]
 
@@ -238,6 +250,19 @@ class Node:
             return rehearse(buffer.program, self._memory.rehearsal(), command=buffer.name)
         what = "no command" if command is None else f"no command or rule {command}"
         raise SleepcastError(f"{self.name} remembers {what}: it keeps the last {MAX_RECOLLECTIONS} commands")
+
+    def install(self, name: str, text: str, *, priority: int = 0, protected: bool = True) -> None:
+        """Give the robot an active rule of its own, before or while it runs. protected: nobody can change it by radio.
+
+        Raises ReadError and CheckError for the text, SleepcastError if the rule is refused for another reason.
+        """
+        result = self.evaluate(f"(RULE {name} {show(read(text))})")
+        if result.faults:
+            raise SleepcastError(f"the rule {name} cannot be installed: {result.faults[0].reason}")
+        number = buffer_number(name.casefold())
+        buffer = self._memory.rules.kept[name.casefold() if number is None else f"e{number}"]
+        buffer.priority, buffer.protected = priority, protected
+        self._memory.rules.changed()
 
     # ---- evaluating
 

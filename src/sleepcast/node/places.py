@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Mapping, MutableMapping
-from dataclasses import dataclass
 from functools import partial
 from operator import setitem
+from typing import NamedTuple
 
 from sleepcast.errors import MisuseError, did_you_mean
 
@@ -22,8 +22,7 @@ class LinkError(MisuseError):
     """A variable or function that cannot be linked, or a number that the host's memory cannot give or take."""
 
 
-@dataclass(frozen=True, slots=True)
-class Field:
+class Field(NamedTuple):
     """The numbers that a field holds. sort: "float", "int" or "bool"; least, most: its bounds, both included."""
 
     typename: str
@@ -50,8 +49,7 @@ class Field:
 ANY_NUMBER = Field("float")
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(NamedTuple):
     """One number of the host. label: as people know it (`Scout.velocity`).
 
     store: None where it can only be read; `fixed` then says why, and what could be done about it.

@@ -21,15 +21,13 @@ linked variable is looked at when it is read.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from math import inf, isfinite, nan
-from typing import Self
+from typing import NamedTuple, Self
 
 from sleepcast.errors import did_you_mean
 from sleepcast.language.reader import is_name
 from sleepcast.language.vocabulary import Constant, HostFunction, Kind, Variable, Vocabulary
-from sleepcast.node import records
 from sleepcast.node.declarations import (
     Declaration,
     actuator,
@@ -46,8 +44,7 @@ from sleepcast.units import Quantity, to_si
 __all__ = ["LinkError", "VariableTable", "actuator", "command", "function", "sensor"]
 
 
-@dataclass(frozen=True, slots=True)
-class Link:
+class Link(NamedTuple):
     """A variable and its place. measured: where the host keeps the time of its last measurement, if it does."""
 
     quantity: Quantity
@@ -124,9 +121,11 @@ class VariableTable:
 
         A field of another name, or further inside, is named by a path: `sensor(field="pose.x")`. Raises LinkError.
         """
+        from sleepcast.node.records import field  # only a program that has a structure needs it
+
         self._open()
         for name, found in links.items():
-            self._add(name, found, found.field or name, partial(records.field, struct))
+            self._add(name, found, found.field or name, partial(field, struct))
         return self
 
     def link_mapping(self, mapping: Mapping[str, object], links: Mapping[str, Declaration]) -> Self:

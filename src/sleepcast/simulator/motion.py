@@ -27,7 +27,7 @@ def step(bodies: Bodies) -> None:
     speed, turn = _wanted(bodies, tick)
     moves = ~(bodies.held | _empty(bodies))
     _tumble(bodies, moves, turn, tick)
-    _turn_back(bodies, turn)
+    _turn_back(bodies, speed, turn)
     speed *= moves
     turn *= moves
     _move(bodies, speed, turn, tick)
@@ -50,10 +50,14 @@ def _wanted(bodies: Bodies, tick: float) -> tuple[Floats, Floats]:
         across, up = bodies.target_x[going] - bodies.x[going], bodies.target_y[going] - bodies.y[going]
         away = np.sqrt(across * across + up * up)
         error = wrap(np.arctan2(up, across) - bodies.heading[going])
-        there = away <= bodies.geometry.radius
+        # A circle through the point: driven faster, the tightest turn would pass it by. One behind takes half a turn.
+        bend = np.where(np.abs(error) < pi / 2, np.abs(np.sin(error)), 1.0)
+        with np.errstate(divide="ignore"):
+            turning = bodies.limits.turn_rate * away / (2.0 * bend)
         braking = np.sqrt(2.0 * BRAKING * bodies.limits.acceleration * away)
-        fastest = np.minimum(np.minimum(braking, away / tick), bodies.limits.speed)
-        speed[going] = np.where(there, 0.0, fastest * np.maximum(0.0, np.cos(error)))
+        fastest = np.minimum.reduce([turning, braking, away / tick])
+        there = away <= bodies.geometry.radius
+        speed[going] = np.where(there, 0.0, fastest)
         turn[going] = np.where(there, 0.0, error / tick)
     return speed, turn
 
@@ -90,16 +94,21 @@ def _empty(bodies: Bodies) -> Flags:
     return empty
 
 
-def _turn_back(bodies: Bodies, turn: Floats) -> None:
-    """Bodies that are at the fence and look outwards turn to the middle of the world."""
+def _turn_back(bodies: Bodies, speed: Floats, turn: Floats) -> None:
+    """Bodies that drive near the fence turn, as fast as they can, until they drive towards the middle of the
+    world."""
+    margin = min(
+        bodies.limits.speed / bodies.limits.turn_rate, 0.1 * bodies.scenario.width, 0.1 * bodies.scenario.height
+    )
     left, bottom, right, top = bodies.fence
-    at_fence = (bodies.x <= left) | (bodies.x >= right) | (bodies.y <= bottom) | (bodies.y >= top)
-    outside = np.flatnonzero(at_fence & (bodies.mode != Mode.GOTO) & ~bodies.stopped)
-    if outside.size:
-        middle = np.arctan2((bottom + top) / 2 - bodies.y[outside], (left + right) / 2 - bodies.x[outside])
-        error = wrap(middle - bodies.heading[outside])
-        away = np.abs(error) > pi / 4
-        turn[outside[away]] = np.copysign(bodies.limits.turn_rate, error[away])
+    inside = (bodies.x > left + margin) & (bodies.x < right - margin)
+    inside &= (bodies.y > bottom + margin) & (bodies.y < top - margin)
+    near = np.flatnonzero(~inside)
+    near = near[(bodies.mode[near] != Mode.GOTO) & (speed[near] != 0.0)]
+    middle = np.arctan2((bottom + top) / 2 - bodies.y[near], (left + right) / 2 - bodies.x[near])
+    error = wrap(middle - bodies.heading[near] - np.where(speed[near] < 0.0, pi, 0.0))
+    astray = np.abs(error) > pi / 4
+    turn[near[astray]] = np.copysign(bodies.limits.turn_rate, error[astray])
 
 
 def _move(bodies: Bodies, speed: Floats, turn: Floats, tick: float) -> None:

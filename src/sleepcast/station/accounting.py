@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from math import inf
+from sys import float_info
 
 from sleepcast.channel import Kind, Message
 
@@ -54,7 +55,7 @@ def answer_from(body: Mapping[str, object], now: float) -> Answer | None:
     value, fault = body.get("value"), body.get("fault")
     if said == "late":
         fault = LATE
-    known = float(value) if isinstance(value, int | float) and abs(value) < inf else None
+    known = float(value) if isinstance(value, int | float) and abs(value) <= float_info.max else None
     return Answer(outcome, now, known, fault if isinstance(fault, str) else None)
 
 

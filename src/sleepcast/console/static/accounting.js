@@ -42,12 +42,13 @@ export class Accounting extends EventTarget {
       }
       entry.row = row;
       OUTCOMES.forEach((outcome, index) => {
-        const cell = entry.line.cells[index + 2];
+        const cell = entry.line.cells[index + 1];
         cell.textContent = row[outcome].toLocaleString("en");
         cell.classList.toggle("none", row[outcome] === 0);
       });
     }
     this.root.querySelector("#no-commands").hidden = rows.length > 0;
+    this.root.querySelector("#account").hidden = rows.length === 0;
     const now = this.get(this.chosen);
     if (before && now && OUTCOMES.some((outcome) => before[outcome] !== now[outcome])) this.changed();
     if (!now && this.chosen) this.choose("");
@@ -59,16 +60,15 @@ export class Accounting extends EventTarget {
     line.className = row.kind;
     line.tabIndex = -1;
     line.setAttribute("aria-selected", "false");
-    const sent = line.insertCell();
-    sent.textContent = clock(row.at);
-    sent.className = "sent";
+    line.setAttribute("role", "row");
     const text = line.insertCell();
-    const code = document.createElement("code");
-    code.textContent = row.text.replace(/\s+/g, " ");
+    const time = Object.assign(document.createElement("time"), { textContent: clock(row.at) });
+    const code = Object.assign(document.createElement("code"), { textContent: row.text.replace(/\s+/g, " ") });
     text.title = row.text;
     text.className = "text";
-    text.append(code);
+    text.append(time, code);
     for (const outcome of OUTCOMES) line.insertCell().className = `count ${outcome.replace("_", "-")}`;
+    for (const cell of line.cells) cell.setAttribute("role", "cell");
     return line;
   }
 

@@ -30,10 +30,10 @@ let lit = null; // {caption, count}: what the lit robots are
 
 wire.addEventListener("hello", ({ detail }) => {
   find("offline").hidden = true;
-  const scene = { ...detail.scene, groups };
+  const scene = { ...detail.scene, count: detail.count, groups };
   find("title").textContent = scene.title;
   document.title = `${scene.title} · sleepcast`;
-  find("story").textContent = scene.story;
+  for (const story of document.querySelectorAll(".story")) story.textContent = scene.story;
   world.setScene(scene);
   prompt.setReady(scene.commands);
   prompt.setNames(detail.names);
@@ -41,6 +41,7 @@ wire.addEventListener("hello", ({ detail }) => {
   if (robot.index >= 0) wire.tell("watch", { robot: robot.index });
   if (begun) return;
   begun = true;
+  drawLegend();
   prompt.set(scene.commands[0]?.text ?? "");
 });
 

@@ -4,6 +4,7 @@ import { Editor } from "./editor.js";
 import { History } from "./history.js";
 import { callAt, isUnfinished, wordAt } from "./lisp.js";
 import { Listbox } from "./listbox.js";
+import { Refusal } from "./wire.js";
 
 const PAUSE = 120; // ms without a key before the text is checked
 const AGAIN = 1000; // ms after which the robots have moved enough to ask again who would obey
@@ -173,6 +174,7 @@ export class Prompt extends EventTarget {
       if (this.editor.text === text) this.editor.set("");
       this.dispatchEvent(new CustomEvent("sent", { detail: answer.command }));
     } catch (refusal) {
+      if (!(refusal instanceof Refusal)) throw refusal;
       this.showFindings([{ severity: "error", shown: refusal.message, message: refusal.message }]);
     } finally {
       this.sending = false;

@@ -2,6 +2,7 @@
 
 import { picture, palette, styleOf } from "./shapes.js";
 import { drawWhy } from "./why.js";
+import { Refusal } from "./wire.js";
 
 const TABS = ["why", "values", "rules"];
 
@@ -47,8 +48,9 @@ export class RobotPane {
     }
     try {
       const answer = await this.wire.ask("why", { robot: index, command: command.id });
-      if (index === this.index && command.id === this.command?.id) drawWhy(pane, answer);
+      if (index === this.index && command.id === this.command?.id) drawWhy(pane, answer.why);
     } catch (refusal) {
+      if (!(refusal instanceof Refusal)) throw refusal;
       if (index === this.index && command.id === this.command?.id) pane.replaceChildren(sentence(refusal.message));
     }
   }

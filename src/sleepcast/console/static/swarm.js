@@ -107,7 +107,7 @@ function packed(pen, colour) {
 }
 
 function drawNames(pen, view, scene, frame, marks, colours, boxes, size) {
-  const named = [marks.chosen, marks.pointed].filter((index) => index >= 0 && index < frame.count);
+  const named = marks.chosen >= 0 && marks.chosen < frame.count ? [marks.chosen] : [];
   const visible = [];
   for (let i = 0; i < frame.count && visible.length <= MOST_LABELS; i += 1) {
     const x = view.toScreenX(frame.poses[3 * i]);
@@ -118,7 +118,7 @@ function drawNames(pen, view, scene, frame, marks, colours, boxes, size) {
   for (const i of new Set(named)) {
     const x = view.toScreenX(frame.poses[3 * i]) + size + 9;
     const y = view.toScreenY(frame.poses[3 * i + 1]);
-    const strong = i === marks.chosen || i === marks.pointed;
+    const strong = i === marks.chosen;
     const font = strong ? "600 12px" : "11px";
     boxes.push(...drawLabel(pen, view, scene.names[i], x, y, strong ? colours.ink : colours.quiet, colours.ground, font, boxes));
   }

@@ -4,7 +4,8 @@ import { clock } from "./accounting.js";
 
 const FASTEST = 10000; // as fast as possible
 const SPEEDS = [0.5, 1, 2, 5, 10, 30, 60, 100, 300, FASTEST];
-const BEHIND = 0.93; // of the wanted speed: below, the page says that it is not reached
+const NEAR = 0.05; // of the wanted speed: what differs by less is the measuring
+const BEHIND = 0.93; // below, the page says that the wanted speed is not reached
 
 export class Time {
   constructor(root, wire) {
@@ -40,7 +41,9 @@ export class Time {
     this.find("run").setAttribute("aria-label", frame.running ? "Pause" : "Run");
     this.find("clock").textContent = clock(frame.time);
     const behind = frame.running && frame.wanted < FASTEST && frame.achieved < BEHIND * frame.wanted;
-    this.find("achieved").textContent = frame.running ? `${factor(frame.achieved)} reached` : "paused";
+    const near = Math.abs(frame.achieved - frame.wanted) < NEAR * frame.wanted;
+    const reached = `${factor(near ? frame.wanted : frame.achieved)} reached`;
+    this.find("achieved").textContent = frame.running ? reached : "paused";
     this.find("achieved").classList.toggle("behind", behind);
   }
 

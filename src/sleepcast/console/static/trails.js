@@ -1,8 +1,8 @@
 // Trails: where every robot was in the last seconds, drawn on a canvas of their own a few times a second.
 
-const DEPTH = 20; // samples kept of each robot
+const DEPTH = 15; // samples kept of each robot
 const EVERY = 180; // ms between samples
-const BANDS = [0.5, 0.28, 0.13]; // opacity, youngest to oldest
+const BANDS = [0.42, 0.22, 0.1]; // opacity, youngest to oldest
 const MOST = 5000; // robots; beyond, trails would only be a fog
 
 export class Trails {

@@ -1,0 +1,308 @@
+"""One robot's mind, driven without any socket, array or page."""
+
+from __future__ import annotations
+
+from math import inf, isnan, nan
+
+import pytest
+
+from sleepcast.channel.message import Kind, Message
+from sleepcast.errors import SleepcastError
+from sleepcast.language import HostFunction, Vocabulary
+from sleepcast.node.node import MAX_FAULTS_IN_ROW, MAX_QUEUE, MAX_RECOLLECTIONS, Node
+from sleepcast.node.scheduler import TICK_STEPS
+from sleepcast.units import Quantity
+
+
+class Body:
+    """A body that notes what is asked of it."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[str, tuple[float, ...]]] = []
+
+    def drive(self, *arguments: float) -> None:
+        self.calls.append(("drive", arguments))
+
+
+VOCABULARY = Vocabulary(
+    "craft",
+    sensors=(Quantity("x", "m"), Quantity("fuel", low=0, high=1, shown_as="%")),
+    actuators=(Quantity("throttle", low=0, high=1),),
+    functions=(
+        HostFunction("DRIVE", Body.drive, dimensions=(None, None), arguments="speed turn"),
+        HostFunction("BREAK", lambda body: 1 / 0, doc="always fails"),
+    ),
+)
+
+
+def node(**options: object) -> Node:
+    made = Node("r1", VOCABULARY, number=7, body=Body(), **options)  # type: ignore[arg-type]
+    made.sense((100.0, 0.431), 0.0)
+    return made
+
+
+_numbers = iter(range(1, 100_000))
+
+
+def message(text: str = "", kind: Kind = Kind.COMMAND, deadline: float = inf, number: int | None = None) -> Message:
+    return Message("desk", 1, number or next(_numbers), kind, 0.0, deadline, text)
+
+
+def outcomes(robot: Node) -> list[object]:
+    found = [m.body["outcome"] for m in robot.outbox if m.kind is Kind.ANSWER]
+    robot.outbox.clear()
+    return found
+
+
+def obey(robot: Node, *texts: str, tick: int = 1) -> list[object]:
+    for text in texts:
+        robot.receive(message(text))
+    robot.think(tick, tick * 0.1)
+    return outcomes(robot)
+
+
+@pytest.mark.parametrize(
+    ("text", "outcome"),
+    [
+        ("(WHEN (> fuel 40%) (JOIN bravo))", "matched"),
+        ("(WHEN (> fuel 50%) (JOIN bravo))", "not matched"),
+        ("(WHEN (> ordnance 50%) (JOIN bravo))", "not matched"),
+        ("(COND ((> fuel 50%) 1) ((> fuel 40%) 0))", "matched"),
+        ("(IF (> fuel 50%) 1 2)", "not matched"),
+        ("(AND (> fuel 40%) (SETQ throttle 0))", "matched"),
+        ("(AND (> fuel 50%) (SETQ throttle 0))", "not matched"),
+        ("(LET ((f fuel)) (WHEN (> f 50%) (JOIN bravo)))", "not matched"),
+        ("(PROGN (DEFVAR k 1) (WHEN (> fuel 40%) (SETQ k 2)))", "matched"),
+        ("(JOIN bravo)", "matched"),
+        ("0", "matched"),
+        ("(WHEN (> fuel 40%) (/ 1 0))", "fault"),
+        ("(BREAK)", "fault"),
+        ("(nonsense 1)", "fault"),
+        ("(SQRT)", "fault"),
+        ("(((", "fault"),
+    ],
+)
+def test_a_command_is_judged_by_its_top_level_test(text: str, outcome: str) -> None:
+    assert obey(node(), text) == [outcome]
+
+
+def test_a_message_is_evaluated_once_in_order_and_a_repeated_one_changes_nothing() -> None:
+    robot = node()
+    again = message("(SETQ k (+ k 1))", number=99_999)
+    obey(robot, "(DEFVAR k 0)")
+    for _ in range(3):
+        robot.receive(again)
+    robot.think(2, 0.2)
+    robot.receive(again)
+    robot.think(3, 0.3)
+    assert robot.evaluate("k").value == 1.0
+    assert outcomes(robot) == ["matched"]
+    assert obey(robot, "(SETQ k 10)", "(SETQ k (* k 2))") == ["matched", "matched"]
+    assert robot.evaluate("k").value == 20.0
+
+
+def test_a_command_past_its_deadline_is_never_evaluated() -> None:
+    robot = node()
+    robot.receive(message("(JOIN bravo)", deadline=1.0))
+    robot.think(50, 5.0)
+    assert outcomes(robot) == ["late"]
+    assert not robot.groups
+
+
+def test_a_question_answers_and_changes_nothing() -> None:
+    robot = node()
+    robot.receive(message("(PROGN (SETQ throttle 1) (JOIN bravo) (* 2 fuel))", kind=Kind.ASK))
+    robot.think(1, 0.1)
+    assert robot.outbox[0].body["value"] == pytest.approx(0.862)
+    assert not robot.groups
+    assert isnan(dict(robot.variables())["throttle"])
+
+
+def test_a_quiet_robot_is_not_awake_and_a_rule_wakes_it() -> None:
+    robot = node()
+    assert not robot.awake
+    robot.receive(message("(RULE look (SETQ throttle fuel))"))
+    assert robot.awake
+    robot.think(1, 0.1)
+    assert robot.awake
+    assert robot.actuators() == {"throttle": 0.431}
+    assert robot.actuators() == {}
+    obey(robot, "(DEACTIVATE look)", tick=2)
+    assert not robot.awake
+
+
+def test_a_sleeping_or_frozen_robot_evaluates_messages_only() -> None:
+    for stop, go in (("(SLEEP)", "(WAKE)"), ("(FREEZE)", "(THAW)")):
+        robot = node()
+        obey(robot, "(DEFVAR n 0)", "(RULE count (SETQ n (+ n 1)))")
+        obey(robot, stop, tick=2)
+        before = robot.evaluate("n").value
+        robot.think(3, 0.3)
+        assert robot.evaluate("n").value == before
+        obey(robot, go, tick=4)
+        assert robot.evaluate("n").value == before + 1
+
+
+def test_a_lease_deactivates_unless_it_is_renewed() -> None:
+    robot = node()
+    obey(robot, "(DEFVAR n 0)", "(RULE count (SETQ n (+ n 1)))", "(LEASE count 1s)", tick=0)
+    robot.think(5, 0.5)
+    obey(robot, "(LEASE count 1s)", tick=9)
+    robot.think(15, 1.5)
+    assert robot.rules()[0].active
+    robot.think(20, 2.0)
+    assert not robot.rules()[0].active
+    assert [m.body["label"] for m in robot.outbox] == ["lease of count ended"]
+
+
+def test_rules_run_in_the_order_of_buffers_then_arrival_and_a_priority_has_the_last_word() -> None:
+    robot = node()
+    robot.install("safe", "(SETQ throttle 0)", priority=1)
+    obey(robot, "(RULE fast (SETQ throttle 1))", "(SETQQ E3 (SETQ throttle 0.5))", "(SETQ active3 TRUE)")
+    assert robot.actuators() == {"throttle": 0.0}
+    assert [rule.name for rule in robot.rules()] == ["E3", "safe", "fast"]
+
+
+def test_built_in_rules_cannot_be_changed_over_the_air() -> None:
+    robot = node()
+    robot.install("safe", "(SETQ throttle 0)")
+    for text in ("(FORGET safe)", "(DEACTIVATE safe)", "(RULE safe 1)", "(LEASE safe 1)"):
+        assert obey(robot, text) == ["fault"]
+    obey(robot, "(ROLLBACK)")
+    assert robot.rules()[0].text == "(SETQ throttle 0)"
+    assert robot.rules()[0].active
+
+
+def test_what_the_budget_leaves_over_goes_first_in_the_next_tick() -> None:
+    robot = node()
+    heavy = 9_900
+    rules = TICK_STEPS // heavy + 2
+    for i in range(rules):
+        body = "(DOTIMES (a 10) (DOTIMES (b 110) (SETQ n (+ n 0 0 0 0 0))))"
+        assert robot.evaluate(f"(PROGN (DEFVAR n 0) (RULE r{i} {body}))").faults == ()
+    robot.think(1, 0.1)
+    ran = [rule.steps > 0 for rule in robot.rules()]
+    assert True in ran and False in ran
+    robot.think(2, 0.2)
+    assert all(rule.steps > 0 for rule in robot.rules())
+
+
+def test_a_rule_that_faults_again_and_again_is_deactivated_and_reported() -> None:
+    robot = node()
+    obey(robot, "(RULE bad (/ 1 0))", tick=0)
+    for tick in range(1, MAX_FAULTS_IN_ROW):
+        robot.think(tick, tick * 0.1)
+    (rule,) = robot.rules()
+    assert not rule.active
+    assert rule.last_fault == "division by zero in (/ 1 0)"
+    assert robot.outbox[-1].body["label"] == "rule bad deactivated"
+
+
+def test_rollback_brings_back_the_rules_that_ran_without_a_fault() -> None:
+    robot = node()
+    obey(robot, "(RULE good (SETQ throttle 0.25))", tick=1)
+    obey(robot, "(RULE good (SETQ throttle UNKNOWN))", "(RULE more (SETQ throttle 1))", tick=200)
+    obey(robot, "(ROLLBACK)", tick=202)
+    assert [(rule.name, rule.text, rule.active) for rule in robot.rules()] == [("good", "(SETQ throttle 0.25)", True)]
+    assert robot.evaluate("more").value != 1.0
+
+
+def test_stop_is_latched_until_release_and_needs_no_language() -> None:
+    robot = node()
+    robot.receive(message(kind=Kind.STOP))
+    assert robot.stopped
+    assert outcomes(robot) == ["stopped"]
+    obey(robot, "(DRIVE 1 0)")
+    assert robot.stopped
+    robot.receive(message(kind=Kind.RELEASE))
+    assert not robot.stopped
+
+
+def test_unknown_never_reaches_an_actuator_or_the_body() -> None:
+    robot = node()
+    assert obey(robot, "(SETQ throttle (* 2 ordnance))", "(DRIVE ordnance 1)") == ["fault", "fault"]
+    assert robot.dropped == 2
+    assert robot.actuators() == {}
+    assert robot.body.calls == []  # type: ignore[attr-defined]
+
+
+def test_a_failing_function_of_the_host_is_a_fault_and_not_the_end() -> None:
+    result = node().evaluate("(+ 1 (BREAK))")
+    assert isnan(result.value)
+    assert [str(fault) for fault in result.faults] == ["BREAK failed: ZeroDivisionError: division by zero in (BREAK)"]
+
+
+def test_why_explains_commands_and_rules_and_forgets_the_oldest() -> None:
+    robot = node()
+    obey(robot, "(RULE look (WHEN (> fuel 50%) (SETQ throttle 1)))")
+    robot.receive(first := message("(WHEN (> fuel 50%) (JOIN bravo))"))
+    robot.think(2, 0.2)
+    assert robot.why(first.id).reason == "fuel = 43.1 %, needed > 50 %"
+    assert robot.why().command == first.id
+    assert robot.why("look").reason == "fuel = 43.1 %, needed > 50 %"
+    robot.sense((nan, 0.9), 0.3)
+    assert robot.why(first.id).reason == "fuel = 43.1 %, needed > 50 %"
+    assert robot.why("look").matched
+    for _ in range(MAX_RECOLLECTIONS):
+        robot.evaluate("1")
+    with pytest.raises(SleepcastError, match="remembers no command or rule"):
+        robot.why(first.id)
+
+
+def test_why_looks_into_operators() -> None:
+    robot = node()
+    obey(robot, "(DEFUN ready (limit) (AND (> fuel limit) (> x 5m)))")
+    robot.evaluate("(WHEN (ready 50%) (JOIN bravo))")
+    assert robot.why().reason == "(ready 50%): fuel = 43.1 %, needed > limit (50 %)"
+
+
+def test_a_full_queue_drops_and_counts() -> None:
+    robot = node()
+    for _ in range(MAX_QUEUE + 5):
+        robot.receive(message("1"))
+    assert robot.lost == 5
+    robot.think(1, 0.1)
+    assert len(outcomes(robot)) == MAX_QUEUE
+
+
+def test_chance_is_a_function_of_seed_robot_tick_and_draw() -> None:
+    def drawn(seed: int, number: int) -> list[float]:
+        robot = Node("r", VOCABULARY, number=number, seed=seed)
+        robot.think(5, 0.5)
+        return [robot.evaluate("(RANDOM 0 1)").value for _ in range(3)]
+
+    assert drawn(1, 1) == drawn(1, 1)
+    assert len({*drawn(1, 1), *drawn(1, 2), *drawn(2, 1)}) == 9
+
+
+def test_robots_of_one_vocabulary_may_learn_different_things() -> None:
+    one, two = node(), node()
+    obey(one, "(DEFVAR n 1)", "(RULE a (SETQ n 5))")
+    obey(two, "(JOIN n)", "(DEFVAR a 3)")
+    assert obey(one, "(WHEN (= n 5) (JOIN bravo))") == ["matched"]
+    assert obey(two, "(WHEN (IN n) a)") == ["matched"]
+    assert obey(two, "(SETQ n 1)") == ["fault"]
+    assert two.evaluate("a").value == 3.0
+
+
+def test_a_rule_follows_the_names_it_uses_as_they_come_and_go() -> None:
+    robot = node()
+    obey(robot, "(RULE a (SETQ throttle (OR b 0.1)))", tick=1)
+    assert robot.actuators() == {"throttle": 0.1}
+    obey(robot, "(DEFVAR b 0.7)", tick=2)
+    assert robot.actuators() == {"throttle": 0.7}
+    obey(robot, "(SETQ b 0.2)", tick=3)
+    assert robot.actuators() == {"throttle": 0.2}
+
+
+def test_a_rule_may_end_itself() -> None:
+    robot = node()
+    obey(robot, "(DEFVAR n 0)", "(RULE once (PROGN (SETQ n (+ n 1)) (DEACTIVATE once)))", tick=1)
+    robot.think(2, 0.2)
+    assert robot.evaluate("n").value == 1.0
+
+
+def test_a_cycle_made_by_a_later_rule_is_refused() -> None:
+    robot = node()
+    assert obey(robot, "(RULE a (+ 1 b))", "(RULE b (+ 1 a))") == ["matched", "fault"]
+    assert [rule.name for rule in robot.rules()] == ["a"]

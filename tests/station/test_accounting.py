@@ -1,0 +1,119 @@
+"""What became of a command: matched, did not match, fault, silent; and silence is never taken for consent."""
+
+from __future__ import annotations
+
+from math import inf, nan
+
+import pytest
+
+from sleepcast.channel import Kind, Message
+from sleepcast.station import Outcome
+from sleepcast.station.accounting import LATE, Command, account, answer_from
+from station.fleet import Fleet
+
+HALF = "(WHEN (> fuel 50%) (JOIN bravo))"
+
+
+def test_before_anybody_has_answered_everybody_is_silent(fleet: Fleet) -> None:
+    command = fleet.station.send(HALF)
+    found = fleet.station.accounting(command.id)
+    assert found.n_silent == 10
+    assert not found.complete
+    assert found.sentence().startswith("matched 0, did not match 0, fault 0, silent 10: s0 never heard")
+
+
+def test_four_ways_for_every_robot(fleet: Fleet) -> None:
+    fleet.report()
+    command = fleet.station.send("(WHEN (> fuel 50%) (SETQ speed (/ 1 (- x 800))))")
+    fleet.clock.advance(2.0)
+    fleet.deliver([name for name in fleet.minds if name != "s2"])
+    fleet.clock.advance(6.0)
+    found = fleet.station.accounting(command.id)
+    assert found.matched == ("s6", "s7", "s9")
+    assert found.not_matched == ("s0", "s1", "s3", "s4", "s5")
+    assert found.fault == ("s8",)
+    assert found.silent == ("s2",)
+    assert found.last_heard == {"s2": 0.0}
+    assert "division by zero" in found.faults["s8"]
+    assert found.sentence() == "matched 3, did not match 5, fault 1, silent 1: s2 last heard 8 s ago"
+    assert found.to_dict() == {
+        "text": command.text,
+        "matched": 3,
+        "not_matched": 5,
+        "fault": 1,
+        "silent": 1,
+    }
+
+
+def test_a_robot_that_enrols_later_is_not_silent_but_counts_if_it_answers(fleet: Fleet) -> None:
+    command = fleet.station.send(HALF)
+    fleet.deliver()
+    for late in ("late1", "late2"):
+        fleet.station.hear(Message(late, 0, 1, Kind.HEARTBEAT, 0.0))
+    body: dict[str, object] = {"command": command.id, "outcome": "matched", "value": 1.0, "fault": None}
+    fleet.station.hear(Message("late2", 0, 2, Kind.ANSWER, 0.0, body=body))
+    found = fleet.station.accounting(command.id)
+    assert found.complete
+    assert found.matched == ("s6", "s7", "s8", "s9", "late2")
+    assert set(fleet.station.roster) >= {"late1", "late2"}
+
+
+def test_only_the_first_answer_counts(fleet: Fleet) -> None:
+    command = fleet.station.send(HALF)
+    for outcome in ("not matched", "matched"):
+        body: dict[str, object] = {"command": command.id, "outcome": outcome}
+        fleet.station.hear(Message("s1", 0, 1, Kind.ANSWER, 0.0, body=body))
+    assert fleet.station.accounting(command.id).not_matched == ("s1",)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {},
+        {"command": "desk-1.1"},
+        {"command": "desk-1.1", "outcome": "perhaps"},
+        {"command": "desk-1.1", "outcome": 1},
+        {"command": ["desk-1.1"], "outcome": "matched"},
+        {"command": "desk-9.9", "outcome": "matched"},
+    ],
+)
+def test_an_answer_that_makes_no_sense_only_shows_that_the_robot_is_there(
+    fleet: Fleet, body: dict[str, object]
+) -> None:
+    command = fleet.station.send(HALF)
+    assert command.id == "desk-1.1"
+    fleet.clock.advance(1.0)
+    fleet.station.hear(Message("s1", 0, 1, Kind.ANSWER, 0.0, body=body))
+    assert fleet.station.accounting(command.id).n_silent == 10
+    assert fleet.station.roster["s1"] == 1.0
+
+
+@pytest.mark.parametrize("value", [None, nan, inf, "5", 10**400, True], ids=lambda value: str(value)[:5])
+def test_any_value_in_an_answer_is_taken_as_a_number_or_as_unknown(value: object) -> None:
+    answer = answer_from({"outcome": "matched", "value": value}, 0.0)
+    assert answer is not None
+    assert answer.value == (1.0 if value is True else None)
+
+
+def test_a_command_heard_too_late_is_a_fault_with_its_reason(fleet: Fleet) -> None:
+    command = fleet.station.send(HALF, deadline=1.0)
+    fleet.clock.advance(2.0)
+    fleet.deliver(["s9"])
+    found = fleet.station.accounting(command.id)
+    assert found.fault == ("s9",)
+    assert found.faults == {"s9": LATE}
+    assert "bravo" not in fleet.minds["s9"].groups
+
+
+def test_many_silent_robots_are_counted_not_listed() -> None:
+    message = Message("desk", 1, 1, Kind.COMMAND, 0.0, text="(MARK)")
+    found = account(Command(message, tuple(f"s{i}" for i in range(100))), 3.0, {})
+    assert found.sentence().endswith("s4 never heard, and 95 more")
+
+
+def test_answers_are_kept_with_value_and_time(fleet: Fleet) -> None:
+    command = fleet.station.send("(WHEN (> fuel 80%) (* 100 fuel))")
+    fleet.clock.advance(1.5)
+    fleet.deliver()
+    answer = command.answers["s9"]
+    assert (answer.outcome, answer.heard, answer.value) == (Outcome.MATCHED, 1.5, 90.0)

@@ -52,9 +52,9 @@ HOUSE = {
     "robot": room(),
     "node": room("language channel robot", late="numpy"),
     "simulator": room("channel robot", "numpy"),
-    "loop": room("node simulator robot"),
+    "loop": room("language channel node simulator robot"),
     "station": room("language channel node", "msgspec"),
-    "console": room("station", "starlette uvicorn msgspec"),
+    "console": room("language station", "starlette uvicorn msgspec"),
     "cli": room("language channel robot node simulator loop station console", "click rich prompt_toolkit"),
     "__main__": room("cli"),
 }

@@ -145,8 +145,9 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_wheel_holds_the_whole_package(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         packed = {name for name in archive.namelist() if ".dist-info/" not in name}
-    files = (path for path in (SOURCE / "sleepcast").rglob("*") if path.is_file())
-    assert packed == {path.relative_to(SOURCE).as_posix() for path in files if path.suffix != ".pyc"}
+    files = {path.relative_to(SOURCE) for path in (SOURCE / "sleepcast").rglob("*") if path.is_file()}
+    made_by_tools = {path for path in files if any(part.startswith((".", "__pycache__")) for part in path.parts)}
+    assert packed == {path.as_posix() for path in files - made_by_tools}
     assert "sleepcast/console/static/index.html" in packed
     assert "sleepcast/py.typed" in packed
     assert any(name.startswith("sleepcast/scenarios/") for name in packed)

@@ -6,12 +6,14 @@ another, each of which hears a hundred.
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from itertools import count
 from math import inf
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from benchmarks.language.timing import Timing, calls, command_times, in_turns, one_by_one
 from sleepcast.channel.message import Kind, Message
@@ -26,9 +28,11 @@ HEARD = 100
 """New texts that one robot hears: a long day's commands."""
 
 READ = "read: from text to form"
-WALKED, RUN = "evaluation, walked (a message, heard once)", "evaluation, compiled (a rule, run every tick)"
-KEPT, RUN_KEPT = "the same, kept so that it can be explained", "the same, compiled and kept"
-EXPLAINED = "the same, and explained at once, as a tree"
+WALKED = "evaluation, walked (a message, which is heard once)"
+KEPT = "walked, and kept so that it can be explained"
+EXPLAINED = "walked, kept, and explained at once, as a tree"
+RUN = "evaluation, compiled (a rule, which runs every tick)"
+RUN_KEPT = "compiled, and kept so that it can be explained"
 EVALUATIONS = frozenset({WALKED, KEPT, EXPLAINED, RUN, RUN_KEPT})
 START, IMPORT = "sleepcast eval '(+ 1 2)', from start to end", "import sleepcast.language"
 
@@ -109,16 +113,24 @@ def _ignoring(do: Callable[[], object]) -> Callable[[int], object]:
 
 
 def start_times(turns: int) -> dict[str, Timing]:
-    """Whole processes on the wall clock; and what importing the language takes within one."""
+    """Whole processes on the wall clock; and what importing the language takes within one.
+
+    The processes keep their byte code in a folder of their own, so that a setting of this shell against byte code
+    does not make every start compile everything anew.
+    """
     script = Path(sys.executable).with_name("sleepcast")
     command = [str(script)] if script.exists() else [sys.executable, "-m", "sleepcast"]
-    return {
-        "start of Python itself, doing nothing": command_times([sys.executable, "-c", "pass"], turns),
-        START: command_times([*command, "eval", "(+ 1 2)"], turns),
-        IMPORT: Timing(tuple(_import_seconds() for _ in range(turns + 1))[1:]),
-    }
+    with TemporaryDirectory() as byte_code:
+        kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+        environment = kept | {"PYTHONPYCACHEPREFIX": byte_code}
+        return {
+            "start of Python itself, doing nothing": command_times([sys.executable, "-c", "pass"], turns, environment),
+            START: command_times([*command, "eval", "(+ 1 2)"], turns, environment),
+            IMPORT: Timing(tuple(_import_seconds(environment) for _ in range(turns + 1))[1:]),
+        }
 
 
-def _import_seconds() -> float:
+def _import_seconds(environment: dict[str, str]) -> float:
     program = "import time; t = time.perf_counter(); import sleepcast.language; print(time.perf_counter() - t)"
-    return float(subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True).stdout)
+    done = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True, env=environment)
+    return float(done.stdout)

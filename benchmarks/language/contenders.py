@@ -32,19 +32,20 @@ State = dict[str, float]
 
 
 def states(count: int = 64) -> list[State]:
-    """Robots in equal parts: too far, short of fuel, short of ordnance, and matching; shuffled, from a fixed seed."""
+    """Robots by fours: one too far, one short of fuel, one short of ordnance, one that matches, in shuffled order."""
     chance = random.Random(1998)
-
-    def between(low: float, high: float) -> float:
-        return chance.uniform(low, high)
-
-    found = []
-    for i in range(count):
-        near, fuelled, armed = i % 4 != 0, i % 4 != 1, i % 4 != 2
-        x, y = (between(1.0, 5.0), between(2.0, 6.0)) if near else (between(20.0, 90.0), between(20.0, 90.0))
-        fuel, ordnance = between(51, 99) if fuelled else between(1, 49), between(71, 99) if armed else between(1, 69)
-        found.append({"x": x, "y": y, "fuel": fuel, "ordnance": ordnance})
-    chance.shuffle(found)
+    found: list[State] = []
+    while len(found) < count:
+        for kind in chance.sample(range(4), 4):
+            low, high = (20.0, 90.0) if kind == 0 else (1.0, 5.0)
+            found.append(
+                {
+                    "x": chance.uniform(low, high),
+                    "y": chance.uniform(low, high),
+                    "fuel": chance.uniform(1.0, 49.0) if kind == 1 else chance.uniform(51.0, 99.0),
+                    "ordnance": chance.uniform(1.0, 69.0) if kind == 2 else chance.uniform(71.0, 99.0),
+                }
+            )
     return found
 
 
@@ -83,7 +84,7 @@ def _over(name: str, function: Callable[[Any], object], inputs: Sequence[Any]) -
 
 
 def hand_written(robots: list[State]) -> list[Contender]:
-    """A lambda (the fastest of the forms tried), the function that a careful person writes, and a bare call."""
+    """A lambda (the fastest of the forms tried that ask for the distance), a function, and how low Python can go."""
     names = vocabulary()
     x, y, fuel, ordnance = (f"v[{names.first_sensor + i}]" for i in range(len(SENSORS)))
     source = f"""
@@ -94,6 +95,10 @@ def by_function(v):
     up = {y} - 4.0
     return sqrt(across * across + up * up) < 5.0 and {fuel} > 50.0 and {ordnance} > 70.0
 
+floor = lambda v: (
+    (across := {x} - 3.0) * across + (up := {y} - 4.0) * up < 25.0 and {fuel} > 50.0 and {ordnance} > 70.0
+)
+
 def bare(v):
     return 0.0
 """
@@ -103,6 +108,7 @@ def bare(v):
     return [
         _over(LAMBDA, space["by_lambda"], inputs),
         _over("hand-written function", space["by_function"], inputs),
+        _over("hand-written, rid of the square root: the floor in Python", space["floor"], inputs),
         Contender(BARE, lambda i: holds(robots[i]), calls(space["bare"], inputs)),
     ]
 

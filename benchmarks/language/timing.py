@@ -133,12 +133,12 @@ def one_by_one(events: Sequence[Callable[[], object]]) -> Timing:
     return Timing(tuple(times))
 
 
-def command_times(command: Sequence[str], turns: int) -> Timing:
+def command_times(command: Sequence[str], turns: int, environment: Mapping[str, str]) -> Timing:
     """Wall-clock seconds of a whole command; the first, untimed, one warms the file cache."""
     times = []
     for turn in range(turns + 1):
         begin = time.perf_counter()
-        subprocess.run(command, check=True, capture_output=True)
+        subprocess.run(command, check=True, capture_output=True, env=environment)
         if turn:
             times.append(time.perf_counter() - begin)
     return Timing(tuple(times))

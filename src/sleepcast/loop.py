@@ -19,7 +19,7 @@ from dataclasses import asdict
 from math import isinf, nan
 from typing import Protocol
 
-from sleepcast.channel import Message
+from sleepcast.channel import Channel, Message
 from sleepcast.channel.memory import OPERATOR, Radio
 from sleepcast.clock import Clock
 from sleepcast.errors import SleepcastError
@@ -69,6 +69,9 @@ class Swarm:
         self.minds: Mapping[str, Node] = {node.name: node for node in self.nodes}
         scenario = simulator.scenario
         self.radio = Radio(scenario.radio, simulator.x, simulator.y, seed=simulator.seed, clock=self)
+        self.air: Channel = self.radio.endpoint(OPERATOR)
+        """The operator's end of the radio."""
+        self.actuators = tuple(actuator.name for actuator in simulator.model.actuators)
         self.desk: Desk | None = None
         self.mission = deque(_readable(order) for order in mission)
         self.telemetry_ticks = max(1, round(scenario.telemetry / scenario.tick))
@@ -140,8 +143,7 @@ def _act(swarm: Swarm) -> None:
     for index in swarm.thought:
         wanted = swarm.nodes[index].actuators()
         if wanted:
-            model = swarm.simulator.model
-            setpoint = Setpoint(*(wanted.get(actuator.name, nan) for actuator in model.actuators))
+            setpoint = Setpoint(*[wanted.get(name, nan) for name in swarm.actuators])
             swarm.simulator.robots[index].act(setpoint)
 
 
@@ -149,7 +151,7 @@ def _deliver(swarm: Swarm) -> set[int]:
     """Bring the robots what they hear in this tick; gives the indices of those that heard anything."""
     _give_orders(swarm)
     while swarm.posted:
-        swarm.radio.send(OPERATOR, swarm.posted.popleft())
+        swarm.air.send(swarm.posted.popleft())
     heard = swarm.radio.receive_all()
     for index, messages in heard.items():
         receive = swarm.nodes[index].receive
@@ -190,7 +192,7 @@ def _report(swarm: Swarm, heard: set[int]) -> None:
     desk = swarm.desk
     if desk is None:
         return
-    for message in swarm.radio.receive(OPERATOR):
+    for message in swarm.air.receive():
         desk.hear(message)
     if swarm.simulator.tick % swarm.telemetry_ticks == 0:
         sampled = swarm.radio.samples().tolist()

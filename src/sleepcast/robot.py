@@ -50,8 +50,8 @@ class BodyFunction:
     """Something that a body can do or find out, to be called by name: `call(body, *arguments)`.
 
     The arguments are SI numbers, or one text if the function is `labelled`; the result is a number or None
-    (done). dimensions: of each argument, None where any will do; `least` of them must be given. result:
-    dimension of the value. acts: whether calling it does something to the world.
+    (done). dimensions: of each number, None where any will do; `least` of them must be given. result: dimension
+    of the value. acts: whether calling it does something to the world.
     """
 
     name: str

@@ -14,13 +14,14 @@ import math
 import operator
 import sys
 from collections import ChainMap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from functools import reduce
 from itertools import combinations, pairwise, takewhile
 from typing import NamedTuple
 
 from sleepcast.language.chance import draw, normal, stream
-from sleepcast.language.form import QUASIQUOTE, QUOTE, UNQUOTE, Form, List, Number, Symbol, Text, show
+from sleepcast.language.form import QUASIQUOTE, QUOTE, UNQUOTE, Form, List, Number, Symbol, Text, show, walk
+from sleepcast.language.functions import FUNCTIONS
 from sleepcast.language.reader import read
 from sleepcast.language.vocabulary import Constant, HostFunction, Kind, Variable, Vocabulary, buffer_number
 
@@ -238,11 +239,11 @@ def named(form: Form, local: frozenset[str] = frozenset()) -> set[str]:
     return found
 
 
-def deciding_tests(form: Form, vocabulary: Vocabulary) -> list[Form] | None:
+def deciding_tests(form: Form, known: Container[str], vocabulary: Vocabulary) -> list[Form] | None:
     """The parts of a message one of which must be true for it to match; None if it has no test and all match.
 
     They stand in its first COND, IF, WHEN or AND, also inside PROGN and LET. Of an AND it is the last of the leading
-    operands that only look and do nothing.
+    operands that only look and do nothing. known: the operators that there are.
     """
     head = form.head if isinstance(form, List) else None
     rest = arguments(form)
@@ -251,11 +252,11 @@ def deciding_tests(form: Form, vocabulary: Vocabulary) -> list[Form] | None:
     if head in ("if", "when"):
         return [rest[0]]
     if head == "and":
-        looking = list(takewhile(lambda operand: not acts(operand, vocabulary), rest))
+        looking = list(takewhile(lambda operand: not acts(operand, known, vocabulary), rest))
         return looking[-1:] or None
     for part in rest[1:] if head == "let" else rest if head == "progn" else ():
         if is_tested(part):
-            return deciding_tests(part, vocabulary)
+            return deciding_tests(part, known, vocabulary)
     return None
 
 
@@ -266,17 +267,24 @@ def is_tested(form: Form) -> bool:
     return head in ("cond", "if", "when", "and")
 
 
-def acts(form: Form, vocabulary: Vocabulary, local: frozenset[str] = frozenset()) -> bool:
+def acts(
+    form: Form, known: Container[str], vocabulary: Vocabulary, local: frozenset[str] = frozenset()
+) -> bool:
     """Whether `form` itself changes the robot or speaks (not what the buffers and operators do that it names)."""
     head = form.head if isinstance(form, List) else None
-    if head == "setq" and key_of(arguments(form)[0]) in local or head is None:
-        return any(acts(part, vocabulary, local) for part in evaluated(form))
+    if head is None:
+        return False
     if head in ("let", "dotimes"):
         binding = items(arguments(form)[0])
         local |= {key_of(items(pair)[0]) for pair in binding} if head == "let" else {key_of(binding[0])}
     function = vocabulary.bindings.get(head)
-    acting = function.acts if isinstance(function, HostFunction) else head in ACTING
-    return acting or any(acts(part, vocabulary, local) for part in evaluated(form))
+    if isinstance(function, HostFunction):
+        acting = function.acts
+    elif head not in FUNCTIONS and head not in known:
+        return False  # a function that the robot does not have does nothing, nor do its arguments
+    else:
+        acting = head in ACTING and not (head == "setq" and key_of(arguments(form)[0]) in local)
+    return acting or any(acts(part, known, vocabulary, local) for part in evaluated(form))
 
 
 ACTING = {"setq", "setqq", "defvar", "rule", "activate", "deactivate", "forget", "lease", "defun", "join", "leave"}
@@ -316,7 +324,8 @@ class Reference:
         form = read(text)
         self.faults, self.printed, self.told, self.pings = [], [], [], []
         self.steps = self.calls = 0
-        tests = deciding_tests(form, self.vocabulary)
+        made_here = {key_of(arguments(call)[0]) for call in walk(form) if is_call(call, "defun")}
+        tests = deciding_tests(form, made_here | self.operators.keys(), self.vocabulary)
         self.tests, self.matched = tests or [], tests is None
         usual = sys.getrecursionlimit()
         sys.setrecursionlimit(DEEPEST)
@@ -431,7 +440,7 @@ class Reference:
         for form in forms:
             given.append(form.value if isinstance(form, Text) else self.value(form, scope))
         if any(isinstance(x, float) and math.isnan(x) for x in given):
-            return self.fault("unknown never reaches") if function.acts else UNKNOWN
+            return self.fault("unknown") if function.acts else UNKNOWN
         try:
             result = function.call(self.body, *given)
         except Exception:
@@ -510,7 +519,7 @@ class Reference:
         elif not isinstance(binding, Variable) or binding.kind is Kind.SENSOR:
             return self.fault(key)
         elif math.isnan(value):
-            return self.fault("unknown never reaches")
+            return self.fault("unknown")
         else:
             self.values[key] = value
         return value

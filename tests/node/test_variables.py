@@ -18,6 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sleepcast.language.vocabulary import HostFunction, Kind, Variable, Vocabulary, VocabularyError
+from sleepcast.node.node import Node
 from sleepcast.node.variables import LinkError, VariableTable, actuator, command, function, sensor
 from sleepcast.units import LENGTH, RATE, SPEED, Quantity
 
@@ -580,6 +581,92 @@ def test_linked_sensors_are_left_alone_by_readings() -> None:
     assert table.read(slot_of(table, "fuel")) == 7.0
 
 
+# ---- stopping
+
+
+class Driven(ctypes.Structure):
+    _fields_ = (("speed", ctypes.c_double), ("turn", ctypes.c_double), ("arm", ctypes.c_int8), ("lamp", ctypes.c_bool))
+
+
+def test_stop_sets_what_moves_to_rest_and_holds_it_until_release() -> None:
+    v = Driven()
+    links = {
+        "speed": actuator(unit="ft/s", low=-3, high=3),
+        "turn": actuator(unit="deg/s"),
+        "arm": actuator(low=10, high=90, rest=45),
+        "lamp": actuator(),
+    }
+    table = VariableTable().link_struct(v, links)
+    for name, value in (("speed", 0.5), ("turn", 1.0), ("arm", 80.0), ("lamp", 1.0)):
+        table.write(slot_of(table, name), value)
+    table.stop()
+    assert (v.speed, v.turn, v.arm, v.lamp) == (0.0, 0.0, 45, True)
+    with pytest.raises(LinkError, match="while the robot is stopped"):
+        table.write(slot_of(table, "speed"), 0.5)
+    assert v.speed == 0.0
+    table.release()
+    assert v.speed == 0.0
+    table.write(slot_of(table, "speed"), 0.3048)
+    assert v.speed == 1.0
+
+
+def test_stop_tries_everything_before_it_says_what_was_refused() -> None:
+    class Stuck:
+        def __init__(self) -> None:
+            self.turning = 5.0
+
+        @property
+        @actuator(unit="m/s")
+        def speed(self) -> float:
+            return 1.0
+
+        @speed.setter
+        def speed(self, value: float) -> None:
+            raise OSError("no answer")
+
+        @property
+        @actuator(unit="rad/s")
+        def turn(self) -> float:
+            return self.turning
+
+        @turn.setter
+        def turn(self, value: float) -> None:
+            self.turning = value
+
+    stuck = Stuck()
+    table = VariableTable().link(stuck)
+    _ = table.vocabulary
+    with pytest.raises(LinkError, match=r"not everything came to rest: Stuck\.speed cannot be set to 0: OSError"):
+        table.stop()
+    assert stuck.turning == 0.0
+    assert table.stopped
+
+
+# ---- in a robot's mind
+
+
+def test_a_name_in_an_expression_is_the_hosts_number() -> None:
+    scout, v, row, state = Scout(), State(), np.zeros((), ROW), {"fuel": 40}
+    table = (
+        VariableTable("scout")
+        .link(scout)
+        .link_struct(v, {"trim": actuator()})
+        .link_struct(row, {"pose_x": actuator(unit="m", field="pose.x")})
+        .link_mapping(state, {"fuel": sensor(unit="%", low=0, high=100)})
+    )
+    node = Node("scout-1", table.vocabulary, body=table.body, variables=table)
+    assert node.evaluate("(SETQ velocity 10in/s)").value == 10 * INCH
+    assert scout.velocity == pytest.approx(10, rel=1e-15)
+    node.evaluate("(WHEN (< fuel 50%) (SETQ trim -3) (SETQ pose_x 2.5m) (DRIVE 5in/s 90deg/s))")
+    assert (v.trim, float(row["pose"]["x"])) == (-3, 2.5)
+    assert scout.said == [("drive", 5.0, 90.0)]
+    state["fuel"] = 60
+    assert node.evaluate("fuel").value == 0.6
+    (fault,) = node.evaluate("(SETQ trim 200)").faults
+    assert fault.reason == "State.trim cannot be set to 200: it is a c_byte, which holds -128 to 127"
+    assert v.trim == -3
+
+
 # ---- the table as a whole
 
 
@@ -684,6 +771,7 @@ def test_links_that_make_no_sense_are_refused() -> None:
         (lambda: function(result="furlong"), "unknown unit 'furlong'"),
         (lambda: actuator(low=1, high=1), "low=1 is not below high=1"),
         (lambda: actuator(low=math.nan), "low=nan is not below"),
+        (lambda: actuator(unit="m/s", low=1, high=2), "rest=0, to which STOP sets it, is outside low=1 to high=2"),
         (lambda: sensor(freshness=0), "freshness=0 is not a number of seconds above 0"),
         (lambda: sensor(measured_at="stamp"), "no use without a freshness limit"),
         (lambda: sensor()(staticmethod(abs)), "stand over a property or a method"),

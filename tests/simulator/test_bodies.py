@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import atan2, hypot, inf, isclose, isnan, nan, pi, radians
+from math import atan2, hypot, inf, isclose, isnan, pi, radians
 from pathlib import Path
 
 import numpy as np
@@ -100,6 +100,12 @@ class TestGoTo:
         sim.bodies.speed[0] = 5.0
         run(sim, 300)
         assert hypot(sim.x[0] - 500.0, sim.y[0] - 520.0) <= sim.model.geometry.radius
+
+    def test_a_body_that_is_there_stays_there(self, tmp_path: Path) -> None:
+        sim = simulator(tmp_path)
+        put(sim, 0, 500.0, 500.0).go_to(500.0, 500.0)
+        run(sim, 5)
+        assert (sim.x[0], sim.y[0], sim.bodies.heading[0]) == (500.0, 500.0, 0.0)
 
     def test_a_point_outside_the_world_is_the_nearest_one_inside(self, tmp_path: Path) -> None:
         sim = simulator(tmp_path)
@@ -395,5 +401,3 @@ def test_actuators_are_in_the_order_of_a_setpoint(tmp_path: Path) -> None:
     actuators = simulator(tmp_path).model.actuators
     assert [actuator.name for actuator in actuators] == ["drive_speed", "drive_turn"]
     assert all(-inf < actuator.low < actuator.high < inf for actuator in actuators)
-    assert isnan(Setpoint(1.0).turn_rate)
-    assert isnan(Setpoint(turn_rate=nan).speed)

@@ -206,9 +206,7 @@ class Radio:
         due = [copy for copy in self._waiting if copy[0] <= now]
         if not due:
             return
-        self._waiting = (
-            [copy for copy in self._waiting if copy[0] > now] if len(due) < len(self._waiting) else []
-        )
+        self._waiting = [copy for copy in self._waiting if copy[0] > now] if len(due) < len(self._waiting) else []
         due.sort()
         self.counts.delivered += len(due)
         for copy in due:

@@ -79,15 +79,11 @@ class Message(msgspec.Struct, frozen=True):
                 f'a sender\'s name has 1 to {MAX_NAME} characters, not {len(self.sender)}: "{self.sender}"'
             )
         if len(self.text) > MAX_TEXT:
-            raise MessageError(
-                f"a message's text has at most {MAX_TEXT} characters, this one has {len(self.text)}"
-            )
+            raise MessageError(f"a message's text has at most {MAX_TEXT} characters, this one has {len(self.text)}")
         if not (0 <= self.epoch <= MAX_NUMBER and 0 <= self.sequence <= MAX_NUMBER):
             raise MessageError(f"epoch {self.epoch} and sequence {self.sequence} must lie in 0..{MAX_NUMBER}")
         if isnan(self.issued) or isnan(self.deadline):
-            raise MessageError(
-                f"a message needs times, not issued {self.issued} with deadline {self.deadline}"
-            )
+            raise MessageError(f"a message needs times, not issued {self.issued} with deadline {self.deadline}")
 
     @property
     def id(self) -> str:

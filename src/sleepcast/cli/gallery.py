@@ -59,7 +59,10 @@ def _page(scenario: Scenario, name: str) -> str:
     if scenario.commands:
         lines += ["", "Try:"]
     for command in scenario.commands:
-        lines += ["", *textwrap.wrap(command.about or command.title, WIDTH, initial_indent="  ", subsequent_indent="  ")]
+        lines += [
+            "",
+            *textwrap.wrap(command.about or command.title, WIDTH, initial_indent="  ", subsequent_indent="  "),
+        ]
         lines += [f"    {line}" for line in command.text.strip().split("\n")]
     lines += ["", f"sleepcast demo {name}", f"sleepcast run {name} --json"]
     return "\n".join(lines)

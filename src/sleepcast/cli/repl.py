@@ -6,3 +6,197 @@ error, as with `eval`.
 """
 
 from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+import click
+
+from sleepcast import __version__
+from sleepcast.cli.streams import announce, complain, incoming_lines, still_open
+from sleepcast.errors import MisuseError, SleepcastError, did_you_mean
+
+if TYPE_CHECKING:
+    from sleepcast.cli.standard_memory import StandardMemory
+
+TICK_SECONDS = 0.1
+"""Seconds that `:tick` lets pass for each tick."""
+MAX_TICKS = 10_000
+"""Ticks of one `:tick`, about a second of work with a few rules."""
+
+_COMMENT = re.compile(r";[^\n]*")
+WELCOME = f"sleepcast {__version__}: type an expression, :help for help, :quit or Ctrl-D to leave"
+
+
+@click.command("repl", short_help="Talk to one robot's mind.")
+@click.option("--seed", type=int, default=0, show_default=True, help="What chance (PROB, DICE, ...) depends on.")
+def repl(seed: int) -> int:
+    """Type expressions and see their values, all in one memory; :help says what else can be asked.
+
+    History and completion work at a terminal, Enter goes on while a parenthesis is open. Lines from a pipe are
+    answered as they come.
+
+    \b
+    Examples:
+      sleepcast repl
+      echo '(+ 1 2)' | sleepcast repl
+    """
+    from sleepcast.cli.standard_memory import StandardMemory
+
+    memory = StandardMemory(seed=seed)
+    conversation = Conversation(memory)
+    for text in _typed(memory) if _at_a_terminal() else _piped():
+        if not conversation.answer(text):
+            break
+    return 0
+
+
+def _at_a_terminal() -> bool:
+    return all(stream is not None and stream.isatty() for stream in (sys.stdin, sys.stdout))
+
+
+def _typed(memory: StandardMemory) -> Iterator[str]:
+    from sleepcast.cli.prompt import typed_texts
+
+    announce(WELCOME)
+    return typed_texts(memory.node, [f":{name}" for name in ASKED])
+
+
+def _piped() -> Iterator[str]:
+    """Texts from standard input, each as soon as its parentheses are closed, or it is too long for any text."""
+    from sleepcast.language.reader import MAX_TEXT
+
+    waiting, depth = "", 0
+    for line in incoming_lines():
+        waiting += line
+        depth += still_open(line)
+        if depth <= 0 or waiting.startswith(":") or len(waiting) > MAX_TEXT:
+            yield waiting
+            waiting, depth = "", 0
+    yield waiting
+
+
+class Conversation:
+    """What is answered to each text."""
+
+    def __init__(self, memory: StandardMemory) -> None:
+        self.memory, self.node = memory, memory.node
+        self._tick = 0
+
+    def answer(self, text: str) -> bool:
+        """Answer one text; False if the person wants to leave."""
+        text = text.strip()
+        if text.startswith(":"):
+            try:
+                return self._asked(text)
+            except SleepcastError as error:
+                complain(str(error))
+        elif _COMMENT.sub("", text).strip():
+            outcome = self.memory.evaluate(text)
+            announce(outcome.value)
+            for line in outcome.said:
+                complain(line)
+        return True
+
+    def _asked(self, text: str) -> bool:
+        name, _, rest = text[1:].partition(" ")
+        if name in ("quit", "q", "exit"):
+            return False
+        if name not in ASKED:
+            raise MisuseError(
+                f"unknown question :{name}{did_you_mean(name, ASKED)}: there are {', '.join(f':{n}' for n in ASKED)}"
+            )
+        for line in ASKED[name](self, rest.strip()):
+            announce(line)
+        return True
+
+    def why(self, about: str) -> Iterator[str]:
+        yield self.node.why(about or None).render()
+
+    def vars(self, _: str) -> Iterator[str]:
+        from sleepcast.language import format_value
+
+        known = [
+            (name, value) for name, value in self.node.variables() if not (name.startswith("active") and not value)
+        ]
+        width = max(len(name) for name, _ in known)
+        yield from (f"{name:<{width}}  {format_value(value)}" for name, value in known)
+        if self.node.groups:
+            yield f"in {', '.join(sorted(self.node.groups))}"
+
+    def rules(self, _: str) -> Iterator[str]:
+        from sleepcast.language import format_value
+
+        found = self.node.rules()
+        if not found:
+            yield "no rules yet: store one with (RULE name expression)"
+        for rule in found:
+            state = "active" if rule.active else "idle"
+            yield f"{rule.name}  {state}  last {format_value(rule.last_value)}  fired {rule.firings}  {rule.text}"
+            if rule.last_fault:
+                yield f"  fault: {rule.last_fault}"
+
+    def tick(self, count: str) -> Iterator[str]:
+        from sleepcast.channel import Kind
+        from sleepcast.cli.standard_memory import reported_body
+
+        if count and not (count.isascii() and count.isdecimal() and 1 <= int(count[:9]) <= MAX_TICKS):
+            raise MisuseError(f":tick takes a number from 1 to {MAX_TICKS}, not {count[:40]}")
+        for _ in range(int(count or 1)):
+            self._tick += 1
+            self.node.think(self._tick, self._tick * TICK_SECONDS)
+            yield from (reported_body(m.body) for m in self.node.outbox if m.kind is Kind.REPORT)
+            yield from (f"told to other robots: {text}" for text in self.memory.told())
+        yield f"tick {self._tick}, {self._tick * TICK_SECONDS:g} s"
+
+    def help(self, name: str) -> Iterator[str]:
+        yield from _help_on(self.memory, name) if name else _OVERVIEW
+
+    def quit(self, _: str) -> Iterator[str]:
+        return iter(())
+
+
+ASKED: dict[str, Callable[[Conversation, str], Iterator[str]]] = {
+    "why": Conversation.why,
+    "vars": Conversation.vars,
+    "rules": Conversation.rules,
+    "tick": Conversation.tick,
+    "help": Conversation.help,
+    "quit": Conversation.quit,
+}
+"""What can be asked, by the word behind the colon."""
+
+_OVERVIEW = (
+    "An expression is a number, a name or (function argument ...): try (+ 1 2), then (DEFVAR fuel 80%), then fuel",
+    "  :why [RULE]    how the last value came about, or what a rule would do now",
+    "  :vars          every variable with its value, and the groups",
+    "  :rules         every stored expression",
+    "  :tick [N]      let N ticks pass: active rules run in each",
+    "  :help [NAME]   this, or what a function or variable is",
+    "  :quit          leave (Ctrl-D as well)",
+)
+
+
+def _help_on(memory: StandardMemory, name: str) -> Iterator[str]:
+    from sleepcast.language import HostFunction, Variable
+    from sleepcast.language.functions import FUNCTIONS
+    from sleepcast.language.names import SORTS
+    from sleepcast.language.vocabulary import describe
+
+    name = name.strip("()")
+    function = FUNCTIONS.get(name.casefold())
+    binding = memory.node.vocabulary.bindings.get(name.casefold())
+    if function is not None:
+        yield f"{function.usage}  {function.doc}"
+    elif isinstance(binding, Variable):
+        yield f"{binding.name}: {describe(binding)}, {binding.quantity.doc}"
+    elif binding is not None:
+        usage = binding.usage if isinstance(binding, HostFunction) else binding.name
+        yield f"{usage}: {describe(binding)}, {binding.doc}"
+    elif (learned := memory.node.declared(name.casefold())) is not None:
+        yield f"{learned.name}: {SORTS[type(learned)]}"
+    else:
+        known = (*memory.node.vocabulary.names(), *memory.node.heard())
+        raise MisuseError(f'nothing is known of "{name}"{did_you_mean(name, known)}')

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from math import isnan
+from collections.abc import Iterable, Iterator, Mapping
+from math import isnan, nan
 
+from sleepcast.channel import Kind as Spoken
 from sleepcast.cli.memories import EVALUATED, REFUSED, UNKNOWN, UNREADABLE, Outcome
 from sleepcast.cli.streams import pieces
 from sleepcast.errors import MisuseError
@@ -94,9 +95,18 @@ class StandardMemory:
             for form in forms:
                 yield self.evaluate(piece[form.start : form.end])
 
+    def told(self) -> list[str]:
+        """What the mind wanted to say to other robots since the last call; here there is nobody to hear it."""
+        told = [message.text for message in self.node.outbox if message.kind is Spoken.COMMAND]
+        self.node.outbox.clear()
+        self.node.pings.clear()
+        return told
+
     def _outcome(self, checked: Checked, result: Result) -> Outcome:
         said = [_line(finding, checked.text) for finding in checked.warnings]
-        said += [_reported(label, values) for label, values in result.printed]
+        said += [reported(label, values) for label, values in result.printed]
+        told = self.told()
+        said += [f"told to other robots: {text}" for text in told]
         said += [f"fault: {fault}" for fault in result.faults]
         status = REFUSED if result.faults else EVALUATED
         details = {
@@ -108,6 +118,7 @@ class StandardMemory:
                 {"label": label, "values": [None if isnan(v) else v for v in values]}
                 for label, values in result.printed
             ],
+            "told": told,
             "cost": result.cost,
             "steps": result.steps,
         }
@@ -146,6 +157,14 @@ def _line(finding: Finding, text: str) -> str:
     return f"{finding.severity}: {finding.render(text)}"
 
 
-def _reported(label: str, values: tuple[float, ...]) -> str:
+def reported(label: str, values: Iterable[float]) -> str:
+    """What REPORT and PRINT say, as a line."""
     shown = " ".join(map(format_value, values))
     return f"{label}: {shown}" if label and shown else label or shown
+
+
+def reported_body(body: Mapping[str, object]) -> str:
+    """The same for the body of a REPORT message."""
+    label, values = body.get("label"), body.get("values")
+    numbers = values if isinstance(values, list) else []
+    return reported(str(label), [nan if value is None else value for value in numbers])

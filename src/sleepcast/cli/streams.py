@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 from sleepcast.errors import MisuseError, SleepcastError
 
@@ -43,6 +44,12 @@ def put(line: str) -> None:
     sys.stdout.write(f"{line}\n")
 
 
+def announce(text: str) -> None:
+    """Print a line on standard output that must be seen at once, though the program goes on."""
+    put(text)
+    sys.stdout.flush()
+
+
 def complain(text: str) -> None:
     """Print a sentence for a person on standard error, after the results that came before it."""
     if sys.stdout is not None:
@@ -68,13 +75,30 @@ def read_file(path: Path) -> str:
 
 def read_standard_input() -> str:
     """All of standard input. Raises InputError."""
-    if sys.stdin is None:
-        raise InputError("standard input is closed, so there is nothing to read from it")
     try:
-        data = sys.stdin.buffer.read(MAX_INPUT + 1)
+        data = _input().read(MAX_INPUT + 1)
     except OSError as error:
         raise InputError(f"cannot read standard input: {error.strerror or error}") from None
     return _decoded(data, "standard input")
+
+
+def incoming_lines() -> Iterator[str]:
+    """The lines of standard input as they come, each with its end. Raises InputError."""
+    source = _input()
+    while True:
+        try:
+            data = source.readline(MAX_INPUT + 1)
+        except OSError as error:
+            raise InputError(f"cannot read standard input: {error.strerror or error}") from None
+        if not data:
+            return
+        yield _decoded(data, "standard input")
+
+
+def _input() -> BinaryIO:
+    if sys.stdin is None:
+        raise InputError("standard input is closed, so there is nothing to read from it")
+    return sys.stdin.buffer
 
 
 def _decoded(data: bytes, source: str) -> str:

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from math import isfinite
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypedDict, TypeVar, Unpack
 
 import click
 
@@ -16,5 +16,119 @@ from sleepcast.errors import MisuseError
 if TYPE_CHECKING:
     from sleepcast.simulator import Scenario
 
-MAX_PORT = 65_535
-Command = TypeVar("Command", bound=Callable[..., int])
+HOST, PORT = "127.0.0.1", 8317
+FASTEST, SLOWEST = 10_000.0, 0.01
+"""Simulated seconds in a second that the page can be asked for."""
+
+Function = TypeVar("Function", bound=Callable[..., int])
+
+
+class Options(TypedDict):
+    """What both commands take."""
+
+    seed: int | None
+    robots: int | None
+    seconds: float | None
+    as_json: bool
+    quiet: bool
+    speed: float | None
+    port: int
+    host: str
+    insecure: bool
+    no_browser: bool
+
+
+_COMMON = (
+    click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="What all chance depends on; else the scenario's."),
+    click.option("--robots", metavar="N", type=click.IntRange(min=1), help="So many robots; else the scenario's."),
+    click.option("--seconds", metavar="S", type=float, help="Headless: how long to run, in simulated time."),
+    click.option("--json", "as_json", is_flag=True, help="Headless: print the outcome as one JSON object."),
+    click.option("--quiet", is_flag=True, help="Headless: show no progress on standard error."),
+    click.option("--speed", metavar="X", type=click.FloatRange(SLOWEST, FASTEST), help="Page: times real time."),
+    click.option("--port", type=click.IntRange(0, 65_535), default=PORT, show_default=True, help="Page: 0 is any."),
+    click.option("--host", default=HOST, show_default=True, help="Page: the address to listen on."),
+    click.option("--insecure", is_flag=True, help="Page: allow a host that others can reach, unencrypted."),
+    click.option("--no-browser", is_flag=True, help="Page: print its address, but open no browser."),
+)
+
+
+def _common_options(function: Function) -> Function:
+    for option in reversed(_COMMON):
+        function = option(function)
+    return function
+
+
+@click.command("demo", short_help="Open a scenario in the browser.")
+@click.argument("name", default="bravo")
+@click.option("--headless", is_flag=True, help="Run the scenario's own mission without a page.")
+@_common_options
+def demo(name: str, headless: bool, **options: Unpack[Options]) -> int:
+    """Bring the scenario NAME (default: bravo) to life on the operator's page, to command it live.
+
+    With --headless its own mission runs as fast as it can, and the outcome is printed.
+
+    \b
+    Examples:
+      sleepcast demo
+      sleepcast demo bravo --speed 10 --no-browser
+      sleepcast demo bravo --headless --seconds 60 --seed 7 --json
+    """
+    return _start(name, headless, options)
+
+
+@click.command("run", short_help="Run a scenario's mission and print the outcome.")
+@click.argument("scenario")
+@click.option("--headless/--page", default=True, help="Without a page (the default), or on the operator's page.")
+@_common_options
+def run(scenario: str, headless: bool, **options: Unpack[Options]) -> int:
+    """Run SCENARIO (a name of the gallery, or the path of one of your own) with its mission, and print the outcome.
+
+    \b
+    Examples:
+      sleepcast run bravo
+      sleepcast run ./my-scenario --seed 3 --seconds 120 --json
+      sleepcast run ./my-scenario --page
+    """
+    return _start(scenario, headless, options)
+
+
+def _start(name: str, headless: bool, options: Options) -> int:
+    from sleepcast.simulator import find_scenario
+
+    _refuse_contradictions(headless, options)
+    scenario = _with_robots(find_scenario(name), options["robots"])
+    if not headless:
+        from sleepcast.cli.page import Address, show
+
+        address = Address(options["host"], options["port"], options["insecure"], not options["no_browser"])
+        show(scenario, options["seed"], options["speed"], address)
+        return 0
+    from sleepcast.cli.headless import run_headless
+
+    seconds = scenario.seconds if options["seconds"] is None else options["seconds"]
+    outcome = run_headless(scenario, options["seed"], seconds, quiet=options["quiet"])
+    put(json.dumps(outcome.to_dict()) if options["as_json"] else outcome.to_text())
+    return 0
+
+
+def _refuse_contradictions(headless: bool, options: Options) -> None:
+    from sleepcast.simulator.scenario import MAX_TIME
+
+    seconds = options["seconds"]
+    if not headless and (options["as_json"] or seconds is not None):
+        option = "--json" if options["as_json"] else "--seconds"
+        raise MisuseError(f"{option} is for runs without a page: add --headless")
+    if headless and options["speed"] is not None:
+        raise MisuseError("--speed is for the page: without one, the run goes as fast as it can")
+    if seconds is not None and not (isfinite(seconds) and 0.0 < seconds <= MAX_TIME):
+        raise MisuseError(f"--seconds must be more than 0 and at most {MAX_TIME:.0f}, not {seconds:g}")
+
+
+def _with_robots(scenario: Scenario, robots: int | None) -> Scenario:
+    from sleepcast.simulator.scenario import MAX_ROBOTS
+
+    if robots is None:
+        return scenario
+    if robots > MAX_ROBOTS:
+        raise MisuseError(f"--robots {robots} is too many: at most {MAX_ROBOTS} fit into one run")
+    return replace(scenario, robots=replace(scenario.robots, count=robots))

@@ -7,7 +7,6 @@ then everything that has come from pages is served, a STOP among it. How many ti
 from __future__ import annotations
 
 import asyncio
-from math import inf
 
 from sleepcast.clock import Clock
 from sleepcast.console.frames import Groups, flags_of, pack
@@ -31,7 +30,7 @@ class Driver:
         self.groups = Groups()
         self.latched = False
         self._clock = clock
-        self._drawn = -inf
+        self._frame_due = clock.now()
         self._news = asyncio.Event()
         self._wake = asyncio.Event()
 
@@ -42,12 +41,14 @@ class Driver:
             self._wake.clear()
             self.pace.keep_up(SLICE)
             busy = self._clock.now() - began >= SLICE
-            if began - self._drawn >= FRAME_PERIOD:
+            now = self._clock.now()
+            if now >= self._frame_due:
+                self._frame_due = max(self._frame_due + FRAME_PERIOD, now)
                 self.draw()
             if self.pace.paused:
                 await self._wake.wait()
             else:
-                await asyncio.sleep(0.0 if busy else self._drawn + FRAME_PERIOD - self._clock.now())
+                await asyncio.sleep(0.0 if busy else self._frame_due - self._clock.now())
 
     def set_pace(self, running: bool | None = None, factor: float | None = None) -> None:
         """Change whether time runs and how fast; None leaves it as it is."""
@@ -77,7 +78,6 @@ class Driver:
             swarm.poses(),
             (self.groups.look(minds), flags_of(minds)),
         )
-        self._drawn = self._clock.now()
         self._news.set()
         self._news = asyncio.Event()
 

@@ -92,6 +92,6 @@ def shown_value(value: float | None, unit: str) -> str:
     """A value with its unit, in as many digits as people read: `43.1 %`; large plain numbers without an exponent."""
     if value is None:
         return ""
-    if not unit and not isnan(value):
-        return f"{value:.6g}"
-    return shown(value, unit)
+    if isnan(value):
+        return "unknown"
+    return shown(value, unit) if unit else f"{value:.6g}"

@@ -14,7 +14,8 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from sleepcast.clock import Clock
 from sleepcast.console import messages
-from sleepcast.console.desk import Desk, Refused
+from sleepcast.console.answers import Refused
+from sleepcast.console.desk import Desk
 from sleepcast.errors import SleepcastError
 
 NEWS_PERIOD = 0.25

@@ -166,8 +166,7 @@ class Library:
         self, text: str, forms: Callable[[], Sequence[Form]], names: Names, parameters: tuple[str, ...] = ()
     ) -> Program:
         """The program of `text` for a robot with these names. Raises ReadError (from `forms`) and CheckError."""
-        known = self._programs.setdefault((text, parameters), [])
-        for sorts, program in known:
+        for sorts, program in self._programs.get((text, parameters), ()):
             if sorts == _sorts(program, names):
                 return program
         program, checker = build(text, forms(), names, parameters)
@@ -177,8 +176,7 @@ class Library:
         self._count += 1
         if self._count > MAX_PROGRAMS:
             self._programs, self._count = {}, 1
-            known = self._programs.setdefault((text, parameters), [])
-        known.append((_sorts(program, names), program))
+        self._programs.setdefault((text, parameters), []).append((_sorts(program, names), program))
         return program
 
 

@@ -127,7 +127,8 @@ def _tell(memory: RobotMemory, part: Part, *arguments: float) -> float:
         return memory.refuse(part, "an unknown cannot be told")
     if not isinstance(part.data, Template):
         raise TypeError(f"a part of op {part.op} tells nothing")
-    text = show(_filled(part.data.form, iter(arguments).__next__))
+    template = part.data
+    text = show(_filled(template.form, iter(arguments).__next__) if template.unquoted else template.form)
     try:
         read(text)
     except SleepcastError as error:

@@ -15,8 +15,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from types import FunctionType
-from typing import Any, NamedTuple, TypeVar, overload
+from typing import Any, TypeVar, overload
 
 from sleepcast.errors import did_you_mean
 from sleepcast.language.functions import MANY
@@ -31,18 +32,20 @@ Member = TypeVar("Member", bound=Callable[..., Any] | property)
 Method = TypeVar("Method", bound=Callable[..., Any])
 
 
-class Declaration(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Declaration:
     """One linked variable, as `sensor` or `actuator` made it; calling it marks a getter or property."""
 
     acts: bool
     unit: str
     low: float
     high: float
-    freshness: float
-    measured_at: str
-    field: str
-    name: str
-    doc: str
+    freshness: float = math.inf
+    measured_at: str = ""
+    rest: float | None = None
+    field: str = ""
+    name: str = ""
+    doc: str = ""
 
     def __call__(self, member: Member) -> Member:
         getter = member.fget if isinstance(member, property) else member
@@ -76,17 +79,30 @@ def sensor(
     `VariableTable.measured`. field: the attribute, field path or key, where it is not called as the variable is.
     name: of the variable, where the getter is called otherwise. Raises LinkError for what cannot be.
     """
-    return _checked(Declaration(False, unit, low, high, freshness, measured_at, field, name, doc))
+    return _checked(Declaration(False, unit, low, high, freshness, measured_at, None, field, name, doc))
 
 
 def actuator(
-    *, unit: str = "", low: float = -math.inf, high: float = math.inf, field: str = "", name: str = "", doc: str = ""
+    *,
+    unit: str = "",
+    low: float = -math.inf,
+    high: float = math.inf,
+    rest: float | None = None,
+    field: str = "",
+    name: str = "",
+    doc: str = "",
 ) -> Declaration:
     """A variable that expressions set, for the host to act on; the words are those of `sensor`.
 
-    What is set is first brought within low..high: the last check before the host's own.
+    What is set is first brought within low..high: the last check before the host's own. rest: what it is set to when
+    the robot is stopped; None is 0 for what moves (a speed, a rate, an acceleration) and leaves all else alone.
     """
-    return _checked(Declaration(True, unit, low, high, math.inf, "", field, name, doc))
+    _check_unit(unit)
+    if rest is None and unit and UNITS[unit].dimension.time < 0:
+        rest = 0.0
+    if rest is not None and not low <= rest <= high:
+        raise LinkError(f"rest={rest:g}, to which STOP sets it, is outside low={low:g} to high={high:g}; give another")
+    return _checked(Declaration(True, unit, low, high, rest=rest, field=field, name=name, doc=doc))
 
 
 def _checked(found: Declaration) -> Declaration:
@@ -105,7 +121,8 @@ def _check_unit(unit: str) -> None:
         raise LinkError(f"unknown unit {unit!r}{did_you_mean(unit, UNITS)}; the units are {' '.join(UNITS)}")
 
 
-class Operation(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Operation:
     """One linked method, as `function` or `command` made it; units None: nothing was said of them."""
 
     acts: bool

@@ -37,6 +37,7 @@ from sleepcast.node.declarations import (
     from_si,
     function,
     sensor,
+    si,
 )
 from sleepcast.node.places import LinkError, Place, as_number, attribute, entry
 from sleepcast.units import Quantity, to_si
@@ -45,12 +46,16 @@ __all__ = ["LinkError", "VariableTable", "actuator", "command", "function", "sen
 
 
 class Link(NamedTuple):
-    """A variable and its place. measured: where the host keeps the time of its last measurement, if it does."""
+    """A variable and its place. measured: where the host keeps the time of its last measurement, if it does.
+
+    rest: what STOP sets an actuator to, in SI; None leaves it.
+    """
 
     quantity: Quantity
     acts: bool
     place: Place
     measured: Place | None
+    rest: float | None
 
 
 class VariableTable:
@@ -72,6 +77,7 @@ class VariableTable:
         like: Vocabulary | None = None,
     ) -> None:
         self.body: object | None = None
+        self.stopped = False
         self._name, self._like = name, like
         self._sensors, self._actuators = tuple(sensors), tuple(actuators)
         self._constants, self._functions = tuple(constants), list(functions)
@@ -79,6 +85,7 @@ class VariableTable:
         self._vocabulary: Vocabulary | None = None
         self._readers: dict[int, Callable[[], float]] = {}
         self._writers: dict[int, Callable[[float], None]] = {}
+        self._rests: list[tuple[int, float]] = []
         self._now = -inf
         self._measured: dict[int, float] = {}
         """Time of the last measurement, by slot, of variables with a freshness limit."""
@@ -147,7 +154,8 @@ class VariableTable:
                 f"{place.label} cannot be the actuator {name}, because it is {place.fixed}, or declare it a sensor"
             )
         measured = look_up(found.measured_at) if found.measured_at else None
-        self._links.append(Link(found.quantity(name, doc), found.acts, place, measured))
+        rest = None if found.rest is None else si(found.rest, found.unit)
+        self._links.append(Link(found.quantity(name, doc), found.acts, place, measured, rest))
 
     # ---- what the robot's mind uses
 
@@ -180,10 +188,31 @@ class VariableTable:
     def write(self, slot: int, value: float) -> None:
         """Set a linked actuator to a value in SI, brought within its declared range and converted to its field's type.
 
-        Raises LinkError, to be noted as a fault, if it is not finite, does not fit or the host refuses it; KeyError
-        if nothing that can be set is linked.
+        Raises LinkError, to be noted as a fault, if it is not finite, does not fit, the host refuses it or the robot
+        is stopped; KeyError if nothing that can be set is linked.
         """
+        if self.stopped:
+            raise LinkError("nothing linked is set while the robot is stopped")
         self._writers[slot](value)
+
+    def stop(self) -> None:
+        """Set linked actuators to rest, those that have one, and keep everything as it is then until `release`.
+
+        All are tried before LinkError is raised for those that the host refuses.
+        """
+        self.stopped = True
+        refused = []
+        for slot, rest in self._rests:
+            try:
+                self._writers[slot](rest)
+            except LinkError as error:
+                refused.append(str(error))
+        if refused:
+            raise LinkError("not everything came to rest: " + "; ".join(refused))
+
+    def release(self) -> None:
+        """End `stop`. What is linked stays as it is until it is set anew."""
+        self.stopped = False
 
     def measured(self, now: float, *names: str) -> None:
         """Say that these variables (none named: all with a freshness limit) have been measured at `now`, in s."""
@@ -257,6 +286,8 @@ class VariableTable:
             self._readers[variable.slot] = self._fresh_reader(link, variable.slot)
             if link.acts:
                 self._writers[variable.slot] = _writer(link)
+            if link.rest is not None:
+                self._rests.append((variable.slot, link.rest))
         self._first = vocabulary.first_sensor
         in_list = [
             (index, self._first + index, quantity.freshness)

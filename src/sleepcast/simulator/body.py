@@ -103,7 +103,7 @@ FUNCTIONS = (
     BodyFunction("WANDER", Body.wander, doc="Roams by itself again."),
     BodyFunction("ST", Body.halt, doc="Comes to rest."),
     BodyFunction("TUMBLE", Body.tumble, result=NONE, doc="Turns by 67 degrees, left or right by chance."),
-    BodyFunction("TK", Body.say, (None,), arguments='"text"', labelled=True, doc="Says the text aloud."),
+    BodyFunction("TK", Body.say, arguments='"text"', labelled=True, doc="Says the text aloud."),
 )
 SONAR_FUNCTIONS = (
     BodyFunction(

@@ -52,7 +52,7 @@ def _wanted(bodies: Bodies, tick: float) -> tuple[Floats, Floats]:
         error = wrap(np.arctan2(up, across) - bodies.heading[going])
         # A circle through the point: driven faster, the tightest turn would pass it by. One behind takes half a turn.
         bend = np.where(np.abs(error) < pi / 2, np.abs(np.sin(error)), 1.0)
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):
             turning = bodies.limits.turn_rate * away / (2.0 * bend)
         braking = np.sqrt(2.0 * BRAKING * bodies.limits.acceleration * away)
         fastest = np.minimum.reduce([turning, braking, away / tick])

@@ -149,12 +149,6 @@ class Table:
             raise self.error(key, f"a text of {len(value)} characters; at most {most} fit")
         return value
 
-    def boolean(self, key: str, default: bool) -> bool:
-        value = self._value(key, default)
-        if not isinstance(value, bool):
-            self._refuse(key, "true or false", value)
-        return value
-
     def whole(self, key: str, default: int | None = None, *, low: int, high: int) -> int:
         """A whole number from `low` to `high`."""
         value = self._value(key, default)

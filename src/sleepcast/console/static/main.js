@@ -34,15 +34,12 @@ wire.addEventListener("hello", ({ detail }) => {
   find("title").textContent = scene.title;
   document.title = `${scene.title} · sleepcast`;
   for (const story of document.querySelectorAll(".story")) story.textContent = scene.story;
-  world.setScene(scene);
   prompt.setReady(scene.commands);
+  world.setScene(scene);
   prompt.setNames(detail.names);
   safety.connected();
   if (robot.index >= 0) wire.tell("watch", { robot: robot.index });
-  if (begun) return;
-  begun = true;
   drawLegend();
-  prompt.set(scene.commands[0]?.text ?? "");
 });
 
 wire.addEventListener("frame", ({ detail }) => {
@@ -55,6 +52,11 @@ world.addEventListener("drawn", ({ detail }) => wire.tell("drawn", { number: det
 
 wire.addEventListener("commands", ({ detail }) => {
   accounting.set(detail.rows);
+  prompt.markSent(detail.rows.map((row) => row.text));
+  if (!begun) {
+    begun = true;
+    prompt.set(prompt.next?.text ?? "");
+  }
   if (robot.command === null && accounting.latest) robot.about(accounting.get(accounting.latest));
 });
 
@@ -89,6 +91,7 @@ prompt.addEventListener("preview", ({ detail }) => {
 prompt.addEventListener("sent", ({ detail }) => {
   wire.ask("commands").then((answer) => {
     accounting.set(answer.rows);
+    prompt.markSent(answer.rows.map((row) => row.text));
     accounting.choose(detail);
   });
 });

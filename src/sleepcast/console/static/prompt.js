@@ -9,6 +9,7 @@ import { Refusal } from "./wire.js";
 const PAUSE = 120; // ms without a key before the text is checked
 const AGAIN = 1000; // ms after which the robots have moved enough to ask again who would obey
 const NAMES_AGE = 2000; // ms for which the ranges of values in the list of names are good enough
+const HINT = "Enter sends · Shift+Enter begins a new line · ↑ brings back earlier commands · Tab completes a name";
 const MOST_NAMES = 12; // names offered at once
 const MOST_FOUND = 8; // commands offered by the search
 
@@ -25,7 +26,8 @@ export class Prompt extends EventTarget {
     this.found = new Listbox(this.find("search-found"), this.find("search-text"));
     this.preview = null; // what the station said of the text that stands there now
     this.sending = false;
-    this.sent = new Set(); // ready-made commands that went out
+    this.ready = [];
+    this.sent = new Set(); // texts of commands that went out
     this.listen();
   }
 
@@ -75,11 +77,21 @@ export class Prompt extends EventTarget {
     this.showReady();
   }
 
+  // The first ready-made command that has not been sent yet.
+  get next() {
+    return this.ready.find((command) => !this.sent.has(command.text));
+  }
+
+  markSent(texts) {
+    const before = this.sent.size;
+    for (const text of texts) this.sent.add(text);
+    if (this.sent.size !== before) this.showReady();
+  }
+
   showReady() {
-    const next = this.ready.findIndex((command) => !this.sent.has(command.text));
     [...this.find("ready").children].forEach((button, index) => {
       button.classList.toggle("sent", this.sent.has(this.ready[index].text));
-      button.classList.toggle("next", index === next);
+      button.classList.toggle("next", this.ready[index] === this.next);
     });
   }
 
@@ -110,7 +122,7 @@ export class Prompt extends EventTarget {
     }
     if (text !== this.editor.text) return; // typed on meanwhile
     this.preview = answer;
-    this.editor.mark(answer.findings);
+    this.editor.mark(isUnfinished(this.editor.tokens) ? [] : answer.findings);
     this.showFindings(answer.findings);
     this.showPreview();
     this.showSend();
@@ -169,8 +181,6 @@ export class Prompt extends EventTarget {
     try {
       const answer = await this.wire.ask("send", { text, everybody: box.checked });
       this.history.add(text);
-      if (this.ready.some((command) => command.text === text)) this.sent.add(text);
-      this.showReady();
       if (this.editor.text === text) this.editor.set("");
       this.dispatchEvent(new CustomEvent("sent", { detail: answer.command }));
     } catch (refusal) {
@@ -261,7 +271,7 @@ export class Prompt extends EventTarget {
     const at = this.editor.place(offset);
     const widest = Math.max(0, desk.width - list.offsetWidth - 8);
     list.style.left = `${Math.max(8, Math.min(at.left - desk.left - 10, widest))}px`;
-    list.style.bottom = `${desk.bottom - at.top + 6}px`;
+    list.style.top = `${at.top - desk.top - list.offsetHeight - 6}px`;
   }
 
   complete(name) {
@@ -275,11 +285,12 @@ export class Prompt extends EventTarget {
     if (document.activeElement !== this.editor.area) return;
     const call = callAt(this.editor.tokens, this.editor.caret)?.toLowerCase();
     const known = call && this.names.find((name) => name.usage && name.name.toLowerCase() === call);
-    this.find("usage").replaceChildren();
-    if (known) {
-      const usage = Object.assign(document.createElement("code"), { textContent: known.usage });
-      this.find("usage").append(usage, ` ${known.doc}`);
+    if (!known) {
+      this.find("usage").textContent = HINT;
+      return;
     }
+    const usage = Object.assign(document.createElement("code"), { textContent: known.usage });
+    this.find("usage").replaceChildren(usage, ` ${known.doc}`);
   }
 
   setNames(names) {

@@ -1,10 +1,11 @@
 // The robot pane: why the chosen robot obeyed a command or did not, what it knows, and the rules it runs.
 
+import { clock } from "./accounting.js";
 import { picture, palette, styleOf } from "./shapes.js";
 import { drawWhy } from "./why.js";
 import { Refusal } from "./wire.js";
 
-const TABS = ["why", "values", "rules"];
+const TABS = ["why", "values", "rules", "said"];
 
 export class RobotPane {
   constructor(root, wire) {
@@ -28,6 +29,7 @@ export class RobotPane {
     this.find("robot-state").replaceChildren();
     this.find("pane-values").replaceChildren();
     this.find("pane-rules").replaceChildren();
+    this.find("pane-said").replaceChildren();
     this.wire.tell("watch", { robot: index });
     this.askWhy();
   }
@@ -46,9 +48,13 @@ export class RobotPane {
       pane.replaceChildren(sentence("No command has been sent yet. Send one, and this robot says why it obeys or not."));
       return;
     }
+    if (command.kind !== "command") {
+      pane.replaceChildren(sentence("STOP and RELEASE are no matter of the language: every robot that hears them obeys."));
+      return;
+    }
     try {
       const answer = await this.wire.ask("why", { robot: index, command: command.id });
-      if (index === this.index && command.id === this.command?.id) drawWhy(pane, answer.why);
+      if (index === this.index && command.id === this.command?.id) drawWhy(pane, answer.why, command);
     } catch (refusal) {
       if (!(refusal instanceof Refusal)) throw refusal;
       if (index === this.index && command.id === this.command?.id) pane.replaceChildren(sentence(refusal.message));
@@ -69,6 +75,13 @@ export class RobotPane {
       news.rules,
       (rule) => [rule.name, rule.active ? "● yes" : "○ no", rule.fault ? `! ${rule.fault}` : rule.value, rule.text],
       "This robot holds no rules: it only answers messages.",
+    );
+    fill(
+      this.find("pane-said"),
+      ["When", "What it reported"],
+      news.said,
+      (said) => [clock(said.at), said.text],
+      'It has reported nothing. (REPORT "fuel" fuel) makes robots say what they have.',
     );
   }
 
@@ -115,6 +128,7 @@ function fill(pane, heads, rows, cellsOf, none) {
     cellsOf(row).forEach((text, k) => {
       const cell = table.tBodies[0].rows[i].cells[k];
       if (cell.textContent !== text) cell.textContent = text;
+      cell.classList.toggle("none", text === "unknown");
     });
   });
 }

@@ -8,9 +8,12 @@ const MOST_SHAPES = 6000; // robots; more become points
 const MOST_LABELS = 45; // robots on the screen; more names would only cover them
 const DIMMED = 0.5; // opacity of the robots outside the lit ones
 
-// Half a robot's length on the screen: its true size, but never too small to see.
+const SMALLEST = 4.4; // pixels: half a robot's length when everything is in sight
+const LARGEST = 26;
+
+// Half a robot's length on the screen: its true size, but never too small to see, and a little larger from close by.
 export function sizeOf(view, scene) {
-  return Math.min(26, Math.max(4.4, scene.radius * view.scale));
+  return Math.min(LARGEST, Math.max(SMALLEST * Math.min(2, view.closeness ** 0.25), scene.radius * view.scale));
 }
 
 // marks: {lit: Uint8Array with 1 for each robot that is lit, or null; chosen, pointed: indices or -1}
@@ -80,15 +83,16 @@ function drawPoints(pen, view, frame, marks, colours, ratio) {
   const pixels = new Uint32Array(image.data.buffer);
   pixels.fill(0);
   const inks = colours.robots.map((colour) => packed(pen, colour));
-  const lit = packed(pen, colours.lit);
-  for (let i = 0; i < frame.count; i += 1) {
-    const bright = marks.lit?.[i] === 1;
-    const side = bright ? 4 : 2;
+  const dot = (i, side, ink) => {
     const x = Math.round(view.toScreenX(frame.poses[3 * i]) * ratio);
     const y = Math.round(view.toScreenY(frame.poses[3 * i + 1]) * ratio);
-    if (x < 0 || y < 0 || x + side > width || y + side > height) continue;
-    const ink = bright ? lit : inks[styleOf(frame.groups[i])];
+    if (x < 0 || y < 0 || x + side > width || y + side > height) return;
     for (let row = y * width + x; row < (y + side) * width + x; row += width) pixels.fill(ink, row, row + side);
+  };
+  for (let i = 0; i < frame.count; i += 1) dot(i, frame.groups[i] ? 3 : 2, inks[styleOf(frame.groups[i])]);
+  if (marks.lit) {
+    const bright = packed(pen, colours.lit);
+    for (let i = 0; i < frame.count; i += 1) if (marks.lit[i] === 1) dot(i, 4, bright);
   }
   pen.putImageData(image, 0, 0);
 }

@@ -2,6 +2,7 @@
 
 export const UNITS = { m: 1, km: 1000, mi: 1609.344, nmi: 1852, ft: 0.3048, in: 0.0254, cm: 0.01, mm: 0.001, yd: 0.9144 };
 const MOST = 4000; // pixels a metre: a scout fills the screen
+const FARTHEST = 20; // times farther away than when everything is in sight
 const MARGIN = 0.06; // of the screen, left free around what is fitted
 
 export class View {
@@ -9,14 +10,23 @@ export class View {
     this.x = 0;
     this.y = 0;
     this.scale = 1; // pixels a metre
-    this.least = 1e-6;
+    this.whole = 1e-6; // the scale at which everything is in sight
     this.width = 1;
     this.height = 1;
   }
 
+  // Another size; the upper left corner stays.
   resize(width, height) {
+    const [x, y] = this.toWorld(0, 0);
     this.width = Math.max(1, width);
     this.height = Math.max(1, height);
+    this.x = x + this.width / 2 / this.scale;
+    this.y = y - this.height / 2 / this.scale;
+  }
+
+  // How many times closer than when everything is in sight.
+  get closeness() {
+    return Math.max(1, this.scale / this.whole);
   }
 
   toScreenX(x) {
@@ -39,7 +49,7 @@ export class View {
   // Zoom by a factor; the world point under the pixel (px, py) stays under it.
   zoom(factor, px = this.width / 2, py = this.height / 2) {
     const [x, y] = this.toWorld(px, py);
-    this.scale = Math.min(MOST, Math.max(this.least, this.scale * factor));
+    this.scale = Math.min(MOST, Math.max(this.whole / FARTHEST, this.scale * factor));
     this.x = x - (px - this.width / 2) / this.scale;
     this.y = y + (py - this.height / 2) / this.scale;
   }
@@ -55,7 +65,7 @@ export class View {
     const across = Math.max(right - left, 1e-3);
     const up = Math.max(top - bottom, 1e-3);
     this.scale = Math.min((this.width * free) / across, (this.height * free) / up);
-    this.least = this.scale / 20;
+    this.whole = this.scale;
     this.centre((left + right) / 2, (bottom + top) / 2);
   }
 }

@@ -1,14 +1,18 @@
 // Why: how one robot evaluated one command, as the expression with the value of each of its parts.
 
+import { clock } from "./accounting.js";
+
 const MARKS = { true: "✓", false: "✗", unknown: "?", skipped: "·", fault: "!" };
 
-// What an element shows for one explanation (answer of the question "why").
-export function drawWhy(pane, why) {
-  const verdict = document.createElement("p");
+// Show one explanation (answer of the question "why") of the command in this row of the account.
+export function drawWhy(pane, why, row) {
+  const about = Object.assign(document.createElement("p"), { className: "about" });
+  about.textContent = `about the command of ${clock(row.at)}`;
+  const verdict = document.createElement("div");
   verdict.className = `verdict ${why.matched ? "matched" : "not-matched"}`;
   const mark = document.createElement("b");
   mark.textContent = why.matched ? "✓ matched" : why.faults.length ? "! fault" : "✗ not matched";
-  verdict.append(mark);
+  verdict.append(mark, about);
   const reason = document.createElement("p");
   reason.className = "reason";
   reason.textContent = why.reason || (why.matched ? "Every test was true." : why.faults[0] ?? "");
@@ -46,7 +50,7 @@ function branch(step, level) {
     note.textContent = step.fault || step.note;
     item.append(note);
   }
-  if (step.parts.length) {
+  if (step.parts.length && step.state !== "skipped") {
     item.setAttribute("aria-expanded", "true");
     const inside = document.createElement("ul");
     inside.setAttribute("role", "group");

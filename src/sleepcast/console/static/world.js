@@ -36,6 +36,10 @@ export class World extends EventTarget {
     this.stale = new Set();
     this.waiting = false;
     new ResizeObserver(() => this.resize()).observe(this.map);
+    window.addEventListener("resize", () => {
+      this.resize();
+      if (this.fitted) this.fit();
+    });
     this.listen();
   }
 
@@ -47,6 +51,7 @@ export class World extends EventTarget {
     if (another) {
       this.trails = new Trails();
       this.choose(-1);
+      this.resize();
       this.fit();
     }
     this.repaint("ground", "trails", "robots");
@@ -95,6 +100,7 @@ export class World extends EventTarget {
 
   // ---- the view
 
+  // The pane has another size, perhaps only because the desk below needs more room: what is shown stays where it is.
   resize() {
     const { width, height } = this.map.getBoundingClientRect();
     this.ratio = Math.min(2, window.devicePixelRatio || 1);
@@ -104,7 +110,6 @@ export class World extends EventTarget {
       pen.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
     }
     this.view.resize(width, height);
-    if (this.fitted) this.fit();
     this.repaint("ground", "trails", "robots");
   }
 

@@ -1,0 +1,93 @@
+"""A swarm on the operator's page: the simulator's swarm put into the shapes that the console shows."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from sleepcast.cli.headless import assemble
+from sleepcast.cli.streams import announce
+from sleepcast.clock import WallClock
+from sleepcast.console import Place, ReadyCommand, Scene, serve
+from sleepcast.language import Vocabulary
+from sleepcast.loop import Pace, Swarm
+from sleepcast.node.node import Node
+from sleepcast.simulator import Scenario
+
+
+class SwarmOnPage:
+    """A simulated swarm as the console wants to see it (its `Swarm`)."""
+
+    def __init__(self, swarm: Swarm) -> None:
+        self._swarm = swarm
+        self.scene = scene_of(swarm.simulator.scenario, swarm.simulator.names)
+        self.minds: Mapping[str, Node] = swarm.minds
+        self.vocabulary: Vocabulary = swarm.vocabulary
+
+    @property
+    def tick(self) -> int:
+        """Ticks since the start."""
+        return self._swarm.simulator.tick
+
+    def now(self) -> float:
+        """Simulated seconds since the start."""
+        return self._swarm.now()
+
+    def step(self) -> None:
+        """One tick of everything."""
+        self._swarm.step()
+
+    def poses(self) -> bytes:
+        """x (m), y (m) and heading (rad, counter-clockwise from x) of each robot in turn, float32, little endian."""
+        simulator = self._swarm.simulator
+        found = array("f", bytes(12 * len(simulator.names)))
+        for column, values in enumerate((simulator.x, simulator.y, simulator.bodies.heading)):
+            # The bytes keep their order whatever the machine's own: the array only moves them, four at a time.
+            found[column::3] = array("f", values.astype("<f4").tobytes())
+        return found.tobytes()
+
+
+def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
+    """What the page draws under the robots, which have these names."""
+    return Scene(
+        title=scenario.title,
+        story=" ".join(scenario.about.split()),
+        noun=f"{scenario.robots.type}s",
+        names=names,
+        area=(0.0, 0.0, scenario.width, scenario.height),
+        unit=scenario.length_unit or "m",
+        radius=scenario.robots.geometry.radius,
+        places=tuple(Place(place.title, place.x, place.y) for place in scenario.places),
+        commands=tuple(ReadyCommand(each.title, each.text.strip(), each.about) for each in scenario.commands),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Where the page is served, and whether a browser is to be opened there."""
+
+    host: str
+    port: int
+    insecure: bool
+    browser: bool
+
+
+def show(scenario: Scenario, seed: int | None, speed: float | None, address: Address) -> None:
+    """Serve the page of `scenario` until Ctrl-C, which comes out as KeyboardInterrupt.
+
+    speed: simulated seconds in a second (None: the scenario's own). Raises what the console raises for the address.
+    """
+    swarm, station = assemble(scenario, seed, mission=False)
+    clock = WallClock()
+    serve(
+        SwarmOnPage(swarm),
+        station,
+        Pace(clock, swarm, scenario.speed_up if speed is None else speed),
+        clock,
+        host=address.host,
+        port=address.port,
+        insecure=address.insecure,
+        open_browser=address.browser,
+        say=announce,
+    )

@@ -1,0 +1,114 @@
+"""The editor of the repl: history, completion from the live names, several lines, matching parentheses."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from prompt_toolkit import PromptSession
+from prompt_toolkit.application import get_app
+from prompt_toolkit.completion import CompleteEvent, Completer, Completion
+from prompt_toolkit.document import Document
+from prompt_toolkit.filters import Condition
+from prompt_toolkit.history import FileHistory, History, InMemoryHistory
+from prompt_toolkit.layout.processors import HighlightMatchingBracketProcessor
+
+from sleepcast.cli.streams import complain, still_open
+from sleepcast.language import Variable, format_value
+from sleepcast.language.functions import FUNCTIONS
+
+if TYPE_CHECKING:
+    from sleepcast.node.node import Node
+
+PROMPT, MORE = "sleep> ", "  ...> "
+MAX_HISTORY = 1_048_576
+"""Bytes of history kept from one conversation to the next: years of typing; the older half goes when it is full."""
+
+_WORD = re.compile(r"[^\s()'`,;\"]+\Z")
+_ENTRY = b"\n# "
+
+
+def typed_texts(node: Node, questions: Sequence[str]) -> Iterator[str]:
+    """What a person types, text by text, until Ctrl-D; Ctrl-C drops the text that is being typed."""
+    session: PromptSession[str] = PromptSession(
+        PROMPT,
+        history=_history(),
+        completer=Names(node, questions),
+        multiline=Condition(lambda: still_open(get_app().current_buffer.text) > 0),
+        prompt_continuation=MORE,
+        input_processors=[HighlightMatchingBracketProcessor(chars="()")],
+    )
+    while True:
+        try:
+            yield session.prompt()
+        except KeyboardInterrupt:
+            continue
+        except EOFError:
+            return
+
+
+class Names(Completer):
+    """Completes names that the mind knows at this moment, each with what it is, and the questions of the repl."""
+
+    def __init__(self, node: Node, questions: Sequence[str]) -> None:
+        self._node, self._questions = node, questions
+
+    def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
+        """The names that begin with the word before the cursor."""
+        before = document.text_before_cursor
+        found = _WORD.search(before)
+        word = found.group() if found else ""
+        if not word and not complete_event.completion_requested:
+            return
+        names = self._questions if before.startswith(":") and before == word else self._names()
+        for name in names:
+            if name.casefold().startswith(word.casefold()):
+                yield Completion(name, start_position=-len(word), display_meta=self._about(name))
+
+    def _names(self) -> list[str]:
+        return sorted({*self._node.vocabulary.names(), *self._node.heard()}, key=str.casefold)
+
+    def _about(self, name: str) -> str:
+        function = FUNCTIONS.get(name.casefold())
+        if function is not None:
+            return function.usage
+        binding = self._node.vocabulary.bindings.get(name.casefold())
+        if isinstance(binding, Variable):
+            return format_value(self._node.values[binding.slot])
+        return ""
+
+
+def data_folder() -> Path:
+    """Where sleepcast keeps a person's own data, by the custom of the system."""
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Application Support" / "sleepcast"
+    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "sleepcast"
+
+
+def _history() -> History:
+    """The history of earlier conversations; only of this one, with a sentence, if there is nowhere to keep it."""
+    try:
+        folder = data_folder()
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        file = folder / "history"
+        with file.open("ab"):
+            pass
+        shorten(file)
+        return FileHistory(str(file))
+    except (OSError, RuntimeError) as error:
+        complain(f"the history of this conversation will not be kept: {error}")
+        return InMemoryHistory()
+
+
+def shorten(file: Path, most: int = MAX_HISTORY) -> None:
+    """Drop the older half of a history of more than `most` bytes, whole entries at a time."""
+    data = file.read_bytes() if file.stat().st_size > most else b""
+    if data:
+        start = data.find(_ENTRY, len(data) - most // 2)
+        shorter = file.with_suffix(".new")
+        shorter.write_bytes(data[start:] if start >= 0 else b"")
+        shorter.replace(file)

@@ -1,0 +1,154 @@
+"""What the desk says to a page, each as the JSON object that the page reads; `type` is the class's name in lower case.
+
+An answer carries the `serial` of its question back; the rest is news. Every text is for people as it stands.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from sleepcast.console.explaining import ShownWhy
+from sleepcast.console.ledger import Row
+from sleepcast.console.names import ShownName
+from sleepcast.console.swarm import Scene
+
+
+class Said(msgspec.Struct, tag_field="type", tag=str.lower):
+    """Anything that the desk says to a page."""
+
+
+class Hello(Said):
+    """The first words: what there is to see, and the names that a text may use."""
+
+    scene: Scene
+    count: int
+    names: list[ShownName]
+
+
+class Refused(Said):
+    """A message that was not obeyed, and why, in words for a person."""
+
+    reason: str
+    serial: int | None = None
+
+
+class ShownFinding(msgspec.Struct, frozen=True):
+    """Something wrong or doubtful at start..end of a text; shown: with the line and carets."""
+
+    severity: str
+    message: str
+    start: int
+    end: int
+    shown: str
+
+
+class Previewed(Said):
+    """What the station thinks of a text. counted: whether it could be previewed at all; lit: a byte for each robot."""
+
+    serial: int
+    findings: list[ShownFinding]
+    cost: int = 0
+    counted: bool = False
+    yes: int = 0
+    no: int = 0
+    unknown: int = 0
+    everybody: bool = False
+    oldest: float = 0.0
+    reasons: list[tuple[str, int]] = []
+    lit: bytes = b""
+
+
+class Sent(Said):
+    """A command went out under this id."""
+
+    serial: int
+    command: str
+
+
+class Named(Said):
+    """The names that a text may use now."""
+
+    serial: int
+    names: list[ShownName]
+
+
+class Explained(Said):
+    """Why a robot obeyed a command or did not."""
+
+    serial: int
+    why: ShownWhy
+
+
+class Answered(Said):
+    """What became of a command on each robot, a byte each (codes of `ledger`)."""
+
+    serial: int
+    outcomes: bytes
+
+
+class Commands(Said):
+    """The account of every command; serial: of the question, if it was asked for."""
+
+    rows: list[Row]
+    serial: int | None = None
+
+
+class ShownGroup(msgspec.Struct, frozen=True):
+    """A group: how many are in it, and how many of these the map shows in its shape."""
+
+    name: str
+    count: int
+    shown: int
+
+
+class Groups(Said):
+    """Every group that has been seen, in the order of the codes in a frame."""
+
+    groups: list[ShownGroup]
+
+
+class Safety(Said):
+    """Whether STOP holds, and what it has come to."""
+
+    latched: bool
+    sentence: str
+
+
+class ShownValue(msgspec.Struct, frozen=True):
+    """A variable of the watched robot."""
+
+    name: str
+    shown: str
+    kind: str
+
+
+class ShownRule(msgspec.Struct, frozen=True):
+    """An expression that the watched robot keeps."""
+
+    name: str
+    text: str
+    active: bool
+    value: str
+    fault: str
+
+
+class ShownReport(msgspec.Struct, frozen=True):
+    """Something that the watched robot reported; at: simulated s."""
+
+    at: float
+    text: str
+
+
+class Robot(Said):
+    """News of the watched robot. group: its code in a frame. state: stopped, frozen and the like, in words.
+
+    said: its latest reports, the youngest first.
+    """
+
+    robot: int
+    group: int
+    groups: list[str]
+    state: list[str]
+    values: list[ShownValue]
+    rules: list[ShownRule]
+    said: list[ShownReport]

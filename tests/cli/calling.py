@@ -1,0 +1,33 @@
+"""Calling the command as a shell does: a process of its own, its two streams and its exit status."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+LONGEST = 120.0
+"""Seconds that a call may take before it counts as hanging."""
+
+
+@dataclass(frozen=True)
+class Called:
+    """What came of a call."""
+
+    status: int
+    out: str
+    err: str
+
+
+def called(*arguments: str | bytes, typed: str | bytes = b"", folder: Path | None = None) -> Called:
+    """`python -m sleepcast ARGUMENTS` in `folder`, with `typed` on its standard input."""
+    done = subprocess.run(
+        [sys.executable, "-m", "sleepcast", *arguments],
+        input=typed.encode() if isinstance(typed, str) else typed,
+        capture_output=True,
+        timeout=LONGEST,
+        cwd=folder,
+        check=False,
+    )
+    return Called(done.returncode, done.stdout.decode(), done.stderr.decode())

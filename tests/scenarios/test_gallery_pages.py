@@ -1,0 +1,85 @@
+"""What the gallery's pages say is true: their examples load, check, and are the scenarios' own commands."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from sleepcast.language import check
+from sleepcast.language.names import FreshNames
+from sleepcast.loop import Swarm, vocabulary_of
+from sleepcast.simulator import Scenario, SettingsError, Simulator, find_scenario, load, parse_mission, scenario_names
+from sleepcast.simulator.gallery import GALLERY
+
+
+@pytest.fixture(params=scenario_names())
+def scenario(request: pytest.FixtureRequest) -> Scenario:
+    return find_scenario(request.param)
+
+
+def plain(text: str) -> str:
+    return " ".join(text.split())
+
+
+def page(scenario: Scenario) -> str:
+    return (scenario.path.parent / "README.md").read_text(encoding="utf-8")
+
+
+def test_ready_made_commands_and_orders_are_without_a_finding(scenario: Scenario) -> None:
+    names = FreshNames(vocabulary_of(Simulator(scenario).model))
+    for text in (*(c.text for c in scenario.commands), *(order.text for order in scenario.mission)):
+        assert not check(text, names).findings, text
+
+
+def test_the_mission_says_what_the_ready_made_commands_say(scenario: Scenario) -> None:
+    assert {plain(order.text) for order in scenario.mission} == {plain(command.text) for command in scenario.commands}
+
+
+def test_the_page_tells_to_type_the_ready_made_commands(scenario: Scenario) -> None:
+    for command in scenario.commands:
+        assert plain(command.text) in plain(page(scenario))
+
+
+def test_things_to_try_can_be_tried(scenario: Scenario) -> None:
+    swarm = Swarm(Simulator(scenario))
+    examples = re.findall(r"`(\([^`]+\))`", page(scenario))
+    assert examples
+    for text in examples:
+        assert not swarm.evaluate(swarm.simulator.names[0], text).faults, text
+
+
+def test_the_complete_example_loads(tmp_path: Path) -> None:
+    text = (GALLERY / "README.md").read_text(encoding="utf-8")
+    example = re.search(r"```toml\n(.*?)```", text, re.DOTALL)
+    mission = re.search(r"```\n(@.*?)```", text, re.DOTALL)
+    assert example
+    assert mission
+    (tmp_path / "pond.sleep").write_text(mission[1], encoding="utf-8")
+    (tmp_path / "scenario.toml").write_text(example[1].replace("# mission", "mission"), encoding="utf-8")
+    pond = load(tmp_path)
+    assert pond.mission == parse_mission(mission[1], str(tmp_path / "pond.sleep"))
+    sim = Simulator(pond)
+    sim.step()
+    assert len(sim.readings()[0]) == len(sim.model.sensors)
+
+
+def test_the_complete_example_has_every_key(tmp_path: Path) -> None:
+    """Every key that the reader asks for is in the example: the reader lists them when one is unknown."""
+    text = (GALLERY / "README.md").read_text(encoding="utf-8")
+    example = re.search(r"```toml\n(.*?)```", text, re.DOTALL)
+    assert example
+    lines = example[1].split("\n")
+    tables = [number for number, line in enumerate(lines) if line.startswith("[")]
+    file = tmp_path / "scenario.toml"
+    for number in (tables[0] - 1, *tables):
+        if lines[number].startswith(("[places.", "[robots.stores.", "[noise]")):
+            continue  # those below have names that people choose, or are seen with their keys here
+        file.write_text("\n".join((*lines[: number + 1], "nonsense_key = 1", *lines[number + 1 :])), encoding="utf-8")
+        with pytest.raises(SettingsError, match="unknown key") as caught:
+            load(file)
+        known = re.search(r"known here: (.*)", str(caught.value))
+        assert known
+        for key in known[1].split(", "):
+            assert re.search(rf"^(# |\[|\[\[|\[robots\.)?{key}\b", example[1], re.MULTILINE), key

@@ -1,0 +1,26 @@
+"""The benchmarks run and compare like with like; how fast things are is for the benchmarks themselves to say."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def test_the_language_benchmark_reports_every_rival_and_every_bar() -> None:
+    command = [sys.executable, "-m", "benchmarks.language", "--quick", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    rows = {row["name"]: row for row in report["predicate"]}
+    for rival in ("evalidate", "simpleeval", "asteval", "rule-engine", "cel-python", "zen-engine"):
+        (found,) = (row for name, row in rows.items() if name.startswith(rival))
+        assert found["note"] == "not installed" or found["seconds"] > 0
+    assert rows["hand-written lambda"]["ratio"] == 1.0
+    assert rows["sleepcast, compiled code"]["seconds"] > rows["call of a function that does nothing"]["seconds"]
+    assert all(row["seconds"] > 0 for row in (*report["text"], *report["start"]))
+    assert len(report["bars"]) >= 6
+    assert all(isinstance(bar["met"], bool) and bar["value"] > 0 for bar in report["bars"])

@@ -1,0 +1,322 @@
+"""The documentation tells the truth: examples give what they say, links lead somewhere, commands are taken.
+
+Fenced blocks are told apart by the word after the fence:
+
+    sleep      expressions with their values, written as in tests/cases, on one fresh robot; `:ticks N` lets time pass
+    finding    what the reader or the checker says of the expression in it
+    explain    `:set` lines and an expression, a blank line, and the explanation of its evaluation
+    classic    the same as `sleep` for the classic dialect (`faithful`: in its other mode); see `run_classic`
+    python     a program that runs, and prints what its comments `# prints: ...` say
+    sh         command lines of sleepcast that its parser takes
+    console    command lines, each after `$ `, and what they print; `...` stands for anything
+
+A path behind that word makes the block a file, which the page's commands and programs find in their folder.
+"""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+import os
+import re
+import shlex
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+import pytest
+
+from language.cases import Case, NodeMachine, Setting, apply_setting, mismatch, read_case
+from sleepcast.cli import program
+from sleepcast.language import CheckError, List, ReadError, check, read
+from sleepcast.language.classic import ClassicError, ClassicMachine
+from sleepcast.language.form import walk
+from sleepcast.language.functions import FUNCTIONS
+from sleepcast.units import UNITS
+from test_layout import GROUND, HOUSE, modules
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
+REFERENCE = ROOT / "docs" / "language.md"
+ARCHITECTURE = ROOT / "docs" / "architecture.md"
+TICK = 0.1
+"""Seconds of simulated time that one of `:ticks` lasts."""
+FENCE = re.compile(r"^```([\w-]*)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Block:
+    """One fenced block. sort: the word after the fence; file: the path behind it. line: of its first line of text."""
+
+    page: Path
+    sort: str
+    file: str
+    text: str
+    line: int
+
+    @property
+    def where(self) -> str:
+        return f"{self.page.relative_to(ROOT)}:{self.line}"
+
+
+def blocks_of(page: Path) -> list[Block]:
+    """Every fenced block of a page."""
+    text = page.read_text(encoding="utf-8")
+    return [
+        Block(page, match[1], match[2] or "", match[3], text.count("\n", 0, match.start(3)) + 1)
+        for match in FENCE.finditer(text)
+    ]
+
+
+def blocks(*sorts: str) -> list[Block]:
+    """Every fenced block of these sorts in the documentation."""
+    return [block for page in PAGES for block in blocks_of(page) if block.sort in sorts]
+
+
+def each(*sorts: str) -> pytest.MarkDecorator:
+    return pytest.mark.parametrize("block", [pytest.param(block, id=block.where) for block in blocks(*sorts)])
+
+
+def joined(block: Block) -> list[tuple[str, str]]:
+    """The lines of a block with where they stand; a line that begins with a blank goes on with the one above."""
+    lines: list[tuple[str, str]] = []
+    for number, line in enumerate(block.text.splitlines(), block.line):
+        if line.startswith(" ") and lines:
+            where, above = lines.pop()
+            lines.append((where, f"{above} {line.strip()}"))
+        elif line:
+            lines.append((f"{block.page.name}:{number}", line))
+    return lines
+
+
+# ---- examples of the language
+
+
+@each("sleep")
+def test_an_example_gives_what_it_says(block: Block) -> None:
+    setting = Setting()
+    lines = joined(block)
+    while lines and lines[0][1].startswith(":") and not lines[0][1].startswith(":ticks"):
+        apply_setting(setting, *lines.pop(0))
+    robot, tick, wrong = NodeMachine(setting), 0, []
+    for where, line in lines:
+        if line.startswith(":ticks "):
+            for _ in range(int(line.removeprefix(":ticks "))):
+                tick += 1
+                robot.mind.think(tick, tick * TICK)
+            continue
+        case = read_case(where, line)
+        difference = mismatch(case, robot.evaluate(case.text), checks=True)
+        if difference:
+            wrong.append(f"{where}: {case.text}\n    wanted {case.expected}: {difference}")
+    assert not wrong, "\n" + "\n".join(wrong)
+
+
+@each("finding")
+def test_a_finding_is_worded_as_it_is_shown(block: Block) -> None:
+    shown = block.text.rstrip("\n")
+    text = next(line for line in shown.splitlines() if line.startswith("  ")).strip()
+    names = NodeMachine(Setting()).mind
+    try:
+        said = [finding.render(text) for finding in check(text, names).findings]
+    except ReadError as error:
+        said = [str(error)]
+    assert shown in said
+
+
+@each("explain")
+def test_an_explanation_reads_as_it_is_shown(block: Block) -> None:
+    asked, _, tree = block.text.partition("\n\n")
+    setting, (*settings, text) = Setting(), asked.splitlines()
+    for line in settings:
+        apply_setting(setting, block.where, line)
+    assert NodeMachine(setting).mind.evaluate(text).explanation.render() == tree.rstrip("\n")
+
+
+def test_every_function_has_an_example_in_the_reference() -> None:
+    shown: set[str] = set()
+    for block in blocks("sleep"):
+        if block.page == REFERENCE:
+            for where, line in joined(block):
+                if not line.startswith(":"):
+                    form = read_case(where, line).text
+                    shown.update(f.head for f in forms_in(form) if isinstance(f, List) and f.head)
+    assert not sorted(set(FUNCTIONS) - shown), "functions without an example in docs/language.md"
+
+
+def forms_in(text: str) -> list[object]:
+    """Every form in a text; none if it cannot be read."""
+    try:
+        return list(walk(read(text)))
+    except ReadError:
+        return []
+
+
+def test_the_reference_lists_every_unit() -> None:
+    section = REFERENCE.read_text(encoding="utf-8").partition("\n## Units\n")[2].partition("\n## ")[0]
+    table = [line for line in section.splitlines() if line.startswith("| ")]
+    assert set(re.findall(r"`([^`]+)`", "\n".join(table))) == set(UNITS)
+
+
+BOUND = re.compile(r"^\| [^|]+ \| ([\d,.]+) \| `([\w.]+)\.([A-Z_]+)` \|", re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_bounds_in_tables_are_those_of_the_code(page: Path) -> None:
+    for value, module, name in BOUND.findall(page.read_text(encoding="utf-8")):
+        bound = getattr(importlib.import_module(f"sleepcast.{module}"), name)
+        assert float(value.replace(",", "")) == bound, f"{module}.{name}"
+
+
+def test_the_reference_shows_bounds() -> None:
+    assert len(BOUND.findall(REFERENCE.read_text(encoding="utf-8"))) >= 15
+
+
+# ---- the classic dialect
+
+
+@each("classic", "faithful")
+def test_a_classic_example_gives_what_it_says(block: Block) -> None:
+    machine = ClassicMachine("faithful" if block.sort == "faithful" else "classic")
+    wrong = [fault for where, line in joined(block) if (fault := run_classic(machine, where, line))]
+    assert not wrong, "\n".join(wrong)
+
+
+def run_classic(machine: ClassicMachine, where: str, line: str) -> str:
+    """How `EXPRESSION => VALUE ; says: LINE ; shown: TEXT` differs from what the machine does, "" if it does not."""
+    text, _, rest = line.partition(" => ")
+    expected, *notes = rest.split(" ; ")
+    try:
+        value = str(machine.evaluate(text))
+    except ClassicError as error:
+        value = str(error)
+        if expected.startswith("error: ") and expected.removeprefix("error: ") in value:
+            value = expected
+    says = [note.removeprefix("says: ") for note in notes if note.startswith("says: ")]
+    shown = [note.removeprefix("shown: ") for note in notes if note.startswith("shown: ")]
+    if value != expected or machine.messages != says or (shown and machine.show(text).strip() != shown[0]):
+        return f"{where}: {text} gave {value}, said {machine.messages}, shown {machine.show(text)}"
+    return ""
+
+
+# ---- the house
+
+
+ROW = re.compile(r"^\| `(\w+)` \|[^|]+\|([^|]*)\|([^|]*)\|$", re.MULTILINE)
+
+
+def test_the_table_of_rooms_is_the_one_that_the_layout_enforces() -> None:
+    rows = {
+        room: (set(re.findall(r"`(\w+)`", rooms)), set(re.findall(r"`(\w+)`", libraries)))
+        for room, rooms, libraries in ROW.findall(ARCHITECTURE.read_text(encoding="utf-8"))
+    }
+    assert rows == {
+        room: (set(entry.rooms), set(entry.libraries | entry.late_libraries)) for room, entry in HOUSE.items()
+    }
+    assert set(rows) > GROUND
+
+
+def test_the_table_of_modules_has_every_module() -> None:
+    listed = set(re.findall(r"^\| `([\w/]+\.py)` \|", ARCHITECTURE.read_text(encoding="utf-8"), re.MULTILINE))
+    package = ROOT / "src" / "sleepcast"
+    standing = {path.relative_to(package).as_posix() for path in modules().values()}
+    assert listed == {name for name in standing if not name.endswith("__.py")}
+
+
+# ---- links
+
+
+LINK = re.compile(r"(?<!`)\[[^\]\n]*\]\(([^)\s]+)\)")
+
+
+def anchors(page: Path) -> set[str]:
+    """The anchors of a page's headings, as they are made from the headings' words."""
+    outside = FENCE.sub("", page.read_text(encoding="utf-8"))
+    titles = re.findall(r"^#+ (.+)$", outside, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_somewhere(page: Path) -> None:
+    wrong = []
+    for link in LINK.findall(FENCE.sub("", page.read_text(encoding="utf-8"))):
+        if link.startswith(("https://", "http://", "mailto:")):
+            continue
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        if not target.exists():
+            wrong.append(f"{link}: there is no such file")
+        elif anchor and anchor not in anchors(target):
+            wrong.append(f"{link}: no heading makes this anchor")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_every_page_can_be_reached_from_the_readme() -> None:
+    seen, waiting = set(), [ROOT / "README.md"]
+    while waiting:
+        page = waiting.pop()
+        if page in seen or page.suffix != ".md" or not page.exists():
+            continue
+        seen.add(page)
+        links = LINK.findall(FENCE.sub("", page.read_text(encoding="utf-8")))
+        waiting += [(page.parent / link.partition("#")[0]).resolve() for link in links if "://" not in link]
+    assert not {str(page.relative_to(ROOT)) for page in PAGES} - {str(page.relative_to(ROOT)) for page in seen}
+
+
+# ---- commands and programs
+
+
+SHELL = {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}", "LANG": "C.UTF-8", "COLUMNS": "100"}
+"""What the commands see: this environment's sleepcast, no screen, no settings of the person who runs the tests."""
+
+
+@each("sh")
+def test_a_command_line_is_taken(block: Block) -> None:
+    for line in block.text.splitlines():
+        words = shlex.split(line, comments=True)
+        if words[:2] == ["python3", "go.py"]:
+            assert (ROOT / "go.py").is_file()
+            words = ["sleepcast", *words[2:]] if words[2:3] != ["test"] else []
+        if words[:1] == ["sleepcast"] and len(words) > 1:
+            parse(words[1:])
+
+
+def parse(words: list[str]) -> None:
+    """Let the command line's own parser take the words, without doing anything."""
+    context = click.Context(program, info_name="sleepcast")
+    name, command, rest = program.resolve_command(context, words)
+    assert command is not None, f"there is no command {name}"
+    command.make_context(name, rest, parent=context)
+
+
+def write_files(page: Path, folder: Path) -> None:
+    """Write the files that a page tells its reader to write: the blocks with a path behind their sort."""
+    for block in blocks_of(page):
+        if block.file:
+            (folder / block.file).parent.mkdir(parents=True, exist_ok=True)
+            (folder / block.file).write_text(block.text, encoding="utf-8")
+
+
+@each("console")
+def test_a_session_prints_what_is_shown(block: Block, tmp_path: Path) -> None:
+    write_files(block.page, tmp_path)
+    for session in re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:]:
+        line, _, shown = session.partition("\n")
+        command = ["bash", "-c", f"exec 2>&1; {line.replace('python3 go.py', 'sleepcast')}"]
+        env = {**SHELL, "HOME": str(tmp_path), "PYTHONWARNINGS": "ignore"}
+        done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
+        same = doctest.OutputChecker().check_output(shown, done.stdout, doctest.ELLIPSIS)
+        assert same, f"{line}\nprinted\n{done.stdout}\nwanted\n{shown}"
+
+
+@each("python")
+def test_a_program_runs(
+    block: Block, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_files(block.page, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    exec(compile(block.text, block.where, "exec"), {"__name__": "example"})
+    wanted = [line.partition("# prints: ")[2] for line in block.text.splitlines() if "# prints: " in line]
+    assert capsys.readouterr().out.splitlines() == wanted

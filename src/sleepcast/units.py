@@ -98,8 +98,8 @@ class Quantity:
     """A named physical value that a robot has: what minds and bodies both say of it.
 
     unit: a key of `UNITS` or "" for a plain number; the value itself is always held in SI. low, high: its declared
-    range in SI, -inf..inf where none is. freshness: seconds after which a measured value counts as unknown (inf: never).
-    shown_as: the unit in which people read it ("%", "mi"); the same as `unit` unless said otherwise.
+    range in SI, -inf..inf where none is. freshness: seconds after which a measured value counts as unknown, inf for
+    never. shown_as: the unit in which people read it ("%", "mi"); the same as `unit` unless said otherwise.
     """
 
     name: str

@@ -11,6 +11,7 @@ from sleepcast.errors import SleepcastError
 from sleepcast.language import HostFunction, Vocabulary
 from sleepcast.node.node import MAX_FAULTS_IN_ROW, MAX_QUEUE, MAX_RECOLLECTIONS, Node
 from sleepcast.node.scheduler import TICK_STEPS
+from sleepcast.node.variables import VariableTable, actuator, sensor
 from sleepcast.units import Quantity
 
 
@@ -207,6 +208,17 @@ def test_rollback_brings_back_the_rules_that_ran_without_a_fault() -> None:
     assert robot.evaluate("more").value != 1.0
 
 
+def test_rollback_still_works_long_after_a_bad_rule_was_deactivated() -> None:
+    robot = node()
+    obey(robot, "(RULE good (SETQ throttle 0.25))", tick=1)
+    obey(robot, "(RULE good (SETQ throttle UNKNOWN))", tick=200)
+    for tick in range(201, 500):
+        robot.think(tick, tick * 0.1)
+    assert not robot.rules()[0].active
+    obey(robot, "(ROLLBACK)", tick=500)
+    assert [(rule.text, rule.active) for rule in robot.rules()] == [("(SETQ throttle 0.25)", True)]
+
+
 def test_stop_is_latched_until_release_and_needs_no_language() -> None:
     robot = node()
     robot.receive(message(kind=Kind.STOP))
@@ -216,6 +228,59 @@ def test_stop_is_latched_until_release_and_needs_no_language() -> None:
     assert robot.stopped
     robot.receive(message(kind=Kind.RELEASE))
     assert not robot.stopped
+
+
+def test_a_stopped_robot_whose_body_has_no_latch_refuses_to_act() -> None:
+    robot = node()
+    robot.receive(message(kind=Kind.STOP))
+    assert obey(robot, "(DRIVE 1 0)") == ["stopped", "fault"]
+    assert robot.body.calls == []  # type: ignore[attr-defined]
+    robot.receive(message(kind=Kind.RELEASE))
+    assert obey(robot, "(DRIVE 1 0)") == ["released", "matched"]
+    assert robot.body.calls == [("drive", (1.0, 0.0))]  # type: ignore[attr-defined]
+
+
+class Rover:
+    """A host whose own memory is linked."""
+
+    def __init__(self) -> None:
+        self.speed, self.broken = 0.0, False
+
+    @property
+    @actuator(unit="m/s", low=-1, high=1)
+    def velocity(self) -> float:
+        return self.speed
+
+    @velocity.setter
+    def velocity(self, value: float) -> None:
+        self.speed = value
+
+    @property
+    @sensor(unit="m")
+    def front_range(self) -> float:
+        if self.broken:
+            raise OSError("no echo")
+        return 2.0
+
+
+def test_stop_holds_linked_variables_and_a_failing_getter_is_a_fault() -> None:
+    rover = Rover()
+    table = VariableTable("rover").link(rover)
+    robot = Node("r1", table.vocabulary, variables=table)
+    assert robot.body is rover
+    assert obey(robot, "(RULE go (SETQ velocity 1m/s))") == ["matched"]
+    assert rover.speed == 1.0
+    assert robot.actuators() == {}
+    robot.receive(message(kind=Kind.STOP))
+    robot.think(2, 0.2)
+    assert rover.speed == 0.0
+    rover.broken = True
+    outcomes(robot)
+    assert obey(robot, "(WHEN (< front_range 5m) (JOIN near))", tick=3) == ["fault"]
+    robot.receive(message("(* 2 front_range)", kind=Kind.ASK))
+    robot.think(4, 0.4)
+    assert outcomes(robot) == ["answer"]
+    assert isnan(dict(robot.variables())["front_range"])
 
 
 def test_unknown_never_reaches_an_actuator_or_the_body() -> None:

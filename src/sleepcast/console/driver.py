@@ -36,23 +36,25 @@ class Driver:
 
     async def run(self) -> None:
         """Let time pass until cancelled."""
+        self.draw()
         while True:
+            if self.pace.paused:
+                self._wake.clear()
+                await self._wake.wait()
+                continue
             began = self._clock.now()
-            self._wake.clear()
             self.pace.keep_up(SLICE)
-            busy = self._clock.now() - began >= SLICE
             now = self._clock.now()
             if now >= self._frame_due:
                 self._frame_due = max(self._frame_due + FRAME_PERIOD, now)
                 self.draw()
-            if self.pace.paused:
-                await self._wake.wait()
-            else:
-                await asyncio.sleep(0.0 if busy else self._frame_due - self._clock.now())
+            busy = now - began >= SLICE
+            await asyncio.sleep(0.0 if busy else self._frame_due - self._clock.now())
 
     def set_pace(self, running: bool | None = None, factor: float | None = None) -> None:
         """Change whether time runs and how fast; None leaves it as it is."""
         if running is not None:
+            self.pace.keep_up(0.0)  # lets go of what a pause would have owed
             self.pace.paused = not running
         if factor is not None:
             self.pace.factor = factor

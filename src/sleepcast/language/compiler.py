@@ -69,7 +69,7 @@ class _Generator(Emitter):
         return UNKNOWN
 
     def _linked(self, part: Part) -> Piece:
-        return self.statement(f"m.read({part.slot})")
+        return self.statement(f"m.read({self.constant(part)})")
 
     def _in(self, part: Part) -> Piece:
         return Piece(f"(1.0 if {self._in_test(part)} else 0.0)")

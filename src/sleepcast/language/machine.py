@@ -24,10 +24,10 @@ from sleepcast.language.walker import Walker
 
 MAX_STEPS = MAX_COST
 """Steps of one evaluation, all buffers and operators it enters included: about two milliseconds of a slow computer."""
-HOT = 30
-"""Evaluations of a program by walking before code is generated; generating costs about as much as a hundred walks."""
+HOT = 20
+"""Evaluations of a program by walking before code is generated; generating costs about as much as twenty walks."""
 _SLOTTED = frozenset({"var", "write", "defvar", "set_user"})
-MAX_PROGRAMS = 4_096
+MAX_PROGRAMS = 512
 """Programs kept by their text for one vocabulary; when full, all are forgotten and made again as they are needed."""
 
 
@@ -43,10 +43,10 @@ class Program:
     whole program. slots: the length of values it needs.
     """
 
-    def __init__(self, form: Form, root: Part, parameters: int, checker: Checker) -> None:
+    def __init__(self, form: Form, root: Part, parameters: int, checker: Checker, steps: int) -> None:
         self.form, self.root, self.parameters, self.text = form, root, parameters, checker.text
         self.uses, self.free = frozenset(checker.uses), frozenset(checker.free)
-        self.locals, self.cost = checker.locals, cost(root)
+        self.locals, self.cost = checker.locals, steps
         parts = walk(root)
         for index, part in enumerate(parts):
             part.index = index
@@ -147,9 +147,9 @@ def build(text: str, forms: Sequence[Form], names: Names, parameters: tuple[str,
     with checker.scope([p.casefold() for p in parameters]):
         body = checker.parts(tuple(forms))
     root = body[0] if len(body) == 1 else Part("progn", forms[0], body)
-    checker.bounded(root, forms[0])
+    steps = checker.bounded(root, forms[0])
     checker.findings.sort(key=lambda finding: finding.start)
-    return Program(forms[0], root, len(parameters), checker), checker
+    return Program(forms[0], root, len(parameters), checker, steps), checker
 
 
 class Library:

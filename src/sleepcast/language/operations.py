@@ -46,8 +46,8 @@ class Memory(Protocol):
     def draw(self) -> float:
         """The next random number in [0, 1)."""
 
-    def read(self, slot: int) -> float:
-        """A linked variable, from the host's own memory."""
+    def read(self, part: Part) -> float:
+        """The linked variable of a `linked` part, from the host's own memory."""
 
     def write(self, part: Part, value: float) -> float:
         """Assign an actuator, support, linked or not certainly declared variable."""

@@ -48,7 +48,7 @@ class Rehearsal:
         *,
         fetch: Callable[[Part], Entered | None] | None = None,
         operator: Callable[[Part], Entered | None] | None = None,
-        read: Callable[[int], float] | None = None,
+        read: Callable[[Part], float] | None = None,
         draw: Callable[[], float] | None = None,
     ) -> None:
         self.values, self.groups = list(values), groups
@@ -64,8 +64,8 @@ class Rehearsal:
     def draw(self) -> float:
         return self._draw() if self._draw else nan
 
-    def read(self, slot: int) -> float:
-        return self._read(slot) if self._read else nan
+    def read(self, part: Part) -> float:
+        return self._read(part) if self._read else nan
 
     def write(self, part: Part, value: float) -> float:
         if part.slot >= 0 and value == value:
@@ -121,7 +121,7 @@ class Replay(Rehearsal):
     def draw(self) -> float:
         return self._number()
 
-    def read(self, slot: int) -> float:
+    def read(self, part: Part) -> float:
         return self._number()
 
     def write(self, part: Part, value: float) -> float:

@@ -7,6 +7,7 @@ never holds) and the places where failing closed has an edge (an IF whose test i
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from math import inf, isfinite
 
 from sleepcast.errors import line_and_column
@@ -17,7 +18,7 @@ from sleepcast.language.names import Names
 from sleepcast.language.parts import Part, host_of, walk
 from sleepcast.language.reader import read
 from sleepcast.language.vocabulary import Constant, HostFunction, Variable
-from sleepcast.units import LENGTH, NONE, UNITS, Dimension, shown
+from sleepcast.units import LENGTH, NONE, Dimension, Quantity, shown, to_si
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,29 +159,24 @@ class _Advice:
     # ---- declared ranges
 
     def _range(self, part: Part) -> None:
-        if len(part.parts) != 2 or part.name not in ("<", "<=", ">", ">="):
-            return
-        left, right = part.parts
-        name = part.name
-        if left.op == "const":
-            left, right = right, left
-            name = {"<": ">", ">": "<", "<=": ">=", ">=": "<="}[name]
-        if right.op != "const" or not isinstance(left.data, Variable) or left.op not in ("var", "linked"):
-            return
-        quantity, limit = left.data.quantity, right.number
-        low, high = quantity.low, quantity.high
-        always = {"<": high < limit, "<=": high <= limit, ">": low > limit, ">=": low >= limit}[name]
-        never = {"<": low >= limit, "<=": low > limit, ">": high <= limit, ">=": high < limit}[name]
-        if not (always or never):
-            return
-        unit = quantity.shown_as or quantity.unit
-        runs = f"{quantity.name} runs from {shown(low, unit)} to {shown(high, unit)}"
-        if not isfinite(high):
-            runs = f"{quantity.name} is never below {shown(low, unit)}"
-        elif low == -inf:
-            runs = f"{quantity.name} is never above {shown(high, unit)}"
-        hint = _range_hint(quantity.low, quantity.high, unit, right)
-        self.warn(f"{show(part.form)} @@ is {'always' if always else 'never'} true: {runs}{hint}", part.form)
+        """Warn of a comparison, or a pair in a chain of them, that the declared range of a variable decides."""
+        for left, right in pairwise(part.parts):
+            name = part.name
+            if left.op == "const":
+                left, right, name = right, left, _TURNED.get(name, name)
+            if right.op != "const" or not isinstance(left.data, Variable):
+                continue
+            low, high, limit = left.data.quantity.low, left.data.quantity.high, right.number
+            always, never = {
+                "<": (high < limit, low >= limit),
+                "<=": (high <= limit, low > limit),
+                ">": (low > limit, high <= limit),
+                ">=": (low >= limit, high < limit),
+                "/=": (limit < low or limit > high, False),
+            }.get(name, (False, limit < low or limit > high))
+            if never or (always and len(part.parts) == 2):
+                runs = _runs(left.data.quantity) + _range_hint(left.data.quantity, right)
+                self.warn(f"{show(part.form)} @@ is {'never' if never else 'always'} true: {runs}", part.form)
 
     def _assigned_range(self, part: Part) -> None:
         value = part.parts[0]
@@ -188,12 +184,7 @@ class _Advice:
             return
         quantity = part.data.quantity
         if value.number < quantity.low or value.number > quantity.high:
-            unit = quantity.shown_as or quantity.unit
-            self.warn(
-                f"{show(value.form)} @@ is outside of {quantity.name}, "
-                f"{shown(quantity.low, unit)} to {shown(quantity.high, unit)}",
-                value.form,
-            )
+            self.warn(f"{show(value.form)} @@ is out of range: {_runs(quantity)}", value.form)
 
     # ---- unknown
 
@@ -219,9 +210,25 @@ def _combine(inside: list[Dimension | None], sign: int) -> Dimension | None:
     return Dimension(*total)
 
 
-def _range_hint(low: float, high: float, unit: str, limit: Part) -> str:
+_TURNED = {"<": ">", ">": "<", "<=": ">=", ">=": "<="}
+"""The same comparison with its operands exchanged."""
+
+
+def _runs(quantity: Quantity) -> str:
+    """Where a variable lies, as declared: `fuel runs from 0 % to 100 %`."""
+    unit = quantity.shown_as or quantity.unit
+    if isfinite(quantity.low) and isfinite(quantity.high):
+        return f"{quantity.name} runs from {shown(quantity.low, unit)} to {shown(quantity.high, unit)}"
+    if isfinite(quantity.low):
+        return f"{quantity.name} is never below {shown(quantity.low, unit)}"
+    return f"{quantity.name} is never above {shown(quantity.high, unit)}"
+
+
+def _range_hint(quantity: Quantity, limit: Part) -> str:
     """` (did you mean 50%?)` where the same digits in the variable's own unit would lie in its range."""
+    unit = quantity.shown_as or quantity.unit
     if not unit or not isinstance(limit.form, Number) or limit.form.unit:
         return ""
-    meant = limit.number / 100.0 if unit == "%" else limit.number * UNITS[unit].factor
-    return f" (did you mean {limit.form.text}{unit}?)" if low <= meant <= high and meant != limit.number else ""
+    meant = to_si(limit.number, unit)
+    inside = quantity.low <= meant <= quantity.high and meant != limit.number
+    return f" (did you mean {limit.form.text}{unit}?)" if inside else ""

@@ -149,7 +149,7 @@ _HOW: dict[str, Callable[[Walker, Part], float]] = {
     "const": lambda w, p: p.number,
     "var": lambda w, p: w.memory.values[p.slot],
     "local": lambda w, p: w.locals[p.slot],
-    "linked": lambda w, p: w.memory.read(p.slot),
+    "linked": lambda w, p: w.memory.read(p),
     "absent": lambda w, p: nan,
     "pure": lambda w, p: apply(w.memory, p, w.all(p.parts)),
     "and": _and,

@@ -38,6 +38,8 @@ MAX_FAULTS = 100
 """Faults kept of one evaluation: more would only repeat what the first ones say."""
 PROVEN_TICKS = 100
 """Ticks that a rule set must have run without a fault for ROLLBACK to come back to it."""
+FAILED = 1 << 62
+"""The tick since which a rule set is unproven that has failed: after all others, until somebody changes the set."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +85,8 @@ class RobotMemory:
         self.tick, self.time = 0, 0.0
         self.actuated: set[int] = set()
         """Slots of actuators assigned since somebody last cleared it."""
+        self.held = False
+        """Whether functions that act are refused: the robot is stopped and its body has no latch of its own."""
         self.dropped = 0
         """Assignments and calls that an unknown kept from the body."""
         self._key, self._draws = stream(seed, number), 0
@@ -162,13 +166,21 @@ class RobotMemory:
         self._draws = number + 1
         return self._answer(draw(self._key, self.tick, number))
 
-    def read(self, slot: int) -> float:
-        """A linked variable; what the host cannot give is unknown."""
+    def read(self, part: Part) -> float:
+        """A linked variable; what the host cannot give is a fault."""
         try:
-            value = self.variables.read(slot)
+            return self._answer(self.variables.read(part.slot))
+        except SleepcastError as error:
+            return self._answer(self.refuse(part, str(error)))
+
+    def peek(self, slot: int) -> float:
+        """A value by its slot, wherever it lies; what the host cannot give is unknown."""
+        if slot not in self.variables.linked_slots:
+            return self.values[slot]
+        try:
+            return self.variables.read(slot)
         except SleepcastError:
-            value = nan
-        return self._answer(value)
+            return nan
 
     def write(self, part: Part, value: float) -> float:
         """SETQ of an actuator, a support variable, or a user variable that may not be there."""
@@ -190,6 +202,8 @@ class RobotMemory:
             except SleepcastError as error:
                 return self.refuse(part, str(error))
             self.actuated.add(part.slot)
+        elif self._is_built_in(part.slot):
+            return self.refuse(part, f"E{part.slot - ACTIVE0} is built in: it cannot be changed over the air")
         else:
             self.values[part.slot] = value
             if variable.kind is Kind.ACTUATOR:
@@ -198,6 +212,11 @@ class RobotMemory:
                 self.changing()
                 self.rules.flags_assigned()
         return value
+
+    def _is_built_in(self, slot: int) -> bool:
+        """Whether `slot` is the active flag of a protected buffer."""
+        buffer = self.rules.kept.get(f"e{slot - ACTIVE0}")
+        return buffer is not None and buffer.protected
 
     def defined(self, part: Part) -> bool:
         """Whether the user variable is there."""
@@ -240,6 +259,8 @@ class RobotMemory:
                 self.dropped += 1
                 return self._answer(self.refuse(part, f"unknown never reaches the body ({function.name})"))
             return self._answer(nan)
+        if function.acts and self.held:
+            return self._answer(self.refuse(part, f"the robot is stopped: {function.name} waits for RELEASE"))
         label = (part.data.text,) if isinstance(part.data, Label) else ()
         try:
             result = function.call(self.body, *label, *arguments)
@@ -310,6 +331,10 @@ class RobotMemory:
         """A rule has met a fault: its rule set starts to prove itself anew."""
         self.changing()
 
+    def rule_failed(self) -> None:
+        """A rule has been deactivated for its faults: the rule set does not prove itself by standing still."""
+        self.unproven_since = FAILED
+
     # ---- acts
 
     def act(self, part: Part, *arguments: float) -> float:
@@ -328,7 +353,7 @@ class RobotMemory:
             self.groups,
             fetch=lambda part: b.program if (b := self.rules.kept.get(part.name)) else None,
             operator=lambda part: self.operators.get(part.name),
-            read=self.variables.read,
+            read=lambda part: self.peek(part.slot),
             draw=lambda: draw(self._key, self.tick, next(drawn)),
         )
 

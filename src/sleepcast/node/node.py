@@ -68,7 +68,8 @@ class Node:
     """One robot's mind.
 
     number: its `id` in expressions and in its chance. seed: of the run. body: what the functions of its vocabulary are
-    called on; if it is a `Robot` it is stopped, released and held still as well. variables: linked variables, if any.
+    called on (the linked object, if none is given); if it is a `Robot` it is stopped, released and held still as well.
+    variables: linked variables, if any.
     """
 
     def __init__(
@@ -81,16 +82,16 @@ class Node:
         body: object | None = None,
         variables: VariableTable | None = None,
     ) -> None:
-        self.name, self.number, self.body = name, number, body
+        table = variables or VariableTable(vocabulary.name, like=vocabulary)
+        self.name, self.number, self.body = name, number, table.body if body is None else body
         self.stopped = False
         self.outbox: list[Message] = []
         self.pings: list[float] = []
         self.lost = 0
         """Messages and sayings that found no room."""
         self.epoch = 0
-        table = variables or VariableTable(vocabulary.name, like=vocabulary)
         self._memory = RobotMemory(
-            table, Voice(self._report, self._tell, self._ping), ACTS, number=number, seed=seed, body=body
+            table, Voice(self._report, self._tell, self._ping), ACTS, number=number, seed=seed, body=self.body
         )
         self._scheduler = Scheduler(self._memory.rules, self._run_rule)
         self._queue: deque[Message] = deque()
@@ -165,7 +166,7 @@ class Node:
         """Every variable by name, in the order of the vocabulary, user variables last."""
         memory = self._memory
         found = [
-            (binding.name, memory.variables.read(binding.slot) if binding.linked else memory.values[binding.slot])
+            (binding.name, memory.peek(binding.slot))
             for binding in self.vocabulary.bindings.values()
             if isinstance(binding, Variable)
         ]
@@ -173,10 +174,11 @@ class Node:
         return found + [(d.name, memory.values[d.slot]) for d in learned]
 
     def actuators(self) -> dict[str, float]:
-        """The actuators that were assigned since the last call, by name."""
+        """The actuators in the list of values that were assigned since the last call, by name."""
         memory = self._memory
         first = self.vocabulary.first_actuator
-        taken = {self.vocabulary.actuators[slot - first].name: memory.values[slot] for slot in sorted(memory.actuated)}
+        own = sorted(memory.actuated - memory.variables.linked_slots)
+        taken = {self.vocabulary.actuators[slot - first].name: memory.values[slot] for slot in own}
         memory.actuated.clear()
         return taken
 
@@ -292,6 +294,7 @@ class Node:
         memory.rule_faulted()
         if buffer.faults_in_row >= MAX_FAULTS_IN_ROW and not buffer.protected:
             memory.rules.activate(buffer, False)
+            memory.rule_failed()
             self._report(f"rule {buffer.name} deactivated", ())
 
     def _obey(self, message: Message, now: float) -> None:
@@ -320,10 +323,18 @@ class Node:
         self.stopped = True
         if isinstance(self.body, Robot):
             self.body.stop()
-        self._answer(message, "stopped")
+        else:
+            self._memory.held = True
+        try:
+            self._memory.variables.stop()
+        except SleepcastError as error:
+            self._answer(message, "stopped", fault=str(error))
+        else:
+            self._answer(message, "stopped")
 
     def _release(self, message: Message) -> None:
-        self.stopped = False
+        self.stopped = self._memory.held = False
+        self._memory.variables.release()
         if isinstance(self.body, Robot):
             self.body.release()
         self._answer(message, "released")

@@ -64,9 +64,9 @@ class DeskMemory:
     def draw(self) -> float:
         raise Undecided("its test depends on chance")
 
-    def read(self, slot: int) -> float:
+    def read(self, part: Part) -> float:
         """A linked variable: known only if the robot told it with the others."""
-        value = self.values[slot] if slot < len(self.values) else nan
+        value = self.values[part.slot] if part.slot < len(self.values) else nan
         if value != value:
             raise Undecided("its test reads a variable that lies in the robot's own memory")
         return value

@@ -131,7 +131,7 @@ def _explained(recollection: Recollection, memory: Rehearsal) -> Explanation:
     program = recollection.program
     memory.values.extend([nan] * (program.slots - len(memory.values)))
     memory.matched = program.test is None
-    memory.steps = program.cost
+    memory.steps, memory.levels = program.cost, program.height
     tracer = Tracer(memory, program)
     try:
         value = tracer.value(program.root)

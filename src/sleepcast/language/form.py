@@ -105,6 +105,17 @@ def walk(form: Form) -> Iterator[Form]:
             waiting.extend(reversed(found.items))
 
 
+def height(form: Form) -> int:
+    """How many lists stand inside one another in `form`: 0 for a number or a name."""
+    deepest, waiting = 0, [(form, 0)]
+    while waiting:
+        found, around = waiting.pop()
+        if isinstance(found, List):
+            deepest = max(deepest, around + 1)
+            waiting.extend((item, around + 1) for item in found.items)
+    return deepest
+
+
 def show(form: Form) -> str:
     """The text of `form` on one line; reading it gives an equal form."""
     if isinstance(form, List):

@@ -16,7 +16,7 @@ from math import nan
 from sleepcast.language import special
 from sleepcast.language.checker import MAX_COST, Checker, CheckError, cost
 from sleepcast.language.compiler import Code, generate
-from sleepcast.language.form import Form
+from sleepcast.language.form import Form, height
 from sleepcast.language.names import Names, Operator
 from sleepcast.language.operations import Memory
 from sleepcast.language.parts import CHANCY, Part, acts, is_acting, walk
@@ -38,13 +38,14 @@ class OutOfSteps(Exception):
 class Program:
     """A checked expression that can be entered. body: its parts, evaluated in order (an operator may have several).
 
-    cost: steps charged when entered. uses: keys of buffers, rules and operators it names. free: keys of learned names
-    it depends on. test: the top-level test as a program of its own, None if everybody matches. acts, chancy: of the
-    whole program. slots: the length of values it needs.
+    cost: steps charged when entered. height: levels of parentheses inside one another. uses: keys of buffers, rules
+    and operators it names. free: keys of learned names it depends on. test: the top-level test as a program of its
+    own, None if everybody matches. acts, chancy: of the whole program. slots: the length of values it needs.
     """
 
-    def __init__(self, form: Form, root: Part, parameters: int, checker: Checker, steps: int) -> None:
-        self.form, self.root, self.parameters, self.text = form, root, parameters, checker.text
+    def __init__(self, forms: Sequence[Form], root: Part, parameters: int, checker: Checker, steps: int) -> None:
+        self.form, self.root, self.parameters, self.text = forms[0], root, parameters, checker.text
+        self.height = max(map(height, forms))
         self.uses, self.free = frozenset(checker.uses), frozenset(checker.free)
         self.locals, self.cost = checker.locals, steps
         parts = walk(root)
@@ -149,7 +150,7 @@ def build(text: str, forms: Sequence[Form], names: Names, parameters: tuple[str,
     root = body[0] if len(body) == 1 else Part("progn", forms[0], body)
     steps = checker.bounded(root, forms[0])
     checker.findings.sort(key=lambda finding: finding.start)
-    return Program(forms[0], root, len(parameters), checker, steps), checker
+    return Program(forms, root, len(parameters), checker, steps), checker
 
 
 class Library:
@@ -190,7 +191,7 @@ def _sorts(program: Program, names: Names) -> tuple[object, ...]:
 
 def evaluate(program: Program, memory: Memory) -> float:
     """One evaluation from outside: a fresh budget, and no way out but a value; past the budget a fault and unknown."""
-    memory.steps, memory.depth = program.cost, 0
+    memory.steps, memory.depth, memory.levels = program.cost, 0, program.height
     memory.matched = program.test is None
     code, values = program.code, memory.values
     try:

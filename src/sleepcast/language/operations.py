@@ -15,6 +15,9 @@ from sleepcast.language.parts import Part
 
 MAX_DEPTH = 32
 """Buffers and operators entered inside one another."""
+MAX_LEVELS = 100
+"""Parentheses open at once, through all that is entered: every level costs a walk a few calls of the host's own stack,
+of which Python grants a thousand."""
 
 
 class Entered(Protocol):
@@ -23,6 +26,7 @@ class Entered(Protocol):
     root: Part
     text: str
     cost: int
+    height: int
     locals: int
 
     def run(self, memory: Memory, *arguments: float) -> float: ...
@@ -38,6 +42,7 @@ class Memory(Protocol):
     groups: frozenset[str]
     steps: int
     depth: int
+    levels: int
     matched: bool
 
     def fault(self, part: Part, reason: str) -> float:
@@ -95,15 +100,27 @@ def enter(memory: Memory, part: Part, program: Entered | None, arguments: Sequen
     """A buffer, rule or operator called from inside an evaluation; an empty one is unknown."""
     if program is None:
         return nan
-    if memory.depth >= MAX_DEPTH:
-        return memory.fault(part, f"calls nested too deeply: at most {MAX_DEPTH}")
+    refusal = too_deep(memory, program)
+    if refusal:
+        return memory.fault(part, refusal)
     matched = memory.matched
     memory.depth += 1
+    memory.levels += program.height
     try:
         return program.run(memory, *arguments)
     finally:
         memory.depth -= 1
+        memory.levels -= program.height
         memory.matched = matched
+
+
+def too_deep(memory: Memory, program: Entered) -> str:
+    """Why `program` cannot be entered from where the evaluation is now; "" if it can."""
+    if memory.depth >= MAX_DEPTH:
+        return f"calls nested too deeply: at most {MAX_DEPTH}"
+    if memory.levels + program.height > MAX_LEVELS:
+        return f"calls nested too deeply: at most {MAX_LEVELS} levels of parentheses in all"
+    return ""
 
 
 def prob(memory: Memory, chance: float) -> float:

@@ -52,7 +52,7 @@ class Rehearsal:
         draw: Callable[[], float] | None = None,
     ) -> None:
         self.values, self.groups = list(values), groups
-        self.steps = self.depth = 0
+        self.steps = self.depth = self.levels = 0
         self.matched = False
         self.faults: list[tuple[Part, str]] = []
         self._fetch, self._operator, self._read, self._draw = fetch, operator, read, draw

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import nan
 
 from sleepcast.language.machine import MAX_STEPS, OutOfSteps
-from sleepcast.language.operations import MAX_DEPTH, Entered, Memory
+from sleepcast.language.operations import Entered, Memory, too_deep
 from sleepcast.language.parts import Part
 from sleepcast.language.walker import Walker
 
@@ -28,16 +28,19 @@ class Tracer(Walker):
         memory = self.memory
         if program is None:
             return nan
-        if memory.depth >= MAX_DEPTH:
-            return memory.fault(part, f"calls nested too deeply: at most {MAX_DEPTH}")
+        refusal = too_deep(memory, program)
+        if refusal:
+            return memory.fault(part, refusal)
         tracer = self.inner[part.index] = Tracer(memory, program, arguments)
         memory.steps += program.cost
         if memory.steps > MAX_STEPS:
             raise OutOfSteps
         matched = memory.matched
         memory.depth += 1
+        memory.levels += program.height
         try:
             return tracer.value(program.root)
         finally:
             memory.depth -= 1
+            memory.levels -= program.height
             memory.matched = matched

@@ -78,7 +78,7 @@ class RobotMemory:
         self.learned: dict[str, Declared] = {}
         self.rules = RuleBase(self.values)
         self.operators: dict[str, Program] = {}
-        self.steps = self.depth = 0
+        self.steps = self.depth = self.levels = 0
         self.matched = False
         self.faults: list[Fault] = []
         self.answers: list[Answer] | None = None

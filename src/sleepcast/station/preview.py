@@ -53,7 +53,7 @@ class DeskMemory:
     def __init__(self) -> None:
         self.values: list[float] = []
         self.groups: frozenset[str] = frozenset()
-        self.steps = self.depth = 0
+        self.steps = self.depth = self.levels = 0
         self.matched = False
         self.mind: Mind | None = None
 

@@ -5,6 +5,8 @@ Fenced blocks are told apart by the word after the fence:
     sleep      expressions with their values, written as in tests/cases, on one fresh robot; `:ticks N` lets time pass
     finding    what the reader or the checker says of the expression in it
     explain    `:set` lines and an expression, a blank line, and the explanation of its evaluation
+    bravo      commands of the tutorial, sent one after the other to that scenario's fleet: somebody obeys each, and
+               nothing goes wrong (`bravo-fault`: it goes wrong afterwards, in a rule, which is deactivated)
     classic    the same as `sleep` for the classic dialect (`faithful`: in its other mode); see `run_classic`
     python     a program that runs, and prints what its comments `# prints: ...` say
     sh         command lines of sleepcast that its parser takes
@@ -17,30 +19,42 @@ from __future__ import annotations
 
 import doctest
 import importlib
+import importlib.util
 import os
 import re
 import shlex
+import struct
 import subprocess
 import sys
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 
 import click
+import numpy as np
 import pytest
 
-from language.cases import Case, NodeMachine, Setting, apply_setting, mismatch, read_case
+from language.cases import NodeMachine, Setting, apply_setting, mismatch, read_case
 from sleepcast.cli import program
-from sleepcast.language import CheckError, List, ReadError, check, read
+from sleepcast.language import List, ReadError, check, read
 from sleepcast.language.classic import ClassicError, ClassicMachine
 from sleepcast.language.form import walk
 from sleepcast.language.functions import FUNCTIONS
+from sleepcast.loop import Swarm
+from sleepcast.simulator import Simulator, find_scenario
+from sleepcast.station import Station
 from sleepcast.units import UNITS
 from test_layout import GROUND, HOUSE, modules
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
+PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("src/**/*.md")])
 REFERENCE = ROOT / "docs" / "language.md"
 ARCHITECTURE = ROOT / "docs" / "architecture.md"
+MAX_PICTURE = 2_000_000
+"""Bytes of the README's picture: what a person on a slow line still waits for."""
+PATIENCE = 15.0
+"""Simulated seconds between two commands of the tutorial: enough for a rule to prove itself, or to fail."""
 TICK = 0.1
 """Seconds of simulated time that one of `:ticks` lasts."""
 FENCE = re.compile(r"^```([\w-]*)(?: (\S+))?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -135,6 +149,26 @@ def test_an_explanation_reads_as_it_is_shown(block: Block) -> None:
     assert NodeMachine(setting).mind.evaluate(text).explanation.render() == tree.rstrip("\n")
 
 
+def test_the_commands_of_the_tutorial_are_obeyed() -> None:
+    swarm = Swarm(Simulator(find_scenario("bravo"), 7))
+    desk = swarm.desk = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm)
+    swarm.run(PATIENCE)
+    sent = [block for block in blocks("bravo", "bravo-fault") if block.page.name == "tutorial.md"]
+    assert len(sent) > 5
+    for block in sent:
+        for text in block.text.strip().split("\n\n"):
+            findings = [
+                finding.message for finding in desk.check(text).findings if "never heard" not in finding.message
+            ]
+            command = desk.send(text)
+            swarm.run(PATIENCE)
+            account = desk.accounting(command.id)
+            assert (findings, account.n_fault, account.n_silent) == ([], 0, 0), block.where
+            assert account.n_matched > 0, block.where
+            rules = [rule for node in swarm.nodes for rule in node.rules()]
+            assert all(rule.active is (block.sort == "bravo") for rule in rules), block.where
+
+
 def test_every_function_has_an_example_in_the_reference() -> None:
     shown: set[str] = set()
     for block in blocks("sleep"):
@@ -225,10 +259,26 @@ def test_the_table_of_modules_has_every_module() -> None:
     assert listed == {name for name in standing if not name.endswith("__.py")}
 
 
+# ---- scenario files
+
+
+ANNOTATED = ROOT / "src" / "sleepcast" / "scenarios" / "README.md"
+"""One whole scenario file with every key there is."""
+
+
+def test_the_annotated_scenario_can_be_loaded_and_the_tables_name_its_keys(tmp_path: Path) -> None:
+    text = next(block.text for block in blocks_of(ANNOTATED) if block.sort == "toml")
+    (tmp_path / "scenario.toml").write_text(text, encoding="utf-8")
+    find_scenario(str(tmp_path))
+    named = set(re.findall(r"[a-z_]+", (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")))
+    keys = set(re.findall(r"^(?:# )?(\w+) =", text, re.MULTILINE))
+    assert not keys - named, "keys that docs/scenarios.md does not name"
+
+
 # ---- links
 
 
-LINK = re.compile(r"(?<!`)\[[^\]\n]*\]\(([^)\s]+)\)")
+LINK = re.compile(r"(?<!`)\[[^\]]*\]\(([^)\s]+)\)")
 
 
 def anchors(page: Path) -> set[str]:
@@ -262,7 +312,47 @@ def test_every_page_can_be_reached_from_the_readme() -> None:
         seen.add(page)
         links = LINK.findall(FENCE.sub("", page.read_text(encoding="utf-8")))
         waiting += [(page.parent / link.partition("#")[0]).resolve() for link in links if "://" not in link]
-    assert not {str(page.relative_to(ROOT)) for page in PAGES} - {str(page.relative_to(ROOT)) for page in seen}
+    assert not sorted(str(page.relative_to(ROOT)) for page in PAGES if page not in seen)
+
+
+# ---- pictures
+
+
+def test_the_moving_picture_moves_and_is_small() -> None:
+    picture = (ROOT / "docs" / "pictures" / "bravo.png").read_bytes()
+    bodies = dict(pictures().chunks(picture))
+    frames, repeats = struct.unpack(">II", bodies[b"acTL"])
+    assert frames >= 20
+    assert repeats == 0
+    assert len(picture) < MAX_PICTURE
+
+
+def test_a_moving_picture_keeps_its_frames(tmp_path: Path) -> None:
+    apng = pictures()
+    first = np.zeros((4, 6, 3), np.uint8)
+    second = first.copy()
+    second[1:3, 2:4] = (200, 40, 40)
+    apng.write(tmp_path / "small.png", [first, second, second], [0.1, 0.2, 0.3])
+    found = [(kind, body) for kind, body in apng.chunks((tmp_path / "small.png").read_bytes())]
+    controls = [struct.unpack(">IIIIIHHBB", body) for kind, body in found if kind == b"fcTL"]
+    assert [(x, y, width, height) for _, width, height, x, y, *_ in controls] == [
+        (0, 0, 6, 4), (2, 1, 2, 2), (0, 0, 1, 1),
+    ]  # fmt: skip
+    assert [delay / 1000 for *_, delay, _, _, _ in controls] == [0.1, 0.2, 0.3]
+    (changed,) = [body for kind, body in found if kind == b"fdAT"][:1]
+    (palette,) = [body for kind, body in found if kind == b"PLTE"]
+    places = zlib.decompress(changed[4:])[1:3]
+    assert {palette[3 * place : 3 * place + 3] for place in places} == {bytes((200, 40, 40))}
+
+
+def pictures() -> ModuleType:
+    """The module that writes moving pictures."""
+    spec = importlib.util.spec_from_file_location("apng", ROOT / "docs" / "pictures" / "apng.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 # ---- commands and programs

@@ -23,14 +23,24 @@ class MisuseError(SleepcastError):
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
-    """The candidate most like `name` (case ignored), in capitals if `name` is, or None if none is near."""
+    """The candidate most like `name` (case ignored), in capitals if `name` is, or None if none is near.
+
+    Of those equally near, one with the same letters in another order comes first, then one with the same first letter.
+    """
     import difflib  # only needed when something is wrong already
 
+    key = name.casefold()
     written = {candidate.casefold(): candidate for candidate in candidates}
-    found = difflib.get_close_matches(name.casefold(), written, n=1, cutoff=0.7)
-    if not found:
+    matcher = difflib.SequenceMatcher(b=key)
+
+    def likeness(other: str) -> tuple[float, bool, bool]:
+        matcher.set_seq1(other)
+        return matcher.ratio(), sorted(other) == sorted(key), other[:1] == key[:1]
+
+    best = max(difflib.get_close_matches(key, written, n=5, cutoff=0.7), key=likeness, default=None)
+    if best is None:
         return None
-    return written[found[0]].upper() if name.isupper() else written[found[0]]
+    return written[best].upper() if name.isupper() else written[best]
 
 
 def did_you_mean(name: str, candidates: Iterable[str]) -> str:
@@ -44,6 +54,12 @@ def line_and_column(text: str, offset: int) -> tuple[int, int]:
     before = text[:offset]
     line_start = before.rfind("\n") + 1
     return before.count("\n") + 1, offset - line_start + 1
+
+
+def placed(message: str, text: str, offset: int) -> str:
+    """`message` with its last `@@`, which stands for the place, as `at LINE:COLUMN` of `offset` in `text`."""
+    line, column = line_and_column(text, offset)
+    return f"at {line}:{column}".join(message.rsplit("@@", 1))
 
 
 def with_caret(message: str, text: str, start: int, end: int) -> str:

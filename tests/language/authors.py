@@ -8,8 +8,9 @@ name all of them and earlier operators: circles are rare, and are written on pur
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from random import Random
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 SENSORS = ("fuel", "ordnance", "x", "y", "speed", "sonar1", "sonar2")
 ACTUATORS = ("throttle", "lamp")
@@ -30,7 +31,10 @@ FOLDS = ("+", "-", "*", "/", "MIN", "MAX")
 UNARY = ("ABS", "SQRT", "EXP", "LOG", "SIN", "COS", "TAN", "FLOOR", "CEIL", "ROUND", "WRAP", "-", "/", "NOT", "KNOWN")
 BINARY = ("^", "MOD", "ATAN2", "+", "-", "*", "/", "MIN", "MAX")
 COMPARISONS = ("=", "EQ", "/=", "<", "<=", ">", ">=")
-ACTS = ("SLEEP", "WAKE", "FREEZE", "THAW", "MARK", "UNMARK", "PING")
+ACTS = ("SLEEP", "WAKE", "FREEZE", "THAW", "MARK", "UNMARK")
+
+
+Thing = TypeVar("Thing")
 
 
 class Place(NamedTuple):
@@ -65,7 +69,7 @@ class Author:
             return self.leaf(place)
         return self.one_of(self.calls)(place, depth - 1)
 
-    def one_of(self, things):  # type: ignore[no-untyped-def]
+    def one_of(self, things: Sequence[Thing]) -> Thing:
         return things[self.chance.randrange(len(things))]
 
     def several(self, place: Place, depth: int, least: int, most: int) -> str:
@@ -77,25 +81,25 @@ class Author:
     def leaf(self, place: Place) -> str:
         kind = self.chance.randrange(20)
         if kind < 7:
-            return str(self.one_of(NUMBERS))
+            return self.one_of(NUMBERS)
         if kind < 9:
             return repr(self.chance.uniform(-20, 20))
         if kind < 12 and place.readable:
-            return str(self.one_of(place.readable))
+            return self.one_of(place.readable)
         if kind < 15:
-            return str(self.one_of(USER))
+            return self.one_of(USER)
         if kind < 17:
-            return str(self.one_of(SENSORS + ACTUATORS))
+            return self.one_of(SENSORS + ACTUATORS)
         if kind < 18:
-            return str(self.one_of(CONSTANTS + FLAGS + ("id",)))
+            return self.one_of(CONSTANTS + FLAGS + ("id",))
         return self.stored_name(place)
 
     def stored_name(self, place: Place) -> str:
         """The name of a buffer or rule that what is being written may name."""
         allowed = (BUFFERS + RULES)[: place.level]
         if not allowed or self.chance.randrange(40) == 0:
-            return str(self.one_of(STRANGERS + BUFFERS))
-        return str(self.one_of(allowed))
+            return self.one_of(STRANGERS + BUFFERS)
+        return self.one_of(allowed)
 
     # ---- arithmetic, comparison, boolean
 
@@ -180,7 +184,7 @@ class Author:
         if target.casefold() in map(str.casefold, place.readable):
             return self.leaf(place)
         value = how == "(SETQ {} {})"
-        return str(how).format(target, self.expression(place if value else Place(level=number), depth))
+        return how.format(target, self.expression(place if value else Place(level=number), depth))
 
     def rule(self, place: Place, depth: int) -> str:
         number = self.chance.randrange(len(RULES))
@@ -222,7 +226,7 @@ class Author:
         return f"({self.one_of(('RANDOM', 'GAUSS'))} {self.several(place, depth, 2, 2)})"
 
     def act(self, place: Place, depth: int) -> str:
-        return f"({self.one_of(ACTS)})"
+        return f"({self.one_of(ACTS)})" if self.chance.randrange(4) else f"(PING {self.several(place, depth, 0, 1)})"
 
     def report(self, place: Place, depth: int) -> str:
         label = self.one_of(('"here"', '""', ""))

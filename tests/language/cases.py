@@ -56,7 +56,7 @@ class Body:
 
 
 FUNCTIONS = (
-    HostFunction("VM", lambda body, r, l: body.do("VM", r, l), (SPEED, SPEED), arguments="right left"),
+    HostFunction("VM", lambda body, right, left: body.do("VM", right, left), (SPEED, SPEED), arguments="right left"),
     HostFunction("ST", lambda body: body.do("ST")),
     HostFunction("TK", lambda body, text: body.do("TK", text), labelled=True, arguments='"text"'),
     HostFunction("SONAR", lambda body, i: i / 2, (None,), arguments="i", acts=False),
@@ -102,6 +102,7 @@ class Outcome(NamedTuple):
     faults: tuple[str, ...] = ()
     prints: tuple[str, ...] = ()
     tells: tuple[str, ...] = ()
+    pings: tuple[float, ...] = ()
     does: tuple[str, ...] = ()
     matched: bool = False
     refused: str = ""
@@ -148,6 +149,7 @@ class ReferenceMachine:
             tuple(self.mind.faults),
             tuple(printed(*each) for each in self.mind.printed),
             tuple(self.mind.told),
+            tuple(self.mind.pings),
             tuple(self.body.done),
             self.mind.matched,
         )
@@ -157,7 +159,10 @@ class ReferenceMachine:
 
 
 class NodeMachine:
-    """One robot's mind as it is. result: of the last evaluation. compiled: every text runs as generated code from its first evaluation on."""
+    """One robot's mind as it is. result: of the last evaluation.
+
+    compiled: every text runs as generated code from its first evaluation on.
+    """
 
     checks = True
 
@@ -175,6 +180,7 @@ class NodeMachine:
     def evaluate(self, text: str) -> Outcome:
         self.body.done.clear()
         self.mind.outbox.clear()
+        self.mind.pings.clear()
         try:
             checked = check(text, self.mind)
             if self.compiled and checked.program is not None:
@@ -188,6 +194,7 @@ class NodeMachine:
             tuple(fault.reason for fault in result.faults),
             tuple(printed(*each) for each in result.printed),
             tuple(said.text for said in self.mind.outbox if said.kind is message.Kind.COMMAND),
+            tuple(self.mind.pings),
             tuple(self.body.done),
             result.matched,
             warnings=tuple(finding.message for finding in checked.warnings),

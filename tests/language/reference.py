@@ -11,32 +11,40 @@ Unknown is NaN. `fault` records a reason and gives unknown; nothing is ever rais
 from __future__ import annotations
 
 import math
-import operator
 import sys
 from collections import ChainMap
-from collections.abc import Callable, Container, Iterator, Sequence
-from functools import reduce
-from itertools import combinations, pairwise, takewhile
+from collections.abc import Container, Iterator, Sequence
 from typing import NamedTuple
 
+from language.reference_forms import (
+    FLAGS,
+    arguments,
+    cost,
+    deciding_tests,
+    head_of,
+    height,
+    is_call,
+    items,
+    key_of,
+    named,
+    repeats,
+    unquoted,
+)
+from language.reference_numbers import PURE, Undefined, truth
 from sleepcast.language.chance import draw, normal, stream
 from sleepcast.language.form import QUASIQUOTE, QUOTE, UNQUOTE, Form, List, Number, Symbol, Text, show, walk
-from sleepcast.language.functions import FUNCTIONS
 from sleepcast.language.reader import read
 from sleepcast.language.vocabulary import Constant, HostFunction, Kind, Variable, Vocabulary, buffer_number
 
 UNKNOWN = math.nan
 MAX_STEPS = 10_000
 MAX_CALLS = 32
+MAX_LEVELS = 100
 DEEPEST = 20_000
 """Python calls inside one another: enough for the deepest text in the deepest chain of buffers."""
 
 Scope = ChainMap[str, float]
 Told = tuple[str, tuple[float, ...]]
-
-
-class Undefined(Exception):
-    """A function has no value for these numbers; the text is the reason of the fault."""
 
 
 class OutOfSteps(Exception):
@@ -52,245 +60,6 @@ def true(value: float) -> bool:
     return value != 0 and not math.isnan(value)
 
 
-def truth(condition: bool) -> float:
-    return 1.0 if condition else 0.0
-
-
-# ---- pure functions: known, finite numbers in ----
-
-
-def divided(x: float, y: float) -> float:
-    if y == 0:
-        raise Undefined("division by zero")
-    return x / y
-
-
-def remainder(x: float, y: float) -> float:
-    if y == 0:
-        raise Undefined("division by zero")
-    return x % y
-
-
-def power(x: float, y: float) -> float:
-    try:
-        return math.pow(x, y)
-    except ValueError:
-        raise Undefined("to the power") from None
-
-
-def square_root(x: float) -> float:
-    if x < 0:
-        raise Undefined("square root of")
-    return math.sqrt(x)
-
-
-def logarithm(x: float) -> float:
-    if x <= 0:
-        raise Undefined("logarithm of")
-    return math.log(x)
-
-
-def distance(x1: float, y1: float, x2: float, y2: float) -> float:
-    return math.sqrt((x1 - x2) * (x1 - x2) + (y1 - y2) * (y1 - y2))
-
-
-def wrapped(angle: float) -> float:
-    turned = angle % (2 * math.pi)
-    return turned - 2 * math.pi if turned > math.pi else turned
-
-
-def clamped(x: float, low: float, high: float) -> float:
-    if low > high:
-        raise Undefined("CLAMP")
-    if x < low:
-        return low
-    if x > high:
-        return high
-    return x
-
-
-def chain(holds: Callable[[float, float], bool]) -> Callable[..., float]:
-    return lambda *xs: truth(all(holds(x, y) for x, y in pairwise(xs)))
-
-
-PURE: dict[str, Callable[..., float]] = {
-    "+": lambda *xs: reduce(operator.add, xs) if xs else 0.0,
-    "-": lambda *xs: reduce(operator.sub, xs) if len(xs) > 1 else -xs[0],
-    "*": lambda *xs: reduce(operator.mul, xs) if xs else 1.0,
-    "/": lambda *xs: reduce(divided, xs) if len(xs) > 1 else divided(1.0, xs[0]),
-    "^": power,
-    "mod": remainder,
-    "abs": abs,
-    "min": lambda *xs: min(xs),
-    "max": lambda *xs: max(xs),
-    "sqrt": square_root,
-    "exp": math.exp,
-    "log": logarithm,
-    "sin": math.sin,
-    "cos": math.cos,
-    "tan": math.tan,
-    "atan2": math.atan2,
-    "floor": lambda x: float(math.floor(x)),
-    "ceil": lambda x: float(math.ceil(x)),
-    "round": lambda x: float(round(x)),
-    "dist": distance,
-    "bearing": lambda x1, y1, x2, y2: math.atan2(y2 - y1, x2 - x1),
-    "wrap": wrapped,
-    "clamp": clamped,
-    "=": chain(operator.eq),
-    "eq": chain(operator.eq),
-    "/=": lambda *xs: truth(all(x != y for x, y in combinations(xs, 2))),
-    "<": chain(operator.lt),
-    "<=": chain(operator.le),
-    ">": chain(operator.gt),
-    ">=": chain(operator.ge),
-    "not": lambda x: truth(x == 0),
-}
-
-FLAGS = {
-    "sleep": ("sleeping", 1.0),
-    "wake": ("sleeping", 0.0),
-    "freeze": ("frozen", 1.0),
-    "thaw": ("frozen", 0.0),
-    "mark": ("marked", 1.0),
-    "unmark": ("marked", 0.0),
-}
-
-
-# ---- what a form is made of ----
-
-
-def arguments(form: Form) -> tuple[Form, ...]:
-    return form.items[1:] if isinstance(form, List) else ()
-
-
-def is_call(form: Form, key: str) -> bool:
-    return isinstance(form, List) and form.head == key
-
-
-def unquoted(form: Form) -> Iterator[Form]:
-    """The expressions after the commas of a template, left to right."""
-    if is_call(form, UNQUOTE):
-        yield arguments(form)[0]
-    elif isinstance(form, List):
-        for item in form.items:
-            yield from unquoted(item)
-
-
-def evaluated(form: Form) -> list[Form]:
-    """The parts of a call that an evaluation may evaluate, left to right: not what is quoted, named or declared."""
-    rest = list(arguments(form))
-    head = form.head if isinstance(form, List) else None
-    if head in ("cond", "dice"):
-        return [part for clause in rest if isinstance(clause, List) for part in clause.items]
-    if head == "let":
-        return [arguments(pair)[0] for pair in items(rest[0])] + rest[1:]
-    if head == "tell":
-        return [] if is_call(rest[0], QUOTE) else list(unquoted(rest[0]))
-    if head in ("setq", "lease", "defvar", "dotimes"):
-        rest = rest[1:]
-    elif head in NAMING:
-        rest = []
-    return [part for part in rest if not isinstance(part, Text) and not is_call(part, QUOTE)]
-
-
-NAMING = ("setqq", "rule", "defun", "activate", "deactivate", "forget", "join", "leave", "in", QUOTE)
-"""Calls whose arguments are names and stored text: nothing of them is evaluated."""
-
-
-def items(form: Form) -> tuple[Form, ...]:
-    return form.items if isinstance(form, List) else ()
-
-
-def key_of(form: Form) -> str:
-    """The key of a name; that of a buffer is always `e5`, also where it is written `expr5`."""
-    assert isinstance(form, Symbol), form
-    number = buffer_number(form.key)
-    return form.key if number is None else f"e{number}"
-
-
-def cost(form: Form) -> int:
-    """Steps charged on entering `form`: one for each number, name and call in it, as often as DOTIMES repeats it."""
-    inside = sum(map(cost, evaluated(form)))
-    if is_call(form, "dotimes"):
-        count = items(arguments(form)[0])[1]
-        assert isinstance(count, Number)
-        inside *= int(count.value)
-    return 1 + inside
-
-
-def named(form: Form, local: frozenset[str] = frozenset()) -> set[str]:
-    """The keys of everything that evaluating `form` may evaluate by name or call."""
-    if isinstance(form, Symbol):
-        return {key_of(form)} - local
-    head = form.head if isinstance(form, List) else None
-    found = set() if head is None else {head}
-    if head in ("let", "dotimes"):
-        binding = items(arguments(form)[0])
-        names = {key_of(items(pair)[0]) for pair in binding} if head == "let" else {key_of(binding[0])}
-        outside = [arguments(pair)[0] for pair in binding] if head == "let" else []
-        for part in outside:
-            found |= named(part, local)
-        for part in arguments(form)[1:]:
-            found |= named(part, local | names)
-        return found
-    for part in evaluated(form):
-        found |= named(part, local)
-    return found
-
-
-def deciding_tests(form: Form, known: Container[str], vocabulary: Vocabulary) -> list[Form] | None:
-    """The parts of a message one of which must be true for it to match; None if it has no test and all match.
-
-    They stand in its first COND, IF, WHEN or AND, also inside PROGN and LET. Of an AND it is the last of the leading
-    operands that only look and do nothing. known: the operators that there are.
-    """
-    head = form.head if isinstance(form, List) else None
-    rest = arguments(form)
-    if head == "cond":
-        return [items(clause)[0] for clause in rest] or None
-    if head in ("if", "when"):
-        return [rest[0]]
-    if head == "and":
-        looking = list(takewhile(lambda operand: not acts(operand, known, vocabulary), rest))
-        return looking[-1:] or None
-    for part in rest[1:] if head == "let" else rest if head == "progn" else ():
-        if is_tested(part):
-            return deciding_tests(part, known, vocabulary)
-    return None
-
-
-def is_tested(form: Form) -> bool:
-    head = form.head if isinstance(form, List) else None
-    if head in ("progn", "let"):
-        return any(map(is_tested, arguments(form)[head == "let" :]))
-    return head in ("cond", "if", "when", "and")
-
-
-def acts(
-    form: Form, known: Container[str], vocabulary: Vocabulary, local: frozenset[str] = frozenset()
-) -> bool:
-    """Whether `form` itself changes the robot or speaks (not what the buffers and operators do that it names)."""
-    head = form.head if isinstance(form, List) else None
-    if head is None:
-        return False
-    if head in ("let", "dotimes"):
-        binding = items(arguments(form)[0])
-        local |= {key_of(items(pair)[0]) for pair in binding} if head == "let" else {key_of(binding[0])}
-    function = vocabulary.bindings.get(head)
-    if isinstance(function, HostFunction):
-        acting = function.acts
-    elif head not in FUNCTIONS and head not in known:
-        return False  # a function that the robot does not have does nothing, nor do its arguments
-    else:
-        acting = head in ACTING and not (head == "setq" and key_of(arguments(form)[0]) in local)
-    return acting or any(acts(part, known, vocabulary, local) for part in evaluated(form))
-
-
-ACTING = {"setq", "setqq", "defvar", "rule", "activate", "deactivate", "forget", "lease", "defun", "join", "leave"}
-ACTING |= {"report", "print", "tell", "ping", "rollback", *FLAGS}
-
-
 class Reference:
     """One robot's mind: the state, and `evaluate`.
 
@@ -298,9 +67,7 @@ class Reference:
     true (matched), the reasons of its faults, and what it printed, told and pinged.
     """
 
-    def __init__(
-        self, vocabulary: Vocabulary, *, number: int = 0, seed: int = 0, body: object | None = None
-    ) -> None:
+    def __init__(self, vocabulary: Vocabulary, *, number: int = 0, seed: int = 0, body: object | None = None) -> None:
         self.vocabulary, self.body = vocabulary, body
         self.chance, self.tick, self.draws = stream(seed, number), 0, 0
         variables = [b for b in vocabulary.bindings.values() if isinstance(b, Variable)]
@@ -315,7 +82,7 @@ class Reference:
         self.printed: list[Told] = []
         self.told: list[str] = []
         self.pings: list[float] = []
-        self.steps = self.calls = 0
+        self.steps = self.calls = self.levels = 0
         self.tests: list[Form] = []
         self.matched = False
 
@@ -323,7 +90,7 @@ class Reference:
         """The value of the one expression in `text`. Raises ReadError if it is none."""
         form = read(text)
         self.faults, self.printed, self.told, self.pings = [], [], [], []
-        self.steps = self.calls = 0
+        self.steps = self.calls = self.levels = 0
         made_here = {key_of(arguments(call)[0]) for call in walk(form) if is_call(call, "defun")}
         tests = deciding_tests(form, made_here | self.operators.keys(), self.vocabulary)
         self.tests, self.matched = tests or [], tests is None
@@ -353,14 +120,17 @@ class Reference:
 
     def enter(self, program: Sequence[Form], scope: Scope) -> float:
         """Run a message, a rule or the body of an operator, if the budget and the depth of calls allow."""
-        if self.calls > MAX_CALLS:
+        levels = max(map(height, program))
+        if self.calls > MAX_CALLS or self.levels + levels > MAX_LEVELS:
             return self.fault("calls nested too deeply")
         self.steps += sum(map(cost, program)) + (len(program) > 1)
         if self.steps > MAX_STEPS:
             raise OutOfSteps
         self.calls += 1
+        self.levels += levels
         value = self.in_turn(program, scope)
         self.calls -= 1
+        self.levels -= levels
         return value
 
     # ---- any form ----
@@ -376,11 +146,9 @@ class Reference:
             return form.value
         if isinstance(form, Symbol):
             return self.name(form, scope)
-        head = form.head if isinstance(form, List) else None
-        assert head is not None, form
-        special = getattr(self, "do_" + SPECIAL[head], None) if head in SPECIAL else None
-        if special is not None:
-            return float(special(arguments(form), scope))
+        head = head_of(form)
+        if head in SPECIAL:
+            return float(SPECIAL[head](self, arguments(form), scope))
         if head in PURE:
             return self.pure(head, arguments(form), scope)
         if head in FLAGS:
@@ -496,30 +264,28 @@ class Reference:
         return self.in_turn(forms[1:], scope.new_child(own))
 
     def do_dotimes(self, forms: Sequence[Form], scope: Scope) -> float:
-        counter, count = items(forms[0])
-        assert isinstance(count, Number)
-        for i in range(int(count.value)):
-            self.in_turn(forms[1:], scope.new_child({key_of(counter): float(i)}))
+        counter = key_of(items(forms[0])[0])
+        for i in range(repeats(forms[0])):
+            self.in_turn(forms[1:], scope.new_child({counter: float(i)}))
         return 0.0
 
     # ---- assignment ----
 
     def do_setq(self, forms: Sequence[Form], scope: Scope) -> float:
         key, form = key_of(forms[0]), forms[1]
-        if buffer_number(key) is not None:
+        if buffer_number(key) is not None and key not in scope:
             return self.set_buffer(key, form, scope)
         value = self.value(form, scope)
         binding = self.vocabulary.bindings.get(key)
-        for own in scope.maps:
-            if key in own:
-                own[key] = value
-                return value
-        if key in self.user:
+        own = next((names for names in scope.maps if key in names), None)
+        if own is not None:
+            own[key] = value
+        elif key in self.user:
             self.user[key] = value
         elif not isinstance(binding, Variable) or binding.kind is Kind.SENSOR:
             return self.fault(key)
         elif math.isnan(value):
-            return self.fault("unknown")
+            return self.fault("unknown never reaches" if binding.kind is Kind.ACTUATOR else "unknown")
         else:
             self.values[key] = value
         return value
@@ -536,7 +302,7 @@ class Reference:
     def do_defvar(self, forms: Sequence[Form], scope: Scope) -> float:
         key = key_of(forms[0])
         if key not in self.user:
-            if self.taken(key, "user variable"):
+            if self.taken(key, "variable"):
                 return UNKNOWN
             self.user[key] = self.value(forms[1], scope) if forms[1:] else UNKNOWN
         return self.user[key]
@@ -545,7 +311,7 @@ class Reference:
 
     def store(self, key: str, form: Form, result: float) -> float:
         if self.reaches(key, named(form)):
-            return self.fault("names itself")
+            return self.fault("name itself")
         self.stored[key] = form
         return result
 
@@ -571,15 +337,15 @@ class Reference:
 
     def taken(self, key: str, sort: str) -> bool:
         """Record a fault if `key` is already the name of something of another sort."""
-        sorts = {
-            "user variable": self.user,
+        sorts: dict[str, Container[str]] = {
+            "variable": self.user,
             "rule": self.stored,
             "operator": self.operators,
             "group": self.groups,
         }
         other = next((kind for kind, names in sorts.items() if kind != sort and key in names), None)
         if other is not None:
-            self.fault(f"is already a {other}".replace("a user", "a").replace("a operator", "an operator"))
+            self.fault("is already a")
         return other is not None
 
     def do_rule(self, forms: Sequence[Form], scope: Scope) -> float:
@@ -635,7 +401,7 @@ class Reference:
         if self.taken(key, "operator"):
             return UNKNOWN
         if self.reaches(key, self.named_by(new)):
-            return self.fault("names itself")
+            return self.fault("name itself")
         self.operators[key] = new
         return 1.0
 
@@ -711,7 +477,10 @@ class Reference:
         return 1.0
 
     def do_ping(self, forms: Sequence[Form], scope: Scope) -> float:
-        self.pings.append(self.value(forms[0], scope) if forms else 0.0)
+        caste = self.value(forms[0], scope) if forms else 0.0
+        if math.isnan(caste):
+            return self.fault("unknown")
+        self.pings.append(caste)
         return 1.0
 
 
@@ -724,5 +493,6 @@ def filled(template: Form, numbers: Iterator[float]) -> Form:
     return template
 
 
-SPECIAL = {method[3:]: method[3:] for method in dir(Reference) if method.startswith("do_")} | {"print": "report"}
-"""The special forms and what evaluates them."""
+SPECIAL = {name[3:]: getattr(Reference, name) for name in dir(Reference) if name.startswith("do_")}
+"""The special forms, and the acts that are not just a flag, by key: what evaluates them."""
+SPECIAL["print"] = SPECIAL["report"]

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from language.authors import OPERATORS, Author
 from language.cases import MACHINES, Machine, NodeMachine, Outcome, Setting, within
-from language.reference import cost
+from language.reference_forms import cost
 from sleepcast.language import check, read
 from sleepcast.language.form import QUASIQUOTE, UNQUOTE
 from sleepcast.language.functions import FUNCTIONS
@@ -31,7 +31,7 @@ TEXTS = 6
 NUMBERS = st.sampled_from([math.nan, 0.0, 0.25, 0.5, 1.0, 3.0, -2.0, 1e300])
 SETTINGS = st.builds(
     Setting,
-    values=st.fixed_dictionaries({name: NUMBERS for name in ("fuel", "x", "speed", "sonar1", "throttle")}),
+    values=st.fixed_dictionaries(dict.fromkeys(("fuel", "x", "speed", "sonar1", "throttle"), NUMBERS)),
     number=st.integers(0, 1_000),
     seed=st.integers(0, 2**32),
 )
@@ -44,7 +44,7 @@ def differences(wanted: Outcome, got: Outcome) -> list[str]:
     faults = wanted.faults[:MAX_FAULTS]
     if len(faults) != len(got.faults) or not all(map(within, faults, got.faults)):
         found.append(f"faults {got.faults}, wanted {faults}")
-    for name in ("prints", "tells", "does", "matched"):
+    for name in ("prints", "tells", "pings", "does", "matched"):
         if getattr(wanted, name) != getattr(got, name):
             found.append(f"{name} {getattr(got, name)}, wanted {getattr(wanted, name)}")
     return found
@@ -101,6 +101,25 @@ def test_the_static_cost_is_one_step_for_each_part() -> None:
     assert len(texts) > 500
     for text in texts:
         assert check(text, robot).cost == cost(read(text)), text
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "(PROGN (RULE E5 1) active5)",
+        "(PROGN (FORGET E4) active4)",
+        "(PROGN (DEACTIVATE E4) active4)",
+        "(PROGN (ACTIVATE E9) (OR active9 active8))",
+        "(PROGN (ROLLBACK) (+ active3 active4))",
+        "(PROGN (JOIN bravo) (IN bravo))",
+        "(PROGN (SLEEP) (SETQ marked sleeping) (+ marked sleeping frozen))",
+    ],
+)
+def test_an_explanation_sees_what_acts_have_set(text: str) -> None:
+    robot = NodeMachine(Setting())
+    robot.evaluate("(RULE E4 (+ 1 1))")
+    outcome = robot.evaluate(text)
+    assert robot.result.explanation.value == outcome.value
 
 
 @settings(max_examples=EXAMPLES // 4)

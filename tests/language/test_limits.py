@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
+import time
 
 import pytest
 
-from language.cases import MACHINES, NodeMachine, Setting
-from sleepcast.language.reader import MAX_NESTING
+from language.cases import MACHINES, Machine, NodeMachine, Setting
+from language.reference_forms import height
+from sleepcast.language.reader import MAX_NESTING, MAX_TEXT, read
 from sleepcast.language.vocabulary import (
     BUFFERS,
     MAX_GROUPS,
@@ -17,46 +19,62 @@ from sleepcast.language.vocabulary import (
 )
 
 MAX_CALLS = 32
+MAX_LEVELS = 100
+SLOWEST = 1.0
+"""Seconds of the processor for the largest text, checked, compiled and evaluated; a slow computer takes a third."""
 WRAPPERS = [
     "(ABS {})", "(+ 0 {})", "(IF 1 {})", "(PROGN {})", "(AND 1 {})", "(OR 0 {})", "(LET () {})", "(LET ((p {})) p)",
     "(COND (0) (1 {}))", "(DICE (1 {}))", "(MAX {} {})", "(KNOWN {})", "(SETQ v {})", "(REPORT {})", "(GIVE {})",
 ]  # fmt: skip
 
 
-def wrapped(text: str, wrapper: str) -> str:
-    """`text` in as many wrappers as the reader lets through, the last place of each filled."""
+def wrapped(text: str, wrapper: str, levels: int) -> str:
+    """`text` in as many wrappers as keep to `levels` lists inside one another, the last place of each filled."""
     first, _, last = wrapper.rpartition("{}")
-    deep = wrapper.count("(") if wrapper.startswith(("(COND", "(DICE", "(LET ((")) else 1
-    for _ in range((MAX_NESTING - 3) // deep):
-        text = first.replace("{}", "1") + text + last
+    deeper = first.replace("{}", "1") + text + last
+    while height(read(deeper)) <= levels:
+        text, deeper = deeper, first.replace("{}", "1") + deeper + last
     return text
 
 
-@pytest.mark.parametrize("wrapper", WRAPPERS)
-@pytest.mark.parametrize("name", sorted(MACHINES))
-def test_the_deepest_chain_of_the_deepest_expressions_is_evaluated(name: str, wrapper: str) -> None:
-    robot = MACHINES[name](Setting())
+def fill_buffers(robot: Machine, wrapper: str, levels: int) -> int:
+    """Let each of E1 to E32 evaluate the next in wrappers, E33 be 1; gives the levels of each."""
     robot.evaluate("(DEFVAR v 0)")
     robot.evaluate(f"(SETQQ E{MAX_CALLS + 1} 1)")
     for number in range(MAX_CALLS, 0, -1):
-        stored = robot.evaluate(f"(SETQQ E{number} {wrapped(f'E{number + 1}', wrapper)})")
+        text = wrapped(f"E{number + 1}", wrapper, levels)
+        stored = robot.evaluate(f"(SETQQ E{number} {text})")
         assert not stored.refused
         assert not stored.faults
+    return height(read(text))
+
+
+@pytest.mark.parametrize("levels", [3, 8, MAX_NESTING - 3])
+@pytest.mark.parametrize("wrapper", WRAPPERS)
+@pytest.mark.parametrize("name", sorted(MACHINES))
+def test_the_deepest_chain_of_calls_is_evaluated_and_one_deeper_is_a_fault(
+    name: str, wrapper: str, levels: int
+) -> None:
+    robot = MACHINES[name](Setting())
+    each = fill_buffers(robot, wrapper, levels)
+    last = MAX_CALLS + 1
+    deepest = max(last - MAX_LEVELS // each, 2)
     limit = sys.getrecursionlimit()
-    assert robot.evaluate("E2").value == 1
-    assert not robot.evaluate("E2").faults
-    assert any("nested too deeply" in fault for fault in robot.evaluate("E1").faults)
+    outcome = robot.evaluate(f"E{deepest}")
+    assert outcome.value == 1
+    assert not outcome.faults
+    assert any("nested too deeply" in fault for fault in robot.evaluate(f"E{deepest - 1}").faults)
     assert sys.getrecursionlimit() == limit
 
 
-def test_the_deepest_chain_can_be_explained() -> None:
+@pytest.mark.parametrize("levels", [3, MAX_NESTING - 3])
+def test_the_deepest_chain_can_be_explained(levels: int) -> None:
     robot = NodeMachine(Setting())
-    robot.evaluate(f"(SETQQ E{MAX_CALLS} 1)")
-    for number in range(MAX_CALLS - 1, 0, -1):
-        robot.evaluate(f"(SETQQ E{number} {wrapped(f'E{number + 1}', '(ABS {})')})")
-    assert robot.evaluate("E1").value == 1
+    each = fill_buffers(robot, "(ABS {})", levels)
+    deepest = max(MAX_CALLS + 1 - MAX_LEVELS // each, 2)
+    assert robot.evaluate(f"E{deepest}").value == 1
     assert robot.result.explanation.value == 1
-    assert "E1" in robot.result.explanation.render()
+    assert f"E{deepest}" in robot.result.explanation.render()
 
 
 @pytest.mark.parametrize(
@@ -97,3 +115,23 @@ def test_more_faults_than_are_kept_end_no_evaluation() -> None:
     assert outcome.value == 7
     assert 0 < len(outcome.faults) <= 1000
     assert set(outcome.faults) == {"division by zero"}
+
+
+UNITS = [
+    "1", "x", "(/ x 2)", "(DIST x y 1 2)", "(IF x 1 2)", "(COND (x 1) (2))", "(DICE (x 1))", "(AND x y)", "(SETQ v x)",
+    "(LET ((p 1)) p)", "(PRINT 1)", "(TELL (a ,x))", "(SETQQ E1 x)", "zork", "(zork)", "(DEFUN f (p) p)", "(JOIN a)",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["node", "node-compiled"])
+@pytest.mark.parametrize("head", ["+", "OR", "PROGN"])
+@pytest.mark.parametrize("unit", UNITS)
+def test_the_largest_text_is_dealt_with_quickly(name: str, head: str, unit: str) -> None:
+    robot = MACHINES[name](Setting(values={"x": 3.0, "y": 4.0}))
+    robot.evaluate("(DEFVAR v 0)")
+    row = f"({head} {' '.join([unit] * min(90, MAX_TEXT // len(unit) // 4))})"
+    text = f"({head} {' '.join([row] * ((MAX_TEXT - 20) // (len(row) + 1)))})"
+    assert MAX_TEXT / 2 < len(text) <= MAX_TEXT
+    begun = time.process_time()
+    assert not robot.evaluate(text).refused
+    assert time.process_time() - begun < SLOWEST

@@ -54,7 +54,7 @@ def test_a_file_is_read(tmp_path: Path) -> None:
     assert read_mission(file)[0].place == f"{file}:1"
 
 
-@pytest.mark.parametrize(("raw", "said"), [(b"@1s \n\xff", ":2: not UTF-8"), (b";" * 1_048_577, "too many")])
+@pytest.mark.parametrize(("raw", "said"), [(b"@1s \n\xff", ":2: not UTF-8"), (b";" * 1_048_577, "too long")])
 def test_a_file_that_is_no_script(tmp_path: Path, raw: bytes, said: str) -> None:
     file = tmp_path / "a.sleep"
     file.write_bytes(raw)

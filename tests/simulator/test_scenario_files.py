@@ -99,7 +99,7 @@ def test_a_mistake_is_told_with_its_place(tmp_path: Path, old: str, new: str, li
 
 @pytest.mark.parametrize(
     ("raw", "said"),
-    [(b"\xff\xfe", "not UTF-8"), (b"x" * 1_048_577, "too many"), (b"a = 1\nb = [\n", ":3: not TOML")],
+    [(b"\xff\xfe", "not UTF-8"), (b"x" * 1_048_577, "too long"), (b"a = 1\nb = [\n", ":3: not TOML")],
     ids=["binary", "huge", "cut"],
 )
 def test_a_file_that_is_no_settings_file(tmp_path: Path, raw: bytes, said: str) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from sleepcast.channel import Kind, Message
 from sleepcast.clock import ManualClock
-from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.errors import MisuseError
 from sleepcast.language import CheckError, ReadError
 from sleepcast.station import (
     DEADLINE,
@@ -193,7 +193,7 @@ def test_why_says_what_is_wrong_with_the_question(fleet: Fleet) -> None:
         fleet.station.why("S4x", command.id)
     with pytest.raises(NoSuchCommandError, match=r"desk-1\.2"):
         fleet.station.why("s4", "desk-1.2")
-    with pytest.raises(SleepcastError, match="s4"):
+    with pytest.raises(NoExplanationError, match="s4 remembers no command"):
         fleet.station.why("s4", command.id)
     fleet.station.hear(Message("stranger", 0, 1, Kind.HEARTBEAT, 0.0))
     with pytest.raises(NoExplanationError, match="cannot be asked"):

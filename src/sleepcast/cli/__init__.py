@@ -7,6 +7,7 @@ their own, and those import the rooms below only when they run, so that a small 
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from collections.abc import Sequence
@@ -15,11 +16,13 @@ from importlib import import_module
 import click
 
 from sleepcast import __version__
-from sleepcast.cli.streams import complain, open_streams
+from sleepcast.cli.streams import ReaderGone, complain, open_streams
 from sleepcast.errors import SleepcastError, did_you_mean
 
 INTERRUPTED = 130
 """The exit status of a program that Ctrl-C ended (128 + SIGINT), as a shell reports it."""
+NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
+"""What goes wrong with an output that a person sent to a file: a full disk, a quota, a broken device."""
 READER_GONE = 141
 """The exit status of a program whose reader went away (128 + SIGPIPE)."""
 
@@ -92,13 +95,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status = _run(sys.argv[1:] if arguments is None else list(arguments))
         if sys.stdout is not None:
             sys.stdout.flush()
-    except BrokenPipeError:
+    except (ReaderGone, BrokenPipeError):
         _forget_output()
         return READER_GONE
     except OSError as error:
-        # What a person can do about a full disk or a vanished device is outside this program.
+        if error.errno not in NO_ROOM:
+            raise
         _forget_output()
-        complain(f"cannot write the output: {error.strerror or error}")
+        complain(f"cannot write the output: {error.strerror}")
         return 1
     return status
 

@@ -63,10 +63,10 @@ class Run:
 
 
 def run_headless(scenario: Scenario, seed: int | None, seconds: float, *, quiet: bool) -> Run:
-    """Run `scenario` with its mission for so many simulated seconds."""
+    """Run `scenario` with its mission for so many simulated seconds, a tick at least."""
     began = perf_counter()
     swarm, station = assemble(scenario, seed, mission=True)
     ready = perf_counter()
-    for _ in steps(round(seconds / scenario.tick), scenario.name, quiet=quiet):
+    for _ in steps(max(1, round(seconds / scenario.tick)), scenario.name, quiet=quiet):
         swarm.step()
     return Run(swarm, station, ready - began, perf_counter() - ready)

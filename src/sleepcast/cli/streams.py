@@ -9,7 +9,7 @@ import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TextIO
 
 from sleepcast.errors import MisuseError, SleepcastError
 
@@ -28,6 +28,10 @@ class OutputError(SleepcastError):
     """There is nowhere to print to."""
 
 
+class ReaderGone(Exception):
+    """Whoever read our output has closed it; nobody is left to tell anything."""
+
+
 def open_streams() -> None:
     """Let every text print: what the terminal's encoding lacks, and bytes that came in undecoded, are escaped."""
     import io
@@ -38,25 +42,34 @@ def open_streams() -> None:
 
 
 def put(line: str) -> None:
-    """Print one line of the result. Raises OutputError if standard output is closed."""
+    """Print one line of the result. Raises OutputError if standard output is closed, ReaderGone if its reader is."""
     if sys.stdout is None:
         raise OutputError("standard output is closed, so the result cannot be printed; open it or send it to a file")
-    sys.stdout.write(f"{line}\n")
+    _write(sys.stdout, line, now=False)
 
 
-def announce(text: str) -> None:
-    """Print a line on standard output that must be seen at once, though the program goes on."""
-    put(text)
-    sys.stdout.flush()
+def announce(line: str) -> None:
+    """The same for a line that must be seen at once, though the program goes on."""
+    put(line)
+    _write(sys.stdout, "", now=True)
 
 
 def complain(text: str) -> None:
     """Print a sentence for a person on standard error, after the results that came before it."""
     if sys.stdout is not None:
-        sys.stdout.flush()
+        _write(sys.stdout, "", now=True)
     if sys.stderr is not None:
-        sys.stderr.write(f"{text}\n")
-        sys.stderr.flush()
+        _write(sys.stderr, text, now=True)
+
+
+def _write(stream: TextIO, line: str, *, now: bool) -> None:
+    try:
+        if line:
+            stream.write(f"{line}\n")
+        if now:
+            stream.flush()
+    except BrokenPipeError:
+        raise ReaderGone from None
 
 
 def read_file(path: Path) -> str:

@@ -62,7 +62,7 @@ def serve(
     app = make_app(Desk(swarm, station, driver, clock), door, clock)
     config = uvicorn.Config(
         app,
-        log_level="critical",
+        log_level="error",
         access_log=False,
         ws_max_size=MAX_BYTES,
         ws_per_message_deflate=False,
@@ -70,8 +70,12 @@ def serve(
         server_header=False,
         lifespan="off",
     )
-    say(_invitation(address, open_browser and _has_screen()))
-    asyncio.run(_run(uvicorn.Server(config), driver, listener))
+
+    async def run() -> None:
+        say(_invitation(address, open_browser and _has_screen()))  # from here on Ctrl-C ends the loop in good order
+        await _run(uvicorn.Server(config), driver, listener)
+
+    asyncio.run(run())
 
 
 async def _run(server: uvicorn.Server, driver: Driver, listener: socket.socket) -> None:

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from math import nan
 
-from sleepcast.errors import MisuseError, did_you_mean, line_and_column, with_caret
+from sleepcast.errors import MisuseError, did_you_mean, placed, with_caret
 from sleepcast.language.form import Form, List, Number, Symbol, Text, walk
 from sleepcast.language.functions import FUNCTIONS, MANY, Function
 from sleepcast.language.names import Group, Names, Operator, Stored, UserVariable, reaches, uses_in
@@ -29,6 +29,9 @@ from sleepcast.language.vocabulary import (
 
 MAX_COST = 10_000
 """Steps that one expression may cost by its own static bound; the same as an evaluation's budget."""
+
+MAX_SUGGESTIONS = 20
+"""Unknown names of one text for which a likely meant one is looked for: looking takes long beside all other checks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +68,7 @@ class Checker:
         self.fixed_locals: set[int] = set()
         self.locals = 0
         self.loops = 0
+        self.suggestions = 0
         self.pending: dict[str, str] = {}
         """Names that this very text declares: key to "variable", "rule", "group" or "operator"."""
         self.pending_parameters: dict[str, int] = {}
@@ -84,12 +88,13 @@ class Checker:
         self._find("warning", message, form)
 
     def _find(self, severity: str, message: str, form: Form) -> None:
-        line, column = line_and_column(self.text, form.start)
-        text = message.replace("@@", f"at {line}:{column}", 1)
-        self.findings.append(Finding(severity, text, form.start, form.end))
+        self.findings.append(Finding(severity, placed(message, self.text, form.start), form.start, form.end))
 
     def suggestion(self, name: str) -> str:
-        """` (did you mean X?)` out of every name that this robot knows."""
+        """` (did you mean X?)` out of every name that this robot knows, for the first unknown names of a text."""
+        self.suggestions += 1
+        if self.suggestions > MAX_SUGGESTIONS:
+            return ""
         return did_you_mean(name, (*self.names.vocabulary.names(), *self.names.heard(), *self.pending))
 
     # ---- names
@@ -290,7 +295,7 @@ class Checker:
         uses = frozenset(self.uses)
         self.scopes, self.uses, self.free, self.loops = kept
         self.bounded(tree, where)
-        way = reaches(uses, key, lambda k: self.pending_uses.get(k) or uses_in(self.names, k))
+        way = reaches(uses, key, lambda k: self.pending_uses[k] if k in self.pending_uses else uses_in(self.names, k))
         if way is not None:
             through = " through " + ", ".join(k.upper() for k in way[:-1]) if len(way) > 1 else ""
             self.error(f"{key.upper()} @@ would name itself{through}: an evaluation must end", where)

@@ -309,9 +309,12 @@ class _Generator(Emitter):
         return self.statement(f"E(m,{name},m.fetch({name}))")
 
     def _call(self, part: Part) -> Piece:
-        name = self.constant(part)
-        arguments = self.kept(part.parts)
-        return self.statement(f"E(m,{name},m.operator({name}),({''.join(a + ',' for a in arguments)}))")
+        name, program, result = self.constant(part), self.temporary(), self.temporary()
+        self.emit(f"{program}=m.operator({name}); {result}=N")
+        before = self.block(f"if {program} is not None:")
+        self.emit(f"{result}=E(m,{name},{program},({self.arguments(part.parts)}))")
+        self.indent = before
+        return Piece(result, True, True)
 
     def _host(self, part: Part) -> Piece:
         return self.statement(f"m.host({self.constant(part)},{self.arguments(part.parts)})")

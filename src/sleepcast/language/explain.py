@@ -141,7 +141,7 @@ def _explained(recollection: Recollection, memory: Rehearsal) -> Explanation:
         memory.matched = is_true(value)
     course = _Course(tracer, {(id(part), 0): reason for part, reason in memory.faults})
     reason = "" if memory.matched else reason_of(program, tracer)
-    root = _step(program.root, program.text, course, tracer, culprit(program, tracer))
+    root = _step(program.root, program.text, course, tracer, None if memory.matched else culprit(program, tracer))
     faults = tuple(f"{reason} in {show(part.form)}" for part, reason in memory.faults)
     return Explanation(
         program.text, value, memory.matched, reason, root, faults, recollection.command, recollection.time

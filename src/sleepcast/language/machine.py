@@ -70,17 +70,19 @@ class Program:
         values = memory.values
         if len(values) < self.slots:
             values.extend([nan] * (self.slots - len(values)))
-        if self.code is not None:
-            return self.code(values, memory, *arguments)
-        self.runs += 1
-        if self.runs > HOT:
-            self.compile()
-        return Walker(memory, self, arguments).value(self.root)
+        code = self.code
+        if code is None:
+            self.runs += 1
+            if self.runs <= HOT:
+                return Walker(memory, self, arguments).value(self.root)
+            code = self.compile()
+        return code(values, memory, *arguments)
 
-    def compile(self) -> None:
-        """Generate the program's Python code now."""
+    def compile(self) -> Code:
+        """The program's Python code, generated now if it was not before."""
         if self.code is None:
             self.code = generate(self.root, self.parameters)
+        return self.code
 
     def _look_at(self, parts: list[Part]) -> None:
         ops = {part.op for part in parts}
@@ -89,11 +91,8 @@ class Program:
         self.asks = "host" in ops or "linked" in ops
 
     def _find_test(self, checker: Checker) -> Program | None:
-        part: Part | None = self.root
-        while part is not None and part.op in ("progn", "let"):
-            inside = part.parts[int(part.number) :] if part.op == "let" else part.parts
-            part = next((p for p in inside if p.op in ("cond", "if", "and", "progn", "let")), None)
-        if part is None or part.op not in ("cond", "if", "and"):
+        part = _tested(self.root)
+        if part is None:
             return None
         tests = _watch(part)
         if not tests:
@@ -111,6 +110,14 @@ class Program:
         self.root, self.form, self.cost = root, root.form, cost(root)
         self._look_at(walk(root))
         self.test, self.runs, self.code = self, 0, None
+
+
+def _tested(part: Part) -> Part | None:
+    """The first COND, IF, WHEN or AND of `part`, also inside its PROGNs and LETs."""
+    if part.op in ("cond", "if", "and"):
+        return part
+    inside = part.parts[int(part.number) :] if part.op == "let" else part.parts if part.op == "progn" else ()
+    return next(filter(None, map(_tested, inside)), None)
 
 
 def _watch(part: Part) -> tuple[Part, ...]:

@@ -28,6 +28,7 @@ class Entered(Protocol):
     cost: int
     height: int
     locals: int
+    slots: int
 
     def run(self, memory: Memory, *arguments: float) -> float: ...
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 
-from sleepcast.errors import MisuseError, did_you_mean, line_and_column, with_caret
+from sleepcast.errors import MisuseError, did_you_mean, placed, with_caret
 from sleepcast.language.form import PREFIXES, Form, List, Number, Symbol, Text
 from sleepcast.units import UNITS, to_si
 
@@ -39,9 +39,8 @@ class ReadError(MisuseError):
     """Text that is no expression. start, end: the offending characters of `text`."""
 
     def __init__(self, reason: str, text: str, start: int, end: int) -> None:
-        line, column = line_and_column(text, start)
-        super().__init__(with_caret(f"{reason.replace('@@', f'at {line}:{column}', 1)}", text, start, end))
-        self.reason = reason.replace("@@", f"at {line}:{column}", 1)
+        self.reason = placed(reason, text, start)
+        super().__init__(with_caret(self.reason, text, start, end))
         self.text, self.start, self.end = text, start, end
 
 

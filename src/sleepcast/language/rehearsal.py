@@ -11,8 +11,8 @@ from math import nan
 from typing import NamedTuple
 
 from sleepcast.language.operations import Entered
-from sleepcast.language.parts import Label, Part
-from sleepcast.language.vocabulary import ACTIVE0, FROZEN, MARKED, SLEEPING, Variable, buffer_number
+from sleepcast.language.parts import Label, Part, Storing
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEEPING, Variable, buffer_number
 
 
 class Refusal(NamedTuple):
@@ -80,7 +80,8 @@ class Rehearsal:
         return value
 
     def store(self, part: Part, value: float) -> float:
-        return value
+        apply_flags(self, part)
+        return 1.0 if isinstance(part.data, Storing) and part.data.activate else value
 
     def fetch(self, part: Part) -> Entered | None:
         return self._fetch(part) if self._fetch else None
@@ -143,7 +144,10 @@ class Replay(Rehearsal):
         return answer
 
     def store(self, part: Part, value: float) -> float:
-        return self._number()
+        answer = self._number()
+        if answer == answer:
+            apply_flags(self, part)
+        return answer
 
     def fetch(self, part: Part) -> Entered | None:
         return self._program()
@@ -158,6 +162,8 @@ class Replay(Rehearsal):
         answer = self._number()
         if answer == answer:
             apply_flags(self, part)
+        if part.name == "rollback":
+            self.values[ACTIVE0 + 1 : ACTIVE0 + BUFFERS] = [self._number() for _ in range(1, BUFFERS)]
         return answer
 
 
@@ -166,11 +172,14 @@ def apply_flags(memory: Rehearsal, part: Part) -> None:
     if part.name in FLAGS:
         slot, value = FLAGS[part.name]
         memory.values[slot] = value
+    elif isinstance(part.data, Storing):
+        if part.data.activate and (number := buffer_number(part.data.key)):
+            memory.values[ACTIVE0 + number] = 1.0
     elif isinstance(part.data, Label):
         key = part.data.text.casefold()
         if part.name == "join":
             memory.groups |= {key}
         elif part.name == "leave":
             memory.groups -= {key}
-        elif part.name in ("activate", "deactivate") and (number := buffer_number(key)):
+        elif part.name in ("activate", "deactivate", "forget") and (number := buffer_number(key)):
             memory.values[ACTIVE0 + number] = 1.0 if part.name == "activate" else 0.0

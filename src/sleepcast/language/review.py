@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import inf, isfinite
 
-from sleepcast.errors import line_and_column
+from sleepcast.errors import placed
 from sleepcast.language.checker import Checker, CheckError, Finding
 from sleepcast.language.form import Form, Number, show
 from sleepcast.language.machine import Program, build
@@ -68,8 +68,7 @@ class _Advice:
         return self.findings
 
     def warn(self, message: str, form: Form) -> None:
-        line, column = line_and_column(self.text, form.start)
-        self.findings.append(Finding("warning", message.replace("@@", f"at {line}:{column}", 1), form.start, form.end))
+        self.findings.append(Finding("warning", placed(message, self.text, form.start), form.start, form.end))
 
     def dimension(self, part: Part) -> Dimension | None:
         """The dimension of `part`'s value; what is doubtful inside it is noted on the way."""

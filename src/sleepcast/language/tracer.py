@@ -35,6 +35,7 @@ class Tracer(Walker):
         memory.steps += program.cost
         if memory.steps > MAX_STEPS:
             raise OutOfSteps
+        memory.values.extend([nan] * (program.slots - len(memory.values)))
         matched = memory.matched
         memory.depth += 1
         memory.levels += program.height

@@ -141,8 +141,8 @@ def _fetch(w: Walker, part: Part) -> float:
 
 
 def _call(w: Walker, part: Part) -> float:
-    arguments = w.all(part.parts)
-    return w.enter(part, w.memory.operator(part), arguments)
+    program = w.memory.operator(part)
+    return nan if program is None else w.enter(part, program, w.all(part.parts))
 
 
 _HOW: dict[str, Callable[[Walker, Part], float]] = {

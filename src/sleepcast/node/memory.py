@@ -343,7 +343,10 @@ class RobotMemory:
             slot, value = FLAGS[part.name]
             self.values[slot] = value
             return self._answer(1.0)
-        return self._answer(self._acts[part.name](self, part, *arguments))
+        result = self._answer(self._acts[part.name](self, part, *arguments))
+        if part.name == "rollback" and self.answers is not None:
+            self.answers.extend(self.values[ACTIVE0 + 1 : ACTIVE0 + BUFFERS])
+        return result
 
     def rehearsal(self) -> Rehearsal:
         """A memory for asking what would happen now: it starts where this one is, and nothing in it happens."""

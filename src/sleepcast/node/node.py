@@ -138,7 +138,8 @@ class Node:
 
     def fetch(self, part: Part) -> Program | None:
         """The program in the buffer or rule that a `fetch` part names."""
-        return self._memory.fetch(part)
+        buffer = self._memory.rules.kept.get(part.name)
+        return None if buffer is None else buffer.program
 
     def operator(self, part: Part) -> Program | None:
         """The program of the operator that a `call` part names, None if it has none of that name."""

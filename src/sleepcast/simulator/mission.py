@@ -24,7 +24,7 @@ MAX_BYTES = 1_048_576
 MAX_ORDERS = 1_000
 """Orders in one mission: what an operator types in a long day."""
 
-_TIME = re.compile(r"@(\d+\.?\d*|\.\d+)\s*([A-Za-z%/0-9]*)(?=\s|$)")
+_TIME = re.compile(r"@(\d++(?:\.\d*+)?+|\.\d++)\s*([A-Za-z%/0-9]*)(?=\s|$)")
 
 
 class MissionError(MisuseError):
@@ -43,11 +43,12 @@ class Order:
 def read_mission(path: Path) -> tuple[Order, ...]:
     """The orders of the script at `path`, in time order. Raises MissionError."""
     try:
-        raw = path.read_bytes()
+        with path.open("rb") as file:
+            raw = file.read(MAX_BYTES + 1)
     except OSError as error:
         raise MissionError(f"{path}: cannot be read: {error.strerror or error}") from error
     if len(raw) > MAX_BYTES:
-        raise MissionError(f"{path}: {len(raw)} bytes are too many for a mission; at most {MAX_BYTES}")
+        raise MissionError(f"{path}: too long for a mission: at most {MAX_BYTES} bytes")
     try:
         return parse_mission(raw.decode(), str(path))
     except UnicodeDecodeError as error:

@@ -21,7 +21,7 @@ from sleepcast.units import NONE, UNITS, Dimension, to_si
 MAX_BYTES = 1_048_576
 """Of one file: the largest scenario of people is a hundred times smaller."""
 
-_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z%][A-Za-z/0-9]*|)\s*")
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?\d++)?)\s*([A-Za-z%][A-Za-z/0-9]*|)\s*")
 _NAME = r"""(?:[\w-]+|"[^"]*"|'[^']*')"""
 _KEY = re.compile(rf"\s*({_NAME}(?:\s*\.\s*{_NAME})*)\s*=")
 _HEADER = re.compile(rf"\s*(\[\[?)\s*({_NAME}(?:\s*\.\s*{_NAME})*)\s*\]")
@@ -47,11 +47,12 @@ class Document:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            raw = path.read_bytes()
+            with path.open("rb") as file:
+                raw = file.read(MAX_BYTES + 1)
         except OSError as error:
             raise SettingsError(f"{path}: cannot be read: {error.strerror or error}") from error
         if len(raw) > MAX_BYTES:
-            raise SettingsError(f"{path}: {len(raw)} bytes are too many for a settings file; at most {MAX_BYTES}")
+            raise SettingsError(f"{path}: too long for a settings file: at most {MAX_BYTES} bytes")
         try:
             text = raw.decode()
             values = tomllib.loads(text)

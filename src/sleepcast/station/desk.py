@@ -97,6 +97,8 @@ class Station:
         self._vocabulary, self._minds, self._outbox, self._clock = vocabulary, minds, outbox, clock
         self._roster = Roster(minds)
         self._commands: dict[str, Command] = {}
+        self._latch: Command | None = None
+        """The last STOP or RELEASE."""
         self._sequence = 0
         self._lock = RLock()
 
@@ -151,8 +153,7 @@ class Station:
     def attend(self) -> None:
         """Send the last STOP or RELEASE again if robots are not accounted for; call this at every tick or so."""
         with self._lock:
-            now = self._clock.now()
-            latest = next((c for c in reversed(self._commands.values()) if c.kind is not Kind.COMMAND), None)
+            now, latest = self._clock.now(), self._latch
             if latest is None or now - latest.last_sent < REPEAT_AFTER:
                 return
             silent = latest.silent()
@@ -188,6 +189,8 @@ class Station:
             )
             command = Command(message, self._roster.names(), predicted, last_sent=now)
             self._commands[message.id] = command
+            if kind is not Kind.COMMAND:
+                self._latch = command
             while len(self._commands) > MAX_COMMANDS:
                 del self._commands[next(iter(self._commands))]
             details = {
@@ -229,7 +232,7 @@ class Station:
         with self._lock:
             told = list(rows)
             self._roster.observe(now, told)
-            latest = next((c for c in reversed(self._commands.values()) if c.kind is not Kind.COMMAND), None)
+            latest = self._latch
             if latest is None or now < latest.message.issued:
                 return
             wanted = latest.kind is Kind.STOP
@@ -272,7 +275,10 @@ class Station:
         mind = self._minds.get(row.robot)
         if mind is None:
             raise NoExplanationError(f"{robot} cannot be asked from here: only its radio is known, not its mind")
-        return mind.why(command)
+        try:
+            return mind.why(command)
+        except SleepcastError as error:
+            raise NoExplanationError(str(error)) from error
 
     def _note(
         self, event: Event, who: str = "", *, subject: str = "", text: str = "", details: Mapping[str, object]

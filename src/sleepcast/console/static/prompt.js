@@ -45,7 +45,7 @@ export class Prompt extends EventTarget {
     this.find("search-text").addEventListener("blur", () => this.endSearch(false));
     this.found.addEventListener("take", (event) => this.recall(event.detail));
     setInterval(() => {
-      if (this.preview && !this.sending && document.visibilityState === "visible") this.ask();
+      if (this.preview?.counted && !this.sending && document.visibilityState === "visible") this.ask();
     }, AGAIN);
   }
 
@@ -110,7 +110,7 @@ export class Prompt extends EventTarget {
   async ask() {
     const { text } = this.editor;
     if (!text.trim()) {
-      this.find("findings").hidden = true;
+      this.showFindings([]);
       this.dispatchEvent(new CustomEvent("preview", { detail: null }));
       return;
     }
@@ -132,7 +132,8 @@ export class Prompt extends EventTarget {
   showPreview() {
     const answer = this.preview?.counted ? this.preview : null;
     for (const name of ["yes", "no", "unknown"]) {
-      this.find(name).textContent = answer ? answer[name].toLocaleString("en") : "–";
+      const count = answer ? answer[name].toLocaleString("en") : "–";
+      if (this.find(name).textContent !== count) this.find(name).textContent = count;
     }
     this.find("unknown").parentElement.title = answer?.reasons.map(([why, count]) => `${count}: ${why}`).join("\n") ?? "";
     this.find("preview").classList.toggle("known", answer !== null);
@@ -148,6 +149,9 @@ export class Prompt extends EventTarget {
   }
 
   showFindings(findings) {
+    const key = JSON.stringify(findings);
+    if (key === this.shownFindings) return; // a screen reader would say them again
+    this.shownFindings = key;
     const unfinished = isUnfinished(this.editor.tokens);
     this.find("findings").hidden = findings.length === 0;
     this.find("findings").replaceChildren(

@@ -37,7 +37,7 @@ export class Time {
     if (frame.wanted !== this.wanted) this.offer(frame.wanted);
     this.wanted = frame.wanted;
     this.running = frame.running;
-    this.find("run").setAttribute("aria-pressed", String(frame.running));
+    this.find("run").dataset.running = frame.running;
     this.find("run").setAttribute("aria-label", frame.running ? "Pause" : "Run");
     this.find("clock").textContent = clock(frame.time);
     const behind = frame.running && frame.wanted < FASTEST && frame.achieved < BEHIND * frame.wanted;

@@ -1,0 +1,126 @@
+"""Make the moving picture of the README: a real run of the real page, in Chromium.
+
+    .venv/bin/python docs/pictures/make.py            # after python3 go.py test has set up the tools
+
+The program is started as a newcomer starts it, a browser types what a newcomer types, and what the page shows is
+photographed as fast as the machine can; each photograph is shown for as long as it was true.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import pairwise, product
+from pathlib import Path
+
+import apng
+from playwright.sync_api import Page, ViewportSize, sync_playwright
+
+FOLDER = Path(__file__).resolve().parent
+SIZE: ViewportSize = {"width": 1040, "height": 650}
+SEED = "7"
+FRAME = 0.35
+"""Seconds between two photographs: smooth enough for scouts, and few enough for a small file."""
+KEYS = 8
+"""Characters typed from one photograph to the next."""
+LAST = 2.5
+"""Seconds for which the last photograph stays, to be read."""
+SENTENCE = "(WHEN (AND (< (DIST x y vessel_x vessel_y) 5mi) (> fuel 50%) (> ordnance 70%)) (JOIN bravo))"
+
+
+@contextmanager
+def running() -> Iterator[str]:
+    """The address of the page, while the program runs."""
+    command = [sys.executable, "-m", "sleepcast", "demo", "bravo", "--no-browser", "--port", "0", "--seed", SEED]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+        assert process.stdout is not None
+        found = next((match for line in process.stdout if (match := re.search(r"http://\S+", line))), None)
+        if found is None:
+            raise SystemExit("the program ended before it said its address")
+        try:
+            yield found[0]
+        finally:
+            process.send_signal(signal.SIGINT)
+
+
+class Camera:
+    """Photographs of a page, each with the moment at which it was taken."""
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self._taken: list[tuple[float, bytes]] = []
+
+    def film(self, seconds: float) -> None:
+        """Photograph the page for so long, at least once."""
+        end = time.monotonic() + seconds
+        self.snap()
+        while time.monotonic() < end:
+            self.snap()
+
+    def snap(self) -> None:
+        """Take one photograph, not sooner than `FRAME` after the last one."""
+        if self._taken:
+            time.sleep(max(0.0, self._taken[-1][0] + FRAME - time.monotonic()))
+        self._taken.append((time.monotonic(), self._page.screenshot()))
+
+    def develop(self, path: Path) -> None:
+        """Write the moving picture."""
+        times = [taken for taken, _ in self._taken]
+        delays = [after - before for before, after in pairwise(times)] + [LAST]
+        apng.write(path, [apng.decoded(picture) for _, picture in self._taken], delays)
+        print(f"{path.name}: {len(times)} frames, {sum(delays):.1f} s, {path.stat().st_size / 1e6:.2f} MB")
+
+
+def play(page: Page, camera: Camera) -> None:
+    """What a newcomer does: type the sentence, send it, send Bravo to the vessel, ask a scout why."""
+    prompt = page.locator("#text")
+    prompt.fill("")
+    camera.film(0.3)
+    for start in range(0, len(SENTENCE), KEYS):
+        prompt.press_sequentially(SENTENCE[start : start + KEYS])
+        camera.snap()
+    camera.film(1.2)
+    prompt.press("Enter")
+    camera.film(1.2)
+    page.locator("#ready button").nth(1).click()
+    camera.film(0.7)
+    prompt.press("Enter")
+    camera.film(3.0)
+    page.locator("#commands tr").last.click()
+    ask_a_bystander(page)
+    camera.film(0.7)
+
+
+def ask_a_bystander(page: Page) -> None:
+    """Click scouts in the middle of the map until one says that it lacked fuel or ordnance."""
+    area = page.locator("#map").bounding_box()
+    assert area is not None
+    for across, up in product((0.55, 0.6, 0.5, 0.65, 0.45), (0.5, 0.45, 0.4, 0.6, 0.65)):
+        page.locator("#map").click(position={"x": area["width"] * across, "y": area["height"] * up})
+        page.wait_for_timeout(300)
+        if re.search(r"(fuel|ordnance) = [\d.]+ %, needed", page.locator("#pane-why").inner_text()):
+            return
+    raise SystemExit("no scout in the middle of the map lacked fuel or ordnance; try another seed")
+
+
+def main() -> None:
+    chromium = shutil.which("chromium")
+    with running() as address, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium)
+        page = browser.new_page(viewport=SIZE, color_scheme="light")
+        page.goto(address)
+        page.locator("#ready button").first.wait_for()
+        camera = Camera(page)
+        play(page, camera)
+        browser.close()
+    camera.develop(FOLDER / "bravo.png")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,159 @@
+"""The command itself: how it starts, what it says to mistakes, and how it ends."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cli.calling import LONGEST
+from sleepcast import __version__
+from sleepcast.cli import COMMANDS, main
+
+QUICK = 0.150
+"""Seconds of work for the smallest job, the start of Python included."""
+SLEEPCAST = [sys.executable, "-m", "sleepcast"]
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"sleepcast {__version__}\n"
+
+
+def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    page = capsys.readouterr().out
+    listed = [line.split()[0] for line in page.partition("Commands:")[2].splitlines() if line.strip()]
+    assert listed == list(COMMANDS)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_of_every_command_has_examples(capsys: pytest.CaptureFixture[str], command: str) -> None:
+    assert main([command, "--help"]) == 0
+    page = capsys.readouterr().out
+    examples = page.partition("Examples:\n")[2].splitlines()
+    assert any(line.strip().startswith(("sleepcast", "echo")) for line in examples)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["evl", "1"], "unknown command 'evl' (did you mean eval?)"),
+        (["frobnicate"], "unknown command 'frobnicate': commands are demo, run,"),
+        (["eval", "--dialct", "classic", "1"], "--dialect"),
+        (["--vresion"], "--version"),
+        (["eval"], "Missing argument 'EXPR...'"),
+        (["run"], "Missing argument 'SCENARIO'"),
+        (["eval", "--dialect", "klassik", "1"], "'standard', 'classic', 'faithful'"),
+        (["eval", "--seed", "x", "1"], "--seed"),
+        (["demo", "--port", "70000"], "--port"),
+        (["demo", "bravo", "more"], "more"),
+    ],
+)
+def test_misuse_is_told_with_what_might_be_meant(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    assert main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert words in captured.err
+
+
+def test_the_smallest_job_starts_fast() -> None:
+    """Measured as the work of a process of its own: what else the machine does cannot make it slower."""
+    call = "subprocess.run([sys.executable, '-m', 'sleepcast', 'eval', '(+ 1 2)'], stdout=subprocess.DEVNULL)"
+    used = "resource.getrusage(resource.RUSAGE_CHILDREN)"
+    code = f"import resource, subprocess, sys; {call}; used = {used}; print(used.ru_utime + used.ru_stime)"
+    measure = [sys.executable, "-c", code]
+    times = [float(subprocess.run(measure, capture_output=True, check=True).stdout) for _ in range(7)]
+    assert min(times) < QUICK, f"sleepcast eval '(+ 1 2)' takes {min(times) * 1000:.0f} ms"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "unwanted"),
+    [
+        (["eval", "(+ 1 2)"], {"numpy", "rich", "starlette", "uvicorn", "prompt_toolkit", "asyncio"}),
+        (["check", "(+ 1 2)"], {"numpy", "rich", "starlette", "uvicorn", "prompt_toolkit", "asyncio"}),
+        (["--help"], {"numpy", "rich", "starlette", "uvicorn", "prompt_toolkit", "asyncio", "sleepcast.language"}),
+        (
+            ["demo", "--headless", "--seconds", "0.1", "--robots", "2"],
+            {"rich", "starlette", "uvicorn", "prompt_toolkit"},
+        ),
+    ],
+)
+def test_a_job_loads_only_what_it_needs(arguments: list[str], unwanted: set[str]) -> None:
+    code = (
+        "import sys\nfrom sleepcast.cli import main\n"
+        f"status = main({arguments!r})\nprint(*sys.modules, file=sys.stderr)\nsys.exit(status)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=LONGEST, check=True)
+    assert not unwanted & set(done.stderr.split())
+
+
+# ---- streams that are not there
+
+
+def test_a_reader_that_goes_away_ends_it_quietly() -> None:
+    many = ["1"] * 50_000
+    with subprocess.Popen([*SLEEPCAST, "eval", *many], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline() == b"1\n"
+        process.stdout.close()
+        assert process.stderr.read() == b""
+        assert process.wait(LONGEST) == 141
+
+
+def test_closed_standard_output_is_told() -> None:
+    done = subprocess.run(
+        ["sh", "-c", f"exec {sys.executable} -m sleepcast eval '(+ 1 2)' >&-"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("standard output is closed")
+    assert "Traceback" not in done.stderr
+
+
+def test_closed_standard_input_is_told() -> None:
+    for arguments in ("eval -", "check -", "repl"):
+        done = subprocess.run(
+            ["sh", "-c", f"exec {sys.executable} -m sleepcast {arguments} <&-"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 2
+        assert done.stderr.startswith("standard input is closed")
+
+
+def test_closed_standard_error_does_no_harm() -> None:
+    done = subprocess.run(
+        ["sh", "-c", f"exec {sys.executable} -m sleepcast eval '(/ 1 0)' 2>&-"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (1, "UNKNOWN\n")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="only Linux has a device that is always full")
+def test_a_full_disk_is_told() -> None:
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([*SLEEPCAST, "eval", "1"], stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr == "cannot write the output: No space left on device\n"
+
+
+def test_any_label_prints_whatever_the_encoding() -> None:
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(
+        [*SLEEPCAST, "eval", '(REPORT "größe" 1)', "(+ é 1)"], capture_output=True, env=environment, check=False
+    )
+    assert done.stdout == b"1\nUNKNOWN\n"
+    assert b"gr\\xf6\\xdfe: 1" in done.stderr
+    assert b"Traceback" not in done.stderr

@@ -1,0 +1,70 @@
+"""Fixtures of the console's tests: the real program with a small world, and with bravo in a real Chromium."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Playwright, sync_playwright
+
+from console.running import Page, Program, open_page
+from small_worlds import write
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+QUIET = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"]
+QUIET += ["--disable-background-networking", "--disable-component-update", "--disable-sync"]
+COMMANDS = """
+[[commands]]
+title = "Full ones to the crew"
+text = "(WHEN (> battery 60%) (JOIN crew))"
+"""
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
+    """Twenty rovers on a page, at five times real time."""
+    folder = tmp_path_factory.mktemp("small")
+    write(folder, more=COMMANDS)
+    with Program("run", folder, "--page", "--speed", "5") as started:
+        yield started
+
+
+@pytest.fixture
+def page(program: Program) -> Iterator[Page]:
+    """A page of `program` as the test's own WebSocket."""
+    with open_page(program) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def playwright() -> Iterator[Playwright]:
+    """For one module: while it is up, its event loop runs in this thread and no other test may start one."""
+    with sync_playwright() as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def chromium(playwright: Playwright) -> Iterator[Browser]:
+    """The system's Chromium. Without one these tests are skipped, but never where CI must run them."""
+    if CHROMIUM is None:
+        if os.environ.get("CI"):
+            pytest.fail("CI has no Chromium, so nobody has seen the page: install chromium")
+        pytest.skip("there is no Chromium here: install chromium to test the page")
+    with playwright.chromium.launch(executable_path=CHROMIUM, args=QUIET) as browser:
+        yield browser
+
+
+@pytest.fixture
+def context(chromium: Browser) -> Iterator[BrowserContext]:
+    """A fresh profile on a desk's screen, light."""
+    with chromium.new_context(viewport={"width": 1440, "height": 900}, color_scheme="light") as found:
+        yield found
+
+
+@pytest.fixture
+def bravo(tmp_path: Path) -> Iterator[Program]:
+    with Program("demo", "bravo", "--seed", "7") as started:
+        yield started

@@ -1,0 +1,144 @@
+"""The real program with its page, started as a person starts it, and a page's end of its WebSocket."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+from urllib.parse import urlsplit
+
+from websockets.sync.client import ClientConnection, connect
+
+PATIENCE = 30.0
+"""Seconds that a busy machine may take for what a person sees at once."""
+
+
+class Program:
+    """`sleepcast` with `arguments` and any free port; `with` stops it as Ctrl-C does. start: what Python runs."""
+
+    def __init__(self, *arguments: str | Path, start: tuple[str, ...] = ("-m", "sleepcast")) -> None:
+        command = [sys.executable, *start, *arguments, "--no-browser", "--port", "0"]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        self.said = ""
+        assert self.process.stdout is not None
+        watchdog = threading.Timer(PATIENCE, self.process.kill)
+        watchdog.start()
+        while not (found := re.search(r"http://\S+", self.said)):
+            line = self.process.stdout.readline()
+            assert line, f"no address was printed, only: {self.said}"
+            self.said += line
+        watchdog.cancel()
+        self.address = found[0]
+
+    @property
+    def host(self) -> str:
+        return urlsplit(self.address).netloc
+
+    @property
+    def token(self) -> str:
+        return urlsplit(self.address).query.removeprefix("token=")
+
+    def end(self) -> int:
+        """Press Ctrl-C; gives the exit status. What it printed is in `said`."""
+        return self.wait(signal.SIGINT)
+
+    def wait(self, sign: signal.Signals) -> int:
+        """Send a signal and read what is said until the end; gives the exit status."""
+        assert self.process.stdout is not None
+        watchdog = threading.Timer(PATIENCE, self.process.kill)
+        watchdog.start()
+        self.process.send_signal(sign)
+        with self.process.stdout as output:
+            self.said += output.read()
+        watchdog.cancel()
+        return self.process.wait(PATIENCE)
+
+    def __enter__(self) -> Program:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        if self.process.returncode is None:
+            self.end()
+
+
+@dataclass
+class Page:
+    """A page's end of the WebSocket, in a test's hands. news: the latest message of each type; frames: all of them."""
+
+    socket: ClientConnection
+    serial: int = 0
+    news: dict[str, dict[str, Any]] = field(default_factory=dict)
+    frames: list[bytes] = field(default_factory=list)
+    refused: list[str] = field(default_factory=list)
+
+    def tell(self, kind: str, **fields: object) -> None:
+        self.socket.send(json.dumps({"type": kind, **fields}))
+
+    def ask(self, kind: str, **fields: object) -> dict[str, Any]:
+        """The answer to a question, a refusal included."""
+        self.serial += 1
+        self.tell(kind, serial=self.serial, **fields)
+        while True:
+            found = self.receive()
+            if found is not None and found.get("serial") == self.serial:
+                return found
+
+    def receive(self, timeout: float = PATIENCE) -> dict[str, Any] | None:
+        """The next message, None if it was a frame. Raises TimeoutError."""
+        data = self.socket.recv(timeout)
+        if isinstance(data, bytes):
+            self.frames.append(data)
+            return None
+        message: dict[str, Any] = json.loads(data)
+        self.news[message["type"]] = message
+        if message["type"] == "refused":
+            self.refused.append(message["reason"])
+        return message
+
+    def wait_for(self, kind: str, when: Callable[[dict[str, Any]], bool] = lambda found: True) -> dict[str, Any]:
+        """The next message of this type that is as wanted."""
+        while True:
+            found = self.receive()
+            if found is not None and found["type"] == kind and when(found):
+                return found
+
+    def until(self, kind: str, when: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """The latest message of this type, as soon as it is as wanted."""
+        known = self.news.get(kind)
+        return known if known is not None and when(known) else self.wait_for(kind, when)
+
+    def drain(self) -> None:
+        """Read on until the server ends the connection. Raises ConnectionClosed then."""
+        while True:
+            self.receive()
+
+    def frame(self) -> bytes:
+        """The next frame; the page has drawn it."""
+        before = len(self.frames)
+        while len(self.frames) == before:
+            self.receive()
+        self.tell("drawn", number=number(self.frames[-1]))
+        return self.frames[-1]
+
+
+def number(frame: bytes) -> int:
+    return int.from_bytes(frame[8:12], "little")
+
+
+@contextmanager
+def open_page(program: Program, **changes: Any) -> Iterator[Page]:
+    """A page that has been greeted. changes: what `connect` is given otherwise."""
+    options: dict[str, Any] = {"origin": f"http://{program.host}", "compression": None, "max_size": None} | changes
+    with connect(f"ws://{program.host}/live?token={program.token}", **options) as socket:
+        page = Page(socket)
+        page.wait_for("hello")
+        yield page

@@ -1,0 +1,252 @@
+"""The desk behind the page: previews, accounts, names, explanations and the watched robot, in words for people."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from sleepcast.cli.page import SwarmOnPage
+from sleepcast.clock import ManualClock
+from sleepcast.console.desk import NO, UNKNOWN, YES, Desk
+from sleepcast.console.driver import Driver
+from sleepcast.console.explaining import ShownStep
+from sleepcast.console.ledger import FAULT, MATCHED, MOST_ROWS, NOT_MATCHED, SILENT
+from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.loop import Pace, Swarm
+from sleepcast.station import Station
+from small_worlds import simulator
+
+FULL = "(WHEN (> battery 60%) (JOIN crew))"
+
+
+@dataclass
+class Stand:
+    """Twenty rovers, their desk, and a clock that the test moves."""
+
+    swarm: Swarm
+    station: Station
+    clock: ManualClock
+    desk: Desk
+
+    def run(self, seconds: float = 2.0) -> None:
+        self.swarm.run(seconds)
+        self.desk.driver.draw()
+
+    def level(self, name: str) -> float:
+        return dict(self.swarm.minds[name].variables())["battery"]
+
+
+@pytest.fixture
+def stand(tmp_path: Path) -> Stand:
+    swarm = Swarm(simulator(tmp_path))
+    swarm.desk = station = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm)
+    clock = ManualClock()
+    on_page = SwarmOnPage(swarm)
+    found = Stand(swarm, station, clock, Desk(on_page, station, Driver(on_page, Pace(clock, swarm, 1.0), clock), clock))
+    found.run()
+    return found
+
+
+def steps(step: ShownStep) -> list[ShownStep]:
+    return [step, *(inside for part in step.parts for inside in steps(part))]
+
+
+class TestPreview:
+    def test_counts_and_marks_who_would_obey(self, stand: Stand) -> None:
+        found = stand.desk.preview(3, FULL)
+        expected = [YES if stand.level(name) > 0.6 else NO for name in stand.swarm.minds]
+        assert list(found.lit) == expected
+        assert (found.serial, found.counted, found.findings, found.everybody) == (3, True, [], False)
+        assert (found.yes, found.no, found.unknown) == (expected.count(YES), expected.count(NO), 0)
+        assert 0 < found.yes < 20
+        assert found.cost > 0
+
+    def test_says_why_nothing_can_be_said(self, stand: Stand) -> None:
+        found = stand.desk.preview(1, "(WHEN (PROB 0.5) (MARK))")
+        assert (found.unknown, set(found.lit)) == (20, {UNKNOWN})
+        assert found.reasons == [("its test depends on chance", 20)]
+
+    def test_shows_what_cannot_be_read_with_a_caret(self, stand: Stand) -> None:
+        (finding,) = stand.desk.preview(1, "(MARK))").findings
+        assert (finding.severity, finding.start, finding.end) == ("error", 6, 7)
+        assert finding.shown == f"{finding.message}\n  (MARK))\n        ^"
+        assert not stand.desk.preview(1, "(MARK))").counted
+
+    def test_shows_every_error_and_warning(self, stand: Stand) -> None:
+        found = stand.desk.preview(1, "(WHEN (> batery 60) (SETQ x 5))")
+        assert [each.severity for each in found.findings] == ["warning", "error"]
+        assert "did you mean battery?" in found.findings[0].message
+        assert not found.counted
+
+    def test_marks_what_is_for_everybody(self, stand: Stand) -> None:
+        found = stand.desk.preview(1, "(MARK)")
+        assert (found.everybody, found.yes) == (True, 20)
+
+
+class TestSending:
+    def test_an_account_grows_with_the_answers(self, stand: Stand) -> None:
+        sent = stand.desk.send(1, FULL, False).command
+        (row,) = stand.desk.commands().rows
+        assert (row.id, row.kind, row.text) == (sent, "command", FULL)
+        assert (row.matched, row.not_matched, row.fault, row.silent) == (0, 0, 0, 20)
+        assert set(stand.desk.outcomes(1, sent).outcomes) == {SILENT}
+        stand.run()
+        (row,) = stand.desk.commands().rows
+        assert row.matched + row.not_matched == 20
+        assert row.matched == row.predicted > 0
+        codes = [MATCHED if stand.level(name) > 0.6 else NOT_MATCHED for name in stand.swarm.minds]
+        assert list(stand.desk.outcomes(1, sent).outcomes) == codes
+
+    def test_a_fault_is_counted_as_one(self, stand: Stand) -> None:
+        sent = stand.desk.send(1, "(WHEN (> (/ 1 0) 2) (MARK))", False).command
+        stand.run()
+        assert stand.desk.commands().rows[-1].fault == 20
+        assert set(stand.desk.outcomes(1, sent).outcomes) == {FAULT}
+
+    def test_everybody_must_be_meant(self, stand: Stand) -> None:
+        with pytest.raises(MisuseError, match="every robot that hears it would obey"):
+            stand.desk.send(1, "(MARK)", False)
+        assert stand.desk.commands().rows == []
+        stand.desk.send(1, "(MARK)", True)
+        stand.run()
+        assert stand.desk.commands().rows[-1].matched == 20
+
+    def test_only_the_latest_commands_are_shown(self, stand: Stand) -> None:
+        for _ in range(MOST_ROWS + 3):
+            stand.desk.send(1, FULL, False)
+        rows = stand.desk.commands().rows
+        assert len(rows) == MOST_ROWS
+        assert rows[-1].id == stand.station.commands()[-1].id
+
+    def test_an_unknown_command_has_no_outcomes(self, stand: Stand) -> None:
+        with pytest.raises(SleepcastError, match="was sent from this desk"):
+            stand.desk.outcomes(1, "desk-9.9")
+
+
+class TestStop:
+    def test_says_no_more_than_the_robots_have_said(self, stand: Stand) -> None:
+        assert safety(stand) == (False, "")
+        stand.desk.stop()
+        latched, sentence = safety(stand)
+        assert latched
+        assert sentence.startswith(
+            "STOP: 0 of 20 robots say that they are stopped; silent: rover1 (last heard 0 s ago)"
+        )
+        assert sentence.endswith("and 17 more.")
+        stand.run()
+        assert safety(stand) == (True, "STOP: all 20 robots say that they are stopped.")
+        assert all(node.stopped for node in stand.swarm.nodes)
+        assert stand.desk.driver.frame[1] & 2
+        stand.desk.release()
+        assert safety(stand) == (False, "")
+        stand.run()
+        assert not any(node.stopped for node in stand.swarm.nodes)
+
+    def test_while_time_stands_still_it_says_that_nobody_has_heard_it(self, stand: Stand) -> None:
+        stand.desk.driver.set_pace(running=False)
+        stand.desk.stop()
+        assert "0 of 20 robots say that they are stopped. Time stands still" in safety(stand)[1]
+
+    def test_a_key_held_down_gives_one_stop_and_not_hundreds(self, stand: Stand) -> None:
+        for _ in range(100):
+            stand.desk.stop()
+        assert len(stand.desk.commands().rows) == 1
+        stand.clock.advance(1.0)
+        stand.desk.stop()
+        assert len(stand.desk.commands().rows) == 2
+
+    def test_a_stop_right_after_a_release_is_no_repeat(self, stand: Stand) -> None:
+        for act in (stand.desk.stop, stand.desk.release, stand.desk.stop):
+            act()
+        assert [row.kind for row in stand.desk.commands().rows] == ["stop", "release", "stop"]
+        assert safety(stand)[0]
+
+
+def safety(stand: Stand) -> tuple[bool, str]:
+    (found,) = [each for each in stand.desk.news(-1) if type(each).__name__ == "Safety"]
+    return found.latched, found.sentence
+
+
+class TestWhy:
+    def test_shows_the_first_test_that_failed_and_by_how_much(self, stand: Stand) -> None:
+        sent = stand.desk.send(1, "(WHEN (AND (> battery 60%) (< x 2km)) (JOIN crew))", False).command
+        stand.run(1.0)
+        index = next(i for i, name in enumerate(stand.swarm.minds) if stand.level(name) < 0.5)
+        level = f"{100 * stand.level(f'rover{index + 1}'):.4g} %"
+        why = stand.desk.why(1, index, sent).why
+        assert (why.matched, why.reason) == (False, f"battery = {level}, needed > 60 %")
+        shown = {step.text: step for step in steps(why.root)}
+        assert shown["(> battery 60%)"].state == "false"
+        assert shown["(> battery 60%)"].note == why.reason
+        assert shown["battery"].value == level
+        assert [shown[text].state for text in ("(< x 2km)", "x", "(JOIN crew)")] == ["skipped"] * 3
+        assert "60%" not in shown
+
+    def test_shows_a_comparison_in_the_unit_that_was_written(self, stand: Stand) -> None:
+        sent = stand.desk.send(1, "(WHEN (< (DIST x y house_x house_y) 2km) (JOIN crew))", False).command
+        stand.run(1.0)
+        why = stand.desk.why(1, 0, sent).why
+        assert (why.matched, why.reason) == (True, "")
+        shown = {step.text: step for step in steps(why.root)}
+        assert shown["(DIST x y house_x house_y)"].value.endswith(" km")
+        assert shown["(< (DIST x y house_x house_y) 2km)"].state == "true"
+
+    def test_shows_what_is_unknown_and_what_is_a_fault(self, stand: Stand) -> None:
+        sent = stand.desk.send(1, "(WHEN (AND (OR (> ordnance 70%) (> x 0)) (/ 1 0)) (MARK))", False).command
+        stand.run(1.0)
+        shown = {step.text: step for step in steps(stand.desk.why(1, 0, sent).why.root)}
+        assert (shown["ordnance"].state, shown["ordnance"].value) == ("unknown", "unknown")
+        assert shown["(> ordnance 70%)"].state == "unknown"
+        assert (shown["(/ 1 0)"].state, shown["(/ 1 0)"].fault) == ("fault", "division by zero")
+
+    @pytest.mark.parametrize("index", [-1, 20, 10_000_000])
+    def test_a_robot_that_is_not_there_gets_a_sentence(self, stand: Stand, index: int) -> None:
+        with pytest.raises(MisuseError, match="numbered from 0 to 19"):
+            stand.desk.why(1, index, "desk-1.1")
+
+    def test_a_command_that_the_robot_never_heard_gets_a_sentence(self, stand: Stand) -> None:
+        sent = stand.desk.send(1, FULL, False).command
+        with pytest.raises(SleepcastError, match="rover1 remembers no command"):
+            stand.desk.why(1, 0, sent)
+
+
+class TestNames:
+    def test_tell_what_each_is_and_its_values_over_the_fleet(self, stand: Stand) -> None:
+        stand.desk.send(1, "(PROGN (DEFVAR patience id) (DEFUN near (d) (< x d)) (JOIN crew) (RULE r (MARK)))", True)
+        stand.run()
+        found = {name.name: name for name in stand.desk.names(1).names}
+        levels = [100 * stand.level(name) for name in stand.swarm.minds]
+        assert found["battery"].range == f"{min(levels):.4g} % … {max(levels):.4g} %"
+        assert (found["house_x"].kind, found["house_x"].range) == ("sensor", "0.5 km")
+        assert found["drive_speed"].range == "unknown"
+        assert found["DIST"].usage == "(DIST x1 y1 x2 y2)"
+        assert found["GOTO"].kind == "robot"
+        assert (found["patience"].kind, found["patience"].range) == ("user", "1 … 20")
+        assert (found["near"].kind, found["near"].usage) == ("operator", "(near d)")
+        assert (found["crew"].kind, found["crew"].range) == ("group", "20 robots")
+        assert found["r"].kind == "rule"
+        assert found["PI"].range == "3.14159"
+        assert not any(name.startswith("active") for name in found)
+
+
+class TestWatchedRobot:
+    def test_tells_its_values_groups_state_rules_and_reports(self, stand: Stand) -> None:
+        orders = ("(JOIN Crew)", "(RULE careful (WHEN (< battery 1%) (ST)))", '(REPORT "level" battery x)', "(FREEZE)")
+        for order in orders:
+            stand.desk.send(1, order, True)
+        stand.run()
+        (robot,) = [each for each in stand.desk.news(4) if type(each).__name__ == "Robot"]
+        assert (robot.robot, robot.groups, robot.state, robot.group) == (4, ["Crew"], ["frozen"], 1)
+        values = {value.name: value for value in robot.values}
+        assert values["battery"].shown == f"{100 * stand.level('rover5'):.4g} %"
+        assert (values["battery"].kind, values["drive_speed"].kind) == ("sensor", "actuator")
+        assert not {"active1", "time", "tick"} & set(values)
+        (rule,) = robot.rules
+        assert (rule.name, rule.active, rule.fault) == ("careful", True, "")
+        assert robot.said[0].text.startswith("level 0.")
+
+    def test_nobody_is_watched_unless_asked_for(self, stand: Stand) -> None:
+        for index in (-1, 20):
+            assert not any(type(each).__name__ == "Robot" for each in stand.desk.news(index))

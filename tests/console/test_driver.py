@@ -1,0 +1,109 @@
+"""The driver: swarm and server take turns, and a change of pace is seen at once."""
+
+from __future__ import annotations
+
+import asyncio
+import struct
+from pathlib import Path
+
+import pytest
+
+from sleepcast.cli.page import SwarmOnPage
+from sleepcast.clock import WallClock
+from sleepcast.console.driver import FRAME_PERIOD, SLICE, Driver
+from sleepcast.loop import Pace, Swarm
+from small_worlds import simulator
+
+
+@pytest.fixture
+def driver(tmp_path: Path) -> Driver:
+    swarm = Swarm(simulator(tmp_path))
+    clock = WallClock()
+    return Driver(SwarmOnPage(swarm), Pace(clock, swarm, 10.0), clock)
+
+
+def tick_in(frame: bytes) -> int:
+    found: int = struct.unpack_from("<I", frame, 12)[0]
+    return found
+
+
+def drive(driver: Driver, job: object) -> None:
+    """Run a coroutine function beside the driver."""
+
+    async def both() -> None:
+        running = asyncio.create_task(driver.run())
+        try:
+            await asyncio.wait_for(job(), 20.0)  # type: ignore[operator]
+        finally:
+            running.cancel()
+            await asyncio.wait({running})
+
+    asyncio.run(both())
+
+
+def test_time_runs_and_frames_come(driver: Driver) -> None:
+    async def job() -> None:
+        first = await driver.frame_after(0)
+        later = first
+        for _ in range(10):
+            later = await driver.frame_after(driver.number)
+        assert tick_in(later) > tick_in(first)
+        assert int.from_bytes(later[8:12], "little") == driver.number >= 11
+
+    drive(driver, job)
+
+
+def test_frames_come_no_faster_than_the_eye_needs_them(driver: Driver) -> None:
+    async def job() -> None:
+        await driver.frame_after(0)
+        before, start = driver.number, asyncio.get_running_loop().time()
+        await asyncio.sleep(0.5)
+        lasted = asyncio.get_running_loop().time() - start
+        assert 1 <= driver.number - before <= lasted / FRAME_PERIOD + 2
+
+    drive(driver, job)
+
+
+def test_while_paused_nothing_moves_and_nothing_is_drawn_until_a_step(driver: Driver) -> None:
+    async def job() -> None:
+        await driver.frame_after(0)
+        driver.set_pace(running=False)
+        paused = driver.frame
+        await asyncio.sleep(0.2)
+        assert driver.frame is paused
+        assert paused[1] & 1 == 0
+        driver.step()
+        assert tick_in(driver.frame) == tick_in(paused) + 1
+        driver.set_pace(running=True, factor=20.0)
+        while tick_in(driver.frame) < tick_in(paused) + 5:
+            await driver.frame_after(driver.number)
+        assert struct.unpack_from("<f", driver.frame, 24) == (20.0,)
+
+    drive(driver, job)
+
+
+def test_the_server_has_its_turn_however_fast_time_is_wanted(driver: Driver) -> None:
+    driver.set_pace(factor=10_000.0)  # more than any machine reaches: every slice is used up
+
+    async def job() -> None:
+        loop = asyncio.get_running_loop()
+        waits = []
+        for _ in range(50):
+            start = loop.time()
+            await asyncio.sleep(0.0)
+            waits.append(loop.time() - start)
+        # One turn of the driver lies in between: a slice, its last tick, perhaps a frame. The median forgives a
+        # machine that is busy with something else now and then.
+        assert sorted(waits)[25] < 5 * SLICE
+
+    drive(driver, job)
+
+
+def test_what_ends_the_swarm_is_raised(driver: Driver) -> None:
+    async def job() -> None:
+        running = asyncio.create_task(driver.run())
+        driver.pace.keep_up = lambda budget: 1 // 0  # type: ignore[method-assign]
+        with pytest.raises(ZeroDivisionError):
+            await running
+
+    asyncio.run(job())

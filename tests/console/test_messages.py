@@ -1,0 +1,100 @@
+"""What the page may say: exact shapes; everything else is refused with a sentence, whatever it is."""
+
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sleepcast.console import messages
+from sleepcast.console.messages import MessageError, decode, serial_in
+
+GOOD = {
+    "preview": {"serial": 1, "text": "(MARK)"},
+    "send": {"serial": 1, "text": "(MARK)", "everybody": True},
+    "names": {"serial": 1},
+    "why": {"serial": 1, "robot": 0, "command": "desk-1.1"},
+    "outcomes": {"serial": 1, "command": "desk-1.1"},
+    "commands": {"serial": 1},
+    "stop": {},
+    "release": {},
+    "pace": {"running": False, "factor": 2.5},
+    "step": {},
+    "watch": {"robot": -1},
+    "drawn": {"number": 7},
+}
+
+
+@pytest.mark.parametrize("kind", GOOD)
+def test_every_message_of_the_page_is_read(kind: str) -> None:
+    found = decode(json.dumps({"type": kind, **GOOD[kind]}))
+    assert type(found).__name__.lower() == kind
+    assert all(getattr(found, name) == value for name, value in GOOD[kind].items())
+
+
+def test_no_message_was_forgotten_here() -> None:
+    assert set(GOOD) == {each.__name__.lower() for each in messages.Message.__subclasses__()}
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "",
+        "{",
+        "[]",
+        "null",
+        '"stop"',
+        "{}",
+        '{"type": "fire"}',
+        '{"type": "Stop"}',
+        '{"type": "stop", "more": 1}',
+        '{"type": "preview", "serial": 1}',
+        '{"type": "preview", "serial": 0, "text": "5"}',
+        '{"type": "preview", "serial": 1.5, "text": "5"}',
+        '{"type": "preview", "serial": 1, "text": 5}',
+        json.dumps({"type": "preview", "serial": 1, "text": "x" * 16_385}),
+        '{"type": "send", "serial": 1, "text": "5", "everybody": 1}',
+        '{"type": "pace", "factor": 0}',
+        '{"type": "pace", "factor": -1}',
+        '{"type": "pace", "factor": 1e300}',
+        '{"type": "pace", "factor": NaN}',
+        '{"type": "watch", "robot": -2}',
+        '{"type": "drawn", "number": 4294967296}',
+        '{"type": "why", "serial": 1, "robot": 0, "command": "' + "x" * 161 + '"}',
+        b"\xff\xfe",
+        b"\x00" * 40,
+        "[" * 100_000,
+    ],
+)
+def test_what_is_no_message_is_refused_with_a_sentence(wrong: str | bytes) -> None:
+    with pytest.raises(MessageError, match="not a message of this page: "):
+        decode(wrong)
+
+
+def test_a_refusal_can_name_the_question() -> None:
+    assert serial_in('{"type": "fire", "serial": 12}') == 12
+    assert serial_in('{"type": "fire", "serial": -1}') is None
+    assert serial_in('{"type": "fire"}') is None
+    assert serial_in(b"\xff") is None
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
+    lambda inside: st.lists(inside) | st.dictionaries(st.text(), inside),
+    max_leaves=20,
+)
+shaped = st.builds(
+    lambda kind, fields: json.dumps({"type": kind, **fields}),
+    st.sampled_from([*GOOD, "", "fire"]),
+    st.dictionaries(st.sampled_from(["serial", "text", "robot", "command", "number", "factor", "more"]), json_values),
+)
+
+
+@given(st.text() | st.binary() | shaped)
+def test_nothing_at_all_raises_anything_else(data: str | bytes) -> None:
+    serial_in(data)
+    with suppress(MessageError):
+        assert isinstance(decode(data), messages.Message)

@@ -1,0 +1,533 @@
+"""The page in a real Chromium: what a newcomer does with bravo, and what the page must bear.
+
+Every test also sees to it that the page asked nobody but its own server, and that the browser had nothing to complain
+about: no exception, no error, no breach of the content policy.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import BrowserContext, Locator, Page, WebSocket, expect
+
+from console.running import PATIENCE, Program
+from small_worlds import write
+
+pytestmark = pytest.mark.browser
+
+SENTENCE = "(WHEN (AND (< (DIST x y vessel_x vessel_y) 5mi) (> fuel 50%) (> ordnance 70%)) (JOIN bravo))"
+EXPECTED = range(15, 46)
+"""Members of Bravo: about 29 of 1,000 (pi 25 / 400 x 0.5 x 0.3), within three standard deviations."""
+
+expect.set_options(timeout=1000 * PATIENCE)
+
+
+@pytest.fixture
+def page(bravo: Program, context: BrowserContext) -> Iterator[Page]:
+    """Bravo's page, open and alive."""
+    yield from opened(bravo, context)
+
+
+@pytest.fixture
+def rovers(program: Program, context: BrowserContext) -> Iterator[Page]:
+    """The small world's page."""
+    yield from opened(program, context)
+
+
+def opened(program: Program, context: BrowserContext) -> Iterator[Page]:
+    page = context.new_page()
+    complaints: list[str] = []
+    page.on("console", lambda said: complaints.append(said.text) if said.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("request", lambda request: complaints.append(request.url) if program.host not in request.url else None)
+    page.goto(program.address)
+    expect(page.locator("#yes")).not_to_have_text("–")
+    yield page
+    assert not complaints, complaints
+
+
+def number(found: Locator) -> int:
+    return int(found.inner_text().replace(",", ""))
+
+
+def type_in(page: Page, text: str) -> None:
+    """Type over whatever the prompt holds."""
+    page.locator("#text").fill("")
+    page.locator("#text").press_sequentially(text)
+    page.keyboard.press("Escape")
+
+
+def previewed(page: Page, count: str | re.Pattern[str]) -> None:
+    expect(page.locator("#yes")).to_have_text(count)
+
+
+def send(page: Page) -> Locator:
+    """Press Enter in the prompt; gives the account of the command once everybody has answered."""
+    before = page.locator("#commands tr").count()
+    page.locator("#text").press("Enter")
+    expect(page.locator("#commands tr")).to_have_count(before + 1)
+    row = page.locator("#commands tr").first
+    expect(row.locator(".silent")).to_have_text("0")
+    return row
+
+
+def pause(page: Page) -> None:
+    page.locator("#run").click()
+    expect(page.locator("#achieved")).to_have_text("paused")
+
+
+FIND_PIXELS = """
+([name, layer]) => {
+  const canvas = document.getElementById(layer);
+  const { width, height } = canvas;
+  const copy = Object.assign(document.createElement("canvas"), { width, height });
+  const pen = copy.getContext("2d", { willReadFrequently: true });
+  pen.fillStyle = getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  pen.fillRect(0, 0, 1, 1);
+  const wanted = pen.getImageData(0, 0, 1, 1).data;
+  pen.clearRect(0, 0, 1, 1);
+  pen.drawImage(canvas, 0, 0);
+  const { data } = pen.getImageData(0, 0, width, height);
+  const box = canvas.getBoundingClientRect();
+  const found = [];
+  for (let i = 0; i < data.length; i += 4) {
+    if (data[i] !== wanted[0] || data[i + 1] !== wanted[1] || data[i + 2] !== wanted[2] || data[i + 3] < 255) continue;
+    const at = i / 4;
+    found.push([box.left + (at % width) * box.width / width, box.top + Math.floor(at / width) * box.height / height]);
+  }
+  return found;
+}
+"""
+
+
+def pixels(page: Page, colour: str, layer: str = "robots") -> list[list[float]]:
+    """Where this canvas has exactly this colour of the theme, in CSS pixels of the window."""
+    found: list[list[float]] = page.evaluate(FIND_PIXELS, [colour, layer])
+    return found
+
+
+class Poses:
+    """Every pose that came to a page, as the bytes of the frames."""
+
+    def __init__(self, page: Page) -> None:
+        self.latest = b""
+        page.on("websocket", self.listen)
+
+    def listen(self, socket: WebSocket) -> None:
+        socket.on("framereceived", self.take)
+
+    def take(self, payload: str | bytes) -> None:
+        if isinstance(payload, bytes):
+            self.latest = payload[32 : 32 + 12 * struct.unpack_from("<I", payload, 4)[0]]
+
+
+# ---- what a newcomer does
+
+
+def test_a_newcomers_first_minute(page: Page) -> None:
+    expect(page.locator("#text")).to_have_value(SENTENCE)
+    expect(page.locator("#title")).to_have_text("Task Element Bravo")
+    expect(page.locator("#text")).to_be_focused()
+    first = number(page.locator("#yes"))
+    assert first in EXPECTED
+    assert first + number(page.locator("#no")) + number(page.locator("#unknown")) == 1000
+    assert len(pixels(page, "--lit")) > 20 * first  # they are lit on the map
+
+    type_in(page, SENTENCE.replace("5mi", "9mi"))
+    previewed(page, re.compile(r"^\d{2,3}$"))
+    wide = number(page.locator("#yes"))
+    assert wide > 2 * first  # nine miles round X are more than three times the area: seen before Enter
+    assert page.locator("#commands tr").count() == 0
+
+    type_in(page, SENTENCE)
+    previewed(page, re.compile(r"^\d{2}$"))
+    foretold = number(page.locator("#yes"))
+    row = send(page)
+    matched = number(row.locator(".matched"))
+    assert matched in EXPECTED
+    assert abs(matched - foretold) <= 5  # they moved on between the preview and the message
+    assert number(row.locator(".not-matched")) == 1000 - matched
+    assert number(row.locator(".fault")) == 0
+    expect(page.locator("#legend")).to_contain_text(f"{matched} bravo")
+    expect(page.locator("#text")).to_have_value("")
+
+    pause(page)
+    for x, y in pixels(page, "--robot-1")[::9]:  # a member: another colour, another shape
+        page.mouse.move(x, y)
+        if "bravo" in page.locator("#tip").inner_text():  # and no other robot lies still nearer to the cursor
+            page.mouse.click(x, y)
+            break
+    expect(page.locator("#robot-state")).to_contain_text("bravo")
+    expect(page.locator(".verdict")).to_contain_text("✓ matched")
+    expect(page.locator(".tree")).to_contain_text("ordnance")
+
+    page.locator("#map").focus()
+    for _ in range(60):  # from robot to robot until one is not in Bravo
+        page.keyboard.press("ArrowUp")
+        expect(page.locator(".verdict")).to_be_visible()
+        if "not matched" in page.locator(".verdict").inner_text():
+            break
+    reason = page.locator(".reason").inner_text()
+    assert re.fullmatch(
+        r"(fuel|ordnance) = [\d.]+ %, needed > (50|70) %|\(DIST .*\) = [\d.]+ mi, needed < 5 mi", reason
+    )
+    culprit = page.locator(".tree .culprit")
+    expect(culprit).to_have_count(1)
+    expect(culprit.locator("> .note")).to_have_text(reason)
+    expect(page.locator(".tree .skipped").first).to_contain_text("skipped")
+
+
+def test_bravo_drives_where_it_is_told(bravo: Program, context: BrowserContext) -> None:
+    page = context.new_page()
+    poses = Poses(page)
+    page.goto(bravo.address)
+    previewed(page, re.compile(r"^\d+$"))
+    send(page)
+    for title in ("cover vessel X", "render assistance"):
+        button = page.get_by_role("button", name=title)
+        expect(button).to_have_class(re.compile("next"))  # the page says what comes next
+        button.click()
+        previewed(page, re.compile(r"^\d{2}$"))
+        row = send(page)
+        assert number(row.locator(".matched")) in EXPECTED
+        expect(button).to_have_class(re.compile("sent"))
+    page.locator("#speed").select_option("100")
+    members = [i for i, (x, y) in enumerate(places(poses)) if near_x(x, y) < 5.5]
+    assert len(members) > 50
+    expect(page.locator("#clock")).to_have_text(re.compile(r"0:(1[5-9]|[2-5]\d):\d\d"))
+    together = sum(near_x(*places(poses)[i]) < 0.5 for i in members)
+    assert together >= 15  # nearly all of Bravo lies beside X; of the others about eight robots in a thousand pass by
+
+
+def places(poses: Poses) -> list[tuple[float, float]]:
+    flat = struct.unpack(f"<{len(poses.latest) // 4}f", poses.latest)
+    return list(zip(flat[0::3], flat[1::3], strict=True))
+
+
+def near_x(x: float, y: float) -> float:
+    """Miles from the vessel."""
+    return float(((x / 1609.344 - 11) ** 2 + (y / 1609.344 - 9) ** 2) ** 0.5)
+
+
+def test_stop_stops_every_body_and_release_lets_go(bravo: Program, context: BrowserContext) -> None:
+    page = context.new_page()
+    poses = Poses(page)
+    page.goto(bravo.address)
+    previewed(page, re.compile(r"^\d+$"))
+    page.locator("#text").focus()
+    page.keyboard.press("F9")  # while the prompt has the focus
+    expect(page.locator("#stopped")).to_be_visible()
+    expect(page.locator("#stopped-text")).to_have_text("STOP: all 1,000 robots say that they are stopped.")
+    expect(page.locator("#text")).to_have_value(SENTENCE)  # nothing was typed, sent or asked
+    expect(page.locator("#commands tr.stop .matched")).to_have_text("1,000")
+    expect(page.locator("#clock")).to_have_text(re.compile(r"0:0[2-9]"))  # time to come to rest at 0.5 m/s2
+    stood = poses.latest
+    shown = page.locator("#clock").inner_text()
+    expect(page.locator("#clock")).not_to_have_text(shown)
+    assert poses.latest == stood  # not one of them has moved a millimetre, though time runs
+    send(page)  # an order to STOPped robots is heard, but moves nobody
+    assert poses.latest == stood
+    page.locator("#release").click()
+    expect(page.locator("#stopped")).to_be_hidden()
+    page.get_by_role("button", name="render assistance").click()
+    previewed(page, re.compile(r"^\d{2}$"))
+    send(page)
+    expect(page.locator("#clock")).not_to_have_text(page.locator("#clock").inner_text())
+    assert poses.latest != stood
+
+
+def test_stop_button_does_the_same_as_its_key(rovers: Page) -> None:
+    rovers.locator("#stop").click()
+    expect(rovers.locator("#stopped-text")).to_have_text("STOP: all 20 robots say that they are stopped.")
+    rovers.locator("#release").click()
+    expect(rovers.locator("#stopped")).to_be_hidden()
+
+
+# ---- the prompt
+
+
+def test_errors_stand_under_the_text_with_a_caret(rovers: Page) -> None:
+    type_in(rovers, "(WHEN (> batery 60%) (JOIN crew))")
+    findings = rovers.locator("#findings")
+    expect(findings).to_contain_text('unknown name "batery" at 1:10 (did you mean battery?)')
+    lines = rovers.locator("#findings pre").first.inner_text().split("\n")
+    assert lines[1:] == ["  (WHEN (> batery 60%) (JOIN crew))", "           ^^^^^^"]
+    expect(rovers.locator("#backdrop .found")).to_have_text("batery")
+
+    type_in(rovers, "(WHEN (> battery 60%) (SETQ x 5))")
+    expect(rovers.locator("#findings pre.error")).to_contain_text("x")
+    expect(rovers.locator("#send")).to_be_disabled()
+
+    type_in(rovers, "(WHEN (> battery 60%) (JOIN crew")
+    expect(rovers.locator("#findings pre.unfinished")).to_contain_text("never closed: 2 ) missing")
+
+    type_in(rovers, "(WHEN (> battery 60%) (JOIN crew))")
+    expect(findings).to_be_hidden()
+    expect(rovers.locator("#send")).to_be_enabled()
+
+
+def test_what_is_for_everybody_must_be_meant(rovers: Page) -> None:
+    before = rovers.locator("#commands tr").count()
+    type_in(rovers, "(MARK)")
+    box = rovers.get_by_label("This has no test: yes, I mean all 20 robots.")
+    expect(box).to_be_visible()
+    expect(rovers.locator("#send")).to_be_disabled()
+    rovers.locator("#text").press("Enter")
+    expect(box).to_be_focused()  # Enter does not send, it asks
+    assert rovers.locator("#commands tr").count() == before
+    rovers.keyboard.press("Space")
+    rovers.locator("#text").focus()
+    row = send(rovers)
+    expect(row.locator(".matched")).to_have_text("20")
+    type_in(rovers, "(UNMARK)")
+    expect(box).not_to_be_checked()  # meant once is not meant for ever
+
+
+def test_names_are_completed_with_the_values_of_the_fleet(rovers: Page) -> None:
+    rovers.locator("#text").fill("")
+    rovers.locator("#text").press_sequentially("(WHEN (> batt")
+    option = rovers.locator("#completions [role=option]")
+    expect(option).to_have_count(1)
+    expect(option).to_contain_text("battery")
+    expect(option.locator(".range")).to_have_text(re.compile(r"^\d[\d.]* % … \d[\d.]* %$"))
+    rovers.keyboard.press("Tab")
+    expect(rovers.locator("#text")).to_have_value("(WHEN (> battery")
+    rovers.keyboard.type(" 60%) (got")
+    expect(option.first).to_contain_text("GOTO")
+    rovers.keyboard.press("ArrowDown")
+    rovers.keyboard.press("Enter")  # chooses from the open list, and sends nothing
+    expect(rovers.locator("#text")).to_have_value("(WHEN (> battery 60%) (GOTO")
+    expect(rovers.locator("#usage")).to_contain_text("(GOTO")
+    rovers.keyboard.type(" ba")
+    expect(option.first).to_be_visible()
+    rovers.keyboard.press("Escape")
+    expect(rovers.locator("#completions")).to_be_hidden()
+
+
+def test_the_matching_parenthesis_is_shown(rovers: Page) -> None:
+    type_in(rovers, "(AND (> x 1) 2)")
+    expect(rovers.locator("#backdrop .pair")).to_have_count(2)
+    rovers.keyboard.press("End")
+    rovers.keyboard.type(")")
+    expect(rovers.locator("#backdrop .unpaired")).to_have_count(1)
+
+
+def test_several_lines_and_history_that_outlives_the_page(rovers: Page) -> None:
+    type_in(rovers, "(WHEN (> battery 61%)")
+    rovers.keyboard.press("Shift+Enter")
+    rovers.keyboard.type("  (JOIN crew))")
+    expect(rovers.locator("#send")).to_be_enabled()
+    send(rovers)
+    type_in(rovers, "(WHEN (> battery 62%) (JOIN crew))")
+    previewed(rovers, re.compile(r"^\d+$"))
+    send(rovers)
+    rovers.reload()
+    previewed(rovers, re.compile(r"^\d+$|–"))
+    text = rovers.locator("#text")
+    text.fill("draft")
+    text.press("ArrowUp")
+    expect(text).to_have_value("(WHEN (> battery 62%) (JOIN crew))")
+    text.press("ArrowUp")
+    expect(text).to_have_value("(WHEN (> battery 61%)\n  (JOIN crew))")
+    text.press("ArrowDown")
+    text.press("ArrowDown")
+    expect(text).to_have_value("draft")
+    text.press("Control+r")
+    rovers.keyboard.type("61 crew")
+    expect(rovers.locator("#search-found [role=option]")).to_have_count(1)
+    rovers.keyboard.press("Enter")
+    expect(text).to_have_value("(WHEN (> battery 61%)\n  (JOIN crew))")
+    expect(text).to_be_focused()
+
+
+# ---- the world
+
+
+def test_the_map_zooms_to_the_cursor_pans_and_fits(rovers: Page) -> None:
+    box = rovers.locator("#map").bounding_box()
+    assert box is not None
+    x, y = round(box["x"] + box["width"] * 0.6), round(box["y"] + box["height"] * 0.4)
+    rovers.mouse.move(x, y)
+    whole, here = rovers.locator("#scale-text").inner_text(), pointed_at(rovers)
+    assert whole.endswith(" km")
+    for _ in range(6):
+        rovers.mouse.wheel(0, -240)
+    expect(rovers.locator("#scale-text")).to_have_text(re.compile(r"^\d+ m$"))
+    rovers.mouse.move(x + 1, y)
+    rovers.mouse.move(x, y)
+    assert pointed_at(rovers) == pytest.approx(here, abs=0.011)  # the point under the cursor stayed there
+    rovers.mouse.down()
+    rovers.mouse.move(x + 80, y + 50, steps=4)
+    rovers.mouse.up()
+    assert pointed_at(rovers) == pytest.approx(here, abs=0.011)  # and came along when it was dragged
+    rovers.locator("#fit").click()
+    expect(rovers.locator("#scale-text")).to_have_text(whole)
+
+
+def pointed_at(page: Page) -> list[float]:
+    """The place under the cursor, x and y, as the page tells it."""
+    return [float(found) for found in re.findall(r"[\d.]+", page.locator("#place-text").inner_text())]
+
+
+def test_the_map_works_from_the_keyboard(rovers: Page) -> None:
+    rovers.locator("#map").focus()
+    rovers.keyboard.press("ArrowRight")
+    expect(rovers.locator("#heard")).to_contain_text("rover")
+    first = rovers.locator("#robot-name").inner_text()
+    rovers.keyboard.press("ArrowRight")
+    expect(rovers.locator("#robot-name")).not_to_have_text(first)
+    before = rovers.locator("#scale-text").inner_text()
+    for _ in range(6):
+        rovers.keyboard.press("+")
+    expect(rovers.locator("#scale-text")).not_to_have_text(before)
+    rovers.keyboard.press("f")
+    expect(rovers.locator("#scale-text")).to_have_text(before)
+    rovers.keyboard.press("t")
+    expect(rovers.locator("#trails-on")).to_have_attribute("aria-pressed", "false")
+    rovers.keyboard.press("Escape")
+    expect(rovers.locator("#robot-name")).to_have_text("Robot")
+    rovers.keyboard.press("/")
+    expect(rovers.locator("#text")).to_be_focused()
+
+
+def test_a_robot_shows_its_values_rules_and_reports(rovers: Page) -> None:
+    for order in ("(RULE careful (WHEN (< battery 1%) (ST)))", '(REPORT "level" battery)'):
+        type_in(rovers, order)
+        rovers.locator("#everybody-yes").check()
+        rovers.locator("#text").focus()
+        send(rovers)
+    rovers.locator("#map").focus()
+    rovers.keyboard.press("ArrowRight")
+    rovers.locator("#tab-values").click()
+    expect(rovers.locator("#pane-values tr", has_text="battery")).to_contain_text("%")
+    rovers.keyboard.press("ArrowRight")
+    expect(rovers.locator("#pane-rules tr", has_text="careful")).to_contain_text("● yes")
+    rovers.keyboard.press("ArrowRight")
+    expect(rovers.locator("#pane-said")).to_contain_text("level 0.")
+
+
+def test_a_click_on_a_command_lights_those_that_it_matched(rovers: Page) -> None:
+    type_in(rovers, "(WHEN (> battery 75%) (JOIN full))")
+    row = send(rovers)
+    matched = row.locator(".matched").inner_text()
+    expect(rovers.locator("#legend .lit")).to_have_text(f"{matched} matched")
+    expect(row).to_have_attribute("aria-selected", "true")
+    row.click()
+    expect(rovers.locator("#legend .lit")).to_have_count(0)
+    assert_lit(rovers, False)
+    row.click()
+    expect(rovers.locator("#legend .lit")).to_have_text(f"{matched} matched")
+    assert_lit(rovers, True)
+
+
+def assert_lit(page: Page, wanted: bool) -> None:
+    """Robots are lit, or none is, at the latest a few pictures from now."""
+    deadline = time.monotonic() + PATIENCE
+    while bool(pixels(page, "--lit")) != wanted:
+        assert time.monotonic() < deadline
+        page.wait_for_timeout(50)
+
+
+def test_more_robots_than_shapes_can_tell_apart_become_points(context: BrowserContext) -> None:
+    with Program("demo", "bravo", "--robots", "7000", "--speed", "1") as program:
+        page = context.new_page()
+        page.goto(program.address)
+        previewed(page, re.compile(r"^\d{3}$"))
+        pause(page)
+        assert_lit(page, True)
+        assert len(pixels(page, "--robot-0")) > 7000  # of two by two pixels, some over one another
+        assert page.evaluate("document.querySelectorAll('*').length") < 500  # no element for any of them
+        x, y = pixels(page, "--robot-0")[0]
+        page.mouse.click(x, y)
+        expect(page.locator("#robot-name")).to_have_text(re.compile(r"scout\d+"))
+
+
+WITH_A_WALL = """
+import sys
+import msgspec
+from sleepcast.cli import main, page
+scene_of = page.scene_of
+wall = ((400.0, 100.0), (600.0, 100.0), (600.0, 300.0), (400.0, 300.0))
+page.scene_of = lambda *of: msgspec.structs.replace(scene_of(*of), obstacles=(wall,))
+sys.exit(main())
+"""
+
+
+def test_obstacles_stand_on_the_map(context: BrowserContext, tmp_path: Path) -> None:
+    with Program("run", write(tmp_path).parent, "--page", start=("-c", WITH_A_WALL)) as program:
+        page = context.new_page()
+        page.goto(program.address)
+        expect(page.locator("#legend")).to_contain_text("20 rovers")
+        found = pixels(page, "--map-obstacle", "ground")
+        assert found
+        left, right = min(x for x, _ in found), max(x for x, _ in found)
+        top, bottom = min(y for _, y in found), max(y for _, y in found)
+        assert abs((right - left) - (bottom - top)) <= 2  # as wide as high
+        box = page.locator("#map").bounding_box()
+        assert box is not None
+        assert (left + right) / 2 == pytest.approx(box["x"] + box["width"] / 2, abs=2)  # in the middle, as x = 500 m
+        assert (top + bottom) / 2 > box["y"] + box["height"] / 2  # and below it, as y = 200 m
+
+
+# ---- time, looks, trouble
+
+
+def test_time_pauses_steps_and_changes_its_speed(rovers: Page) -> None:
+    pause(rovers)
+    clock = rovers.locator("#clock")
+    stood = clock.inner_text()
+    for _ in range(10):  # ten ticks of 0.1 s
+        rovers.locator("#step").click()
+    expect(clock).not_to_have_text(stood)
+    rovers.locator("#run").click()
+    expect(rovers.locator("#achieved")).to_have_text("5× reached")
+    rovers.locator("#speed").select_option("10")
+    expect(rovers.locator("#achieved")).to_have_text("10× reached")
+    rovers.locator("#speed").select_option("5")
+
+
+def test_light_and_dark(rovers: Page, context: BrowserContext) -> None:
+    expect(rovers.locator("html")).to_have_attribute("data-theme", "light")
+    rovers.locator("#theme").click()
+    expect(rovers.locator("html")).to_have_attribute("data-theme", "dark")
+    rovers.reload()
+    expect(rovers.locator("html")).to_have_attribute("data-theme", "dark")  # kept
+    ground = rovers.evaluate("[...document.getElementById('ground').getContext('2d').getImageData(2, 2, 1, 1).data]")
+    assert max(ground[:3]) < 60  # the map is dark as well
+
+
+def test_on_a_tablet_stop_stays_in_sight(rovers: Page) -> None:
+    rovers.set_viewport_size({"width": 800, "height": 1100})
+    rovers.mouse.move(400, 1000)
+    rovers.mouse.wheel(0, 5000)
+    expect(rovers.locator("#stop")).to_be_in_viewport(ratio=1.0)
+    expect(rovers.locator(".robot")).to_be_in_viewport()
+    assert rovers.evaluate("document.documentElement.scrollWidth") <= 800
+    rovers.locator("#stop").click()
+    expect(rovers.locator("#release")).to_be_in_viewport(ratio=1.0)
+    rovers.locator("#release").click()
+    expect(rovers.locator("#stopped")).to_be_hidden()
+
+
+def test_a_lost_connection_is_said_and_stop_waits_for_it(context: BrowserContext, tmp_path: Path) -> None:
+    with Program("run", write(tmp_path).parent, "--page") as program:
+        page = context.new_page()
+        page.goto(program.address)
+        expect(page.locator("#legend")).to_contain_text("20 rovers")
+        program.end()
+        expect(page.locator("#offline")).to_contain_text("No connection to the station")
+        page.keyboard.press("F9")
+        expect(page.locator("#stopped-text")).to_contain_text("STOP could not be sent")
+
+
+def test_the_page_of_a_wrong_address_says_what_to_do(program: Program, context: BrowserContext) -> None:
+    page = context.new_page()
+    answer = page.goto(program.address[:-3])
+    assert answer is not None
+    assert answer.status == 403
+    expect(page.locator("body")).to_contain_text("Open the address that was printed")

@@ -1,0 +1,155 @@
+"""What the reference sees in a form before it evaluates it: its parts, its cost, what it names, what its test is."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterator
+from itertools import takewhile
+
+from sleepcast.language.form import QUOTE, UNQUOTE, Form, List, Number, Symbol, Text
+from sleepcast.language.functions import FUNCTIONS
+from sleepcast.language.vocabulary import HostFunction, Vocabulary, buffer_number
+
+NAMING = {"setqq", "rule", "defun", "activate", "deactivate", "forget", "join", "leave", "in", QUOTE}
+"""Calls whose arguments are names and stored text: nothing of them is evaluated."""
+FLAGS = {
+    "sleep": ("sleeping", 1.0),
+    "wake": ("sleeping", 0.0),
+    "freeze": ("frozen", 1.0),
+    "thaw": ("frozen", 0.0),
+    "mark": ("marked", 1.0),
+    "unmark": ("marked", 0.0),
+}
+"""Acts that set a support flag, and to what."""
+ACTING = (NAMING | {"setq", "defvar", "lease", "report", "print", "tell", "ping", "rollback", *FLAGS}) - {"in", QUOTE}
+"""Calls that change the robot or speak."""
+
+
+def head_of(form: Form) -> str:
+    """The key of the function that a list calls, "" for what is no call."""
+    return form.head or "" if isinstance(form, List) else ""
+
+
+def arguments(form: Form) -> tuple[Form, ...]:
+    return form.items[1:] if isinstance(form, List) else ()
+
+
+def is_call(form: Form, key: str) -> bool:
+    return isinstance(form, List) and form.head == key
+
+
+def unquoted(form: Form) -> Iterator[Form]:
+    """The expressions after the commas of a template, left to right."""
+    if is_call(form, UNQUOTE):
+        yield arguments(form)[0]
+    elif isinstance(form, List):
+        for item in form.items:
+            yield from unquoted(item)
+
+
+def evaluated(form: Form) -> list[Form]:
+    """The parts of a call that an evaluation may evaluate, left to right: not what is quoted, named or declared."""
+    rest = list(arguments(form))
+    head = head_of(form)
+    if head in ("cond", "dice"):
+        return [part for clause in rest for part in items(clause)]
+    if head == "let":
+        return [arguments(pair)[0] for pair in items(rest[0])] + rest[1:]
+    if head == "tell":
+        return [] if is_call(rest[0], QUOTE) else list(unquoted(rest[0]))
+    if head in ("setq", "lease", "defvar", "dotimes"):
+        rest = rest[1:]
+    elif head in NAMING:
+        rest = []
+    return [part for part in rest if not isinstance(part, Text) and not is_call(part, QUOTE)]
+
+
+def items(form: Form) -> tuple[Form, ...]:
+    return form.items if isinstance(form, List) else ()
+
+
+def key_of(form: Form) -> str:
+    """The key of a name; that of a buffer is always `e5`, also where it is written `expr5`."""
+    assert isinstance(form, Symbol), form
+    number = buffer_number(form.key)
+    return form.key if number is None else f"e{number}"
+
+
+def cost(form: Form) -> int:
+    """Steps charged on entering `form`: one for each number, name and call in it, as often as DOTIMES repeats it."""
+    inside = sum(map(cost, evaluated(form)))
+    return 1 + (inside * repeats(arguments(form)[0]) if is_call(form, "dotimes") else inside)
+
+
+def height(form: Form) -> int:
+    """Lists inside one another, those that are quoted and those that only declare included."""
+    return 1 + max(map(height, items(form)), default=0) if isinstance(form, List) else 0
+
+
+def repeats(counted: Form) -> int:
+    """The count in the `(i 5)` of a DOTIMES."""
+    count = items(counted)[1]
+    assert isinstance(count, Number), counted
+    return int(count.value)
+
+
+def named(form: Form, local: frozenset[str] = frozenset()) -> set[str]:
+    """The keys of everything that evaluating `form` may evaluate by name or call."""
+    if isinstance(form, Symbol):
+        return {key_of(form)} - local
+    head = head_of(form)
+    inside = local | bound(form)
+    body = arguments(form)[1:] if head in ("let", "dotimes") else ()
+    found = {head} if head else set()
+    for part in evaluated(form):
+        found |= named(part, inside if any(part is other for other in body) else local)
+    return found
+
+
+def bound(form: Form) -> frozenset[str]:
+    """The keys of the names that a LET or DOTIMES makes for its body, none for anything else."""
+    if is_call(form, "let"):
+        return frozenset(key_of(items(pair)[0]) for pair in items(arguments(form)[0]))
+    return frozenset({key_of(items(arguments(form)[0])[0])}) if is_call(form, "dotimes") else frozenset()
+
+
+def deciding_tests(
+    form: Form, known: Container[str], vocabulary: Vocabulary, local: frozenset[str] = frozenset()
+) -> list[Form] | None:
+    """The parts of a message one of which must be true for it to match; None if it has no test and all match.
+
+    They stand in its first COND, IF, WHEN or AND, also inside PROGN and LET. Of an AND it is the last of the leading
+    operands that only look and do nothing. known: the operators that there are.
+    """
+    head = head_of(form)
+    rest = arguments(form)
+    if head == "cond":
+        return [items(clause)[0] for clause in rest] or None
+    if head in ("if", "when"):
+        return [rest[0]]
+    if head == "and":
+        looking = list(takewhile(lambda operand: not acts(operand, known, vocabulary, local), rest))
+        return looking[-1:] or None
+    for part in rest[head == "let" :] if head in ("let", "progn") else ():
+        if is_tested(part):
+            return deciding_tests(part, known, vocabulary, local | bound(form))
+    return None
+
+
+def is_tested(form: Form) -> bool:
+    head = head_of(form)
+    if head in ("progn", "let"):
+        return any(map(is_tested, arguments(form)[head == "let" :]))
+    return head in ("cond", "if", "when", "and")
+
+
+def acts(form: Form, known: Container[str], vocabulary: Vocabulary, local: frozenset[str] = frozenset()) -> bool:
+    """Whether `form` itself changes the robot or speaks (not what the buffers and operators do that it names)."""
+    head = head_of(form)
+    function = vocabulary.bindings.get(head)
+    if isinstance(function, HostFunction):
+        acting = function.acts
+    elif head not in FUNCTIONS and head not in known:
+        return False  # a function that the robot does not have does nothing, nor do its arguments
+    else:
+        acting = head in ACTING and not (head == "setq" and key_of(arguments(form)[0]) in local)
+    return acting or any(acts(part, known, vocabulary, local | bound(form)) for part in evaluated(form))

@@ -72,7 +72,7 @@ class Reference:
         self.chance, self.tick, self.draws = stream(seed, number), 0, 0
         variables = [b for b in vocabulary.bindings.values() if isinstance(b, Variable)]
         self.values = {v.name.casefold(): 0.0 if v.kind is Kind.SUPPORT else UNKNOWN for v in variables}
-        self.values |= {"id": float(number), "tick": 0.0, "time": 0.0}
+        self.values |= {"marking": 1.0, "id": float(number), "tick": 0.0, "time": 0.0}
         self.user: dict[str, float] = {}
         self.stored: dict[str, Form] = {}
         self.active: set[str] = set()

@@ -9,7 +9,7 @@ import pytest
 from sleepcast.channel.message import Kind, Message
 from sleepcast.errors import SleepcastError
 from sleepcast.language import HostFunction, Vocabulary
-from sleepcast.node.node import MAX_FAULTS_IN_ROW, MAX_QUEUE, MAX_RECOLLECTIONS, Node
+from sleepcast.node.node import MAX_FAULTS_IN_ROW, MAX_QUEUE, MAX_RECOLLECTIONS, REPORTS_A_SECOND, Node
 from sleepcast.node.scheduler import TICK_STEPS
 from sleepcast.node.variables import VariableTable, actuator, sensor
 from sleepcast.units import Quantity
@@ -328,6 +328,16 @@ def test_a_full_queue_drops_and_counts() -> None:
     assert robot.lost == 5
     robot.think(1, 0.1)
     assert len(outcomes(robot)) == MAX_QUEUE
+
+
+def test_reports_are_limited_by_the_second() -> None:
+    robot = node()
+    robot.evaluate("(DOTIMES (i 100) (REPORT i))")
+    assert len(robot.outbox) == REPORTS_A_SECOND
+    assert robot.lost == 100 - REPORTS_A_SECOND
+    robot.think(20, 2.0)
+    robot.evaluate("(REPORT 1)")
+    assert len(robot.outbox) == REPORTS_A_SECOND + 1
 
 
 def test_chance_is_a_function_of_seed_robot_tick_and_draw() -> None:

@@ -14,7 +14,7 @@ Everything is little endian. A frame of n robots has 32 + 14 n bytes:
     28       f32         speed that was reached in the last second or so
     32       f32 x 3n    x (m), y (m), heading (rad, counter-clockwise from x) of each robot in turn
     32+12n   u8 x n      group: 0 for none, else the place of its newest group in the list of groups, from 1
-    32+13n   u8 x n      flags: bit 0 stopped, 1 frozen, 2 sleeping, 3 marked
+    32+13n   u8 x n      flags: bit 0 stopped, 1 frozen, 2 sleeping, 3 marked and showing it
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable
 
-from sleepcast.language.vocabulary import FROZEN, MARKED, SLEEPING
+from sleepcast.language.vocabulary import FROZEN, MARKED, MARKING, SLEEPING
 from sleepcast.station import Mind, Telemetry
 
 VERSION = 1
@@ -30,7 +30,8 @@ MAX_GROUPS = 255
 """Groups that one byte can tell apart; robots of later ones are shown as in no group."""
 
 _HEADER = struct.Struct("<BBHIIIdff")
-_BITS = ((FROZEN, 2), (SLEEPING, 4), (MARKED, 8))
+_BITS = ((FROZEN, 2), (SLEEPING, 4))
+_MARK = 8
 
 
 def pack(
@@ -57,6 +58,8 @@ def flags_of(minds: Iterable[Telemetry]) -> bytes:
         for slot, bit in _BITS:
             if values[slot] > 0.0:
                 flags |= bit
+        if values[MARKED] > 0.0 and values[MARKING] > 0.0:
+            flags |= _MARK
         found.append(flags)
     return bytes(found)
 

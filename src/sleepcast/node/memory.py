@@ -23,6 +23,7 @@ from sleepcast.language.vocabulary import (
     ACTIVE0,
     BUFFERS,
     ID,
+    MARKING,
     MAX_RULES,
     TICK,
     TIME_SLOT,
@@ -73,6 +74,7 @@ class RobotMemory:
         self.library = library_of(self.vocabulary)
         self.voice, self.body, self._acts = voice, body, acts
         self.values = [0.0] * (ACTIVE0 + BUFFERS) + [nan] * (self.vocabulary.size - ACTIVE0 - BUFFERS)
+        self.values[MARKING] = 1.0
         self.values[ID], self.values[TIME_SLOT], self.values[TICK] = float(number), 0.0, 0.0
         self.groups: frozenset[str] = frozenset()
         self.learned: dict[str, Declared] = {}

@@ -38,6 +38,8 @@ MAX_SEEN = 1_024
 """Message ids remembered so that a repeated message changes nothing."""
 MAX_OUTBOX = 256
 """Things said in one tick; the rest is dropped and counted."""
+REPORTS_A_SECOND = 20
+"""Reports of one robot that go on the air in a second of its clock: a rule that speaks at every tick is heard."""
 MAX_FAULTS_IN_ROW = 10
 """Evaluations with a fault, one after the other, after which a rule is deactivated."""
 TELL_SECONDS = 5.0
@@ -98,9 +100,11 @@ class Node:
         self._seen: OrderedDict[str, None] = OrderedDict()
         # The fields of a Recollection, made into one only when somebody asks: this happens for every message.
         self._recollections: deque[Recollected] = deque(maxlen=MAX_RECOLLECTIONS)
-        self._printed: list[tuple[str, tuple[float, ...]]] = []
+        self._printed: list[tuple[str, tuple[float, ...]]] | None = None
+        """What the text under way has reported, while somebody waits for its result."""
         self._sequence = 0
         self._was_still = False
+        self._reported_in, self._reported = 0, 0
 
     # ---- what others look at
 
@@ -177,6 +181,8 @@ class Node:
     def actuators(self) -> dict[str, float]:
         """The actuators in the list of values that were assigned since the last call, by name."""
         memory = self._memory
+        if not memory.actuated:
+            return {}
         first = self.vocabulary.first_actuator
         own = sorted(memory.actuated - memory.variables.linked_slots)
         taken = {self.vocabulary.actuators[slot - first].name: memory.values[slot] for slot in own}
@@ -226,8 +232,9 @@ class Node:
 
     def run(self, checked: Checked) -> Result:
         """Evaluate a text that has been checked. Raises CheckError if it has errors."""
-        self._printed = []
+        printed = self._printed = []
         value = self._run(checked.required(), "")
+        self._printed = None
         memory = self._memory
         return Result(
             value,
@@ -235,7 +242,7 @@ class Node:
             tuple(memory.faults),
             checked.cost,
             memory.steps,
-            tuple(self._printed),
+            tuple(printed),
             Recollection(*self._recollections[-1]),
         )
 
@@ -367,7 +374,15 @@ class Node:
         self._say(Kind.ANSWER, body=body)
 
     def _report(self, label: str, values: tuple[float, ...]) -> None:
-        self._printed.append((label, values))
+        if self._printed is not None:
+            self._printed.append((label, values))
+        second = int(self._memory.time)
+        if second != self._reported_in:
+            self._reported_in, self._reported = second, 0
+        self._reported += 1
+        if self._reported > REPORTS_A_SECOND:
+            self.lost += 1
+            return
         self._say(Kind.REPORT, body={"label": label, "values": [None if isnan(v) else v for v in values]})
 
     def _tell(self, text: str) -> None:

@@ -95,9 +95,7 @@ class VocabularyError(MisuseError):
 
 SUPPORT = (
     Quantity("marked", low=0, high=1, doc="the selection flag set by MARK"),
-    Quantity(
-        "marking", low=0, high=1, doc="whether the light shows the mark (unless told not to)"
-    ),
+    Quantity("marking", low=0, high=1, doc="whether the light shows the mark (unless told not to)"),
     Quantity("frozen", low=0, high=1, doc="held still by FREEZE"),
     Quantity("sleeping", low=0, high=1, doc="powered down by SLEEP"),
     *(Quantity(f"active{i}", low=0, high=1, doc=f"whether buffer E{i} runs at every tick") for i in range(1, BUFFERS)),

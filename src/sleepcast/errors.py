@@ -62,10 +62,15 @@ def placed(message: str, text: str, offset: int) -> str:
     return f"at {line}:{column}".join(message.rsplit("@@", 1))
 
 
+def printable(text: str) -> str:
+    """`text` with every character that a terminal might obey replaced, one for one."""
+    return "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
 def with_caret(message: str, text: str, start: int, end: int) -> str:
     """`message`, then the line of `text` at `start`, then carets under the characters from `start` to `end`."""
     line_start = text.rfind("\n", 0, start) + 1
     line_end = text.find("\n", start)
-    line = text[line_start : len(text) if line_end < 0 else line_end]
+    line = printable(text[line_start : len(text) if line_end < 0 else line_end])
     width = max(1, min(end, line_start + len(line)) - start)
     return f"{message}\n  {line}\n  {' ' * (start - line_start)}{'^' * width}"

@@ -49,7 +49,7 @@ def refused(text: str) -> ReadError | None:
 # ---- strategies
 
 NAMES = st.from_regex(r"[A-Za-z_*/<>=!?][A-Za-z0-9_*/<>=!?.+-]{0,8}", fullmatch=True).filter(is_name)
-LABELS = st.text(st.characters(exclude_characters='"\n', exclude_categories=["Cs"]), max_size=MAX_NAME)
+LABELS = st.text(st.characters(exclude_characters='"').filter(str.isprintable), max_size=MAX_NAME)
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 ATOMS = st.one_of(NAMES.map(Symbol), LABELS.map(Text), FINITE.map(Number))
 
@@ -309,6 +309,12 @@ def test_length_is_bounded() -> None:
     error = refusal(fits + " ")
     assert f"at most {MAX_TEXT}" in str(error)
     assert len(str(error)) < 300
+
+
+@pytest.mark.parametrize("text", ['(REPORT "a\x1b[31mb")', "(fo\x1b[31mo)", '"\x9b"', "\x00"])
+def test_nothing_that_a_terminal_obeys_gets_in_or_into_the_refusal(text: str) -> None:
+    refusal = str(refused(text))
+    assert all(c.isprintable() or c == "\n" for c in refusal)
 
 
 def test_names_and_labels_are_bounded() -> None:

@@ -119,6 +119,17 @@ def test_a_question_answers_and_changes_nothing() -> None:
     assert isnan(dict(robot.variables())["throttle"])
 
 
+def test_a_question_meets_the_same_refusals_as_a_command() -> None:
+    robot = node()
+    obey(robot, "(DEFVAR n)")
+    for text in ("(SETQ absent 1)", "(SETQ throttle ordnance)"):
+        robot.receive(message(text, kind=Kind.ASK))
+    robot.receive(message("(PROGN (DEFVAR n 5) (KNOWN n))", kind=Kind.ASK))
+    robot.think(1, 0.1)
+    assert [bool(m.body["fault"]) for m in robot.outbox] == [True, True, False]
+    assert robot.outbox[-1].body["value"] == 0.0
+
+
 def test_a_quiet_robot_is_not_awake_and_a_rule_wakes_it() -> None:
     robot = node()
     awake = [robot.awake]

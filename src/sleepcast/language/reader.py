@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 
-from sleepcast.errors import MisuseError, did_you_mean, placed, with_caret
+from sleepcast.errors import MisuseError, did_you_mean, placed, printable, with_caret
 from sleepcast.language.form import PREFIXES, Form, List, Number, Symbol, Text
 from sleepcast.units import UNITS, to_si
 
@@ -39,7 +39,7 @@ class ReadError(MisuseError):
     """Text that is no expression. start, end: the offending characters of `text`."""
 
     def __init__(self, reason: str, text: str, start: int, end: int) -> None:
-        self.reason = placed(reason, text, start)
+        self.reason = printable(placed(reason, text, start))
         super().__init__(with_caret(self.reason, text, start, end))
         self.text, self.start, self.end = text, start, end
 
@@ -161,6 +161,8 @@ def _number(digits: str, suffix: str | None, text: str, start: int, end: int) ->
 def _label(value: str, text: str, start: int, end: int) -> Text:
     if len(value) > MAX_NAME:
         raise ReadError(f"label of {len(value)} characters @@: at most {MAX_NAME}", text, start, end)
+    if not value.isprintable():  # it will be shown on other people's terminals
+        raise ReadError("a label with a control character @@", text, start, end)
     return Text(value, start, end)
 
 

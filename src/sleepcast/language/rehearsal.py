@@ -39,6 +39,7 @@ class Rehearsal:
     """A memory in which nothing happens: assignments hold within the one evaluation, acts give 1 and do nothing.
 
     values: copied. fetch, operator, read: how to reach the robot's programs and linked variables, if there are any.
+    has: whether there is a user variable of this key; without it, one that has no value is taken not to be there.
     """
 
     def __init__(
@@ -50,12 +51,15 @@ class Rehearsal:
         operator: Callable[[Part], Entered | None] | None = None,
         read: Callable[[Part], float] | None = None,
         draw: Callable[[], float] | None = None,
+        has: Callable[[str], bool] | None = None,
     ) -> None:
         self.values, self.groups = list(values), groups
         self.steps = self.depth = self.levels = 0
         self.matched = False
         self.faults: list[tuple[Part, str]] = []
         self._fetch, self._operator, self._read, self._draw = fetch, operator, read, draw
+        self._has = has
+        self._made: set[str] = set()
 
     def fault(self, part: Part, reason: str) -> float:
         self.faults.append((part, reason))
@@ -68,14 +72,23 @@ class Rehearsal:
         return self._read(part) if self._read else nan
 
     def write(self, part: Part, value: float) -> float:
-        if part.slot >= 0 and value == value:
-            self.values[part.slot] = value
+        if not isinstance(part.data, Variable):
+            if not self.defined(part):
+                return self.fault(part, f"no variable {part.name}: make it first with (DEFVAR {part.name})")
+        elif value != value:
+            return self.fault(part, f"unknown cannot be assigned to {part.data.name}")
+        self.values[part.slot] = value
         return value
 
     def defined(self, part: Part) -> bool:
-        return self.values[part.slot] == self.values[part.slot]
+        if part.name in self._made:
+            return True
+        if self._has is not None:
+            return self._has(part.name)
+        return part.slot >= 0 and self.values[part.slot] == self.values[part.slot]
 
     def define(self, part: Part, value: float) -> float:
+        self._made.add(part.name)
         self.values[part.slot] = value
         return value
 

@@ -360,6 +360,7 @@ class RobotMemory:
             operator=lambda part: self.operators.get(part.name),
             read=lambda part: self.peek(part.slot),
             draw=lambda: draw(self._key, self.tick, next(drawn)),
+            has=lambda key: isinstance(self.learned.get(key), UserVariable),
         )
 
 

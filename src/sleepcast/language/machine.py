@@ -19,7 +19,7 @@ from sleepcast.language.compiler import Code, generate
 from sleepcast.language.form import Form, height
 from sleepcast.language.names import Names, Operator
 from sleepcast.language.operations import Memory
-from sleepcast.language.parts import CHANCY, Part, acts, is_acting, walk
+from sleepcast.language.parts import CHANCY, Part, acts, deciding, is_acting, walk
 from sleepcast.language.walker import Walker
 
 MAX_STEPS = MAX_COST
@@ -91,7 +91,7 @@ class Program:
         self.asks = "host" in ops or "linked" in ops
 
     def _find_test(self, checker: Checker) -> Program | None:
-        part = _tested(self.root)
+        part = deciding(self.root)
         if part is None:
             return None
         tests = _watch(part)
@@ -110,14 +110,6 @@ class Program:
         self.root, self.form, self.cost = root, root.form, cost(root)
         self._look_at(walk(root))
         self.test, self.runs, self.code = self, 0, None
-
-
-def _tested(part: Part) -> Part | None:
-    """The first COND, IF, WHEN or AND of `part`, also inside its PROGNs and LETs."""
-    if part.op in ("cond", "if", "and"):
-        return part
-    inside = part.parts[int(part.number) :] if part.op == "let" else part.parts if part.op == "progn" else ()
-    return next(filter(None, map(_tested, inside)), None)
 
 
 def _watch(part: Part) -> tuple[Part, ...]:

@@ -118,6 +118,14 @@ def is_acting(part: Part) -> bool:
     return part.op in ACTING
 
 
+def deciding(part: Part) -> Part | None:
+    """The first COND, IF, WHEN or AND of `part`, also inside its PROGNs and LETs."""
+    if part.op in ("cond", "if", "and"):
+        return part
+    inside = part.parts[int(part.number) :] if part.op == "let" else part.parts if part.op == "progn" else ()
+    return next(filter(None, map(deciding, inside)), None)
+
+
 def host_of(part: Part) -> HostFunction:
     """The robot's own function of a `host` part."""
     function = part.data.function if isinstance(part.data, Label) else part.data

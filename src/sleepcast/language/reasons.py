@@ -6,7 +6,7 @@ from math import nan
 
 from sleepcast.language.form import List, Number, format_value, show
 from sleepcast.language.machine import Program
-from sleepcast.language.parts import Part
+from sleepcast.language.parts import Part, deciding
 from sleepcast.language.tracer import Tracer
 from sleepcast.language.vocabulary import Variable
 from sleepcast.language.walker import is_true
@@ -17,15 +17,12 @@ def culprit(program: Program, tracer: Tracer) -> Part | None:
     """The first operand of the program's test that was not true: the smallest part that says why."""
     if program.test is None:
         return None
-    part: Part | None = program.root
-    while part is not None and part.op in ("progn", "let"):
-        part = next((p for p in part.parts if p.op in ("cond", "if", "and", "progn", "let")), None)
-    if part is None or (part.op == "and" and is_true(tracer.found.get(part.index, 0.0))):
+    part = deciding(program.root)
+    if part is None or not part.parts:
         return None
-    tests = [c.parts[0] for c in part.parts] if part.op == "cond" else [part]
-    if part.op == "if":
-        tests = [part.parts[0]]
-    return _narrow(tests[0], tracer) if tests else None
+    if part.op == "cond":
+        return _narrow(part.parts[0].parts[0], tracer)
+    return _narrow(part.parts[0] if part.op == "if" else part, tracer)
 
 
 def _narrow(part: Part, tracer: Tracer) -> Part:

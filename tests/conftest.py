@@ -13,3 +13,13 @@ pytest.register_assert_rewrite("channel_contract", "robot_contract", "language.c
 settings.register_profile("ordinary", deadline=None, derandomize=True, print_blob=True)
 settings.register_profile("nightly", deadline=None, max_examples=10_000, print_blob=True)
 settings.load_profile("ordinary")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what takes minutes, unless the nightly profile is asked for."""
+    if config.getoption("--hypothesis-profile") == "nightly":
+        return
+    skip = pytest.mark.skip(reason="takes minutes: --hypothesis-profile nightly runs it")
+    for item in items:
+        if item.get_closest_marker("nightly"):
+            item.add_marker(skip)

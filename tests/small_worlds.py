@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from sleepcast.simulator import Scenario, Simulator, load
+from sleepcast.simulator.engine import Machine
 
 SMALL = """
 format = 1
@@ -44,10 +45,42 @@ reach = "20km"
 delay = "0s"
 """
 
+SCOUTS = """
+format = 1
+title = "Scouts"
+seconds = "1min"
+tick = "0.1s"
+seed = 3
 
-def write(folder: Path, *changes: tuple[str, str], more: str = "") -> Path:
-    """The small scenario in `folder`, each pair of texts replaced, `more` added at the end; gives its file."""
-    text = SMALL
+[world]
+width = "12m"
+height = "12m"
+edge = "wall"
+
+[robots]
+type = "scout"
+count = 1
+motion = "still"
+
+[robots.limits]
+speed = "1m/s"
+turn_rate = "180deg/s"
+acceleration = "2m/s2"
+
+[robots.body]
+radius = "0.17m"
+bumpers = 8
+
+[robots.wheels]
+track = "0.3452m"
+
+[robots.sonar]
+"""
+
+
+def write(folder: Path, *changes: tuple[str, str], more: str = "", text: str = SMALL) -> Path:
+    """The small scenario (or `text`) in `folder`, each pair of texts replaced, `more` added at the end; gives its
+    file."""
     for old, new in changes:
         assert old in text, old
         text = text.replace(old, new)
@@ -62,3 +95,10 @@ def small(folder: Path, *changes: tuple[str, str], more: str = "") -> Scenario:
 
 def simulator(folder: Path, *changes: tuple[str, str], more: str = "", seed: int | None = None) -> Simulator:
     return Simulator(small(folder, *changes, more=more), seed)
+
+
+def scouts(
+    folder: Path, *changes: tuple[str, str], more: str = "", seed: int | None = None, machine: Machine | None = None
+) -> Simulator:
+    """Scouts in a room, each pair of texts replaced, `more` added at the end."""
+    return Simulator(load(write(folder, *changes, more=more, text=SCOUTS)), seed, machine)

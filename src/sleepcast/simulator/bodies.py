@@ -1,8 +1,9 @@
 """Bodies: the state of all simulated robots as arrays, one column for each robot.
 
 What a robot can sense lies in one table (`sensed`), a row for each sensor of the model, so that a reading is
-a column; `x`, `y`, `heading`, `speed` and the stores are rows of it under a name. What a body was last asked
-to do lies beside it. Everything is float64, SI, and changed in place; chance comes from the seed and the
+a column; `x`, `y`, `heading`, `speed` and the stores are rows of it under a name. A body on wheels senses where its
+encoders believe it to be, so there the real pose lies apart. What a body was last asked to do lies beside it. The
+readings of sonars have a table of their own (`echoes`). Everything is float64, SI, and changed in place; chance comes from the seed and the
 robot's number alone.
 """
 
@@ -12,21 +13,24 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from enum import IntEnum
 from hashlib import sha256
-from math import inf, pi
+from math import pi
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.chance import GOLDEN, key, mix, uniform
-from sleepcast.simulator.scenario import Scenario, Store
-from sleepcast.units import Quantity
+from sleepcast.simulator.bumpers import Bumpers
+from sleepcast.simulator.cones import Ranges
+from sleepcast.simulator.echoes import Echoes
+from sleepcast.simulator.engine import Machine
+from sleepcast.simulator.scenario import Scenario
+from sleepcast.simulator.sensors import sensors_of
+from sleepcast.simulator.world import World
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-FRESH = 2.0
-"""Seconds for which a ping that was heard tells something; all else a body measures at every tick."""
 MAX_SAYINGS = 1_000
 """Latest sayings that are kept for whoever listens."""
 TURN = 2.0 * pi
@@ -52,17 +56,21 @@ class Bodies:
     """`count` bodies at the start of a scenario; see the module.
 
     Arrays of shape (count,) unless said otherwise. x, y: m in the world's frame; heading: rad, -pi..pi,
-    counter- clockwise from the x axis; speed: m/s along the heading. stores: shape (stores, count). mode: a
+    counter-clockwise from the x axis: where the body really is. encoder_x, encoder_y, encoder_heading: where it
+    believes to be; the same arrays without wheels. speed: m/s along the heading. left, right: of the wheels, m/s.
+    bumper: the part that touches something, from 1 in front counter-clockwise, or 0; hit_x, hit_y: from the body to
+    what it touches, m, or 0. stores: shape (stores, count). mode: a
     `Mode`; wanted_speed, wanted_turn: what DRIVE asked for, m/s and rad/s; target_x, target_y: where GOTO
     leads, m. stopped, held: latched by STOP, kept still. swing: rad of a tumble that are still to be turned.
     roaming: the turn rate of a wandering body, rad/s.
     """
 
-    def __init__(self, scenario: Scenario, seed: int) -> None:
+    def __init__(self, scenario: Scenario, seed: int, machine: Machine) -> None:
         robots = scenario.robots
         self.scenario, self.seed, self.count = scenario, seed, robots.count
         self.limits, self.geometry = robots.limits, robots.geometry
         self.fence = (0.0, 0.0, scenario.width, scenario.height)
+        self.world = World(scenario.shapes)
         self.tick = 0
         self.said: deque[Saying] = deque(maxlen=MAX_SAYINGS)
         self.sensors = sensors_of(scenario)
@@ -70,11 +78,24 @@ class Bodies:
         self.numbers = np.arange(self.count, dtype=np.uint64)
         self.chance = mix(self.numbers * np.uint64(GOLDEN) + np.uint64(key(seed, "bodies")))
         """A key for each robot, uint64."""
-        self.x: Floats = self.sensed[0]
-        self.y: Floats = self.sensed[1]
-        self.heading: Floats = self.sensed[2]
+        self.encoder_x: Floats = self.sensed[0]
+        self.encoder_y: Floats = self.sensed[1]
+        self.encoder_heading: Floats = self.sensed[2]
+        apart = np.empty((3, self.count)) if robots.wheels else self.sensed
+        self.x: Floats = apart[0]
+        self.y: Floats = apart[1]
+        self.heading: Floats = apart[2]
         self.speed: Floats = self.sensed[3]
         self.stores: Floats = self.sensed[4 : 4 + len(robots.stores)]
+        self.left, self.right = np.zeros(self.count), np.zeros(self.count)
+        self.hit_x, self.hit_y = np.zeros(self.count), np.zeros(self.count)
+        names = [sensor.name for sensor in self.sensors]
+        self.bumper: Floats = self.sensed[names.index("bumper")] if robots.bumpers else np.zeros(self.count)
+        size, ring = (scenario.width, scenario.height), robots.ring
+        self.contact = Bumpers(robots, size, scenario.tick, self.world, machine) if robots.bumpers else None
+        self.echoes = (
+            Echoes(ring, robots.geometry.radius, self.count, size, self.world, seed, machine) if ring else None
+        )
         self._start()
         self.mode = np.full(self.count, Mode.WANDER if robots.wanders else Mode.DRIVE, np.int8)
         self.wanted_speed, self.wanted_turn = np.zeros(self.count), np.zeros(self.count)
@@ -86,6 +107,30 @@ class Bodies:
     def time(self) -> float:
         """Simulated time in s."""
         return self.tick * self.scenario.tick
+
+    @property
+    def slips(self) -> bool:
+        """Whether the wheels lead elsewhere than the encoders believe."""
+        wheels = self.scenario.robots.wheels
+        return wheels is not None and bool(wheels.slip_left or wheels.slip_right or wheels.slip_noise)
+
+    def place(self, number: int, x: float, y: float, heading: float) -> None:
+        """Put a body somewhere, at rest, and let it know: both its real and its believed pose (m, rad)."""
+        for across, up, towards in (
+            (self.x, self.y, self.heading),
+            (self.encoder_x, self.encoder_y, self.encoder_heading),
+        ):
+            across[number], up[number], towards[number] = x, y, heading
+        for still in (self.speed, self.left, self.right, self.bumper, self.hit_x, self.hit_y):
+            still[number] = 0.0
+        if self.echoes:
+            self.echoes.forget()
+
+    def echo(self, numbers: Sequence[int] | None = None) -> Ranges:
+        """What the sonars of these robots read, m, shape (robots, sonars), float32; only with sonars."""
+        assert self.echoes
+        which = np.arange(self.count) if numbers is None else np.asarray(numbers, np.int64)
+        return self.echoes.sense(which, self.tick, (self.x, self.y, self.heading))
 
     def readings(self, numbers: Sequence[int] | None = None) -> list[list[float]]:
         """What the robots with these indices (None: all) sense now: for each one value per sensor, in SI, NaN
@@ -99,6 +144,9 @@ class Bodies:
                 if deviation:
                     noisy = sensed[:, column] + deviation * self._normal(sensor.name, self.numbers[which])
                     sensed[:, column] = np.clip(noisy, sensor.low, sensor.high)
+        if self.echoes:
+            heard = self.echo(numbers)
+            sensed = np.hstack((sensed, heard, heard[:, self.echoes.front].min(axis=1, keepdims=True)))
         rows: list[list[float]] = sensed.tolist()
         return rows
 
@@ -124,13 +172,24 @@ class Bodies:
         yield self.sensed
         yield from (self.wanted_speed, self.wanted_turn, self.target_x, self.target_y, self.swing, self.roaming)
         yield from (self.mode, self.stopped, self.held)
+        if self.scenario.robots.wheels:
+            yield from (self.x, self.y, self.heading, self.left, self.right)
+        if self.contact:
+            yield from (self.hit_x, self.hit_y)
+        if self.echoes:
+            yield from self.echoes.state()
+        yield self.world.solids
 
     def _start(self) -> None:
         robots = self.scenario.robots
         self.x[:] = _spread(robots.x, self.drawn("x"))
         self.y[:] = _spread(robots.y, self.drawn("y"))
+        if self.contact:
+            self.contact.part(self.x, self.y, self._drawn_anew)
         self.heading[:] = _spread((-pi, pi), self.drawn("heading"))
+        self.encoder_x[:], self.encoder_y[:], self.encoder_heading[:] = self.x, self.y, self.heading
         self.speed[:] = robots.wander.speed if robots.wanders else 0.0
+        self.left[:] = self.right[:] = self.speed
         for row, store in zip(self.stores, robots.stores, strict=True):
             carried = self.drawn(f"{store.name} carried") < store.share
             row[:] = np.where(carried, _spread((store.low, store.high), self.drawn(store.name)), 0.0)
@@ -139,36 +198,11 @@ class Bodies:
             self.sensed[first], self.sensed[first + 1] = place.x, place.y
             first += 2
 
+    def _drawn_anew(self, attempt: int) -> tuple[Floats, Floats]:
+        """Other places to start from."""
+        robots = self.scenario.robots
+        return _spread(robots.x, self.drawn(f"x {attempt}")), _spread(robots.y, self.drawn(f"y {attempt}"))
+
 
 def _spread(ends: tuple[float, float], drawn: Floats) -> Floats:
     return ends[0] + (ends[1] - ends[0]) * drawn
-
-
-def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:
-    """The sensors of the scenario's robots, in the order of the rows of `Bodies.sensed`."""
-    length, speed = scenario.length_unit, scenario.robots.limits.speed
-    return (
-        Quantity("x", "m", 0.0, scenario.width, doc="where the robot is, to the east", shown_as=length),
-        Quantity("y", "m", 0.0, scenario.height, doc="where the robot is, to the north", shown_as=length),
-        Quantity("heading", "rad", -pi, pi, doc="counter-clockwise from east", shown_as="deg"),
-        Quantity("speed", "m/s", -speed, speed, doc="along the heading", shown_as=scenario.robots.speed_unit),
-        *(_of_store(store) for store in scenario.robots.stores),
-        *(
-            Quantity(f"{place.name}_{axis}", "m", 0.0, size, doc=f"where {place.title} is, {way}", shown_as=length)
-            for place in scenario.places
-            for axis, size, way in (("x", scenario.width, "to the east"), ("y", scenario.height, "to the north"))
-        ),
-        *(_ping_sensors(length) if scenario.ping_reach else ()),
-    )
-
-
-def _of_store(store: Store) -> Quantity:
-    return Quantity(store.name, store.unit, 0.0, store.full, doc=store.about, shown_as=store.unit)
-
-
-def _ping_sensors(length: str) -> tuple[Quantity, ...]:
-    return (
-        Quantity("ping_caste", "", -inf, inf, FRESH, "the number that the last ping heard carried"),
-        Quantity("ping_range", "m", 0.0, inf, FRESH, "how far away the robot was that sent it", length),
-        Quantity("ping_bearing", "rad", -pi, pi, FRESH, "where it was, counter-clockwise from the heading", "deg"),
-    )

@@ -9,10 +9,13 @@ from __future__ import annotations
 
 from math import isnan, pi
 
+import numpy as np
+
 from sleepcast.robot import BodyFunction, Reading, RobotModel, Setpoint
 from sleepcast.simulator import sonar
-from sleepcast.simulator.bodies import Bodies, Mode, Saying
+from sleepcast.simulator.bodies import TURN, Bodies, Mode, Saying
 from sleepcast.simulator.scenario import Scenario
+from sleepcast.simulator.sensors import sonar_sensors
 from sleepcast.units import LENGTH, NONE, RATE, SPEED, Quantity
 
 TUMBLE = 67.0 * pi / 180.0
@@ -84,11 +87,26 @@ class Body:
     def say(self, text: str) -> None:
         self._bodies.said.append(Saying(self._bodies.time, self.number, text))
 
+    def turn_wheels(self, right: float, left: float) -> None:
+        wheels = self._bodies.scenario.robots.wheels
+        assert wheels
+        self.drive((right + left) / 2.0, (right - left) / wheels.track)
+
     def sonar(self, which: float) -> float:
+        if self._bodies.echoes:
+            ranges = self._bodies.echo([self.number])[0]
+            return float(ranges[int(which) % len(ranges)])
         return self.nearest(*sonar.sector(self._bodies.geometry.sonars, which))
 
     def nearest(self, first: float, last: float) -> float:
-        return sonar.nearest(self._bodies, self.number, first, last)
+        echoes = self._bodies.echoes
+        if echoes is None:
+            return sonar.nearest(self._bodies, self.number, first, last)
+        there = np.mod(echoes.cones.axes - first, TURN) <= (
+            last - first if last - first >= TURN else np.mod(last - first, TURN)
+        )
+        ranges = self._bodies.echo([self.number])[0, there]
+        return float(ranges.min()) if ranges.size else echoes.ring.most
 
 
 FUNCTIONS = (
@@ -105,6 +123,15 @@ FUNCTIONS = (
     BodyFunction("TUMBLE", Body.tumble, result=NONE, doc="Turns by 67 degrees, left or right by chance."),
     BodyFunction("TK", Body.say, arguments='"text"', labelled=True, doc="Says the text aloud."),
 )
+WHEEL_FUNCTIONS = (
+    BodyFunction(
+        "VM",
+        Body.turn_wheels,
+        (SPEED, SPEED),
+        arguments="right left",
+        doc="Turns the right and the left wheel at these speeds.",
+    ),
+)
 SONAR_FUNCTIONS = (
     BodyFunction(
         "SONAR",
@@ -113,7 +140,7 @@ SONAR_FUNCTIONS = (
         arguments="number",
         result=LENGTH,
         acts=False,
-        doc="Distance to the nearest robot before this sonar; 0 is in front, then counter-clockwise.",
+        doc="Distance to the nearest thing before this sonar; 0 is in front, then counter-clockwise.",
     ),
     BodyFunction(
         "NEAREST",
@@ -122,7 +149,7 @@ SONAR_FUNCTIONS = (
         arguments="from to",
         result=LENGTH,
         acts=False,
-        doc="Distance to the nearest robot between two angles, counter-clockwise from the heading.",
+        doc="Distance to the nearest thing between two angles, counter-clockwise from the heading.",
     ),
 )
 
@@ -133,12 +160,16 @@ def model_of(scenario: Scenario, bodies: Bodies) -> RobotModel:
     speed, turn = robots.limits.speed, robots.limits.turn_rate
     return RobotModel(
         robots.type,
-        sensors=bodies.sensors,
+        sensors=(*bodies.sensors, *(sonar_sensors(robots.ring, scenario.length_unit) if robots.ring else ())),
         actuators=(
             Quantity("drive_speed", "m/s", -speed, speed, doc="drives at this speed", shown_as=robots.speed_unit),
             Quantity("drive_turn", "rad/s", -turn, turn, doc="turns at this rate", shown_as="deg/s"),
         ),
-        functions=(*FUNCTIONS, *(SONAR_FUNCTIONS if robots.geometry.sonars else ())),
+        functions=(
+            *FUNCTIONS,
+            *(WHEEL_FUNCTIONS if robots.wheels else ()),
+            *(SONAR_FUNCTIONS if robots.geometry.sonars else ()),
+        ),
         limits=robots.limits,
         geometry=robots.geometry,
     )

@@ -1,8 +1,8 @@
 """Motion: one tick of all bodies at once.
 
 What each body wants (to wander, to drive, to reach a point) becomes a wanted speed and turn rate; tumbling,
-holding, an empty tank and the fence overrule it; the limits cut it; then it moves. A body has no inertia in
-turning and touches nobody: contact belongs to a later simulator behind the same interface.
+holding, an empty tank and the fence overrule it; the limits cut it, and it becomes a step, by wheels (see
+`wheels`) or without, where a body has no inertia in turning. With bumpers a step ends where bodies would touch.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 
 from sleepcast.channel.chance import GOLDEN, mix
 from sleepcast.simulator.bodies import TURN, Bodies, Flags, Floats, Mode
+from sleepcast.simulator.wheels import Step, roll
 
 BRAKING = 0.8
 """Share of the acceleration that an approach to a point counts on, so that there is some left to correct
@@ -30,8 +31,13 @@ def step(bodies: Bodies) -> None:
     _turn_back(bodies, speed, turn)
     speed *= moves
     turn *= moves
-    _move(bodies, speed, turn, tick)
+    wheels = bodies.scenario.robots.wheels
+    seen, real = roll(bodies, wheels, speed, turn, tick) if wheels else _glide(bodies, speed, turn, tick)
+    _move(bodies, seen, real, tick)
     bodies.tick += 1
+    if bodies.echoes:
+        bodies.echoes.forget()
+        bodies.echoes.fire(bodies.tick, bodies.time, (bodies.x, bodies.y, bodies.heading))
 
 
 def wrap(angle: Floats) -> Floats:
@@ -47,9 +53,10 @@ def _wanted(bodies: Bodies, tick: float) -> tuple[Floats, Floats]:
     turn = np.where(wanders, bodies.roaming, bodies.wanted_turn)
     going = np.flatnonzero(bodies.mode == Mode.GOTO)
     if going.size:
-        across, up = bodies.target_x[going] - bodies.x[going], bodies.target_y[going] - bodies.y[going]
+        across = bodies.target_x[going] - bodies.encoder_x[going]
+        up = bodies.target_y[going] - bodies.encoder_y[going]
         away = np.sqrt(across * across + up * up)
-        error = wrap(np.arctan2(up, across) - bodies.heading[going])
+        error = wrap(np.arctan2(up, across) - bodies.encoder_heading[going])
         # A circle through the point: driven faster, the tightest turn would pass it by. One behind takes half a turn.
         bend = np.where(np.abs(error) < pi / 2, np.abs(np.sin(error)), 1.0)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -97,6 +104,8 @@ def _empty(bodies: Bodies) -> Flags:
 def _turn_back(bodies: Bodies, speed: Floats, turn: Floats) -> None:
     """Bodies that drive near the fence turn, as fast as they can, until they drive towards the middle of the
     world."""
+    if not bodies.scenario.fenced:
+        return
     margin = min(
         bodies.limits.speed / bodies.limits.turn_rate, 0.1 * bodies.scenario.width, 0.1 * bodies.scenario.height
     )
@@ -111,22 +120,41 @@ def _turn_back(bodies: Bodies, speed: Floats, turn: Floats) -> None:
     turn[near[astray]] = np.copysign(bodies.limits.turn_rate, error[astray])
 
 
-def _move(bodies: Bodies, speed: Floats, turn: Floats, tick: float) -> None:
-    """Drive each body for one tick, within its limits and its fence, and take what it uses from its
-    stores."""
+def _glide(bodies: Bodies, speed: Floats, turn: Floats, tick: float) -> tuple[Step, Step]:
+    """The steps of crafts without wheels: as they believe, and as they are, which is the same."""
     limits = bodies.limits
-    np.clip(speed, -limits.speed, limits.speed, out=speed)
-    np.clip(turn, -limits.turn_rate, limits.turn_rate, out=turn)
     most = limits.acceleration * tick
-    bodies.speed += np.clip(speed - bodies.speed, -most, most)
-    bodies.heading[:] = wrap(bodies.heading + turn * tick)
-    way = bodies.speed * tick
-    bodies.x += way * np.cos(bodies.heading)
-    bodies.y += way * np.sin(bodies.heading)
+    bodies.speed += np.clip(np.clip(speed, -limits.speed, limits.speed) - bodies.speed, -most, most)
+    turned = np.clip(turn, -limits.turn_rate, limits.turn_rate) * tick
+    way, heading = bodies.speed * tick, bodies.heading + turned
+    step = Step(way * np.cos(heading), way * np.sin(heading), turned)
+    return step, step
+
+
+def _move(bodies: Bodies, seen: Step, real: Step, tick: float) -> None:
+    """Move each body by its `real` step, as far as its fence and its bumper let it, and let it believe what its
+    encoders have `seen` of that; take what it uses from its stores."""
     left, bottom, right, top = bodies.fence
-    np.clip(bodies.x, left, right, out=bodies.x)
-    np.clip(bodies.y, bottom, top, out=bodies.y)
+    across = np.clip(bodies.x + real.across, left, right) - bodies.x
+    up = np.clip(bodies.y + real.up, bottom, top) - bodies.y
+    free: Floats | float = 1.0
+    if bodies.contact:
+        settled = bodies.contact.settle(bodies.x, bodies.y, across, up)
+        free = settled.free
+        bodies.hit_x[:], bodies.hit_y[:] = settled.across, settled.up
+        bodies.bumper[:] = bodies.contact.part_of(settled, bodies.heading)
+    used = np.abs(bodies.speed) * tick * free
+    bodies.x += free * across
+    bodies.y += free * up
+    bodies.heading[:] = wrap(bodies.heading + real.turn)
+    if bodies.scenario.robots.wheels:
+        bodies.encoder_x += free * seen.across
+        bodies.encoder_y += free * seen.up
+        bodies.encoder_heading[:] = wrap(bodies.encoder_heading + seen.turn)
+    if bodies.contact:
+        for speed in (bodies.speed, bodies.left, bodies.right):
+            speed[settled.free < 1.0] = 0.0
     for row, store in zip(bodies.stores, bodies.scenario.robots.stores, strict=True):
         if store.reach < inf:
-            row -= np.abs(way) * (store.full / store.reach)
+            row -= used * (store.full / store.reach)
             np.maximum(row, 0.0, out=row)

@@ -7,39 +7,34 @@ docs/scenarios.md.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from math import inf, pi
 from pathlib import Path
 
 from sleepcast.channel.memory import RadioModel
-from sleepcast.robot import Geometry, Limits
 from sleepcast.simulator.mission import Order, read_mission
+from sleepcast.simulator.robot_settings import (
+    LEAST,
+    MAX_ROBOTS,
+    MAX_TIME,
+    RobotSpec,
+    Store,
+    checked_name,
+    read_robots,
+)
 from sleepcast.simulator.settings import Document, Measure, Table
-from sleepcast.units import ACCELERATION, LENGTH, RATE, SPEED, TIME
+from sleepcast.simulator.world import Shape
+from sleepcast.simulator.world_settings import Changes, read_world
+from sleepcast.units import LENGTH, SPEED, TIME
 
 FORMAT = 1
 """The version of the format; a file of a newer one is refused."""
 FILE = "scenario.toml"
-MAX_ROBOTS = 10_000
-"""Robots whose minds are objects of their own; at more, a tick takes longer than a tick lasts."""
-MAX_WORLD = 10_000_000.0
-"""Metres, a quarter of the way round the earth: beyond, a flat world means nothing."""
-MAX_TIME = 10_000_000.0
-"""Seconds of one run: four months."""
 MAX_PLACES = 32
-MAX_STORES = 16
-"""Each place and store is one or two variables on every robot."""
+"""Each place is two variables on every robot."""
 MAX_COMMANDS = 32
 """Ready-made commands that a page can offer without scrolling for ever."""
 MAX_SEED = 2**63 - 1
-LEAST = 1e-6
-"""What must be more than nothing is at least this, in SI."""
-
-BODY_NAMES = ("x", "y", "heading", "speed", "drive_speed", "drive_turn", "ping_caste", "ping_range", "ping_bearing")
-"""Variables that every simulated body has, or may have."""
-
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}\Z")
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,54 +46,6 @@ class Place:
     x: float
     y: float
     about: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Store:
-    """Something that robots carry: a variable `name` in SI, shown in `unit`.
-
-    low, high: at the start, drawn evenly for the `share` of the robots that carry any. full: what a robot
-    carries at most. reach: m that a full store drives a body; inf where driving uses none of it.
-    """
-
-    name: str
-    unit: str
-    low: float
-    high: float
-    full: float
-    share: float = 1.0
-    reach: float = inf
-    about: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Wander:
-    """How bodies roam by themselves: at `speed` (m/s), their turn rate wandering slowly round 0 with the
-    standard deviation `turn_rate` (rad/s), each turn lasting about `steadiness` s."""
-
-    speed: float
-    turn_rate: float
-    steadiness: float
-
-
-@dataclass(frozen=True, slots=True)
-class RobotSpec:
-    """The robots: how many of which type, where they start (evenly in x and y, m), and how they are made.
-
-    wanders: whether they roam from the start; otherwise they lie still until they are told to move.
-    speed_unit: in which people read their speed.
-    """
-
-    type: str
-    count: int
-    x: tuple[float, float]
-    y: tuple[float, float]
-    limits: Limits
-    geometry: Geometry
-    wander: Wander
-    wanders: bool
-    stores: tuple[Store, ...]
-    speed_unit: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +64,7 @@ class Scenario:
     speed_up: simulated seconds in a second of a person's time. seconds: how long a headless run lasts by
     default. telemetry: time between two samples of each robot. ping_reach: how far a ping is heard, 0 where
     none is. noise: standard deviation of each sensor that has any, by its name. length_unit: in which people
-    read lengths.
+    read lengths. shapes: what is solid in the world; fenced: whether robots turn back at its edge by themselves.
     """
 
     name: str
@@ -131,6 +78,8 @@ class Scenario:
     width: float
     height: float
     length_unit: str
+    shapes: tuple[Shape, ...]
+    fenced: bool
     robots: RobotSpec
     places: tuple[Place, ...]
     noise: dict[str, float]
@@ -141,19 +90,19 @@ class Scenario:
     mission: tuple[Order, ...]
 
 
-def load(path: Path) -> Scenario:
-    """The scenario in the folder or file `path`. Raises SettingsError, and MissionError for its mission
-    script."""
+def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  # frozen: nobody can change it
+    """The scenario in the folder or file `path`, with what a run changes of it. Raises SettingsError, and MissionError
+    for its mission script."""
     file = path / FILE if path.is_dir() else path
     document = Document(file)
     with document.root() as root:
         _check_format(root)
-        with root.table("world") as world:
-            width = world.measure("width", LENGTH, low=LEAST, high=MAX_WORLD)
-            height = world.measure("height", LENGTH, low=LEAST, high=MAX_WORLD)
-        size = (width.value, height.value)
+        count = changes.robots or root.table("robots").whole("count", low=1, high=MAX_ROBOTS)
+        world = read_world(root, count, changes)
+        size = (world.width, world.height)
         places = _places(root, size)
-        robots = _robots(root, size, places)
+        known = frozenset(f"{place.name}_{axis}".casefold() for place in places for axis in "xy")
+        robots = read_robots(root, count, size, known)
         radio, ping_reach, telemetry = _radio(root, size)
         return Scenario(
             name=file.resolve().parent.name,
@@ -164,9 +113,11 @@ def load(path: Path) -> Scenario:
             tick=root.number("tick", TIME, 0.1, low=0.001, high=60.0),
             speed_up=root.number("speed_up", default=1.0, low=0.001, high=1e6),
             seconds=root.number("seconds", TIME, low=LEAST, high=MAX_TIME),
-            width=width.value,
-            height=height.value,
-            length_unit=width.unit or "m",
+            width=world.width,
+            height=world.height,
+            length_unit=world.unit,
+            shapes=world.shapes,
+            fenced=world.fenced,
             robots=robots,
             places=places,
             noise=_noise(root, robots),
@@ -186,95 +137,16 @@ def _check_format(root: Table) -> None:
         )
 
 
-def _name(around: Table, name: str) -> str:
-    if not _NAME.match(name):
-        raise around.error(name, f'"{name}" is no name: wanted a letter, then up to 31 letters, digits and _')
-    return name
-
-
 def _places(root: Table, size: tuple[float, float]) -> tuple[Place, ...]:
     found = []
     for name, table in root.tables("places", most=MAX_PLACES).items():
         with table:
-            _name(root.table("places"), name)
+            checked_name(root.table("places"), name)
             x = table.number("x", LENGTH, low=0.0, high=size[0])
             y = table.number("y", LENGTH, low=0.0, high=size[1])
             title = table.text("title", name, most=60)
             found.append(Place(name, title, x, y, table.text("about", "")))
     return tuple(found)
-
-
-def _robots(root: Table, size: tuple[float, float], places: tuple[Place, ...]) -> RobotSpec:
-    whole_x, whole_y = ((Measure(0.0), Measure(end)) for end in size)
-    with root.table("robots") as table:
-        kind = _name(table, table.text("type", most=32))
-        limits, speed_unit = _limits(table, size)
-        x = table.span("x", LENGTH, whole_x, low=0.0, high=size[0])
-        y = table.span("y", LENGTH, whole_y, low=0.0, high=size[1])
-        return RobotSpec(
-            type=kind,
-            count=table.whole("count", low=1, high=MAX_ROBOTS),
-            x=(x[0].value, x[1].value),
-            y=(y[0].value, y[1].value),
-            limits=limits,
-            geometry=_geometry(table),
-            wander=_wander(table, limits),
-            wanders=table.text("motion", "wander", choices=("wander", "still")) == "wander",
-            stores=_stores(table, places),
-            speed_unit=speed_unit,
-        )
-
-
-def _limits(robots: Table, size: tuple[float, float]) -> tuple[Limits, str]:
-    with robots.table("limits") as table:
-        speed = table.measure("speed", SPEED, low=LEAST, high=10_000.0)
-        turn_rate = table.number("turn_rate", RATE, low=LEAST, high=100.0)
-        acceleration = table.number("acceleration", ACCELERATION, low=LEAST, high=10_000.0)
-        return Limits(speed.value, turn_rate, acceleration, (0.0, 0.0, *size)), speed.unit or "m/s"
-
-
-def _geometry(robots: Table) -> Geometry:
-    with robots.table("body") as table:
-        radius = table.number("radius", LENGTH, low=LEAST, high=MAX_WORLD)
-        sonars = table.whole("sonars", 0, low=0, high=360)
-        reach = table.number("sonar_range", LENGTH, None if sonars else 0.0, low=0.0, high=MAX_WORLD)
-        return Geometry(radius, sonars, reach)
-
-
-def _wander(robots: Table, limits: Limits) -> Wander:
-    with robots.table("wander") as table:
-        return Wander(
-            speed=table.number("speed", SPEED, limits.speed, low=0.0, high=limits.speed),
-            turn_rate=table.number("turn_rate", RATE, limits.turn_rate / 4, low=0.0, high=limits.turn_rate),
-            steadiness=table.number("steadiness", TIME, 30.0, low=LEAST, high=MAX_TIME),
-        )
-
-
-def _stores(robots: Table, places: tuple[Place, ...]) -> tuple[Store, ...]:
-    taken = {*BODY_NAMES, *(f"{place.name}_{axis}".casefold() for place in places for axis in "xy")}
-    found = []
-    for name, table in robots.tables("stores", most=MAX_STORES).items():
-        around = robots.table("stores")
-        if _name(around, name).casefold() in taken:
-            raise around.error(name, "every robot has a variable of this name already; choose another")
-        taken.add(name.casefold())
-        with table:
-            found.append(_store(table, name))
-    return tuple(found)
-
-
-def _store(table: Table, name: str) -> Store:
-    low, high = table.span("start", None, low=0.0)
-    return Store(
-        name=name,
-        unit=high.unit,
-        low=low.value,
-        high=high.value,
-        full=table.measure("full", None, Measure(max(high.value, LEAST)), low=max(high.value, LEAST)).value,
-        share=table.number("share", default=1.0, low=0.0, high=1.0),
-        reach=table.number("reach", LENGTH, inf, low=LEAST),
-        about=table.text("about", ""),
-    )
 
 
 def _radio(root: Table, size: tuple[float, float]) -> tuple[RadioModel, float, float]:

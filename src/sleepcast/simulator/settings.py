@@ -212,6 +212,24 @@ class Table:
         x, y = (self._measured(key, value[i], dimension, low[i], high[i]).value for i in (0, 1))
         return x, y
 
+    def points(
+        self, key: str, low: tuple[float, float], high: tuple[float, float], *, least: int, most: int
+    ) -> tuple[tuple[float, float], ...]:
+        """From `least` to `most` points, each as `point` has them."""
+        value = self._value(key, None)
+        if not isinstance(value, list) or not least <= len(value) <= most:
+            self._refuse(key, f'a list of {least} to {most} points, such as ["3m", "24in"],', value)
+        table = Table(self.document, {f"point {i + 1}": point for i, point in enumerate(value)}, (*self.where, key))
+        return tuple(table.point(name, low, high) for name in table.values)
+
+    def wholes(self, key: str, default: tuple[int, ...], *, low: int, high: int, most: int) -> tuple[int, ...]:
+        """From one to `most` whole numbers from `low` to `high`."""
+        value = self._value(key, default)
+        if not isinstance(value, list | tuple) or not 1 <= len(value) <= most:
+            self._refuse(key, f"a list of 1 to {most} whole numbers,", value)
+        table = Table(self.document, {f"number {i + 1}": each for i, each in enumerate(value)}, (*self.where, key))
+        return tuple(table.whole(name, low=low, high=high) for name in table.values)
+
     def table(self, key: str) -> Table:
         """The table under `key`, empty if there is none."""
         value = self.values.get(key, {})

@@ -1,7 +1,5 @@
 """The simulator as the loop knows it: robots with names and bodies, ticks, readings, pings, and a hash of the
 state.
-
-The full simulator of many Scouts will stand behind this same interface.
 """
 
 from __future__ import annotations
@@ -13,22 +11,27 @@ import numpy as np
 
 from sleepcast.simulator.bodies import Bodies, Floats, Saying
 from sleepcast.simulator.body import Body, model_of
+from sleepcast.simulator.engine import Machine, choose
 from sleepcast.simulator.motion import step, wrap
 from sleepcast.simulator.scenario import Scenario
 
 
 class Simulator:
     """A scenario brought to life; `seed` replaces the scenario's own. Equal seeds make equal runs, to the
-    last bit.
+    last bit, on any number of threads.
+
+    machine: does the heavy work; None takes the fastest that is installed (see `engine`).
 
     names, robots: of each robot by its index; a robot's own number is its index + 1. model: what they all
     are.
     """
 
-    def __init__(self, scenario: Scenario, seed: int | None = None) -> None:
+    def __init__(self, scenario: Scenario, seed: int | None = None, machine: Machine | None = None) -> None:
         self.scenario = scenario
         self.seed = scenario.seed if seed is None else seed
-        self.bodies = Bodies(scenario, self.seed)
+        self.bodies = Bodies(scenario, self.seed, machine or choose())
+        self.world = self.bodies.world
+        """The solid things, which may be changed between ticks."""
         self.model = model_of(scenario, self.bodies)
         self.names = tuple(f"{scenario.robots.type}{i + 1}" for i in range(scenario.robots.count))
         self.robots = tuple(Body(self.bodies, self.model, i) for i in range(scenario.robots.count))
@@ -72,6 +75,10 @@ class Simulator:
     def readings(self, numbers: Sequence[int] | None = None) -> list[list[float]]:
         """What the robots with these indices (None: all) sense; see `Bodies.readings`."""
         return self.bodies.readings(numbers)
+
+    def place(self, number: int, x: float, y: float, heading: float) -> None:
+        """Put robot `number` somewhere (m, rad), at rest; it believes to be there."""
+        self.bodies.place(number, x, y, heading)
 
     def ping(self, number: int, caste: float) -> None:
         """Robot `number` sends a ping that carries `caste`; those in reach sense it in the next tick."""

@@ -1,0 +1,82 @@
+"""Bumpers: bodies that stop where they touch something, and feel where it is.
+
+`contact` says how far each body gets; here its answer is put into the bodies, and bodies are set apart at the start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import pi
+
+import numpy as np
+
+from sleepcast.errors import MisuseError
+from sleepcast.simulator.contact import SKIN, Settled
+from sleepcast.simulator.engine import Machine
+from sleepcast.simulator.grid import Floats, Listed, distance, grid_over, list_solids, pairs, sort, spread
+from sleepcast.simulator.robot_settings import RobotSpec
+from sleepcast.simulator.world import World
+
+MAX_ATTEMPTS = 1_000
+"""Times that bodies which overlap at the start are put elsewhere: a world that is not full needs a few dozen."""
+CELL = 5.0
+"""Side of a cell in radii of a body: about one body fits in, and its neighbours are in the next ones."""
+
+
+class Bumpers:
+    """What lets the bodies of `robots` touch each other and the solids of `world`. size: of the world, m."""
+
+    def __init__(
+        self, robots: RobotSpec, size: tuple[float, float], tick: float, world: World, machine: Machine
+    ) -> None:
+        self.parts, self.radius = robots.bumpers, robots.geometry.radius
+        self.world, self.machine = world, machine
+        self._reach = self.radius + SKIN + 2.0 * robots.limits.speed * tick
+        """How far away a solid may be that a body can touch in one tick, slip included, m."""
+        self._grid = grid_over(*size, max(CELL * self.radius, 2.0 * self._reach), robots.count)
+        self._listed: Listed | None = None
+        self._version = -1
+
+    def settle(self, x: Floats, y: Floats, across: Floats, up: Floats) -> Settled:
+        """How far bodies at x, y (m) get on their way `across` and `up` (m)."""
+        points = self.machine.sort(self._grid, x, y)
+        return self.machine.settle(
+            self._grid, points, self._solids(), self.world.solids, self.radius, (x, y), (across, up)
+        )
+
+    def part_of(self, settled: Settled, heading: Floats) -> Floats:
+        """The number of the part of each bumper that touches something, 0 where nothing does."""
+        touched = settled.free < 1.0
+        angle = np.arctan2(settled.up, settled.across) - heading
+        part = np.mod(np.rint(angle * (self.parts / (2.0 * pi))), self.parts)
+        return np.where(touched, 1.0 + part, 0.0)
+
+    def part(self, x: Floats, y: Floats, anew: Callable[[int], tuple[Floats, Floats]]) -> None:
+        """Move bodies until none overlaps another one or a solid. anew: other places for all of them, by the number of
+        the attempt. Of two that overlap the one with the higher index moves. Raises MisuseError if they do not fit."""
+        for attempt in range(MAX_ATTEMPTS):
+            wrong = self._overlapping(x, y)
+            if not len(wrong):
+                return
+            other_x, other_y = anew(attempt)
+            x[wrong], y[wrong] = other_x[wrong], other_y[wrong]
+        raise MisuseError(
+            f"{len(x)} robots with a radius of {self.radius:g} m do not fit where they start: "
+            "give them more room, or ask for fewer"
+        )
+
+    def _overlapping(self, x: Floats, y: Floats) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+        every = np.arange(len(x))
+        i, j = pairs(self._grid, sort(self._grid, x, y), x, y, 2.0 * self.radius + SKIN, every)
+        listed, solids = self._solids(), self.world.solids
+        cell = self._grid.cells_of(x, y)
+        k, item = spread(every, listed.start[cell], listed.start[cell + 1])
+        lines = solids[listed.items[item]]
+        inside = distance(x[k], y[k], *lines[:, :4].T) < self.radius + lines[:, 4] + SKIN
+        return np.unique(np.concatenate((i[i > j], k[inside])))
+
+    def _solids(self) -> Listed:
+        if self._listed is None or self._version != self.world.version:
+            self._listed = list_solids(self._grid, self.world, self._reach)
+            self._version = self.world.version
+        return self._listed

@@ -1,0 +1,197 @@
+"""Sonar cones, exactly: the nearest point of any body or solid that lies within a cone, for all cones of a ring.
+
+A cone opens from the transducer's face, on the rim of the body. No rays are cast; both sorts of thing have a closed
+form. For a disc, the nearest point lies on the line to its middle if that is within the cone, else on the edge of the
+cone that is nearer to the middle, if that edge meets the disc. For a line, the cone cuts out an interval (and so does
+the greatest angle of incidence, measured from the perpendicular, at which the surface still throws an echo back): the
+nearest point is the foot of the perpendicular, moved into the interval.
+
+Here is the form for NumPy, in double precision; `cones_fast` has the same for numba.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, hypot, inf, pi, sin, tan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole, nearest_point, pairs, spread
+
+AT_ONCE = 4_000
+"""Robots looked at together: their pairs with everything in reach then fit into a few tens of megabytes."""
+
+Ranges = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class Cones:
+    """A ring of `count` cones, number 0 in front, then counter-clockwise, on the rim of a disc of `radius` m.
+
+    half: half of a cone's opening, rad. most: m from the rim, what is farther is not seen. incidence: rad from the
+    perpendicular, beyond which a surface throws nothing back.
+    """
+
+    count: int
+    half: float
+    most: float
+    incidence: float
+    radius: float
+
+    @property
+    def reach(self) -> float:
+        """How far the middle of another body may be that is still seen, m."""
+        return self.radius + self.most + self.radius
+
+    @property
+    def axes(self) -> Floats:
+        """Angles of the cones from the heading, rad, shape (count,)."""
+        return np.arange(self.count) * (2.0 * pi / self.count)
+
+    @property
+    def grazing(self) -> float:
+        """The tangent of the greatest incidence; large but finite where every echo comes back."""
+        return min(tan(self.incidence), 1e9) if self.incidence < pi / 2 else 1e9
+
+    def lone(self, angle: float) -> float:
+        """The distance between middles, m, beyond which a body is only seen by cones whose axis is less than `angle`
+        (rad) from the line to it; inf where there is none."""
+        if angle <= self.half:
+            return inf
+        # The last such place has the body touch the cone's edge from outside, t m along the edge.
+        most = 0.0
+        for step in range(2_001):
+            t = self.most * step / 2_000
+            across = self.radius + t * cos(self.half) - self.radius * sin(self.half)
+            up = t * sin(self.half) + self.radius * cos(self.half)
+            if np.arctan2(up, across) >= angle:
+                most = max(most, hypot(across, up))
+        return max(most, 2.0 * self.radius) + self.most / 1_000
+
+
+def ranges(
+    cones: Cones,
+    grid: Grid,
+    points: Sorted,
+    listed: Listed,
+    solids: Floats,
+    pose: tuple[Floats, Floats, Floats],
+    which: Whole,
+) -> Ranges:
+    """What the cones of the robots with indices `which` see: m from the rim, shape (len(which), count), float32;
+    `most` where there is nothing.
+
+    points: the positions of `pose` (x, y in m, heading in rad; of all robots), sorted in `grid`. listed: the `solids`
+    that come within `radius` + `most` of each of its cells.
+    """
+    found = np.full((len(which), cones.count), cones.most, np.float32)
+    place = np.empty(len(pose[0]), np.int64)
+    for begin in range(0, len(which), AT_ONCE):
+        some = which[begin : begin + AT_ONCE]
+        rows = found[begin : begin + AT_ONCE]
+        place[some] = np.arange(len(some))
+        _see_bodies(cones, grid, points, pose, some, rows, place)
+        if len(listed.items):
+            _see_solids(cones, grid, listed, solids, pose, some, rows, place)
+    return found
+
+
+def _see_bodies(
+    cones: Cones,
+    grid: Grid,
+    points: Sorted,
+    pose: tuple[Floats, Floats, Floats],
+    some: Whole,
+    rows: Ranges,
+    place: Whole,
+) -> None:
+    x, y, heading = pose
+    i, j = pairs(grid, points, x, y, cones.reach, some)
+    across, up = x[j] - x[i], y[j] - y[i]
+    cosine, sine = np.cos(heading)[i], np.sin(heading)[i]
+    ahead, left = across * cosine + up * sine, up * cosine - across * sine
+    apart = 2.0 * pi / cones.count
+    nearest = np.rint(np.arctan2(left, ahead) / apart).astype(np.int64)
+    # Cones farther than one and a half steps from the line to it see a body only when it is close.
+    far = ahead * ahead + left * left > cones.lone(1.5 * apart) ** 2
+    for step in range(-(cones.count // 2), (cones.count + 1) // 2):
+        chosen = slice(None) if abs(step) <= 1 else ~far
+        number = (nearest[chosen] + step) % cones.count
+        seen = disc_range(cones, cones.radius, ahead[chosen], left[chosen], number)
+        np.minimum.at(rows, (place[i[chosen]], number), seen.astype(np.float32))
+
+
+def disc_range(cones: Cones, radius: float | Floats, ahead: Floats, left: Floats, number: Whole) -> Floats:
+    """Range of a disc of `radius` m whose middle is at `ahead`, `left` (m, from the robot's middle) in cone `number`;
+    inf where it is not seen. All arrays broadcast."""
+    axis_cos, axis_sin = np.cos(cones.axes)[number], np.sin(cones.axes)[number]
+    along = ahead * axis_cos + left * axis_sin - cones.radius
+    aside = np.abs(left * axis_cos - ahead * axis_sin)
+    outside = aside * cos(cones.half) - along * sin(cones.half)
+    forward = along * cos(cones.half) + aside * sin(cones.half)
+    within = outside <= 0.0
+    cut = np.sqrt(np.maximum(radius * radius - outside * outside, 0.0))
+    seen = np.where(within, np.sqrt(along * along + aside * aside) - radius, forward - cut)
+    met = within | ((outside < radius * sin(cones.incidence)) & (forward > 0.0))
+    found: Floats = np.where(met, np.maximum(seen, 0.0), inf)
+    return found
+
+
+def _see_solids(
+    cones: Cones,
+    grid: Grid,
+    listed: Listed,
+    solids: Floats,
+    pose: tuple[Floats, Floats, Floats],
+    some: Whole,
+    rows: Ranges,
+    place: Whole,
+) -> None:
+    x, y, heading = pose
+    cell = grid.cells_of(x[some], y[some])
+    i, item = spread(some, listed.start[cell], listed.start[cell + 1])
+    item = listed.items[item]
+    far = cones.radius + cones.most + solids[item, 4]
+    across, up = nearest_point(x[i], y[i], *solids[item, :4].T)
+    near = across * across + up * up <= far * far
+    i, item = i[near], item[near]
+    round_ = solids[item, 4] > 0.0
+    axes = heading[i, None] + cones.axes
+    seen = np.empty((len(i), cones.count))
+    seen[~round_] = line_range(cones, axes[~round_], solids[item[~round_]], x[i[~round_]], y[i[~round_]])
+    middle = solids[item[round_]]
+    across, up = middle[:, 0] - x[i[round_]], middle[:, 1] - y[i[round_]]
+    turned = heading[i[round_]]
+    ahead = across * np.cos(turned) + up * np.sin(turned)
+    left = up * np.cos(turned) - across * np.sin(turned)
+    number = np.arange(cones.count)
+    seen[round_] = disc_range(cones, middle[:, 4, None], ahead[:, None], left[:, None], number)
+    np.minimum.at(rows, place[i], seen.astype(np.float32))
+
+
+def line_range(cones: Cones, axes: Floats, solids: Floats, x: Floats, y: Floats) -> Floats:
+    """Range of lines in cones: `axes` (rad, world's frame), shape (n, count), of robots at x, y; row by row with the
+    lines `solids`. inf where one is not seen."""
+    ex, ey = solids[:, 2] - solids[:, 0], solids[:, 3] - solids[:, 1]
+    length = np.sqrt(ex * ex + ey * ey)
+    ex, ey = ex / length, ey / length
+    across, up = solids[:, 0] - x, solids[:, 1] - y
+    height, begin = (up * ex - across * ey)[:, None], (across * ex + up * ey)[:, None]
+    axis_cos, axis_sin = np.cos(axes), np.sin(axes)
+    normal, tangent = axis_sin * ex[:, None] - axis_cos * ey[:, None], axis_cos * ex[:, None] + axis_sin * ey[:, None]
+    away = height - cones.radius * normal  # from the transducer to the line
+    normal = np.where(away < 0.0, -normal, normal)
+    away = np.abs(away)
+    cosine, sine = cos(cones.half), sin(cones.half)
+    first, last = normal * cosine + tangent * sine, normal * cosine - tangent * sine
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low = np.where(first > 0.0, away * (tangent * cosine - normal * sine) / first, -inf)
+        high = np.where(last > 0.0, away * (tangent * cosine + normal * sine) / last, inf)
+    begin = begin - cones.radius * tangent
+    low = np.maximum(np.maximum(low, -away * cones.grazing), begin)
+    high = np.minimum(np.minimum(high, away * cones.grazing), begin + length[:, None])
+    foot = np.minimum(np.maximum(0.0, low), high)
+    met = (low <= high) & ((first > 0.0) | (last > 0.0))
+    found: Floats = np.where(met, np.sqrt(away * away + foot * foot), inf)
+    return found

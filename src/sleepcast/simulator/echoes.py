@@ -1,0 +1,126 @@
+"""What the sonars of all robots read: the exact ranges of their cones with noise, losses, limits and age.
+
+Without a firing order every sonar fires in every tick, and readings are made when somebody asks for them. With one, a
+robot's sonars fire one after the other for ever: the next one `pause` s after the echo of the one before has come
+back, or after as long as an echo from the farthest would take. A sonar keeps its reading until it fires again, so a
+reading is as old as it would be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.channel.chance import key, uniform
+from sleepcast.simulator.cones import Cones, Ranges
+from sleepcast.simulator.engine import Machine
+from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole, grid_over, list_solids
+from sleepcast.simulator.robot_settings import MAX_SONARS, Ring
+from sleepcast.simulator.world import World
+
+SOUND = 343.0
+"""m/s in air at 20 degrees Celsius."""
+CELLS_IN_REACH = 1.7
+"""Cells of the grid that a sonar reaches across: smaller ones hold too few robots, larger ones too many in vain."""
+FRONT = pi / 2
+"""Sonars whose axis is at most this far from the heading count as front sonars, rad."""
+
+
+class Echoes:
+    """The sonars of `count` robots in a world of `size` (width and height, m).
+
+    readings: m, shape (count, sonars), float32; NaN for a sonar that has not fired yet. due: when each robot's next
+    sonar fires, s; turn: its place in the firing order.
+    """
+
+    def __init__(
+        self,
+        ring: Ring,
+        radius: float,
+        count: int,
+        size: tuple[float, float],
+        world: World,
+        seed: int,
+        machine: Machine,
+    ) -> None:
+        self.ring, self.world, self.machine = ring, world, machine
+        self.cones = Cones(ring.count, ring.beam / 2.0, ring.most, ring.incidence, radius)
+        self.readings: Ranges = np.full((count, ring.count), np.nan, np.float32)
+        self.due: Floats = np.zeros(count)
+        self.turn: Whole = np.zeros(count, np.int64)
+        self.front = np.flatnonzero(np.abs((self.cones.axes + pi) % (2.0 * pi) - pi) <= FRONT + 1e-9)
+        """Numbers of the front sonars."""
+        self._seed, self._numbers = seed, np.arange(count, dtype=np.uint64)
+        self._grid: Grid = grid_over(*size, self.cones.reach / CELLS_IN_REACH, count)
+        self._listed: Listed | None = None
+        self._version = -1
+        self._points: Sorted | None = None
+        self._fresh = np.zeros(count, bool)
+
+    @property
+    def fires_in_order(self) -> bool:
+        return self.ring.pause is not None
+
+    def forget(self) -> None:
+        """Bodies or obstacles have moved: what was looked at is no longer so."""
+        self._fresh[:] = False
+        self._points = None
+
+    def sense(self, which: Whole, tick: int, pose: tuple[Floats, Floats, Floats]) -> Ranges:
+        """The readings of the robots with indices `which` at this tick, shape (len(which), sonars). pose: where all
+        bodies really are: x, y in m and heading in rad."""
+        if not self.fires_in_order:
+            if self._version != self.world.version:
+                self.forget()
+            old = which[~self._fresh[which]]
+            if len(old):
+                self.readings[old] = self._look(old, tick, pose)
+                self._fresh[old] = True
+        return self.readings[which]
+
+    def fire(self, tick: int, until: float, pose: tuple[Floats, Floats, Floats]) -> None:
+        """Fire the sonars that are due before the time `until` (s) and keep what they read."""
+        pause = self.ring.pause
+        if pause is None:
+            return
+        order = np.array(self.ring.order)
+        seen = self._look(np.arange(len(self.due)), tick, pose)
+        while len(due := np.flatnonzero(self.due < until)):
+            sonar = order[self.turn[due]]
+            heard = seen[due, sonar]
+            self.readings[due, sonar] = heard
+            self.due[due] += np.maximum(pause + 2.0 * heard.astype(np.float64) / SOUND, 1e-3)
+            self.turn[due] = (self.turn[due] + 1) % len(order)
+
+    def state(self) -> Iterable[NDArray[np.generic]]:
+        """What the next ticks depend on."""
+        if self.fires_in_order:
+            yield from (self.readings, self.due, self.turn)
+
+    def _look(self, which: Whole, tick: int, pose: tuple[Floats, Floats, Floats]) -> Ranges:
+        x, y, _ = pose
+        if self._listed is None or self._version != self.world.version:
+            self._listed = list_solids(self._grid, self.world, self.cones.radius + self.cones.most)
+            self._version = self.world.version
+        if self._points is None:
+            self._points = self.machine.sort(self._grid, x, y)
+        solids = self.world.solids
+        seen = self.machine.ranges(self.cones, self._grid, self._points, self._listed, solids, pose, which)
+        if self.ring.noise or self.ring.dropout:
+            self._disturb(seen, which, tick)
+        return np.clip(seen, self.ring.least, self.ring.most, out=seen)
+
+    def _disturb(self, seen: Ranges, which: Whole, tick: int) -> None:
+        """Add noise to ranges, and lose some echoes; the same for a robot whoever else is looked at."""
+        counters = self._numbers[which, None] * np.uint64(MAX_SONARS) + np.arange(self.ring.count, dtype=np.uint64)
+        nothing = seen >= self.ring.most
+        if self.ring.noise:
+            size, angle = (uniform(key(self._seed, "echo", half, tick), counters) for half in "ab")
+            normal = np.sqrt(-2.0 * np.log(1.0 - size)) * np.cos(2.0 * pi * angle)
+            seen *= (1.0 + self.ring.noise * normal).astype(np.float32)
+        if self.ring.dropout:
+            nothing |= uniform(key(self._seed, "dropout", tick), counters) < self.ring.dropout
+        seen[nothing] = self.ring.most

@@ -1,0 +1,78 @@
+"""The machines that do the heavy work of many bodies: NumPy always, numba's compiled kernels where they are installed.
+
+Both take and give the same things. They agree to a few micrometres, not to the last bit: the compiled kernels look at
+most pairs in single precision. What a machine computes never depends on its number of threads.
+"""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from typing import Protocol
+
+from sleepcast.errors import MisuseError
+from sleepcast.simulator import cones, contact, grid
+from sleepcast.simulator.cones import Cones, Ranges
+from sleepcast.simulator.contact import Settled
+from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole
+
+MAX_THREADS = 64
+"""Threads of one machine: more cores than this share one memory badly."""
+
+
+class Machine(Protocol):
+    """See `grid.sort`, `cones.ranges` and `contact.settle` for what each does."""
+
+    @property
+    def name(self) -> str: ...
+
+    def sort(self, grid: Grid, x: Floats, y: Floats, /) -> Sorted: ...
+
+    def ranges(
+        self,
+        cones: Cones,
+        grid: Grid,
+        points: Sorted,
+        listed: Listed,
+        solids: Floats,
+        pose: tuple[Floats, Floats, Floats],
+        which: Whole,
+        /,
+    ) -> Ranges: ...
+
+    def settle(
+        self,
+        grid: Grid,
+        points: Sorted,
+        listed: Listed,
+        solids: Floats,
+        radius: float,
+        place: tuple[Floats, Floats],
+        way: tuple[Floats, Floats],
+        /,
+    ) -> Settled: ...
+
+
+class NumPyMachine:
+    """Everything in NumPy, on one thread."""
+
+    name = "numpy"
+    sort = staticmethod(grid.sort)
+    ranges = staticmethod(cones.ranges)
+    settle = staticmethod(contact.settle)
+
+
+def choose(name: str | None = None, threads: int | None = None) -> Machine:
+    """The machine `name`, "numpy" or "numba"; None is the fastest that is installed. threads: None is one for each
+    core. Raises MisuseError for a machine that is not there."""
+    if threads is not None and not 1 <= threads <= MAX_THREADS:
+        raise MisuseError(f"a machine has 1 to {MAX_THREADS} threads, not {threads}")
+    there = find_spec("numba") is not None
+    if name == "numpy" or (name is None and not there):
+        return NumPyMachine()
+    if name not in (None, "numba"):
+        raise MisuseError(f'no machine "{name}": wanted numpy or numba')
+    if not there:
+        raise MisuseError('the machine "numba" needs the package numba: install sleepcast[fast], or take "numpy"')
+    from sleepcast.simulator.fast import NumbaMachine
+
+    return NumbaMachine(threads)

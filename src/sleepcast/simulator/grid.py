@@ -1,0 +1,140 @@
+"""A uniform grid: which points lie near each other, and which solids lie near a cell.
+
+Points are sorted by their cell, so that those of neighbouring cells of one row lie side by side in memory. Solids are
+listed for each cell that they come near. Everything here is NumPy; `kernels` has the fast form of the same sorting.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.simulator.world import World
+
+Floats = NDArray[np.float64]
+Whole = NDArray[np.int64]
+
+CELLS_PER_POINT = 4
+LEAST_CELLS = 4_096
+"""Cells that a grid may have beside `CELLS_PER_POINT` for each point: more would only be walked over empty."""
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Square cells of `size` m over a rectangle that begins at 0, 0: `across` of them in each of `up` rows. What lies
+    outside belongs to the cell at the edge."""
+
+    size: float
+    across: int
+    up: int
+
+    @property
+    def cells(self) -> int:
+        return self.across * self.up
+
+    def columns(self, x: Floats) -> Whole:
+        return np.clip((x / self.size).astype(np.int64), 0, self.across - 1)
+
+    def rows(self, y: Floats) -> Whole:
+        return np.clip((y / self.size).astype(np.int64), 0, self.up - 1)
+
+    def cells_of(self, x: Floats, y: Floats) -> Whole:
+        return self.rows(y) * self.across + self.columns(x)
+
+
+class Sorted(NamedTuple):
+    """Points in the order of their cells. order: their indices; start: where each cell begins, shape (cells + 1,)."""
+
+    order: Whole
+    start: Whole
+
+
+class Listed(NamedTuple):
+    """Solids by cell. start: where each cell's begin, shape (cells + 1,); items: rows of the world's solids."""
+
+    start: Whole
+    items: Whole
+
+
+def grid_over(width: float, height: float, size: float, points: int) -> Grid:
+    """A grid with cells of at least `size` m, larger where so many cells would be more than `points` deserve."""
+    most = max(LEAST_CELLS, CELLS_PER_POINT * points)
+    size = max(size, sqrt(width * height / most), max(width, height) / most)
+    return Grid(size, max(1, ceil(width / size)), max(1, ceil(height / size)))
+
+
+def sort(grid: Grid, x: Floats, y: Floats) -> Sorted:
+    """The points x, y (m) by cell, those of one cell in the order of their indices."""
+    cells = grid.cells_of(x, y)
+    start = np.zeros(grid.cells + 1, np.int64)
+    np.cumsum(np.bincount(cells, minlength=grid.cells), out=start[1:])
+    return Sorted(np.argsort(cells, kind="stable"), start)
+
+
+def pairs(grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float, first: Whole) -> tuple[Whole, Whole]:
+    """All ordered pairs of different points at most `reach` m apart: two arrays of indices. points: x and y, sorted.
+    first: the indices that the first of a pair may have."""
+    order, start = points
+    column, row = grid.columns(x[first]), grid.rows(y[first])
+    cells = ceil(reach / grid.size)
+    left, right = np.maximum(column - cells, 0), np.minimum(column + cells, grid.across - 1)
+    found_first, found_second = [], []
+    for step in range(-cells, cells + 1):
+        there = np.flatnonzero((row + step >= 0) & (row + step < grid.up))
+        base = (row[there] + step) * grid.across
+        i, place = spread(first[there], start[base + left[there]], start[base + right[there] + 1])
+        j = order[place]
+        near = (x[i] - x[j]) ** 2 + (y[i] - y[j]) ** 2 <= reach * reach
+        near &= i != j
+        found_first.append(i[near])
+        found_second.append(j[near])
+    return np.concatenate(found_first), np.concatenate(found_second)
+
+
+def spread(items: Whole, begin: Whole, end: Whole) -> tuple[Whole, Whole]:
+    """Each of `items` beside every number from its `begin` up to, not with, its `end`: two arrays."""
+    counts = end - begin
+    total = int(counts.sum())
+    skipped = np.repeat(np.cumsum(counts) - counts, counts)
+    return np.repeat(items, counts), np.arange(total) - skipped + np.repeat(begin, counts)
+
+
+def list_solids(grid: Grid, world: World, reach: float) -> Listed:
+    """The solids that come within `reach` m of any point of each cell, in the order of their rows."""
+    solids = world.solids
+    x0, y0, x1, y1, radius = solids.T
+    far = reach + radius
+    left, right = grid.columns(np.minimum(x0, x1) - far), grid.columns(np.maximum(x0, x1) + far)
+    bottom, top = grid.rows(np.minimum(y0, y1) - far), grid.rows(np.maximum(y0, y1) + far)
+    # Each solid beside each row, then beside each cell of the box round it, then without the cells that it passes by.
+    item, row = spread(np.arange(len(solids)), bottom, top + 1)
+    place, column = spread(np.arange(len(item)), left[item], right[item] + 1)
+    item, row = item[place], row[place]
+    middle_x, middle_y = (column + 0.5) * grid.size, (row + 0.5) * grid.size
+    away = distance(middle_x, middle_y, *solids[item, :4].T)
+    edge = (column == 0) | (row == 0) | (column == grid.across - 1) | (row == grid.up - 1)
+    near = edge | (away <= far[item] + grid.size * sqrt(0.5))
+    cells, item = (row * grid.across + column)[near], item[near]
+    start = np.zeros(grid.cells + 1, np.int64)
+    np.cumsum(np.bincount(cells, minlength=grid.cells), out=start[1:])
+    return Listed(start, item[np.lexsort((item, cells))])
+
+
+def distance(x: Floats, y: Floats, x0: Floats, y0: Floats, x1: Floats, y1: Floats) -> Floats:
+    """From each point x, y to the line from x0, y0 to x1, y1, m."""
+    across, up = nearest_point(x, y, x0, y0, x1, y1)
+    away: Floats = np.sqrt(across * across + up * up)
+    return away
+
+
+def nearest_point(x: Floats, y: Floats, x0: Floats, y0: Floats, x1: Floats, y1: Floats) -> tuple[Floats, Floats]:
+    """From each point x, y to the nearest point of a line: how far across and up, m."""
+    ex, ey = x1 - x0, y1 - y0
+    length2 = ex * ex + ey * ey
+    share = ((x - x0) * ex + (y - y0) * ey) / np.where(length2 > 0.0, length2, 1.0)
+    share = np.clip(share, 0.0, 1.0)
+    return x0 + share * ex - x, y0 + share * ey - y

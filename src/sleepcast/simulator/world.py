@@ -1,0 +1,171 @@
+"""The solid things of a world: polygons, circles and walls, which may be added, moved and removed while it runs.
+
+Whatever its shape, a thing is kept twice: as people wrote it, under a number, and as *solids*, rows of one array that
+motion and sonar read. A solid is a stadium: all points within `radius` of a line from one end to the other. The side of
+a polygon and a piece of wall are stadiums without a radius, a circle is one without a length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from math import ceil, isfinite
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.errors import MisuseError
+
+MAX_SOLIDS = 1_000_000
+"""Rows in the array of solids: as many as robots; beyond, an index of them no longer fits into a cache."""
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Polygon:
+    """A closed line through `corners` (x, y in m), in either sense. Bodies stay on the side they are on."""
+
+    corners: tuple[Point, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """A disc; m."""
+
+    x: float
+    y: float
+    radius: float
+
+
+@dataclass(frozen=True, slots=True)
+class Wall:
+    """A thin wall from point to point (x, y in m), open at its ends."""
+
+    points: tuple[Point, ...]
+
+
+Shape = Polygon | Circle | Wall
+
+
+class World:
+    """The solid things, by number. shapes: as they were given, to look at. version: counts the changes."""
+
+    def __init__(self, shapes: Iterable[Shape] = ()) -> None:
+        self._shapes: dict[int, Shape] = {}
+        self._rows: NDArray[np.float64] | None = None
+        self._next = 1
+        self.version = 0
+        for shape in shapes:
+            self.add(shape)
+
+    @property
+    def shapes(self) -> Mapping[int, Shape]:
+        return MappingProxyType(self._shapes)
+
+    @property
+    def solids(self) -> NDArray[np.float64]:
+        """All of them, shape (n, 5): x and y of one end, x and y of the other, radius; m."""
+        if self._rows is None:
+            rows = [row for shape in self._shapes.values() for row in rows_of(shape)]
+            self._rows = np.array(rows, np.float64).reshape(-1, 5)
+        return self._rows
+
+    def add(self, shape: Shape) -> int:
+        """Put a thing into the world; gives its number. Raises MisuseError for what is no shape."""
+        rows = rows_of(shape)
+        if len(self._shapes) + len(rows) > MAX_SOLIDS:
+            raise MisuseError(f"the world is full: at most {MAX_SOLIDS} walls and sides of polygons fit; remove some")
+        number = self._next
+        self._next += 1
+        self._shapes[number] = shape
+        self._changed()
+        return number
+
+    def move(self, number: int, across: float, up: float) -> None:
+        """Move a thing by `across` m to the east and `up` m to the north. Raises MisuseError if there is none."""
+        moved = shifted(self._known(number), across, up)
+        rows_of(moved)
+        self._shapes[number] = moved
+        self._changed()
+
+    def remove(self, number: int) -> None:
+        """Take a thing away. Raises MisuseError if there is none."""
+        self._known(number)
+        del self._shapes[number]
+        self._changed()
+
+    def clear(self) -> None:
+        """Take everything away."""
+        self._shapes.clear()
+        self._changed()
+
+    def _known(self, number: int) -> Shape:
+        if number not in self._shapes:
+            raise MisuseError(f"there is no obstacle {number}: numbers are given by add and end with remove")
+        return self._shapes[number]
+
+    def _changed(self) -> None:
+        self.version += 1
+        self._rows = None
+
+
+def rows_of(shape: Shape) -> list[tuple[float, float, float, float, float]]:
+    """The solids of a shape. Raises MisuseError for a shape that is none."""
+    if isinstance(shape, Circle):
+        if not (isfinite(shape.x) and isfinite(shape.y) and 0.0 < shape.radius < float("inf")):
+            raise MisuseError(f"no circle: {shape}; wanted finite numbers and a radius above 0")
+        return [(shape.x, shape.y, shape.x, shape.y, shape.radius)]
+    points = shape.corners if isinstance(shape, Polygon) else shape.points
+    least, noun = (3, "a polygon") if isinstance(shape, Polygon) else (2, "a wall")
+    if len(points) < least:
+        raise MisuseError(f"{noun} of {len(points)} points; wanted at least {least}")
+    if not all(isfinite(value) for point in points for value in point):
+        raise MisuseError(f"{noun} with a point that is not finite: {points}")
+    ends = (*points[1:], points[0]) if isinstance(shape, Polygon) else points[1:]
+    rows = [(*start, *end, 0.0) for start, end in zip(points, ends, strict=False)]
+    if any(row[:2] == row[2:4] for row in rows):
+        raise MisuseError(f"{noun} with the same point twice in a row: {points}")
+    return rows
+
+
+def shifted(shape: Shape, across: float, up: float) -> Shape:
+    """The same shape, so many m to the east and to the north."""
+    if isinstance(shape, Circle):
+        return replace(shape, x=shape.x + across, y=shape.y + up)
+    if isinstance(shape, Wall):
+        return Wall(tuple((x + across, y + up) for x, y in shape.points))
+    return Polygon(tuple((x + across, y + up) for x, y in shape.corners))
+
+
+def edge(width: float, height: float) -> Polygon:
+    """A wall round the whole world."""
+    return Polygon(((0.0, 0.0), (width, 0.0), (width, height), (0.0, height)))
+
+
+def rooms(width: float, height: float, size: float, door: float) -> list[Wall]:
+    """Walls that part a rectangle into square rooms of `size` m (the last row and column may be smaller or larger),
+    with a door of `door` m in the middle of each wall. A wall too short for its door is left out."""
+    across, up = _marks(width, size), _marks(height, size)
+    walls = []
+    for x in across[1:-1]:
+        for low, high in zip(up, up[1:], strict=False):
+            walls += [Wall(((x, a), (x, b))) for a, b in _beside_door(low, high, door)]
+    for y in up[1:-1]:
+        for low, high in zip(across, across[1:], strict=False):
+            walls += [Wall(((a, y), (b, y))) for a, b in _beside_door(low, high, door)]
+    return walls
+
+
+def _marks(length: float, size: float) -> list[float]:
+    """Where walls stand along a side: every `size` m, the last room between half a size and one and a half."""
+    inner = max(1, ceil(length / size - 0.5))
+    return [*(number * size for number in range(inner)), length]
+
+
+def _beside_door(low: float, high: float, door: float) -> list[tuple[float, float]]:
+    middle = (low + high) / 2.0
+    if high - low <= door:
+        return []
+    return [(low, middle - door / 2.0), (middle + door / 2.0, high)]

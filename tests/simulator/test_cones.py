@@ -1,0 +1,164 @@
+"""Sonar cones see exactly what a slow reference of other means sees, on every machine."""
+
+from __future__ import annotations
+
+from math import degrees, inf, pi, radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from machines import ALL, MACHINES
+from simulator.sonar_reference import readings
+from sleepcast.simulator import Simulator
+from sleepcast.simulator.cones import Cones
+from sleepcast.simulator.engine import Machine, choose
+from small_worlds import scouts
+
+ERROR = 1e-5
+"""Metres by which a reading may differ from the exact one."""
+
+THINGS = """
+[world.rooms]
+size = "6m"
+door = "1.5m"
+
+[[world.polygons]]
+corners = [["2m", "2m"], ["3m", "2.2m"], ["2.5m", "3.1m"]]
+
+[[world.polygons]]
+corners = [["9m", "8m"], ["9.4m", "8m"], ["9.4m", "8.4m"], ["9m", "8.4m"]]
+
+[[world.circles]]
+center = ["4m", "9m"]
+radius = "0.6m"
+
+[[world.circles]]
+center = ["8m", "3m"]
+radius = "0.05m"
+
+[[world.walls]]
+points = [["7m", "10m"], ["8m", "11m"], ["9m", "10.5m"]]
+"""
+
+
+def worst(sim: Simulator, which: list[int]) -> float:
+    """The greatest difference between what these robots read and what they should, m."""
+    bodies = sim.bodies
+    assert bodies.echoes
+    cones, solids = bodies.echoes.cones, sim.world.solids
+    lines = [((a, b), (c, d)) for a, b, c, d, r in solids.tolist() if r == 0.0]
+    posts = [(a, b, r) for a, b, _, _, r in solids.tolist() if r > 0.0]
+    discs = list(zip(bodies.x.tolist(), bodies.y.tolist(), [cones.radius] * bodies.count, strict=True))
+    greatest = 0.0
+    for number, read in zip(which, bodies.echo(which).tolist(), strict=True):
+        others = [*discs[:number], *discs[number + 1 :], *posts]
+        x, y, heading = bodies.x[number], bodies.y[number], bodies.heading[number]
+        exact = readings(cones, float(x), float(y), float(heading), others, lines)
+        greatest = max(greatest, *(abs(a - max(b, bodies.echoes.ring.least)) for a, b in zip(read, exact, strict=True)))
+    return greatest
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize(
+    ("robots", "sonar"),
+    [
+        (60, ""),
+        (240, ""),
+        (60, 'incidence = "30deg"'),
+        (60, 'count = 16\nbeam = "40deg"\nleast = "0m"'),
+        (60, "count = 24"),
+        (60, 'count = 7\nbeam = "80deg"\nrange = "3m"'),
+        (60, 'count = 1\nbeam = "2deg"'),
+    ],
+    ids=["few", "many", "specular", "wide beams", "24 sonars", "7 sonars", "one sonar"],
+)
+def test_readings_are_exact(tmp_path: Path, machine: Machine, robots: int, sonar: str) -> None:
+    things = ("[robots]\n", THINGS + "\n[robots]\n")
+    for seed in range(2):
+        sim = scouts(tmp_path, ("count = 1\n", f"count = {robots}\n"), things, more=sonar, seed=seed, machine=machine)
+        assert worst(sim, list(range(0, robots, 2))) < ERROR
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("machine", MACHINES)
+def test_readings_are_exact_in_a_hundred_thousand_poses(tmp_path: Path, machine: Machine) -> None:
+    things = ("[robots]\n", THINGS + "\n[robots]\n")
+    for seed in range(1_000):
+        sim = scouts(tmp_path, ("count = 1\n", "count = 100\n"), things, seed=seed, machine=machine)
+        assert worst(sim, list(range(100))) < ERROR
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+def test_a_hole_is_no_wall(tmp_path: Path, machine: Machine) -> None:
+    """Ranges by hand: 6 m to a wall less the radius, and through a door to the one behind."""
+    rooms = ('edge = "wall"\n', 'edge = "wall"\n[world.rooms]\nsize = "6m"\ndoor = "2m"\n')
+    sim = scouts(tmp_path, rooms, ("count = 1\n", "count = 2\n"), more='range = "20m"\nbeam = "2deg"', machine=machine)
+    sim.place(0, 3.0, 3.0, 0.0)
+    sim.place(1, 3.0, 4.5, 0.0)
+    first, second = sim.bodies.echo()
+    assert first[[0, 4, 8, 12]] == pytest.approx([9.0 - 0.17, 1.5 - 0.34, 3.0 - 0.17, 3.0 - 0.17], abs=ERROR)
+    assert second[[0, 4, 8, 12]] == pytest.approx([3.0 - 0.17, 7.5 - 0.17, 3.0 - 0.17, 1.5 - 0.34], abs=ERROR)
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+def test_a_mirror_is_seen_only_from_before_it(tmp_path: Path, machine: Machine) -> None:
+    """The wall ahead is met at angles up to a cone's half and more; the cones aside meet it too obliquely."""
+    sim = scouts(tmp_path, more='incidence = "20deg"', machine=machine)
+    sim.place(0, 11.0, 6.0, 0.0)
+    seen = sim.bodies.echo()[0]
+    assert seen[0] == pytest.approx(0.83, abs=ERROR)
+    # Turned by 22.5 degrees, a cone that is 12.5 degrees to each side still holds rays within 20 of the perpendicular.
+    assert seen[1] < 6.0
+    assert seen[15] < 6.0
+    assert seen[2] == seen[14] == pytest.approx(255 * 0.0254)
+
+
+def test_the_grid_does_not_matter(tmp_path: Path) -> None:
+    """A robot reads the same whoever else is asked."""
+    for machine in ALL:
+        sim = scouts(tmp_path, ("count = 1\n", "count = 150\n"), machine=machine)
+        every = sim.bodies.echo()
+        again = scouts(tmp_path, ("count = 1\n", "count = 150\n"), machine=machine)
+        some = again.bodies.echo([140, 3, 77])
+        assert (some == every[[140, 3, 77]]).all()
+
+
+def test_threads_do_not_matter(tmp_path: Path) -> None:
+    pytest.importorskip("numba")
+    seen = []
+    for threads in (1, 2, 3):
+        sim = scouts(
+            tmp_path,
+            ("count = 1\n", "count = 6000\n"),
+            ('"12m"\nheight = "12m"', '"150m"\nheight = "150m"'),
+            machine=choose("numba", threads),
+        )
+        for _ in range(3):
+            sim.step()
+        seen.append((sim.bodies.echo().tobytes(), sim.state_hash()))
+    assert seen[0] == seen[1] == seen[2]
+
+
+class TestLone:
+    """Beyond a certain distance a body is seen by few cones; the machines rely on it."""
+
+    @pytest.mark.parametrize("steps", [1.0, 1.5])
+    def test_bodies_beyond_are_not_seen_aside(self, steps: float) -> None:
+        cones = Cones(16, radians(12.5), 6.477, pi / 2, 0.17)
+        angle = steps * 2.0 * pi / 16
+        beyond = cones.lone(angle)
+        assert 2 * 0.17 <= beyond < 1.5
+        for away in np.linspace(beyond, cones.reach, 200):
+            at = (away * np.cos(angle), away * np.sin(angle), 0.17)
+            assert readings(cones, 0.0, 0.0, 0.0, [at], [])[0] == cones.most, (degrees(angle), away)
+
+    def test_the_bound_is_tight(self) -> None:
+        cones = Cones(16, radians(12.5), 6.477, pi / 2, 0.17)
+        angle = 2.0 * pi / 16
+        just_within = cones.lone(angle) - 0.02
+        at = (just_within * np.cos(angle), just_within * np.sin(angle), 0.17)
+        assert readings(cones, 0.0, 0.0, 0.0, [at], [])[0] < cones.most
+
+    def test_overlapping_beams_are_never_alone(self) -> None:
+        assert Cones(16, radians(40), 6.0, pi / 2, 0.17).lone(radians(22.5)) == inf

@@ -12,6 +12,7 @@ Here is the form for NumPy, in double precision; `cones_fast` has the same for n
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import cos, hypot, inf, pi, sin, tan
 
 import numpy as np
@@ -54,6 +55,7 @@ class Cones:
         """The tangent of the greatest incidence; large but finite where every echo comes back."""
         return min(tan(self.incidence), 1e9) if self.incidence < pi / 2 else 1e9
 
+    @lru_cache(maxsize=16)  # noqa: B019  # a few rings exist in a process, and all are equal again and again
     def lone(self, angle: float) -> float:
         """The distance between middles, m, beyond which a body is only seen by cones whose axis is less than `angle`
         (rad) from the line to it; inf where there is none."""

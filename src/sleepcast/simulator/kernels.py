@@ -28,6 +28,10 @@ PAST = F(2e-4)
 """Metres beyond a rim or an end within which single precision cannot tell whether it is met."""
 ALONG = F(0.3)
 """Cosine between a cone's edge and the perpendicular of a line, below which the edge runs along it."""
+TOUCH = F(2e-3)
+"""Metres between a sonar and the line of a wall, below which their angles cannot be told in single precision."""
+NEARLY = F(0.98)
+"""What a squared range is taken times, to tell whether it may be the least in spite of its error."""
 FAR = F(1e9)
 NOTHING = 1e30
 """Metres to what is not seen; finite, because the kernels are compiled for finite numbers."""
@@ -138,11 +142,11 @@ def see(
     reach2, lone2 = F((reach + 1e-4) ** 2), F(lone * lone if lone >= 0.0 else 1e18)
     steps = int(ceil(reach / size))
     room = 1024
-    cx, cy, cp = np.empty(room, F), np.empty(room, F), np.empty(room, np.int64)
-    bx, by, bp = np.empty(room + LANES, F), np.empty(room + LANES, F), np.empty(room + LANES, np.int64)
+    cx, cy, cp = np.empty(room, F), np.empty(room, F), np.empty(room, np.int32)
+    bx, by, bp = np.empty(room + LANES, F), np.empty(room + LANES, F), np.empty(room + LANES, np.int32)
     d0, d1 = np.empty(room + LANES, F), np.empty(room + LANES, F)
-    bits, doubts = np.empty(room + LANES, np.int32), np.empty(room + LANES, np.int32)
-    close = np.empty(room, np.int64)
+    bits = np.empty(room + LANES, np.int32)
+    close = np.empty(room + 1, np.int32)
     ax, ay = np.zeros(lanes), np.zeros(lanes)
     fx, fy = np.zeros(lanes, F), np.zeros(lanes, F)
     best, walls, exact = np.empty(lanes, F), np.empty(lanes, F), np.empty(lanes)
@@ -159,11 +163,11 @@ def see(
                 total += start[r * across + right + 1] - start[r * across + left]
             if total > room:
                 room = total
-                cx, cy, cp = np.empty(room, F), np.empty(room, F), np.empty(room, np.int64)
-                bx, by, bp = np.empty(room + LANES, F), np.empty(room + LANES, F), np.empty(room + LANES, np.int64)
+                cx, cy, cp = np.empty(room, F), np.empty(room, F), np.empty(room, np.int32)
+                bx, by, bp = np.empty(room + LANES, F), np.empty(room + LANES, F), np.empty(room + LANES, np.int32)
                 d0, d1 = np.empty(room + LANES, F), np.empty(room + LANES, F)
-                bits, doubts = np.empty(room + LANES, np.int32), np.empty(room + LANES, np.int32)
-                close = np.empty(room, np.int64)
+                bits = np.empty(room + LANES, np.int32)
+                close = np.empty(room + 1, np.int32)
             m = 0
             for r in range(max(row - steps, 0), min(row + steps, up - 1) + 1):
                 for p in range(start[r * across + left], start[r * across + right + 1]):
@@ -178,11 +182,8 @@ def see(
                 n, near = U(0), U(0)
                 for j in range(m):
                     dx, dy = cx[j] - px, cy[j] - py
-                    away = dx * dx + dy * dy
                     bx[n], by[n], bp[n] = dx, dy, cp[j]
-                    n += U((away < reach2) & (away > lone2))
-                    close[near] = cp[j]
-                    near += U((away <= lone2) & (away < reach2) & (cp[j] != i))
+                    n += U(dx * dx + dy * dy < reach2)
                 for k in range(lanes):
                     best[k] = f_most
                     exact[k] = most
@@ -206,15 +207,16 @@ def see(
                             a * COS_225 + b * SIN_225 - f_own, a * SIN_225 - b * COS_225,
                             f_own, f_graze, f_cos, f_sin, f_most,
                         )  # fmt: skip
-                        d0[j], d1[j], bits[j] = seen0, seen1, bit
-                        doubts[j] = np.int32(doubt0 | doubt1)
+                        alone = bx[j] * bx[j] + by[j] * by[j] > lone2
+                        d0[j], d1[j] = seen0 if alone else f_most, seen1 if alone else f_most
+                        bits[j] = bit | (np.int32(0) if alone & (not (doubt0 | doubt1)) else np.int32(16))
                 for j in range(n):
-                    pair = bits[j] * 2
-                    k0, k1 = BESIDE[U(pair)], BESIDE[U(pair + 1)]
+                    pair = U(bits[j] & 15) * U(2)
+                    k0, k1 = U(BESIDE[pair]), U(BESIDE[pair + U(1)])
                     best[k0] = min(best[k0], d0[j])
                     best[k1] = min(best[k1], d1[j])
                     close[near] = bp[j]
-                    near += U(doubts[j])
+                    near += U((bits[j] >> 4) & (bp[j] != i))
                 w0, w1 = listed[cell], listed[cell + 1]
                 if near > 0 or w1 > w0:
                     for k in range(count):
@@ -229,7 +231,7 @@ def see(
                         )
                         exact[k] = min(exact[k], seen)
                 for k in range(lanes):
-                    walls[k] = f_most * f_most
+                    walls[k] = best[k] * best[k]
                 for w in range(w0, w1):
                     s = items[w]
                     dx, dy = solids[0, s] - x[i], solids[1, s] - y[i]
@@ -248,9 +250,9 @@ def see(
                     if height * height + foot * foot > (own + most) ** 2:
                         continue
                     f_height, f_begin, f_end, f_ex, f_ey = F(height), F(begin), F(begin + length), F(ex), F(ey)
-                    for k0 in range(0, lanes, LANES):
+                    for k0 in range(U(0), U(lanes), U(LANES)):
                         for k1 in range(LANES):
-                            k = k0 + k1
+                            k = k0 + U(k1)
                             normal, tangent = fy[k] * f_ex - fx[k] * f_ey, fx[k] * f_ex + fy[k] * f_ey
                             apart = f_height - f_own * normal
                             normal = -normal if apart < F(0) else normal
@@ -265,15 +267,17 @@ def see(
                             high = min(min(high, apart * f_grazing), f_end - edge)
                             at = min(max(F(0), low), high)
                             seen2 = apart * apart + at * at
-                            met = (first > F(0)) | (last > F(0))
-                            grazed = ((first > F(-1e-5)) & (first < ALONG)) | ((last > F(-1e-5)) & (last < ALONG))
-                            doubtful = (abs(high - low) < PAST) | (grazed & (apart < f_most * (ALONG + F(0.01))))
-                            unsure[k] = np.int32(doubtful & (met | grazed))
-                            seen2 = seen2 if met & (low <= high) & (not doubtful) else FAR
-                            walls[k] = min(walls[k], seen2)
+                            seen2 = seen2 if (first > F(0)) | (last > F(0)) else FAR
+                            grazed = (first > F(0)) & (first < ALONG) & (at == low_bound)
+                            grazed |= (last > F(0)) & (last < ALONG) & (at == high_bound)
+                            barely = (abs(high - low) < PAST) | (apart < TOUCH)
+                            doubtful = (seen2 * NEARLY < walls[k]) & (grazed | barely)
+                            unsure[k] = np.int32(1) if doubtful else np.int32(0)
+                            walls[k] = min(walls[k], seen2 if (low <= high) & (not doubtful) else FAR)
                     any_unsure = np.int32(0)
-                    for k in range(lanes):
-                        any_unsure |= unsure[k]
+                    for k0 in range(U(0), U(lanes), U(LANES)):
+                        for k1 in range(LANES):
+                            any_unsure |= unsure[k0 + U(k1)]
                     if any_unsure:
                         for k in range(count):
                             if unsure[k]:

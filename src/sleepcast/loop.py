@@ -22,13 +22,15 @@ from typing import Protocol
 from sleepcast.channel import Channel, Message
 from sleepcast.channel.memory import OPERATOR, Radio
 from sleepcast.clock import Clock
-from sleepcast.errors import SleepcastError
+from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.language.reader import read
 from sleepcast.language.vocabulary import HostFunction, Vocabulary
 from sleepcast.node.node import Node, Result
 from sleepcast.robot import RobotModel, Setpoint
 from sleepcast.simulator import MissionError, Order, Simulator
 
+MAX_MINDS = 10_000
+"""Robots whose minds are objects of their own; at more, a tick takes longer than a tick lasts."""
 LONGEST_CATCH_UP = 0.25
 """Seconds of real time that a paced run may lag behind before it lets them go: a hiccup, not a rest of work."""
 WINDOW = 1.0
@@ -56,10 +58,12 @@ class Swarm:
 
     nodes: by the robots' index; minds: the same by name. desk: where the operator sits, if anybody does; what it
     sends goes through `post`. mission: orders that the desk is to send by itself. Raises MissionError for an order
-    that is no expression, VocabularyError where the scenario's names clash with the language's.
+    that is no expression, MisuseError for too many robots, VocabularyError where the scenario's names clash with the language's.
     """
 
     def __init__(self, simulator: Simulator, mission: Sequence[Order] = ()) -> None:
+        if len(simulator.names) > MAX_MINDS:
+            raise MisuseError(f"{len(simulator.names)} robots are too many: at most {MAX_MINDS} minds fit into one run")
         self.simulator = simulator
         self.vocabulary = vocabulary_of(simulator.model)
         self.nodes = [

@@ -7,13 +7,17 @@ from time import perf_counter
 
 from sleepcast.cli.progress import steps
 from sleepcast.loop import Swarm
-from sleepcast.simulator import Scenario, Simulator
+from sleepcast.simulator import Scenario, Simulator, choose
 from sleepcast.station import Station
 
 
-def assemble(scenario: Scenario, seed: int | None, *, mission: bool) -> tuple[Swarm, Station]:
-    """A swarm in its scenario and the operator's desk. mission: whether the desk sends the scenario's own orders."""
-    swarm = Swarm(Simulator(scenario, seed), scenario.mission if mission else ())
+def assemble(
+    scenario: Scenario, seed: int | None, *, mission: bool, threads: int | None = None
+) -> tuple[Swarm, Station]:
+    """A swarm in its scenario and the operator's desk. mission: whether the desk sends the scenario's own orders.
+    threads: for the bodies; None is one for each core."""
+    simulator = Simulator(scenario, seed, choose(threads=threads))
+    swarm = Swarm(simulator, scenario.mission if mission else ())
     station = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm)
     swarm.desk = station
     return swarm, station
@@ -65,7 +69,7 @@ class Run:
 def run_headless(scenario: Scenario, seed: int | None, seconds: float, *, quiet: bool) -> Run:
     """Run `scenario` with its mission for so many simulated seconds, a tick at least."""
     began = perf_counter()
-    swarm, station = assemble(scenario, seed, mission=True)
+    swarm, station = assemble(scenario, seed, mission=True, threads=threads)
     ready = perf_counter()
     for _ in steps(max(1, round(seconds / scenario.tick)), scenario.name, quiet=quiet):
         swarm.step()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import cos, pi, sin
 
 from sleepcast.cli.headless import assemble
 from sleepcast.cli.streams import announce
@@ -13,7 +14,10 @@ from sleepcast.console import Place, ReadyCommand, Scene, serve
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Pace, Swarm
 from sleepcast.node.node import Node
-from sleepcast.simulator import Scenario
+from sleepcast.simulator import Circle, Scenario, Shape, Wall
+
+ROUND = 32
+"""Corners of a circle as it is drawn."""
 
 
 class SwarmOnPage:
@@ -59,8 +63,19 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
         unit=scenario.length_unit or "m",
         radius=scenario.robots.geometry.radius,
         places=tuple(Place(place.title, place.x, place.y) for place in scenario.places),
+        obstacles=tuple(_outline(shape) for shape in scenario.shapes),
         commands=tuple(ReadyCommand(each.title, each.text.strip(), each.about) for each in scenario.commands),
     )
+
+
+def _outline(shape: Shape) -> tuple[tuple[float, float], ...]:
+    """The corners of a shape as the page draws it. A wall goes there and back; a circle has many corners."""
+    if isinstance(shape, Circle):
+        angles = (2.0 * pi * corner / ROUND for corner in range(ROUND))
+        return tuple((shape.x + shape.radius * cos(angle), shape.y + shape.radius * sin(angle)) for angle in angles)
+    if isinstance(shape, Wall):
+        return (*shape.points, *shape.points[-2:0:-1])
+    return shape.corners
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,12 +88,14 @@ class Address:
     browser: bool
 
 
-def show(scenario: Scenario, seed: int | None, speed: float | None, address: Address) -> None:
+def show(
+    scenario: Scenario, seed: int | None, speed: float | None, address: Address, threads: int | None = None
+) -> None:
     """Serve the page of `scenario` until Ctrl-C, which comes out as KeyboardInterrupt.
 
     speed: simulated seconds in a second (None: the scenario's own). Raises what the console raises for the address.
     """
-    swarm, station = assemble(scenario, seed, mission=False)
+    swarm, station = assemble(scenario, seed, mission=False, threads=threads)
     clock = WallClock()
     serve(
         SwarmOnPage(swarm),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from math import isfinite
 from typing import TYPE_CHECKING, TypedDict, TypeVar, Unpack
 
@@ -14,7 +13,7 @@ from sleepcast.cli.streams import put
 from sleepcast.errors import MisuseError
 
 if TYPE_CHECKING:
-    from sleepcast.simulator import Scenario
+    from sleepcast.simulator import Changes
 
 HOST, PORT = "127.0.0.1", 8317
 FASTEST, SLOWEST = 10_000.0, 0.01
@@ -28,6 +27,9 @@ class Options(TypedDict):
 
     seed: int | None
     robots: int | None
+    density: float | None
+    no_walls: bool
+    threads: int | None
     seconds: float | None
     as_json: bool
     quiet: bool
@@ -41,6 +43,9 @@ class Options(TypedDict):
 _COMMON = (
     click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="What all chance depends on; else the scenario's."),
     click.option("--robots", metavar="N", type=click.IntRange(min=1), help="So many robots; else the scenario's."),
+    click.option("--density", metavar="M2", type=float, help="So many square metres for each robot."),
+    click.option("--no-walls", is_flag=True, help="Leave out everything solid in the scenario."),
+    click.option("--threads", metavar="N", type=click.IntRange(1, 64), help="For the bodies; else one for each core."),
     click.option("--seconds", metavar="S", type=float, help="Headless: how long to run, in simulated time."),
     click.option("--json", "as_json", is_flag=True, help="Headless: print the outcome as one JSON object."),
     click.option("--quiet", is_flag=True, help="Headless: show no progress on standard error."),
@@ -96,17 +101,17 @@ def _start(name: str, headless: bool, options: Options) -> int:
     from sleepcast.simulator import find_scenario
 
     _refuse_contradictions(headless, options)
-    scenario = _with_robots(find_scenario(name), options["robots"])
+    scenario = find_scenario(name, _changes(options))
     if not headless:
         from sleepcast.cli.page import Address, show
 
         address = Address(options["host"], options["port"], options["insecure"], not options["no_browser"])
-        show(scenario, options["seed"], options["speed"], address)
+        show(scenario, options["seed"], options["speed"], address, options["threads"])
         return 0
     from sleepcast.cli.headless import run_headless
 
     seconds = scenario.seconds if options["seconds"] is None else options["seconds"]
-    outcome = run_headless(scenario, options["seed"], seconds, quiet=options["quiet"])
+    outcome = run_headless(scenario, options["seed"], seconds, quiet=options["quiet"], threads=options["threads"])
     put(json.dumps(outcome.to_dict()) if options["as_json"] else outcome.to_text())
     return 0
 
@@ -124,11 +129,15 @@ def _refuse_contradictions(headless: bool, options: Options) -> None:
         raise MisuseError(f"--seconds must be more than 0 and at most {MAX_TIME:.0f}, not {seconds:g}")
 
 
-def _with_robots(scenario: Scenario, robots: int | None) -> Scenario:
-    from sleepcast.simulator.scenario import MAX_ROBOTS
+def _changes(options: Options) -> Changes:
+    """What the options change of the scenario's file."""
+    from sleepcast.loop import MAX_MINDS
+    from sleepcast.simulator import Changes
+    from sleepcast.simulator.world_settings import LEAST, MAX_WORLD
 
-    if robots is None:
-        return scenario
-    if robots > MAX_ROBOTS:
-        raise MisuseError(f"--robots {robots} is too many: at most {MAX_ROBOTS} fit into one run")
-    return replace(scenario, robots=replace(scenario.robots, count=robots))
+    robots, density = options["robots"], options["density"]
+    if robots is not None and robots > MAX_MINDS:
+        raise MisuseError(f"--robots {robots} is too many: at most {MAX_MINDS} fit into one run")
+    if density is not None and not LEAST <= density <= MAX_WORLD:
+        raise MisuseError(f"--density must be from {LEAST:g} to {MAX_WORLD:g} square metres, not {density:g}")
+    return Changes(robots, density, not options["no_walls"])

@@ -1,28 +1,41 @@
 """Many simulated bodies in one world, described by scenario files.
 
-`settings` and `scenario` read the files, `mission` the scripts, `gallery` finds them; `bodies`, `body`,
-`motion` and `sonar` are the bodies; `simulation` puts them together.
+`settings`, `scenario`, `robot_settings` and `world_settings` read the files, `mission` the scripts, `gallery` finds
+them. `world` has what is solid, `bodies` the robots' state; `motion` moves them by `wheels` or without, until
+`bumpers` touch; `echoes` are their sonars. The heavy work is done by a machine of `engine`: `cones`, `contact` and
+`grid` in NumPy, or `fast` with its compiled `kernels`. `simulation` puts everything together.
 """
 
 from sleepcast.simulator.bodies import Saying
 from sleepcast.simulator.body import Body
+from sleepcast.simulator.engine import Machine, choose
 from sleepcast.simulator.gallery import find_scenario, scenario_names
 from sleepcast.simulator.mission import MissionError, Order, parse_mission, read_mission
 from sleepcast.simulator.scenario import Place, ReadyCommand, Scenario, Store, load
 from sleepcast.simulator.settings import SettingsError
 from sleepcast.simulator.simulation import Simulator
+from sleepcast.simulator.world import Circle, Polygon, Shape, Wall, World
+from sleepcast.simulator.world_settings import Changes
 
 __all__ = [
     "Body",
+    "Changes",
+    "Circle",
+    "Machine",
     "MissionError",
     "Order",
     "Place",
+    "Polygon",
     "ReadyCommand",
     "Saying",
     "Scenario",
     "SettingsError",
+    "Shape",
     "Simulator",
     "Store",
+    "Wall",
+    "World",
+    "choose",
     "find_scenario",
     "load",
     "parse_mission",

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.chance import GOLDEN, key, mix, uniform
 from sleepcast.simulator.bumpers import Bumpers
-from sleepcast.simulator.cones import Ranges
 from sleepcast.simulator.echoes import Echoes
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.scenario import Scenario
@@ -126,11 +125,14 @@ class Bodies:
         if self.echoes:
             self.echoes.forget()
 
-    def echo(self, numbers: Sequence[int] | None = None) -> Ranges:
-        """What the sonars of these robots read, m, shape (robots, sonars), float32; only with sonars."""
+    def echo(self, numbers: Sequence[int] | None = None) -> Floats:
+        """What the sonars of these robots (None: all) read, m, shape (robots, sonars). Only for robots with sonars."""
         assert self.echoes
         which = np.arange(self.count) if numbers is None else np.asarray(numbers, np.int64)
-        return self.echoes.sense(which, self.tick, (self.x, self.y, self.heading))
+        read = self.echoes.sense(which, self.tick, (self.x, self.y, self.heading))
+        # The limits come back as they were written, whatever became of them in single precision.
+        least, most = self.echoes.ring.least, self.echoes.ring.most
+        return np.where(read <= np.float32(least), least, np.minimum(read.astype(np.float64), most))
 
     def readings(self, numbers: Sequence[int] | None = None) -> list[list[float]]:
         """What the robots with these indices (None: all) sense now: for each one value per sensor, in SI, NaN

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from sleepcast.errors import MisuseError, did_you_mean
 from sleepcast.simulator.scenario import FILE, Scenario, load
+from sleepcast.simulator.world_settings import Changes
 
 GALLERY = Path(__file__).resolve().parent.parent / "scenarios"
 """The folder of the gallery: one folder for each scenario."""
@@ -16,17 +17,17 @@ def scenario_names() -> list[str]:
     return sorted(file.parent.name for file in GALLERY.glob(f"*/{FILE}"))
 
 
-def find_scenario(name: str) -> Scenario:
-    """The scenario of the gallery called `name`, or the one in the folder or file at that path.
+def find_scenario(name: str, changes: Changes = Changes()) -> Scenario:  # noqa: B008  # frozen: nobody can change it
+    """The scenario of the gallery called `name`, or the one in the folder or file at that path, with `changes`.
 
     Raises MisuseError if there is neither, and what `load` raises for what is wrong in it.
     """
     names = scenario_names()
     if name in names:
-        return load(GALLERY / name)
+        return load(GALLERY / name, changes)
     path = Path(name)
     if path.exists():
-        return load(path)
+        return load(path, changes)
     raise MisuseError(
         f'no scenario "{name}"{did_you_mean(name, names)}: wanted one of {", ".join(names)}, '
         f"or the path of a folder with a {FILE}"

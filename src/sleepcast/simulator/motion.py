@@ -18,6 +18,8 @@ from sleepcast.simulator.wheels import Step, roll
 BRAKING = 0.8
 """Share of the acceleration that an approach to a point counts on, so that there is some left to correct
 with."""
+AT_ONCE = 1e9
+"""rad/s2 of a craft without wheels, which has no inertia in turning."""
 _UNIT_SPREAD = sqrt(12.0)
 """Makes an even draw of width 1 one of standard deviation 1."""
 
@@ -65,8 +67,16 @@ def _wanted(bodies: Bodies, tick: float) -> tuple[Floats, Floats]:
         fastest = np.minimum.reduce([turning, braking, away / tick])
         there = away <= bodies.geometry.radius
         speed[going] = np.where(there, 0.0, fastest)
-        turn[going] = np.where(there, 0.0, error / tick)
+        # Wheels need time to end a turn, as they do to end a way.
+        ending = np.sqrt(2.0 * BRAKING * _turn_acceleration(bodies) * np.abs(error))
+        turn[going] = np.where(there, 0.0, np.clip(error / tick, -ending, ending))
     return speed, turn
+
+
+def _turn_acceleration(bodies: Bodies) -> float:
+    """How fast the turn rate of a body can change, rad/s2."""
+    wheels = bodies.scenario.robots.wheels
+    return 2.0 * bodies.limits.acceleration / wheels.track if wheels else AT_ONCE
 
 
 def _roam(bodies: Bodies, tick: float) -> None:

@@ -33,10 +33,13 @@ def roll(bodies: Bodies, wheels: Wheels, speed: Floats, turn: Floats, tick: floa
     Gives what the encoders see, in their own frame, and what the bodies do, in the world's.
     """
     limits = bodies.limits
-    aside = np.clip(turn, -limits.turn_rate, limits.turn_rate) * (wheels.track / 2.0)
+    rate = min(limits.turn_rate, limits.speed / (wheels.track / 2.0))
+    aside = np.clip(turn, -rate, rate) * (wheels.track / 2.0)
+    left_over = limits.speed - np.abs(aside)  # turning comes first: a body that cannot turn cannot avoid anything
+    speed = np.clip(speed, -left_over, left_over)
     most = limits.acceleration * tick
     for now, wanted in ((bodies.left, speed - aside), (bodies.right, speed + aside)):
-        now += np.clip(np.clip(wanted, -limits.speed, limits.speed) - now, -most, most)
+        now += np.clip(wanted - now, -most, most)
     bodies.speed[:] = (bodies.left + bodies.right) / 2.0
     left, right = bodies.left * tick, bodies.right * tick
     seen = arc(left, right, wheels.track, bodies.encoder_heading)

@@ -25,7 +25,7 @@ SOURCE = ROOT / "src"
 PACKAGE = "sleepcast"
 
 LONGEST_MODULE = 400  # lines; what needs more has two purposes
-KERNELS: frozenset[str] = frozenset()  # numeric kernels that may be longer, by module name
+KERNELS = frozenset({"sleepcast.simulator.kernels"})  # numeric kernels that may be longer, by module name
 LONGEST_LANGUAGE_IMPORT = 0.050  # seconds beyond the interpreter's start
 
 
@@ -51,7 +51,7 @@ HOUSE = {
     "channel": room(libraries="msgspec numpy"),
     "robot": room(),
     "node": room("language channel robot", late="numpy"),
-    "simulator": room("channel robot", "numpy"),
+    "simulator": room("channel robot", "numpy numba"),
     "loop": room("language channel node simulator robot"),
     "station": room("language channel node", "msgspec"),
     "console": room("language station", "starlette uvicorn msgspec"),

@@ -58,7 +58,8 @@ class Swarm:
 
     nodes: by the robots' index; minds: the same by name. desk: where the operator sits, if anybody does; what it
     sends goes through `post`. mission: orders that the desk is to send by itself. Raises MissionError for an order
-    that is no expression, MisuseError for too many robots, VocabularyError where the scenario's names clash with the language's.
+    that is no expression, MisuseError for too many robots, VocabularyError where the scenario's names clash with the
+    language's.
     """
 
     def __init__(self, simulator: Simulator, mission: Sequence[Order] = ()) -> None:

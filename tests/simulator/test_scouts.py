@@ -58,7 +58,7 @@ class TestWheels:
 
     @pytest.mark.parametrize(("right", "left", "rate"), [(40, -40, 33.73), (52, -22, 31.20)])
     def test_the_rates_of_the_thesis(self, tmp_path: Path, right: int, left: int, rate: float) -> None:
-        """Tenths of inches a second at the wheels; degrees a second. The track is rounded to a tenth of a millimetre."""
+        """Tenths of inches a second at the wheels; degrees a second. The track is rounded to 0.1 mm."""
         sim = scouts(tmp_path, OPEN)
         sim.place(0, 500.0, 500.0, 0.0)
         sim.robots[0].turn_wheels(right * 0.00254, left * 0.00254)
@@ -316,7 +316,7 @@ class TestContact:
         assert sim.x[0] > 9.0
 
     def test_a_full_room_is_refused(self, tmp_path: Path) -> None:
-        with pytest.raises(MisuseError, match="2000 robots with a radius of 0.17 m do not fit"):
+        with pytest.raises(MisuseError, match=r"2000 robots with a radius of 0\.17 m do not fit"):
             scouts(tmp_path, ("count = 1\n", "count = 2000\n"))
 
     def test_bodies_at_their_start_touch_nothing(self, tmp_path: Path) -> None:

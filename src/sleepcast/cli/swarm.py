@@ -117,7 +117,7 @@ def _start(name: str, headless: bool, options: Options) -> int:
 
 
 def _refuse_contradictions(headless: bool, options: Options) -> None:
-    from sleepcast.simulator.scenario import MAX_TIME
+    from sleepcast.simulator.robot_settings import MAX_TIME
 
     seconds = options["seconds"]
     if not headless and (options["as_json"] or seconds is not None):
@@ -133,7 +133,7 @@ def _changes(options: Options) -> Changes:
     """What the options change of the scenario's file."""
     from sleepcast.loop import MAX_MINDS
     from sleepcast.simulator import Changes
-    from sleepcast.simulator.world_settings import LEAST, MAX_WORLD
+    from sleepcast.simulator.robot_settings import LEAST, MAX_WORLD
 
     robots, density = options["robots"], options["density"]
     if robots is not None and robots > MAX_MINDS:

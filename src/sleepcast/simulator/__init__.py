@@ -11,7 +11,8 @@ from sleepcast.simulator.body import Body
 from sleepcast.simulator.engine import Machine, choose
 from sleepcast.simulator.gallery import find_scenario, scenario_names
 from sleepcast.simulator.mission import MissionError, Order, parse_mission, read_mission
-from sleepcast.simulator.scenario import Place, ReadyCommand, Scenario, Store, load
+from sleepcast.simulator.robot_settings import Store
+from sleepcast.simulator.scenario import Place, ReadyCommand, Scenario, load
 from sleepcast.simulator.settings import SettingsError
 from sleepcast.simulator.simulation import Simulator
 from sleepcast.simulator.world import Circle, Polygon, Shape, Wall, World

@@ -1,10 +1,10 @@
 """Bodies: the state of all simulated robots as arrays, one column for each robot.
 
-What a robot can sense lies in one table (`sensed`), a row for each sensor of the model, so that a reading is
-a column; `x`, `y`, `heading`, `speed` and the stores are rows of it under a name. A body on wheels senses where its
-encoders believe it to be, so there the real pose lies apart. What a body was last asked to do lies beside it. The
-readings of sonars have a table of their own (`echoes`). Everything is float64, SI, and changed in place; chance comes from the seed and the
-robot's number alone.
+What a robot can sense lies in one table (`sensed`), a row for each sensor of the model, so that a reading is a column;
+`x`, `y`, `heading`, `speed` and the stores are rows of it under a name. A body on wheels senses where its encoders
+believe it to be, so there the real pose lies apart. What a body was last asked to do lies beside it; the readings of
+sonars have a table of their own (`echoes`). Everything is float64, SI, and changed in place; chance comes from the seed
+and the robot's number alone.
 """
 
 from __future__ import annotations

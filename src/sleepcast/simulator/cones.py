@@ -48,7 +48,7 @@ class Cones:
     @property
     def axes(self) -> Floats:
         """Angles of the cones from the heading, rad, shape (count,)."""
-        return np.arange(self.count) * (2.0 * pi / self.count)
+        return np.arange(self.count, dtype=np.float64) * (2.0 * pi / self.count)
 
     @property
     def grazing(self) -> float:

@@ -115,7 +115,8 @@ class Echoes:
 
     def _disturb(self, seen: Ranges, which: Whole, tick: int) -> None:
         """Add noise to ranges, and lose some echoes; the same for a robot whoever else is looked at."""
-        counters = self._numbers[which, None] * np.uint64(MAX_SONARS) + np.arange(self.ring.count, dtype=np.uint64)
+        sonars = np.arange(self.ring.count, dtype=np.uint64)
+        counters: NDArray[np.uint64] = self._numbers[which, None] * np.uint64(MAX_SONARS) + sonars
         nothing = seen >= self.ring.most
         if self.ring.noise:
             size, angle = (uniform(key(self._seed, "echo", half, tick), counters) for half in "ab")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from math import cos, inf, pi, sin
 
 import numpy as np
@@ -108,7 +109,7 @@ class NumbaMachine:
         ends = start[grid.across :: grid.across]  # robots up to and with each row
         shares = np.arange(1, self.threads * STRETCHES) * (count / (self.threads * STRETCHES))
         borders = [0, *(np.searchsorted(ends, shares) + 1).tolist(), grid.up]
-        jobs = [self._pool.submit(work, *pair) for pair in zip(borders, borders[1:], strict=False) if pair[0] < pair[1]]
+        jobs = [self._pool.submit(work, *pair) for pair in pairwise(borders) if pair[0] < pair[1]]
         for job in jobs:
             job.result()
 

@@ -114,7 +114,8 @@ def list_solids(grid: Grid, world: World, reach: float) -> Listed:
     item, row = spread(np.arange(len(solids)), bottom, top + 1)
     place, column = spread(np.arange(len(item)), left[item], right[item] + 1)
     item, row = item[place], row[place]
-    middle_x, middle_y = (column + 0.5) * grid.size, (row + 0.5) * grid.size
+    middle_x = (column.astype(np.float64) + 0.5) * grid.size
+    middle_y = (row.astype(np.float64) + 0.5) * grid.size
     away = distance(middle_x, middle_y, *solids[item, :4].T)
     edge = (column == 0) | (row == 0) | (column == grid.across - 1) | (row == grid.up - 1)
     near = edge | (away <= far[item] + grid.size * sqrt(0.5))

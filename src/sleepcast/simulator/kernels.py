@@ -6,7 +6,7 @@ decision and no range hangs on the last bit of a short number, and readings stay
 ones. Positions are taken relative to the middle of a cell, where short numbers are fine enough for any world.
 
 Each call does a stretch of rows of cells, so that threads can share the work; every robot's numbers come out the same
-whoever does them. Contractions to fused multiply-adds are not allowed (they would differ between processors).
+whoever does them.
 """
 
 from __future__ import annotations
@@ -15,9 +15,8 @@ from math import ceil, sqrt
 
 import numpy as np
 
-from sleepcast.simulator.compiled import njit
+from sleepcast.simulator.compiled import compiled, inlined
 
-OPTIONS = {"fastmath": {"nnan", "ninf", "nsz"}, "cache": True, "nogil": True, "error_model": "numpy"}
 LANES = 16
 F = np.float32
 U = np.uint64
@@ -59,7 +58,7 @@ COS_225, SIN_225 = F(np.cos(np.pi / 8)), F(np.sin(np.pi / 8))
 ROOT_HALF = F(np.sqrt(0.5))
 
 
-@njit(**OPTIONS)
+@compiled
 def sort(x, y, size, across, up, cells, start, order):
     """Counting sort by cell; see `grid.sort`. cells: room for the cell of each point."""
     start[:] = 0
@@ -78,7 +77,7 @@ def sort(x, y, size, across, up, cells, start, order):
     start[0] = 0
 
 
-@njit(inline="always", **OPTIONS)
+@inlined
 def disc64(ahead, aside, own, radius, cosine, sine, graze):
     """Range of a disc in one cone; see `cones.disc_range`."""
     along = ahead - own
@@ -91,7 +90,7 @@ def disc64(ahead, aside, own, radius, cosine, sine, graze):
     return NOTHING
 
 
-@njit(inline="always", **OPTIONS)
+@inlined
 def line64(height, begin, length, normal, tangent, own, cosine, sine, grazing):
     """Range of a line in one cone; see `cones.line_range`."""
     away = height - own * normal
@@ -112,7 +111,7 @@ def line64(height, begin, length, normal, tangent, own, cosine, sine, grazing):
     return sqrt(away * away + foot * foot)
 
 
-@njit(inline="always", **OPTIONS)
+@inlined
 def edge32(along, aside, radius, graze, cosine, sine, most):
     """A disc in one cone, in single precision: its range, and whether that is doubtful."""
     outside = aside * cosine - along * sine
@@ -124,7 +123,7 @@ def edge32(along, aside, radius, graze, cosine, sine, most):
     return (seen if (outside < graze) & (not doubtful) else most), doubtful
 
 
-@njit(**OPTIONS)
+@compiled
 def see(
     x, y, cosines, sines, order, start, asked, size, across, up, solids, listed, items,
     own, most, cosine, sine, graze, grazing, lone, axis_cos, axis_sin, first_row, last_row, out,
@@ -140,7 +139,7 @@ def see(
     f_graze, f_grazing = F(own * graze), F(min(grazing, 1e6))
     reach = own + most + own
     reach2, lone2 = F((reach + 1e-4) ** 2), F(lone * lone if lone >= 0.0 else 1e18)
-    steps = int(ceil(reach / size))
+    steps = ceil(reach / size)
     room = 1024
     cx, cy, cp = np.empty(room, F), np.empty(room, F), np.empty(room, np.int32)
     bx, by, bp = np.empty(room + LANES, F), np.empty(room + LANES, F), np.empty(room + LANES, np.int32)
@@ -288,7 +287,7 @@ def see(
                     out[place, k] = min(min(best[k], sqrt(walls[k])), F(exact[k]))
 
 
-@njit(inline="always", **OPTIONS)
+@inlined
 def off(px, py, x0, y0, x1, y1):
     """From a point to the nearest point of a line; see `grid.nearest_point`."""
     ex, ey = x1 - x0, y1 - y0
@@ -298,7 +297,7 @@ def off(px, py, x0, y0, x1, y1):
     return x0 + share * ex - px, y0 + share * ey - py
 
 
-@njit(inline="always", **OPTIONS)
+@inlined
 def touch_point(across, up, dx, dy, apart):
     """See `contact.touch`: for a point."""
     towards = dx * across + dy * up
@@ -310,7 +309,7 @@ def touch_point(across, up, dx, dy, apart):
     return stop if stop < 1.0 else 2.0
 
 
-@njit(**OPTIONS)
+@compiled
 def touch(px, py, dx, dy, x0, y0, x1, y1, apart):
     """See `contact.touch`."""
     across, up = off(px, py, x0, y0, x1, y1)
@@ -332,14 +331,14 @@ def touch(px, py, dx, dy, x0, y0, x1, y1, apart):
     return stop, across, up
 
 
-@njit(**OPTIONS)
+@compiled
 def stop_at_old(
     x, y, dx, dy, order, start, size, across, up, solids, listed, items, radius, skin, reach, first_row, last_row,
     free, hit_x, hit_y,
 ):  # fmt: skip
     """The first round of `contact.settle`, in sorted order: ways end at solids and at old places of others."""
     apart = 2.0 * radius + skin
-    steps = int(ceil(reach / size))
+    steps = ceil(reach / size)
     for row in range(first_row, last_row):
         for column in range(across):
             cell = row * across + column
@@ -372,14 +371,14 @@ def stop_at_old(
                 free[i], hit_x[i], hit_y[i] = best, best_x, best_y
 
 
-@njit(**OPTIONS)
+@compiled
 def stop_at_ways(
     x, y, dx, dy, order, start, size, across, up, radius, skin, reach, first_row, last_row,
     free, hit_x, hit_y, out_free, out_x, out_y,
 ):  # fmt: skip
     """The second round, which puts its results where they belong: ways end at what is left of the ways of others."""
     apart = 2.0 * radius + skin
-    steps = int(ceil(reach / size))
+    steps = ceil(reach / size)
     for row in range(first_row, last_row):
         for column in range(across):
             cell = row * across + column

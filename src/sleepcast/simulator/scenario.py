@@ -18,7 +18,6 @@ from sleepcast.simulator.robot_settings import (
     MAX_ROBOTS,
     MAX_TIME,
     RobotSpec,
-    Store,
     checked_name,
     read_robots,
 )

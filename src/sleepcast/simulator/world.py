@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import ceil, isfinite
 from types import MappingProxyType
 
@@ -150,10 +151,10 @@ def rooms(width: float, height: float, size: float, door: float) -> list[Wall]:
     across, up = _marks(width, size), _marks(height, size)
     walls = []
     for x in across[1:-1]:
-        for low, high in zip(up, up[1:], strict=False):
+        for low, high in pairwise(up):
             walls += [Wall(((x, a), (x, b))) for a, b in _beside_door(low, high, door)]
     for y in up[1:-1]:
-        for low, high in zip(across, across[1:], strict=False):
+        for low, high in pairwise(across):
             walls += [Wall(((a, y), (b, y))) for a, b in _beside_door(low, high, door)]
     return walls
 

@@ -8,7 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from machines import ALL
+from sleepcast.channel.chance import key
 from sleepcast.simulator import Simulator
+from sleepcast.simulator.noise import Noise
 from small_worlds import scouts
 
 NOTHING = 255 * 0.0254
@@ -43,6 +46,29 @@ def test_noise_does_not_depend_on_who_is_asked(tmp_path: Path) -> None:
     every = before_a_wall(tmp_path, 'noise = "3%"').bodies.echo()
     some = before_a_wall(tmp_path, 'noise = "3%"').bodies.echo([7, 300])
     assert (some == every[[7, 300]]).all()
+
+
+def test_machines_draw_the_same_noise() -> None:
+    noise, which = Noise(0.02, 0.1, 6.0, key(1, "echo"), key(1, "dropout")), np.array([3, 8, 1_000_000])
+    drawn = []
+    for machine in ALL:
+        seen = np.linspace(0.2, 6.0, 48, dtype=np.float32).reshape(3, 16)
+        machine.disturb(seen, which, noise)
+        drawn.append(seen.tolist())
+    assert all(each == drawn[0] for each in drawn)
+    assert drawn[0] != np.linspace(0.2, 6.0, 48, dtype=np.float32).reshape(3, 16).tolist()
+
+
+def test_noise_is_close_to_normal() -> None:
+    seen = np.ones((20_000, 16), np.float32)
+    ALL[0].disturb(seen, np.arange(20_000), Noise(0.1, 0.0, 6.0, key(2), key(3)))
+    deviates = (seen.astype(np.float64) - 1.0) / 0.1
+    assert abs(float(deviates.mean())) < 0.01
+    assert isclose(float(deviates.std()), 1.0, rel_tol=0.005)
+    for bound, share in ((1.0, 0.3173), (2.0, 0.0455)):
+        assert isclose(float((np.abs(deviates) > bound).mean()), share, rel_tol=0.1)
+    assert np.abs(deviates).max() < 3.5
+    assert np.abs(np.corrcoef(deviates.T) - np.eye(16)).max() < 0.04
 
 
 def test_lost_echoes_read_as_nothing(tmp_path: Path) -> None:

@@ -66,7 +66,9 @@ class Run:
         return "\n".join(lines)
 
 
-def run_headless(scenario: Scenario, seed: int | None, seconds: float, *, quiet: bool) -> Run:
+def run_headless(
+    scenario: Scenario, seed: int | None, seconds: float, *, quiet: bool, threads: int | None = None
+) -> Run:
     """Run `scenario` with its mission for so many simulated seconds, a tick at least."""
     began = perf_counter()
     swarm, station = assemble(scenario, seed, mission=True, threads=threads)

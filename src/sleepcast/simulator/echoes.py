@@ -14,11 +14,12 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.chance import key, uniform
+from sleepcast.channel.chance import key
 from sleepcast.simulator.cones import Cones, Ranges
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole, grid_over, list_solids
-from sleepcast.simulator.robot_settings import MAX_SONARS, Ring
+from sleepcast.simulator.noise import Noise
+from sleepcast.simulator.robot_settings import Ring
 from sleepcast.simulator.world import World
 
 SOUND = 343.0
@@ -53,7 +54,7 @@ class Echoes:
         self.turn: Whole = np.zeros(count, np.int64)
         self.front = np.flatnonzero(np.abs((self.cones.axes + pi) % (2.0 * pi) - pi) <= FRONT + 1e-9)
         """Numbers of the front sonars."""
-        self._seed, self._numbers = seed, np.arange(count, dtype=np.uint64)
+        self._seed = seed
         self._grid: Grid = grid_over(*size, self.cones.reach / CELLS_IN_REACH, count)
         self._listed: Listed | None = None
         self._version = -1
@@ -110,18 +111,6 @@ class Echoes:
         solids = self.world.solids
         seen = self.machine.ranges(self.cones, self._grid, self._points, self._listed, solids, pose, which)
         if self.ring.noise or self.ring.dropout:
-            self._disturb(seen, which, tick)
+            keys = key(self._seed, "echo", tick), key(self._seed, "dropout", tick)
+            self.machine.disturb(seen, which, Noise(self.ring.noise, self.ring.dropout, self.ring.most, *keys))
         return np.clip(seen, self.ring.least, self.ring.most, out=seen)
-
-    def _disturb(self, seen: Ranges, which: Whole, tick: int) -> None:
-        """Add noise to ranges, and lose some echoes; the same for a robot whoever else is looked at."""
-        sonars = np.arange(self.ring.count, dtype=np.uint64)
-        counters: NDArray[np.uint64] = self._numbers[which, None] * np.uint64(MAX_SONARS) + sonars
-        nothing = seen >= self.ring.most
-        if self.ring.noise:
-            size, angle = (uniform(key(self._seed, "echo", half, tick), counters) for half in "ab")
-            normal = np.sqrt(-2.0 * np.log(1.0 - size)) * np.cos(2.0 * pi * angle)
-            seen *= (1.0 + self.ring.noise * normal).astype(np.float32)
-        if self.ring.dropout:
-            nothing |= uniform(key(self._seed, "dropout", tick), counters) < self.ring.dropout
-        seen[nothing] = self.ring.most

@@ -10,17 +10,18 @@ from importlib.util import find_spec
 from typing import Protocol
 
 from sleepcast.errors import MisuseError
-from sleepcast.simulator import cones, contact, grid
+from sleepcast.simulator import cones, contact, grid, noise
 from sleepcast.simulator.cones import Cones, Ranges
 from sleepcast.simulator.contact import Settled
 from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole
+from sleepcast.simulator.noise import Noise
 
 MAX_THREADS = 64
 """Threads of one machine: more cores than this share one memory badly."""
 
 
 class Machine(Protocol):
-    """See `grid.sort`, `cones.ranges` and `contact.settle` for what each does."""
+    """See `grid.sort`, `cones.ranges`, `contact.settle` and `noise.disturb` for what each does."""
 
     @property
     def name(self) -> str: ...
@@ -51,6 +52,8 @@ class Machine(Protocol):
         /,
     ) -> Settled: ...
 
+    def disturb(self, seen: Ranges, which: Whole, noise: Noise, /) -> None: ...
+
 
 class NumPyMachine:
     """Everything in NumPy, on one thread."""
@@ -59,6 +62,7 @@ class NumPyMachine:
     sort = staticmethod(grid.sort)
     ranges = staticmethod(cones.ranges)
     settle = staticmethod(contact.settle)
+    disturb = staticmethod(noise.disturb)
 
 
 def choose(name: str | None = None, threads: int | None = None) -> Machine:

@@ -18,6 +18,7 @@ from sleepcast.simulator import kernels
 from sleepcast.simulator.cones import Cones, Ranges
 from sleepcast.simulator.contact import SKIN, Settled
 from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole
+from sleepcast.simulator.noise import Noise
 
 ALONE = 4_000
 """Robots up to which one thread is faster than several."""
@@ -99,6 +100,12 @@ class NumbaMachine:
         self._share(at_old, grid, points.start)
         self._share(at_ways, grid, points.start)
         return settled
+
+    def disturb(self, seen: Ranges, which: Whole, noise: Noise) -> None:
+        kernels.disturb(
+            *(seen, which, noise.share, noise.dropout, np.float32(noise.most)),
+            *(np.uint64(noise.key), np.uint64(noise.dropout_key)),
+        )
 
     def _share(self, work: Callable[[int, int], None], grid: Grid, start: Whole) -> None:
         """Let `work` be done for all rows of cells, in stretches of about as many robots."""

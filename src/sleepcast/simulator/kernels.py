@@ -15,11 +15,14 @@ from math import ceil, sqrt
 
 import numpy as np
 
+from sleepcast.channel import chance
 from sleepcast.simulator.compiled import compiled, inlined
+from sleepcast.simulator.noise import MIDDLE, SCALE
 
 LANES = 16
 F = np.float32
 U = np.uint64
+GOLDEN = U(chance.GOLDEN)
 GRAZING = F(6e-3)
 """Metres before a body's rim within which an edge of a cone counts as barely meeting it: the range then changes by up
 to four times the error of the place."""
@@ -285,6 +288,35 @@ def see(
                                 exact[k] = min(exact[k], seen)
                 for k in range(count):
                     out[place, k] = min(min(best[k], sqrt(walls[k])), F(exact[k]))
+
+
+@inlined
+def mixed(counter, key):
+    """See `chance.mix`."""
+    bits = counter * GOLDEN + key
+    bits = (bits ^ (bits >> U(30))) * U(0xBF58476D1CE4E5B9)
+    bits = (bits ^ (bits >> U(27))) * U(0x94D049BB133111EB)
+    return bits ^ (bits >> U(31))
+
+
+@compiled
+def disturb(seen, which, share, dropout, most, key, dropout_key):
+    """See `noise.disturb`."""
+    sonars = U(seen.shape[1])
+    for row in range(seen.shape[0]):
+        first = U(which[row]) * sonars
+        for k in range(seen.shape[1]):
+            lost = seen[row, k] >= most
+            if share > 0.0:
+                bits = mixed(first + U(k), key)
+                total = (bits & U(0xFFFF)) + ((bits >> U(16)) & U(0xFFFF)) + ((bits >> U(32)) & U(0xFFFF))
+                total += bits >> U(48)
+                seen[row, k] *= F(1.0 + share * (float(np.int64(total) - MIDDLE) * SCALE))
+            if dropout > 0.0:
+                bits = mixed(first + U(k), dropout_key)
+                lost = lost or float(bits >> U(11)) * 2.0**-53 < dropout
+            if lost:
+                seen[row, k] = most
 
 
 @inlined

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import pi
+from math import pi, sqrt
 
 import numpy as np
 
@@ -19,8 +19,8 @@ from sleepcast.simulator.world import World
 
 MAX_ATTEMPTS = 1_000
 """Times that bodies which overlap at the start are put elsewhere: a world that is not full needs a few dozen."""
-CELL = 5.0
-"""Side of a cell in radii of a body: about one body fits in, and its neighbours are in the next ones."""
+CELL = 3.0
+"""Least side of a cell in radii of a body: about one body fits in. Where robots are rare, cells are larger."""
 
 
 class Bumpers:
@@ -33,7 +33,8 @@ class Bumpers:
         self.world, self.machine = world, machine
         self._reach = self.radius + SKIN + 2.0 * robots.limits.speed * tick
         """How far away a solid may be that a body can touch in one tick, slip included, m."""
-        self._grid = grid_over(*size, max(CELL * self.radius, 2.0 * self._reach), robots.count)
+        each = sqrt(size[0] * size[1] / robots.count)  # the side of a square for one robot
+        self._grid = grid_over(*size, max(CELL * self.radius, self._reach, each), robots.count)
         self._listed: Listed | None = None
         self._version = -1
 
@@ -46,10 +47,11 @@ class Bumpers:
 
     def part_of(self, settled: Settled, heading: Floats) -> Floats:
         """The number of the part of each bumper that touches something, 0 where nothing does."""
-        touched = settled.free < 1.0
-        angle = np.arctan2(settled.up, settled.across) - heading
-        part = np.mod(np.rint(angle * (self.parts / (2.0 * pi))), self.parts)
-        return np.where(touched, 1.0 + part, 0.0)
+        parts = np.zeros(len(heading))
+        touched = np.flatnonzero(settled.free < 1.0)
+        angle = np.arctan2(settled.up[touched], settled.across[touched]) - heading[touched]
+        parts[touched] = 1.0 + np.mod(np.rint(angle * (self.parts / (2.0 * pi))), self.parts)
+        return parts
 
     def part(self, x: Floats, y: Floats, anew: Callable[[int], tuple[Floats, Floats]]) -> None:
         """Move bodies until none overlaps another one or a solid. anew: other places for all of them, by the number of

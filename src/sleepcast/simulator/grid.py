@@ -79,9 +79,8 @@ def pairs(grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float, first:
     """All ordered pairs of different points at most `reach` m apart: two arrays of indices. points: x and y, sorted.
     first: the indices that the first of a pair may have."""
     order, start = points
-    column, row = grid.columns(x[first]), grid.rows(y[first])
-    cells = ceil(reach / grid.size)
-    left, right = np.maximum(column - cells, 0), np.minimum(column + cells, grid.across - 1)
+    row, cells = grid.rows(y[first]), ceil(reach / grid.size)
+    left, right = grid.columns(x[first] - reach), grid.columns(x[first] + reach)
     found_first, found_second = [], []
     for step in range(-cells, cells + 1):
         there = np.flatnonzero((row + step >= 0) & (row + step < grid.up))

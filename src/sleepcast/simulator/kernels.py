@@ -143,6 +143,10 @@ def see(
     reach = own + most + own
     reach2, lone2 = F((reach + 1e-4) ** 2), F(lone * lone if lone >= 0.0 else 1e18)
     steps = ceil(reach / size)
+    half = np.empty(steps + 1, np.int64)  # cells to either side that are in reach, by how many rows away
+    for r in range(steps + 1):
+        rows_apart = max(r - 1, 0) * size
+        half[r] = ceil(sqrt(max(reach * reach - rows_apart * rows_apart, 0.0)) / size)
     room = 1024
     cx, cy, cp = np.empty(room, F), np.empty(room, F), np.empty(room, np.int32)
     bx, by, bp = np.empty(room + LANES, F), np.empty(room + LANES, F), np.empty(room + LANES, np.int32)
@@ -159,9 +163,9 @@ def see(
             if start[cell] == start[cell + 1]:
                 continue
             middle_x, middle_y = (column + 0.5) * size, (row + 0.5) * size
-            left, right = max(column - steps, 0), min(column + steps, across - 1)
             total = 0
             for r in range(max(row - steps, 0), min(row + steps, up - 1) + 1):
+                left, right = max(column - half[abs(r - row)], 0), min(column + half[abs(r - row)], across - 1)
                 total += start[r * across + right + 1] - start[r * across + left]
             if total > room:
                 room = total
@@ -172,6 +176,7 @@ def see(
                 close = np.empty(room + 1, np.int32)
             m = 0
             for r in range(max(row - steps, 0), min(row + steps, up - 1) + 1):
+                left, right = max(column - half[abs(r - row)], 0), min(column + half[abs(r - row)], across - 1)
                 for p in range(start[r * across + left], start[r * across + right + 1]):
                     cx[m], cy[m], cp[m] = F(x[p] - middle_x), F(y[p] - middle_y), p
                     m += 1
@@ -370,7 +375,6 @@ def stop_at_old(
 ):  # fmt: skip
     """The first round of `contact.settle`, in sorted order: ways end at solids and at old places of others."""
     apart = 2.0 * radius + skin
-    steps = ceil(reach / size)
     for row in range(first_row, last_row):
         for column in range(across):
             cell = row * across + column
@@ -385,8 +389,9 @@ def stop_at_old(
                     if stop < best or (stop == best and best < 1.0 and (hx > best_x or (hx == best_x and hy > best_y))):
                         best, best_x, best_y = stop, hx, hy
                 round_best, round_x, round_y = best, 0.0, 0.0
-                for r in range(max(row - steps, 0), min(row + steps, up - 1) + 1):
-                    left, right = max(column - steps, 0), min(column + steps, across - 1)
+                left, right = max(int((x[i] - reach) / size), 0), min(int((x[i] + reach) / size), across - 1)
+                below, above = max(int((y[i] - reach) / size), 0), min(int((y[i] + reach) / size), up - 1)
+                for r in range(below, above + 1):
                     for j in range(start[r * across + left], start[r * across + right + 1]):
                         gx, gy = x[j] - x[i], y[j] - y[i]
                         if j == i or gx * gx + gy * gy > reach * reach:
@@ -410,7 +415,6 @@ def stop_at_ways(
 ):  # fmt: skip
     """The second round, which puts its results where they belong: ways end at what is left of the ways of others."""
     apart = 2.0 * radius + skin
-    steps = ceil(reach / size)
     for row in range(first_row, last_row):
         for column in range(across):
             cell = row * across + column
@@ -418,8 +422,9 @@ def stop_at_ways(
                 best, best_x, best_y = free[i], hit_x[i], hit_y[i]
                 mx, my = best * dx[i], best * dy[i]
                 first = best
-                for r in range(max(row - steps, 0), min(row + steps, up - 1) + 1):
-                    left, right = max(column - steps, 0), min(column + steps, across - 1)
+                left, right = max(int((x[i] - reach) / size), 0), min(int((x[i] + reach) / size), across - 1)
+                below, above = max(int((y[i] - reach) / size), 0), min(int((y[i] + reach) / size), up - 1)
+                for r in range(below, above + 1):
                     for j in range(start[r * across + left], start[r * across + right + 1]):
                         gx, gy = x[j] - x[i], y[j] - y[i]
                         if j == i or gx * gx + gy * gy > reach * reach:

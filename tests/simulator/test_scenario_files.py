@@ -9,7 +9,9 @@ import pytest
 
 from sleepcast.errors import MisuseError
 from sleepcast.simulator import SettingsError, find_scenario, load, scenario_names
+from sleepcast.simulator.robot_settings import Wheels
 from sleepcast.simulator.settings import key_lines
+from sleepcast.simulator.world import Circle, Polygon
 from small_worlds import SMALL, small, write
 
 
@@ -95,6 +97,72 @@ def test_a_mistake_is_told_with_its_place(tmp_path: Path, old: str, new: str, li
     assert text.startswith(f"{file}:{line}: {key}" if line else f"{file}:"), text
     assert said in text
     assert caught.value.exit_status == 2
+
+
+WORLD = """
+[[world.polygons]]
+corners = [["24in", "48in"], ["10m", "2m"], ["8m", "9m"]]
+
+[[world.circles]]
+center = ["500m", "400m"]
+radius = "12m"
+
+[robots.wheels]
+track = "0.4m"
+
+[robots.sonar]
+order = [0, 2, 1]
+pause = "24ms"
+"""
+NO_SECTORS = ('sonars = 16\nsonar_range = "100m"\n', "")
+SOLID_MISTAKES = [
+    ('"48in"]', '"48in", "1m"]', "world.polygons[0].corners.point 1", "a list of x and y"),
+    ('"24in"', '"-24in"', "world.polygons[0].corners.point 1", 'from 0in to 39370.1in, not "-24in"'),
+    (', ["8m", "9m"]', "", "world.polygons[0].corners", "a list of 3 to 10000 points"),
+    ('"12m"', '"0m"', "world.circles[0].radius", 'not "0m"'),
+    ("radius = ", "radios = ", "world.circles[0].radios", "(did you mean radius?)"),
+    ('"0.4m"', '"0.4s"', "robots.wheels.track", "wanted a length"),
+    ("track", "slip", "robots.wheels.track", "is missing"),
+    ("[0, 2, 1]", "[0, 16]", "robots.sonar.order.number 2", "wanted a whole number from 0 to 15, not 16"),
+    ("[0, 2, 1]", "[]", "robots.sonar.order", "a list of 1 to 256 whole numbers"),
+    ('pause = "24ms"', 'beam = "120deg"', "robots.sonar.beam", 'not "120deg"'),
+    ('pause = "24ms"', 'least = "1m"\nrange = "90cm"', "robots.sonar.range", 'not "90cm"'),
+]
+
+
+class TestSolidWorlds:
+    def test_shapes_and_robots_are_read(self, tmp_path: Path) -> None:
+        scenario = small(tmp_path, NO_SECTORS, more=WORLD)
+        polygon, circle = scenario.shapes
+        assert isinstance(polygon, Polygon)
+        assert polygon.corners[0] == pytest.approx((24 * 0.0254, 48 * 0.0254))
+        assert circle == Circle(500.0, 400.0, 12.0)
+        assert scenario.robots.wheels == Wheels(0.4)
+        assert scenario.robots.ring is not None
+        assert (scenario.robots.ring.order, scenario.robots.ring.count) == ((0, 2, 1), 16)
+        assert scenario.robots.geometry.sonars == 16
+
+    @pytest.mark.parametrize(("old", "new", "key", "said"), SOLID_MISTAKES, ids=lambda value: str(value)[:24])
+    def test_a_mistake_is_told_with_its_place(self, tmp_path: Path, old: str, new: str, key: str, said: str) -> None:
+        assert old in WORLD
+        file = write(tmp_path, NO_SECTORS, more=WORLD.replace(old, new, 1))
+        with pytest.raises(SettingsError) as caught:
+            load(file)
+        line, _, rest = str(caught.value).removeprefix(f"{file}:").partition(": ")
+        assert rest.startswith(f"{key}: ")
+        assert said in rest
+        written = file.read_text().split("\n")[int(line) - 1]
+        assert key.split(".")[2].split()[0] in written or "is missing" in said
+
+    def test_a_world_has_one_sort_of_size_and_a_robot_one_sort_of_sonar(self, tmp_path: Path) -> None:
+        with pytest.raises(SettingsError, match=r"world.width: a world has either width and height or area_per_robot"):
+            small(tmp_path, ('width = "1km"', 'width = "1km"\narea_per_robot = 4'))
+        with pytest.raises(SettingsError, match=r"robots.sonar: a robot has either sonars of"):
+            small(tmp_path, more=WORLD)
+
+    def test_a_store_may_not_be_called_like_a_sonar(self, tmp_path: Path) -> None:
+        with pytest.raises(SettingsError, match="has a variable of this name already"):
+            small(tmp_path, ("stores.battery", "stores.sonar3"))
 
 
 @pytest.mark.parametrize(

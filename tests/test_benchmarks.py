@@ -24,3 +24,13 @@ def test_the_language_benchmark_reports_every_rival_and_every_bar() -> None:
     assert all(row["seconds"] > 0 for row in (*report["text"], *report["start"]))
     assert len(report["bars"]) >= 6
     assert all(isinstance(bar["met"], bool) and bar["value"] > 0 for bar in report["bars"])
+
+
+def test_the_simulator_benchmark_times_every_machine() -> None:
+    command = [sys.executable, "-m", "benchmarks.simulator", "--quick", "--json", "--no-walls"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    assert {(row["machine"], row["robots"]) for row in report["rows"]} >= {("numpy", 200), ("numpy", 1000)}
+    assert all(row["step"] > 0 and row["look"] > 0 and row["realtime"] > 0 for row in report["rows"])
+    assert report["bars"][0]["name"] == "1,000 Scouts without numba"

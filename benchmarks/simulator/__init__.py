@@ -1,0 +1,1 @@
+"""What many bodies cost: sonar, motion and contact, per robot and tick."""

@@ -7,7 +7,7 @@ from time import perf_counter
 
 from sleepcast.cli.progress import steps
 from sleepcast.loop import Swarm
-from sleepcast.simulator import Scenario, Simulator, choose
+from sleepcast.simulator import Scenario, Simulator
 from sleepcast.station import Station
 
 
@@ -16,7 +16,7 @@ def assemble(
 ) -> tuple[Swarm, Station]:
     """A swarm in its scenario and the operator's desk. mission: whether the desk sends the scenario's own orders.
     threads: for the bodies; None is one for each core."""
-    simulator = Simulator(scenario, seed, choose(threads=threads))
+    simulator = Simulator(scenario, seed, threads=threads)
     swarm = Swarm(simulator, scenario.mission if mission else ())
     station = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm)
     swarm.desk = station

@@ -20,16 +20,26 @@ class Simulator:
     """A scenario brought to life; `seed` replaces the scenario's own. Equal seeds make equal runs, to the
     last bit, on any number of threads.
 
-    machine: does the heavy work; None takes the fastest that is installed (see `engine`).
+    machine: does the heavy work; None takes the fastest that is installed (see `engine`), on so many `threads` (None:
+    one for each core), or NumPy where nobody touches or hears anything: loading the other one takes a second.
 
     names, robots: of each robot by its index; a robot's own number is its index + 1. model: what they all
     are.
     """
 
-    def __init__(self, scenario: Scenario, seed: int | None = None, machine: Machine | None = None) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        seed: int | None = None,
+        machine: Machine | None = None,
+        threads: int | None = None,
+    ) -> None:
         self.scenario = scenario
         self.seed = scenario.seed if seed is None else seed
-        self.bodies = Bodies(scenario, self.seed, machine or choose())
+        if machine is None:
+            light = scenario.robots.ring is None and not scenario.robots.bumpers
+            machine = choose("numpy" if light else None, threads)
+        self.bodies = Bodies(scenario, self.seed, machine)
         self.world = self.bodies.world
         """The solid things, which may be changed between ticks."""
         self.model = model_of(scenario, self.bodies)

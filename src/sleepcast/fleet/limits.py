@@ -1,0 +1,28 @@
+"""Bounds of one robot's mind in a fleet: the same as of a mind of its own, because robots must not behave otherwise
+for being many (a test compares them with those of `node`)."""
+
+from __future__ import annotations
+
+MAX_FAULTS = 100
+"""Faults kept of one evaluation: more would only repeat what the first ones say."""
+PROVEN_TICKS = 100
+"""Ticks that a rule set must have run without a fault for ROLLBACK to come back to it."""
+MAX_RECOLLECTIONS = 64
+"""Commands whose inputs are kept at most, to explain them later; see also `RECALL_BYTES`."""
+MAX_QUEUE = 64
+"""Messages waiting for the next tick on one robot; more are dropped and counted."""
+MAX_SEEN = 1_024
+"""Message ids remembered so that a repeated message changes nothing."""
+MAX_OUTBOX = 256
+"""Things said by one robot in one tick; the rest is dropped and counted."""
+MAX_FAULTS_IN_ROW = 10
+"""Evaluations with a fault, one after the other, after which a rule is deactivated."""
+TELL_SECONDS = 5.0
+"""How long what a robot tells others may still be acted on."""
+TICK_STEPS = 50_000
+"""Steps that one robot's rules may use in one tick."""
+
+RECALL_BYTES = 256
+"""Bytes a robot for the inputs of past commands: a quarter of the kilobyte that a robot's mind may take."""
+SPARE_MINDS = 256
+"""Minds that no robot is of any more, before they are looked for and forgotten."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from random import Random
+from unittest.mock import patch
 
 from hypothesis import given, note, settings
 from hypothesis import strategies as st
@@ -12,6 +13,7 @@ from fleet.twins import Twins
 from language.authors import Author
 from language.cases import SENSORS
 from sleepcast.channel.message import Kind
+from sleepcast.fleet import columns
 
 EXAMPLES = max(1_000, settings().max_examples)
 ROBOTS = 4
@@ -41,9 +43,13 @@ def message(chance: Random, author: Author) -> str:
 
 
 @settings(max_examples=EXAMPLES)
-@given(start=st.integers(0, 2**63))
-def test_robots_of_a_fleet_do_what_nodes_do(start: int) -> None:
-    chance = Random(start)
+@given(start=st.integers(0, 2**63), chunk=st.sampled_from([1, 3, columns.CHUNK]))
+def test_robots_of_a_fleet_do_what_nodes_do(start: int, chunk: int) -> None:
+    with patch.object(columns, "CHUNK", chunk):
+        do_the_same(Random(start))
+
+
+def do_the_same(chance: Random) -> None:
     author = Author(chance, deepest=4)
     twins = Twins(ROBOTS, seed=chance.randrange(2**32), first=chance.randrange(1_000))
     for step in range(STEPS):

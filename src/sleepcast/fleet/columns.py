@@ -142,7 +142,7 @@ class FleetState:
             column = self._columns[slot] = np.full(self.count, self._same[slot])
         column[rows.index] = values
 
-    def varied(self) -> range:
+    def slots(self) -> range:
         """Every slot that has ever been used."""
         return range(len(self._same))
 
@@ -177,6 +177,7 @@ def spread(values: Column | float, size: int) -> Column:
     return np.full(size, values) if isinstance(values, float) else values
 
 
-def is_true(values: Column) -> Mask:
+def is_true(values: Column | float) -> Mask:
     """Which values count as true: neither 0 nor unknown."""
-    return np.abs(values) > 0.0
+    found: Mask = np.abs(values) > 0.0
+    return found

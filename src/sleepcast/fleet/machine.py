@@ -18,6 +18,7 @@ import numpy as np
 from sleepcast.fleet import pure
 from sleepcast.fleet.columns import Column, Index, Mask, Rows, is_true
 from sleepcast.fleet.memory import FleetMemory
+from sleepcast.fleet.plain import Plain, is_plain
 from sleepcast.language.chance import normal
 from sleepcast.language.machine import Program
 from sleepcast.language.operations import MAX_DEPTH
@@ -55,7 +56,12 @@ class Sweep:
 
     def value(self, part: Part, rows: Rows) -> Column:
         """The values of `part`, with all its effects."""
+        if part.parts and is_plain(part):
+            return self._plain(rows).column(part)
         return _HOW[part.op](self, part, rows)
+
+    def _plain(self, rows: Rows) -> Plain:
+        return Plain(rows, self.memory.state.read, self.local, self.memory.fault)
 
     def all(self, parts: Sequence[Part], rows: Rows) -> list[Column]:
         return [self.value(part, rows) for part in parts]
@@ -69,28 +75,9 @@ class Sweep:
 
     def truth(self, part: Part, rows: Rows) -> Mask:
         """Where `part` is true; cheaper than its values."""
-        if part.op == "pure" and len(part.parts) == 2 and part.function.name in pure.TESTS:
-            first, second = self.arguments(part, rows)
-            found = pure.TESTS[part.function.name](first, second)
-            return np.full(rows.size, bool(found)) if np.ndim(found) == 0 else np.asarray(found)
-        if part.op == "and" and not part.watch:
-            return self._all_true(part, rows)
+        if is_plain(part):
+            return self._plain(rows).truth(part, None)
         return is_true(self.value(part, rows))
-
-    def _all_true(self, part: Part, rows: Rows) -> Mask:
-        found = np.ones(rows.size, np.bool_)
-        open_rows = rows
-        for inside in part.parts:
-            true = self.truth(inside, open_rows)
-            if open_rows.size == rows.size:
-                found &= true
-            else:
-                found[found] = true
-            if not true.all():
-                open_rows = open_rows.take(true)
-                if open_rows.size == 0:
-                    break
-        return found
 
     def arguments(self, part: Part, rows: Rows) -> list[pure.Argument]:
         """The values of a function's arguments; not copied where nothing changes them before they are used."""

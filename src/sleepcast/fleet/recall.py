@@ -18,12 +18,12 @@ from sleepcast.fleet.acts import ACTS
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.limits import MAX_RECOLLECTIONS, RECALL_BYTES
 from sleepcast.fleet.machine import evaluate
-from sleepcast.fleet.memory import FleetMemory
+from sleepcast.fleet.memory import FleetMemory, written
 from sleepcast.fleet.minds import Mind, Minds
 from sleepcast.fleet.speech import Speech
 from sleepcast.language.explain import Recollection
 from sleepcast.language.machine import Program
-from sleepcast.language.parts import Part, walk
+from sleepcast.language.parts import Part, Storing, walk
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Vocabulary
 
 _READING = frozenset({"var", "write", "defvar", "set_user"})
@@ -137,6 +137,8 @@ def _reach(program: Program, minds: Iterable[Mind], state: FleetState) -> tuple[
     """The slots and groups that a program can look at, with all that it can enter in these minds."""
     slots: set[int] = set()
     groups: set[str] = set()
+    taught: set[str] = set()
+    named: set[str] = set()
     seen: set[Program] = set()
     waiting = [program]
     while waiting:
@@ -144,18 +146,30 @@ def _reach(program: Program, minds: Iterable[Mind], state: FleetState) -> tuple[
         if found in seen:
             continue
         seen.add(found)
+        named |= found.uses
         for part in walk(found.root):
             if part.op in _READING:
                 slots.add(part.slot)
             elif part.op == "in":
                 groups.add(part.name)
-            elif _teaches(part):  # what it will enter is not known yet, so anything may be looked at
-                return set(state.varied()), set(state.groups)
+            else:
+                taught |= _taught(part)
         for mind in minds:
             waiting += [mind.rules[key].program for key in found.uses if key in mind.rules]
             waiting += [mind.operators[key] for key in found.uses if key in mind.operators]
+    if named and (_ANYTHING in taught or not named.isdisjoint(taught)):
+        # It may enter what it has only just learned, so it may look at anything.
+        return set(state.slots()), set(state.groups)
     return slots, groups
 
 
-def _teaches(part: Part) -> bool:
-    return part.op == "store" or (part.op == "act" and part.name in ("defun", "rollback"))
+_ANYTHING = "*"
+
+
+def _taught(part: Part) -> set[str]:
+    """The keys of what a part stores."""
+    if isinstance(part.data, Storing):
+        return {part.data.key}
+    if part.op == "act" and part.name == "defun":
+        return {written(part).casefold()}
+    return {_ANYTHING} if part.op == "act" and part.name == "rollback" else set()

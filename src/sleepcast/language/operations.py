@@ -21,7 +21,7 @@ of which Python grants a thousand."""
 
 
 class Entered(Protocol):
-    """Something that can be entered from inside an evaluation: a program."""
+    """Something that can be entered from inside an evaluation: a program. slots: the length of values it needs."""
 
     root: Part
     text: str

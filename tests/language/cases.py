@@ -246,6 +246,7 @@ class FleetMachine:
         for body, view in zip(self.bodies, self.robots, strict=True):
             body.done.clear()
             view.outbox.clear()
+            view.pings.clear()
         outcomes: list[Outcome] = []
         checks = {}
         for view in self.robots:
@@ -274,6 +275,7 @@ class FleetMachine:
             tuple(fault.reason for fault in result.faults),
             tuple(printed(*each) for each in result.printed),
             tuple(each.text for each in said if each.kind is message.Kind.COMMAND),
+            tuple(self.robots[place].pings),
             tuple(self.bodies[place].done),
             result.matched,
             warnings=tuple(finding.message for finding in warnings),

@@ -1,17 +1,18 @@
 """The fleet: the minds of many robots of one vocabulary as arrays. Each is, bit for bit, what a node would be.
 
-columns   the robots' numbers by slot, and everything else that is one number a robot
-minds     what robots have learned, shared by all that have learned the same
-pure      the built-in functions over columns              chance   draws over columns
-memory    what a program may touch, for many robots at once
-acts      what a program may do beyond assigning
-machine   one walk over a program's parts for many robots
-rounds    which rules run in a tick                        speech   what robots say
-recall    explanations, by evaluating again                view     one robot of the fleet
-fleet     the whole: messages and readings in, a tick, what was said out
+columns     one number a robot, side by side                 minds   what robots have learned, kept once
+pure        the built-in functions over columns              chance  draws over columns
+evaluation  whose it is, its budget and its faults           memory  what a program may touch, for many at once
+acts        what a program may do beyond assigning           plain   parts that are computed for all robots
+machine     one walk over a program's parts for many robots  recall  explanations, by evaluating again
+rounds      which rules run in a tick                        tallies how each rule has fared
+inbox       messages that wait                               speech  what robots say
+core        messages and readings in, a tick of all          limits  the bounds of one robot's mind
+fleet       the robots by name                               view    one robot, as a mind of its own
 """
 
-from sleepcast.fleet.fleet import Fleet, FleetError, Outcome
+from sleepcast.fleet.core import FleetError, Outcome
+from sleepcast.fleet.fleet import Fleet
 from sleepcast.fleet.view import RobotView
 
 __all__ = ["Fleet", "FleetError", "Outcome", "RobotView"]

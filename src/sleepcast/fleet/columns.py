@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.fleet.chance import streams
-from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, ID, TICK, TIME_SLOT, Vocabulary
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, ID, MARKING, TICK, TIME_SLOT, Vocabulary
 
 Column: TypeAlias = NDArray[np.float64]
 """One number for each of some rows, in their order."""
@@ -90,6 +90,7 @@ class FleetState:
         count = self.count = len(numbers)
         self._same = [0.0] * (ACTIVE0 + BUFFERS) + [nan] * (vocabulary.size - ACTIVE0 - BUFFERS)
         self._same[TIME_SLOT] = self._same[TICK] = 0.0
+        self._same[MARKING] = 1.0
         self._columns: list[Column | None] = [None] * len(self._same)
         self._columns[ID] = np.array(numbers, dtype=np.float64)
         self.keys = streams(seed, np.array(numbers, dtype=np.int64))
@@ -114,7 +115,13 @@ class FleetState:
         """Messages in the outbox."""
         self.sequence = np.zeros(count, np.int32)
         """The number of the last message said."""
+        self.reported_in = np.zeros(count, np.int32)
+        """The second in which each robot last reported anything."""
+        self.reported = np.zeros(count, np.int32)
+        """Its reports in that second."""
         self.stopped = np.zeros(count, np.bool_)
+        self.held = np.zeros(count, np.bool_)
+        """Whether functions that act are refused: the robot is stopped and its body has no latch of its own."""
         self.still = np.zeros(count, np.bool_)
         """Whether the body is held still."""
 

@@ -15,6 +15,10 @@ MAX_SEEN = 1_024
 """Message ids remembered so that a repeated message changes nothing."""
 MAX_OUTBOX = 256
 """Things said by one robot in one tick; the rest is dropped and counted."""
+REPORTS_A_SECOND = 20
+"""Reports of one robot that go on the air in a second of its clock."""
+FAILED = 1 << 62
+"""The tick since which a rule set is unproven that has failed: after all others, until somebody changes the set."""
 MAX_FAULTS_IN_ROW = 10
 """Evaluations with a fault, one after the other, after which a rule is deactivated."""
 TELL_SECONDS = 5.0

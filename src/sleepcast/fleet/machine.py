@@ -17,11 +17,11 @@ import numpy as np
 
 from sleepcast.fleet import pure
 from sleepcast.fleet.columns import Column, Index, Mask, Rows, is_true
-from sleepcast.fleet.memory import FleetMemory
+from sleepcast.fleet.memory import FleetMemory, Found
 from sleepcast.fleet.plain import Plain, is_plain
 from sleepcast.language.chance import normal
 from sleepcast.language.machine import Program
-from sleepcast.language.operations import MAX_DEPTH
+from sleepcast.language.operations import too_deep
 from sleepcast.language.parts import Part, walk
 
 _CHANGING = frozenset({"set_user", "set_local", "write", "defvar", "store", "fetch", "call", "host", "act"})
@@ -30,7 +30,8 @@ _CHANGING = frozenset({"set_user", "set_local", "write", "defvar", "store", "fet
 def evaluate(memory: FleetMemory, program: Program, rows: Rows) -> Column:
     """One evaluation of a program by the robots of one chunk; what else came of it lies in the memory."""
     memory.begin(program, rows)
-    values = Sweep(memory, program, rows).value(program.root, rows)
+    with np.errstate(all="ignore"):  # what is unusual is looked for in the results
+        values = Sweep(memory, program, rows).value(program.root, rows)
     if memory.dead is not None:
         values = np.where(memory.dead[rows.index], nan, values)
     if program.test is program:
@@ -109,13 +110,12 @@ class Sweep:
             some = rows if memory.dead is None else rows.take(~memory.dead[rows.index])
             memory.matched[some.index] = True
 
-    def enter(self, part: Part, program: Program | None, rows: Rows, arguments: Sequence[Column] = ()) -> Column:
-        """Call a buffer, rule or operator; an empty one is unknown."""
+    def enter(self, part: Part, program: Program, rows: Rows, arguments: Sequence[Column]) -> Column:
+        """Call a buffer, rule or operator."""
         memory = self.memory
-        if program is None:
-            return np.full(rows.size, nan)
-        if memory.depth >= MAX_DEPTH:
-            return memory.fault(part, rows, f"calls nested too deeply: at most {MAX_DEPTH}")
+        refusal = too_deep(memory, program)
+        if refusal:
+            return memory.fault(part, rows, refusal)
         memory.charge(program, rows if memory.dead is None else rows.take(~memory.dead[rows.index]))
         if memory.dead is None:
             return self._inside(program, rows, arguments)
@@ -126,26 +126,26 @@ class Sweep:
         return values
 
     def _inside(self, program: Program, rows: Rows, arguments: Sequence[Column]) -> Column:
-        self.memory.depth += 1
-        values = Sweep(self.memory, program, rows, arguments).value(program.root, rows)
-        self.memory.depth -= 1
+        memory = self.memory
+        memory.depth, memory.levels = memory.depth + 1, memory.levels + program.height
+        values = Sweep(memory, program, rows, arguments).value(program.root, rows)
+        memory.depth, memory.levels = memory.depth - 1, memory.levels - program.height
         return values
 
-    def enter_each(
-        self,
-        part: Part,
-        found: list[tuple[Program | None, Rows, Mask | None]],
-        rows: Rows,
-        arguments: Sequence[Column] = (),
-    ) -> Column:
-        """Enter each of several programs with its robots."""
+    def enter_each(self, part: Part, found: Found, rows: Rows) -> Column:
+        """Enter each of several programs with its robots, and the values of the part's parts as arguments."""
         if len(found) == 1:
-            return self.enter(part, found[0][0], rows, arguments)
+            return self._enter_one(part, found[0][0], rows)
         values = np.full(rows.size, nan)
         for program, some, mask in found:
             if mask is not None:
-                values[mask] = self.enter(part, program, some, [argument[mask] for argument in arguments])
+                values[mask] = self._enter_one(part, program, some)
         return values
+
+    def _enter_one(self, part: Part, program: Program | None, rows: Rows) -> Column:
+        if program is None:
+            return np.full(rows.size, nan)
+        return self.enter(part, program, rows, self.all(part.parts, rows))
 
 
 class _Ways:
@@ -272,8 +272,7 @@ def _fetch(w: Sweep, part: Part, rows: Rows) -> Column:
 
 
 def _call(w: Sweep, part: Part, rows: Rows) -> Column:
-    arguments = w.all(part.parts, rows)
-    return w.enter_each(part, w.memory.operator(part, rows), rows, arguments)
+    return w.enter_each(part, w.memory.operator(part, rows), rows)
 
 
 def _pure(w: Sweep, part: Part, rows: Rows) -> Column:
@@ -325,8 +324,7 @@ def _random(w: Sweep, part: Part, rows: Rows) -> Column:
     some, low, high = rows.take(known), low[known], high[known]
     values = np.full(rows.size, nan)
     drawn = w.memory.draw(part, some)
-    with np.errstate(all="ignore"):
-        values[known] = _finite(w, part, some, low + drawn * (high - low))
+    values[known] = _finite(w, part, some, low + drawn * (high - low))
     return values
 
 
@@ -342,8 +340,7 @@ def _gauss(w: Sweep, part: Part, rows: Rows) -> Column:
     some = rows.take(known)
     drawn = w.memory.draw(part, some)
     quantiles = np.array([nan if u != u else normal(u) for u in drawn.tolist()])
-    with np.errstate(all="ignore"):
-        values[known] = _finite(w, part, some, mean[known] + deviation[known] * quantiles)
+    values[known] = _finite(w, part, some, mean[known] + deviation[known] * quantiles)
     return values
 
 

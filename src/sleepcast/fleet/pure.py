@@ -31,8 +31,7 @@ Report: TypeAlias = Callable[[Mask, str], None]
 def apply(part: Part, arguments: Sequence[Argument], size: int, report: Report) -> Column:
     """A pure function of `size` rows: unknown if an argument is; a fault if it has no value, or no finite one."""
     name = part.function.name
-    with np.errstate(all="ignore"):
-        found = VECTOR[name](arguments)
+    found = VECTOR[name](arguments)
     values = np.full(size, float(np.asarray(found).item())) if np.size(found) == 1 else np.asarray(found, np.float64)
     if name in TRUTHS:
         for argument in arguments:

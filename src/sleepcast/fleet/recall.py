@@ -21,9 +21,11 @@ from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory, written
 from sleepcast.fleet.minds import Mind, Minds
 from sleepcast.fleet.speech import Speech
+from sleepcast.language.chance import draw
 from sleepcast.language.explain import Recollection
 from sleepcast.language.machine import Program
 from sleepcast.language.parts import Part, Storing, walk
+from sleepcast.language.rehearsal import Rehearsal
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Vocabulary
 
 _READING = frozenset({"var", "write", "defvar", "set_user"})
@@ -133,6 +135,21 @@ def recollect(memo: Memo, robot: int, vocabulary: Vocabulary, keys: NDArray[np.u
     return Recollection(memo.program, before, groups, memory.answers, time, tick, memo.command)
 
 
+def rehearsal(memory: FleetMemory, robot: int) -> Rehearsal:
+    """A memory for asking what a robot would do now: it starts where the robot is, and nothing in it happens."""
+    state, mind = memory.state, memory.kept(robot)
+    values = state.row(robot)
+    key, tick = int(state.keys[robot]), int(values[TICK])
+    drawn = iter(range(int(state.draws[robot]), 1 << 62))
+    return Rehearsal(
+        values,
+        state.groups_of(robot),
+        fetch=lambda part: mind.rules[part.name].program if part.name in mind.rules else None,
+        operator=lambda part: mind.operators.get(part.name),
+        draw=lambda: draw(key, tick, next(drawn)),
+    )
+
+
 def _reach(program: Program, minds: Iterable[Mind], state: FleetState) -> tuple[set[int], set[str]]:
     """The slots and groups that a program can look at, with all that it can enter in these minds."""
     slots: set[int] = set()
@@ -149,7 +166,7 @@ def _reach(program: Program, minds: Iterable[Mind], state: FleetState) -> tuple[
         named |= found.uses
         for part in walk(found.root):
             if part.op in _READING:
-                slots.add(part.slot)
+                slots |= {part.slot} - {_NOWHERE}
             elif part.op == "in":
                 groups.add(part.name)
             else:
@@ -164,6 +181,8 @@ def _reach(program: Program, minds: Iterable[Mind], state: FleetState) -> tuple[
 
 
 _ANYTHING = "*"
+_NOWHERE = -1
+"""The slot of a name that was unknown when the program was checked."""
 
 
 def _taught(part: Part) -> set[str]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.fleet.columns import Mask, Rows
-from sleepcast.fleet.limits import MAX_FAULTS_IN_ROW, TICK_STEPS
+from sleepcast.fleet.limits import FAILED, MAX_FAULTS_IN_ROW, TICK_STEPS
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.minds import Kept, Mind
@@ -179,6 +179,7 @@ class Rounds:
                 draft = memory.minds.draft(number)
                 draft.activate(key, False)
                 memory.turn(some, draft)
+                memory.state.unproven_since[some.index] = FAILED
                 memory.speech.report(some, f"rule {kept.name} deactivated")
 
 

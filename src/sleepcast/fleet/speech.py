@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.message import Kind, Message
-from sleepcast.fleet.columns import Column, FleetState, Index, Rows
-from sleepcast.fleet.limits import MAX_OUTBOX
+from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
+from sleepcast.fleet.limits import MAX_OUTBOX, REPORTS_A_SECOND
 from sleepcast.language.vocabulary import TIME_SLOT
 
 Body = dict[str, object]
@@ -86,7 +86,22 @@ class Speech:
             found = [float(column[place]) for column in values]
             return {"label": label, "values": [None if v != v else v for v in found]}
 
-        self.say(Kind.REPORT, rows, body)
+        heard = self._within_rate(rows)
+        if heard.all():
+            self.say(Kind.REPORT, rows, body)
+        else:
+            places = np.flatnonzero(heard)
+            self._state.lost[rows.take(~heard).index] += 1
+            self.say(Kind.REPORT, rows.take(heard), lambda place: body(int(places[place])))
+
+    def _within_rate(self, rows: Rows) -> Mask:
+        """Which of the robots have not reported too much in this second of their clock; they have done so once more."""
+        state = self._state
+        seconds = state.column(TIME_SLOT, rows).astype(np.int32)
+        before = np.where(state.reported_in[rows.index] == seconds, state.reported[rows.index], 0)
+        state.reported_in[rows.index] = seconds
+        state.reported[rows.index] = before + 1
+        return before < REPORTS_A_SECOND
 
     def answer(self, message: Message, rows: Rows, outcome: Callable[[int], Answered]) -> None:
         """Answer a message on each of these robots."""
@@ -115,6 +130,13 @@ class Speech:
         """What a robot has to say; whoever sends it clears the list."""
         self._deliver_all()
         return self._outboxes.setdefault(robot, [])
+
+    def take(self) -> list[Saying]:
+        """What is in no outbox yet; it will not come into one."""
+        taken, self._sayings = self._sayings, []
+        for saying in taken:
+            self._state.said[saying.robots] -= 1
+        return taken
 
     def _deliver_all(self) -> None:
         for saying in self._sayings:

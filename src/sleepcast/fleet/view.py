@@ -5,27 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sleepcast.channel.message import Message
 from sleepcast.errors import SleepcastError
+from sleepcast.fleet.core import Core, Outcome
+from sleepcast.fleet.evaluation import Noted, fault_text
 from sleepcast.fleet.limits import MAX_RECOLLECTIONS
-from sleepcast.fleet.memory import Noted, fault_text
 from sleepcast.fleet.minds import Mind, in_order
-from sleepcast.fleet.recall import Memo, recollect
-from sleepcast.language.chance import draw
+from sleepcast.fleet.recall import Memo, recollect, rehearsal
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
 from sleepcast.language.machine import Program
 from sleepcast.language.names import Declared, UserVariable
 from sleepcast.language.parts import Part
-from sleepcast.language.rehearsal import Rehearsal
 from sleepcast.language.review import Checked, check
 from sleepcast.language.vocabulary import TICK, Variable, Vocabulary
-
-if TYPE_CHECKING:
-    from sleepcast.fleet.fleet import Fleet, Outcome
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +76,7 @@ class Result:
 class RobotView:
     """The robot at one place of a fleet. It keeps nothing itself."""
 
-    def __init__(self, fleet: Fleet, place: int) -> None:
+    def __init__(self, fleet: Core, place: int) -> None:
         self._fleet, self.place = fleet, place
 
     # ---- what others look at
@@ -253,7 +248,7 @@ class RobotView:
             return explain(self.recollection(memo))
         kept = self._mind.rules.get((command or "").casefold())
         if kept is not None:
-            return rehearse(kept.program, self.rehearsal(), command=kept.name)
+            return rehearse(kept.program, rehearsal(self._fleet.memory, self.place), command=kept.name)
         what = "no command" if command is None else f"no command or rule {command}"
         raise SleepcastError(
             f"{self.name} remembers {what}: its fleet keeps the last commands, {MAX_RECOLLECTIONS} at most"
@@ -262,20 +257,6 @@ class RobotView:
     def recollection(self, memo: Memo) -> Recollection:
         """What went into a command on this robot."""
         return recollect(memo, self.place, self.vocabulary, self._fleet.state.keys)
-
-    def rehearsal(self) -> Rehearsal:
-        """A memory for asking what would happen now: it starts where the robot is, and nothing in it happens."""
-        state = self._fleet.state
-        values = self.values
-        key, tick = int(state.keys[self.place]), int(values[TICK])
-        drawn = iter(range(int(state.draws[self.place]), 1 << 62))
-        return Rehearsal(
-            values,
-            self.groups,
-            fetch=self.fetch,
-            operator=self.operator,
-            draw=lambda: draw(key, tick, next(drawn)),
-        )
 
     def install(self, name: str, text: str, *, priority: int = 0, protected: bool = True) -> None:
         """Give the robot an active rule of its own; see `Fleet.install`."""

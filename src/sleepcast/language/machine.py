@@ -183,12 +183,20 @@ class Library:
 
 
 def _circular(program: Program, names: Names) -> bool:
-    """Whether what the program stores would come to name itself on this robot, which it did not on another."""
+    """Whether what the program stores would come to name itself on this robot, which it did not on another.
+
+    The stored expressions are looked at in the checker's order, each knowing those before it.
+    """
+    known: dict[str, frozenset[str]] = {}
 
     def uses_of(key: str) -> frozenset[str]:
-        return program.stores[key] if key in program.stores else uses_in(names, key)
+        return known[key] if key in known else uses_in(names, key)
 
-    return any(reaches(uses, key, uses_of) is not None for key, uses in program.stores.items())
+    for key, uses in program.stores.items():
+        if reaches(uses, key, uses_of) is not None:
+            return True
+        known[key] = uses
+    return False
 
 
 def _sorts(program: Program, names: Names) -> tuple[object, ...]:

@@ -21,7 +21,7 @@ Column: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 Index: TypeAlias = NDArray[np.intp]
 
-CHUNK = 8_192
+CHUNK = 16_384
 """Robots evaluated at once: a few columns of this length stay in the processor's second-level cache."""
 
 
@@ -74,6 +74,13 @@ class Rows:
             return 0
         last = self.index.stop - 1 if isinstance(self.index, slice) else int(self.index[-1])
         return last - self.first + 1
+
+    def place(self, robot: int) -> int | None:
+        """Where a robot is among them."""
+        if isinstance(self.index, slice):
+            return robot - self.index.start if self.index.start <= robot < self.index.stop else None
+        place = int(np.searchsorted(self.index, robot))
+        return place if place < self.size and self.index[place] == robot else None
 
     def chunks(self) -> list[Rows]:
         """The same robots, `CHUNK` neighbours at a time."""

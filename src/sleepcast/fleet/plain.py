@@ -32,6 +32,11 @@ def is_plain(part: Part) -> bool:
     )
 
 
+def _is_test(part: Part) -> bool:
+    """Whether a part is a comparison of two, such as never holds if either is unknown."""
+    return part.op == "pure" and len(part.parts) == 2 and part.function.name in pure.TESTS
+
+
 class Plain:
     """Plain parts of some rows. read: a variable by slot; local: a local name; fault: notes one."""
 
@@ -66,7 +71,7 @@ class Plain:
 
     def truth(self, part: Part, mask: Mask | None) -> Mask:
         """Where a part is true, of the rows that come to it."""
-        if part.op == "pure" and len(part.parts) == 2 and part.function.name in pure.TESTS:
+        if _is_test(part):
             first, second = (self.value(inside, mask) for inside in part.parts)
             return self._mask(pure.TESTS[part.function.name](first, second))
         if part.op == "and":
@@ -82,6 +87,8 @@ class Plain:
         return np.broadcast_to(np.asarray(found, np.bool_), self._rows.size)
 
     def _and(self, part: Part, mask: Mask | None) -> pure.Argument:
+        if len(part.parts) > 1 and all(map(_is_test, part.parts)):
+            return self._all_hold(part, mask)
         found: pure.Argument = 1.0
         for place, inside in enumerate(part.parts):
             if place == 0:
@@ -90,6 +97,22 @@ class Plain:
             true = is_true(found)
             found = np.where(true, self.value(inside, true if mask is None else true & mask), found)
         return found
+
+    def _all_hold(self, part: Part, mask: Mask | None) -> Column:
+        """AND of comparisons of two, the usual predicate: 1 where all hold, unknown where the first not to hold is."""
+        holding = unknown = None
+        for inside in part.parts:
+            come = mask if holding is None else holding if mask is None else holding & mask
+            numbers = [self.value(each, come) for each in inside.parts]
+            for number in numbers:
+                missing = np.isnan(number)
+                if missing.any():
+                    missing = missing if holding is None else missing & holding
+                    unknown = missing if unknown is None else unknown | missing
+            holds = pure.TESTS[inside.function.name](*numbers)
+            holding = holds if holding is None else holding & holds
+        found: Column = np.asarray(holding, np.float64)
+        return found if unknown is None else np.where(unknown, np.nan, found)
 
     def _or(self, part: Part, mask: Mask | None) -> pure.Argument:
         found: pure.Argument = 0.0

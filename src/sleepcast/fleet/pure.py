@@ -143,6 +143,9 @@ def _clamp(a: Sequence[Argument]) -> Argument:
 
 def _chain(holds: np.ufunc) -> Compute:
     def compare(a: Sequence[Argument]) -> Argument:
+        if len(a) == 2:
+            both: Argument = holds(a[0], a[1])
+            return both
         found: Argument = 1.0
         for x, y in pairwise(a):
             found = np.multiply(found, holds(x, y))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.fleet.acts import ACTS
-from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
+from sleepcast.fleet.columns import Column, FleetState, Mask, Rows
 from sleepcast.fleet.limits import MAX_RECOLLECTIONS, RECALL_BYTES
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory, written
@@ -33,14 +33,17 @@ _READING = frozenset({"var", "write", "defvar", "set_user"})
 
 @dataclass
 class Memo:
-    """What went into one command on the robots `robots` (ascending). minds: by number, those that they had then."""
+    """What went into one command on the robots `rows`. minds: by number, those that they had then.
+
+    proven, unproven_since: kept only if it may roll back.
+    """
 
     program: Program
     command: str
-    robots: Index
+    rows: Rows
     mind: NDArray[np.int32]
-    proven: NDArray[np.int32]
-    unproven_since: NDArray[np.int64]
+    proven: NDArray[np.int32] | None
+    unproven_since: NDArray[np.int64] | None
     minds: dict[int, Mind]
     draws: NDArray[np.int32]
     columns: dict[int, Column | float]
@@ -50,14 +53,13 @@ class Memo:
     @property
     def bytes(self) -> int:
         """About how much memory it takes."""
-        arrays: Iterable[object] = (self.robots, self.mind, self.proven, self.unproven_since, self.draws)
+        arrays: Iterable[object] = (self.rows.index, self.mind, self.proven, self.unproven_since, self.draws)
         kept = (*arrays, *self.columns.values(), *self.groups.values())
         return sum(array.nbytes for array in kept if isinstance(array, np.ndarray))
 
     def place(self, robot: int) -> int | None:
         """Where a robot is among those of the command."""
-        place = int(np.searchsorted(self.robots, robot))
-        return place if place < len(self.robots) and self.robots[place] == robot else None
+        return self.rows.place(robot)
 
 
 class Recall:
@@ -71,10 +73,13 @@ class Recall:
     def remember(self, program: Program, rows: Rows, command: str) -> Memo:
         """Keep what goes into a command that these robots are about to evaluate."""
         state, minds = self._memory.state, self._memory.minds
-        mind, proven = state.mind[rows.index].copy(), state.proven[rows.index].copy()
-        numbers = {*np.unique(mind).tolist(), *np.unique(proven).tolist()}
-        there = {number: minds[number] for number in numbers}
-        slots, groups = _reach(program, there.values(), state)
+        mind, proven, unproven_since = state.mind[rows.index].copy(), None, None
+        there = {number: minds[number] for number, _, _ in self._memory.divide(rows, lambda number: number)}
+        slots, groups = _reach(program, there.values())
+        if slots is None:
+            slots, groups = set(state.slots()), set(state.groups)
+            proven, unproven_since = state.proven[rows.index].copy(), state.unproven_since[rows.index].copy()
+            there |= {number: minds[number] for number in np.unique(proven).tolist()}
         columns = {}
         for slot in {*slots, TICK, TIME_SLOT}:
             values = state.read(slot, rows)
@@ -82,10 +87,10 @@ class Recall:
         memo = Memo(
             program,
             command,
-            rows.robots.copy(),
+            rows,
             mind,
             proven,
-            state.unproven_since[rows.index].copy(),
+            unproven_since,
             there,
             state.draws[rows.index].copy(),
             columns,
@@ -118,7 +123,6 @@ def recollect(memo: Memo, robot: int, vocabulary: Vocabulary, keys: NDArray[np.u
     state = FleetState(vocabulary, [0], 0)
     state.keys[0] = keys[robot]
     state.draws[0] = memo.draws[place]
-    state.unproven_since[0] = memo.unproven_since[place]
     alone = Rows.run(0, 1)
     for slot, values in memo.columns.items():
         state.assign(slot, alone, values if isinstance(values, float) else float(values[place]))
@@ -126,7 +130,9 @@ def recollect(memo: Memo, robot: int, vocabulary: Vocabulary, keys: NDArray[np.u
         state.group(key)[0] = members[place]
     minds = Minds(vocabulary)
     state.mind[0] = minds.add(memo.minds[int(memo.mind[place])])
-    state.proven[0] = minds.add(memo.minds[int(memo.proven[place])])
+    if memo.proven is not None and memo.unproven_since is not None:
+        state.proven[0] = minds.add(memo.minds[int(memo.proven[place])])
+        state.unproven_since[0] = memo.unproven_since[place]
     memory = FleetMemory(state, minds, Speech(state, ["again"]), ACTS, [None])
     memory.answers, memory.script = [], iter(memo.hosts.get(robot, ()))
     before, groups = state.row(0), state.groups_of(0)
@@ -150,8 +156,8 @@ def rehearsal(memory: FleetMemory, robot: int) -> Rehearsal:
     )
 
 
-def _reach(program: Program, minds: Iterable[Mind], state: FleetState) -> tuple[set[int], set[str]]:
-    """The slots and groups that a program can look at, with all that it can enter in these minds."""
+def _reach(program: Program, minds: Iterable[Mind]) -> tuple[set[int] | None, set[str]]:
+    """The slots and groups that a program can look at, with all that it can enter in these minds; None for any."""
     slots: set[int] = set()
     groups: set[str] = set()
     taught: set[str] = set()
@@ -176,7 +182,7 @@ def _reach(program: Program, minds: Iterable[Mind], state: FleetState) -> tuple[
             waiting += [mind.operators[key] for key in found.uses if key in mind.operators]
     if named and (_ANYTHING in taught or not named.isdisjoint(taught)):
         # It may enter what it has only just learned, so it may look at anything.
-        return set(state.slots()), set(state.groups)
+        return None, groups
     return slots, groups
 
 

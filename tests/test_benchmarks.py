@@ -24,3 +24,15 @@ def test_the_language_benchmark_reports_every_rival_and_every_bar() -> None:
     assert all(row["seconds"] > 0 for row in (*report["text"], *report["start"]))
     assert len(report["bars"]) >= 6
     assert all(isinstance(bar["met"], bool) and bar["value"] > 0 for bar in report["bars"])
+
+
+def test_the_fleet_benchmark_finds_the_same_robots_as_every_rival() -> None:
+    command = [sys.executable, "-m", "benchmarks.fleet", "--quick", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    assert {row["name"] for row in report["predicate"]} > {"NumPy by hand", "numexpr", "polars"}
+    assert all(
+        row["seconds"] is None or row["seconds"] > 0 for table in report.values() for row in table if "seconds" in row
+    )
+    assert len(report["bars"]) == 2

@@ -8,6 +8,7 @@ machine     one walk over a program's parts for many robots  recall  explanation
 rounds      which rules run in a tick                        tallies how each rule has fared
 inbox       messages that wait                               speech  what robots say
 core        messages and readings in, a tick of all          limits  the bounds of one robot's mind
+kernels     which programs get native code, and when         native  native code, through LLVM
 fleet       the robots by name                               view    one robot, as a mind of its own
 """
 

@@ -19,6 +19,7 @@ from sleepcast.fleet.acts import ACTS
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.evaluation import Noted, fault_text
 from sleepcast.fleet.inbox import Inbox
+from sleepcast.fleet.kernels import Kernels, available
 from sleepcast.fleet.limits import SPARE_MINDS
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory
@@ -57,8 +58,9 @@ class Core:
 
     names: of the robots. numbers: their `id` in expressions and in their chance, 1 upwards if none are given. seed:
     of the run. bodies: what the functions of the vocabulary are called on; those that are a `Robot` are stopped,
-    released and held still as well. Raises FleetError for a vocabulary with linked variables: what lies in a host's
-    own memory is no column.
+    released and held still as well. native: whether rules that stay may become native code, where llvmlite is
+    installed; it makes no difference but in speed. Raises FleetError for a vocabulary with linked variables: what
+    lies in a host's own memory is no column.
     """
 
     def __init__(
@@ -69,6 +71,7 @@ class Core:
         numbers: Sequence[int] | None = None,
         seed: int = 0,
         bodies: Sequence[object | None] | None = None,
+        native: bool = True,
     ) -> None:
         if vocabulary.linked:
             linked = ", ".join(sorted(vocabulary.linked))
@@ -88,7 +91,8 @@ class Core:
         self.state = FleetState(vocabulary, numbers, seed)
         self.minds = Minds(vocabulary)
         self.speech = Speech(self.state, self.names)
-        self.memory = FleetMemory(self.state, self.minds, self.speech, ACTS, bodies)
+        self.kernels = Kernels() if native and available() else None
+        self.memory = FleetMemory(self.state, self.minds, self.speech, ACTS, bodies, self.kernels)
         self.recall = Recall(self.memory)
         self.rounds = Rounds(self.memory)
         self._inbox = Inbox(count)

@@ -30,6 +30,10 @@ _CHANGING = frozenset({"set_user", "set_local", "write", "defvar", "store", "fet
 def evaluate(memory: FleetMemory, program: Program, rows: Rows) -> Column:
     """One evaluation of a program by the robots of one chunk; what else came of it lies in the memory."""
     memory.begin(program, rows)
+    if memory.kernels is not None:
+        found = memory.kernels.run(memory, program, rows)
+        if found is not None:
+            return found
     with np.errstate(all="ignore"):  # what is unusual is looked for in the results
         values = Sweep(memory, program, rows).value(program.root, rows)
     if memory.dead is not None:

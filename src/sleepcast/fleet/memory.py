@@ -14,6 +14,7 @@ import numpy as np
 from sleepcast.fleet.chance import draws
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.evaluation import Evaluation, by_the_living
+from sleepcast.fleet.kernels import Kernels
 from sleepcast.fleet.minds import Draft, Minds
 from sleepcast.fleet.speech import Speech
 from sleepcast.language.form import List, Symbol
@@ -35,7 +36,7 @@ class FleetMemory(Evaluation):
     """See the module. bodies: what the functions of the vocabulary are called on, by robot.
 
     printed: what is reported, if it is a list. hosts: if it is a dictionary, what the robots' own functions gave: a
-    number, or why they failed. script: what they gave when it is all done again.
+    number, or why they failed. script: what they gave when it is all done again. kernels: native code, if there is any.
     """
 
     def __init__(
@@ -45,12 +46,14 @@ class FleetMemory(Evaluation):
         speech: Speech,
         acts: dict[str, Act],
         bodies: Sequence[object | None],
+        kernels: Kernels | None = None,
     ) -> None:
         super().__init__(state, minds)
         self.speech, self.bodies, self.vocabulary, self._acts = speech, bodies, minds.vocabulary, acts
         self.printed: list[tuple[Index, str, Sequence[Column]]] | None = None
         self.hosts: dict[int, list[float | str]] | None = None
         self.script: Iterator[float | str] | None = None
+        self.kernels = kernels
 
     @by_the_living
     def draw(self, part: Part, rows: Rows) -> Column:

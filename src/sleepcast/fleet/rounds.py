@@ -162,9 +162,10 @@ class Rounds:
         tally.last_value[rows.index] = values
         tally.steps[rows.index] = steps
         tally.most_steps = max(tally.most_steps, int(np.max(steps, initial=0)))
-        tally.firings[rows.index] += memory.matched[rows.index]
-        in_row = tally.in_row[rows.index]
-        tally.in_row[rows.index] = np.where(faulted, np.minimum(in_row, 100) + 1, 0)
+        tally.firings[rows.index] += memory.matched[rows.index].view(np.int8)
+        if first or tally.faulted:
+            tally.faulted = True
+            tally.in_row[rows.index] = np.where(faulted, np.minimum(tally.in_row[rows.index], 100) + 1, 0)
         if first:
             tally.last_fault.update(first)
             self._deactivate(key, tally, rows.take(faulted))

@@ -23,6 +23,8 @@ class Tally:
         """No robot has used more steps in an evaluation."""
         self.firings: NDArray[np.int32] = np.zeros(count, np.int32)
         self.in_row: NDArray[np.int8] = np.zeros(count, np.int8)
+        self.faulted = False
+        """Whether any evaluation has ever had a fault: until then nothing has to be counted."""
         self.last_fault: dict[int, str] = {}
 
     def renew(self, rows: Rows) -> None:

@@ -7,8 +7,9 @@ MAX_FAULTS = 100
 """Faults kept of one evaluation: more would only repeat what the first ones say."""
 PROVEN_TICKS = 100
 """Ticks that a rule set must have run without a fault for ROLLBACK to come back to it."""
-MAX_RECOLLECTIONS = 64
-"""Commands whose inputs are kept at most, to explain them later; see also `RECALL_BYTES`."""
+MAX_RECOLLECTIONS = 4_096
+"""Commands whose inputs a fleet keeps at most, to explain them later: many are heard by a few robots only, because
+robots tell each other. What they take is bounded by `RECALL_BYTES`."""
 MAX_QUEUE = 64
 """Messages waiting for the next tick on one robot; more are dropped and counted."""
 MAX_SEEN = 1_024
@@ -28,5 +29,9 @@ TICK_STEPS = 50_000
 
 RECALL_BYTES = 256
 """Bytes a robot for the inputs of past commands: a quarter of the kilobyte that a robot's mind may take."""
+RECALL_LEAST = 4 * 1024 * 1024
+"""Bytes for them in a small fleet, where nobody counts."""
+MEMO_BYTES = 2_048
+"""About what a command's inputs take besides their columns."""
 SPARE_MINDS = 256
 """Minds that no robot is of any more, before they are looked for and forgotten."""

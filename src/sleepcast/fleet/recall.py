@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sleepcast.fleet.acts import ACTS
 from sleepcast.fleet.columns import Column, FleetState, Mask, Rows
-from sleepcast.fleet.limits import MAX_RECOLLECTIONS, RECALL_BYTES
+from sleepcast.fleet.limits import MAX_RECOLLECTIONS, MEMO_BYTES, RECALL_BYTES, RECALL_LEAST
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory, written
 from sleepcast.fleet.minds import Mind, Minds
@@ -24,6 +24,7 @@ from sleepcast.fleet.speech import Speech
 from sleepcast.language.chance import draw
 from sleepcast.language.explain import Recollection
 from sleepcast.language.machine import Program
+from sleepcast.language.names import UserVariable
 from sleepcast.language.parts import Part, Storing, walk
 from sleepcast.language.rehearsal import Rehearsal
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Vocabulary
@@ -55,7 +56,7 @@ class Memo:
         """About how much memory it takes."""
         arrays: Iterable[object] = (self.rows.index, self.mind, self.proven, self.unproven_since, self.draws)
         kept = (*arrays, *self.columns.values(), *self.groups.values())
-        return sum(array.nbytes for array in kept if isinstance(array, np.ndarray))
+        return MEMO_BYTES + sum(array.nbytes for array in kept if isinstance(array, np.ndarray))
 
     def place(self, robot: int) -> int | None:
         """Where a robot is among those of the command."""
@@ -100,7 +101,7 @@ class Recall:
         if len(self._memos) == MAX_RECOLLECTIONS:
             self._drop()
         self._memos.append(memo)
-        while len(self._memos) > 1 and self._bytes > RECALL_BYTES * state.count + 65_536:
+        while len(self._memos) > 1 and self._bytes > max(RECALL_BYTES * state.count, RECALL_LEAST):
             self._drop()
         return memo
 
@@ -152,6 +153,7 @@ def rehearsal(memory: FleetMemory, robot: int) -> Rehearsal:
         state.groups_of(robot),
         fetch=lambda part: mind.rules[part.name].program if part.name in mind.rules else None,
         operator=lambda part: mind.operators.get(part.name),
+        has=lambda key: isinstance(mind.learned.get(key), UserVariable),
         draw=lambda: draw(key, tick, next(drawn)),
     )
 

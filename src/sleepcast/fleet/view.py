@@ -12,7 +12,6 @@ from sleepcast.channel.message import Message
 from sleepcast.errors import SleepcastError
 from sleepcast.fleet.core import Core, Outcome
 from sleepcast.fleet.evaluation import Noted, fault_text
-from sleepcast.fleet.limits import MAX_RECOLLECTIONS
 from sleepcast.fleet.minds import Mind, in_order
 from sleepcast.fleet.recall import Memo, recollect, rehearsal
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
@@ -250,9 +249,7 @@ class RobotView:
         if kept is not None:
             return rehearse(kept.program, rehearsal(self._fleet.memory, self.place), command=kept.name)
         what = "no command" if command is None else f"no command or rule {command}"
-        raise SleepcastError(
-            f"{self.name} remembers {what}: its fleet keeps the last commands, {MAX_RECOLLECTIONS} at most"
-        )
+        raise SleepcastError(f"{self.name} remembers {what}: its fleet keeps the last commands, as many as have room")
 
     def recollection(self, memo: Memo) -> Recollection:
         """What went into a command on this robot."""

@@ -45,7 +45,7 @@ def message(chance: Random, author: Author) -> str:
 @settings(max_examples=EXAMPLES)
 @given(start=st.integers(0, 2**63), chunk=st.sampled_from([1, 3, columns.CHUNK]))
 def test_robots_of_a_fleet_do_what_nodes_do(start: int, chunk: int) -> None:
-    with patch.object(columns, "CHUNK", chunk):
+    with patch.object(columns, "CHUNK", chunk), patch.object(columns, "STRETCH", 2 * chunk):
         do_the_same(Random(start))
 
 

@@ -60,7 +60,7 @@ def test_native_code_gives_what_nodes_give(start: int, chunk: int) -> None:
     chance = Random(start)
     writer, twins = Writer(chance), Twins(ROBOTS, seed=start % 1_000)
     kernels = twins.fleet.kernels = twins.fleet.memory.kernels = Kernels(hot=1)
-    with patch.object(columns, "CHUNK", chunk):
+    with patch.object(columns, "CHUNK", chunk), patch.object(columns, "STRETCH", 2 * chunk):
         twins.sense([[chance.choice(SENSED) for _ in SENSORS] for _ in range(ROBOTS)])
         twins.do("(PROGN (DEFVAR v1 x) (DEFVAR v2 1))")
         for name in "ab":

@@ -22,7 +22,9 @@ Mask: TypeAlias = NDArray[np.bool_]
 Index: TypeAlias = NDArray[np.intp]
 
 CHUNK = 16_384
-"""Robots evaluated at once: a few columns of this length stay in the processor's second-level cache."""
+"""Robots walked at once: a few columns of this length stay in the processor's second-level cache."""
+STRETCH = 8 * CHUNK
+"""Robots that go through all their rules before the next ones do: their columns stay in its third-level cache."""
 
 
 class Rows:
@@ -82,12 +84,20 @@ class Rows:
         place = int(np.searchsorted(self.index, robot))
         return place if place < self.size and self.index[place] == robot else None
 
-    def chunks(self) -> list[Rows]:
-        """The same robots, `CHUNK` neighbours at a time."""
+    def pieces(self, length: int) -> list[Rows]:
+        """The same robots, so many neighbours at a time."""
         if isinstance(self.index, slice):
             start, stop = self.index.start, self.index.stop
-            return [Rows.run(i, min(i + CHUNK, stop)) for i in range(start, stop, CHUNK)]
-        return [Rows.of(self.index[i : i + CHUNK]) for i in range(0, self.size, CHUNK)]
+            return [Rows.run(i, min(i + length, stop)) for i in range(start, stop, length)]
+        return [Rows.of(self.index[i : i + length]) for i in range(0, self.size, length)]
+
+    def chunks(self) -> list[Rows]:
+        """The same robots, `CHUNK` at a time."""
+        return self.pieces(CHUNK)
+
+    def stretches(self) -> list[Rows]:
+        """The same robots, `STRETCH` at a time."""
+        return self.pieces(STRETCH)
 
 
 class FleetState:

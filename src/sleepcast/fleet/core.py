@@ -219,17 +219,10 @@ class Core:
         memory = self.memory
         memo = self.recall.remember(program, rows, command)
         memory.hosts, memory.printed = memo.hosts, []
-        values, steps = np.empty(rows.size), np.empty(rows.size, np.int32)
-        faults: list[Noted] = []
-        start = 0
-        for chunk in rows.chunks():
-            part = slice(start, start + chunk.size)
-            values[part] = evaluate(memory, program, chunk)
-            steps[part] = memory.steps(chunk)
-            faults += memory.noted
-            start += chunk.size
+        values = evaluate(memory, program, rows)
+        steps = np.broadcast_to(np.asarray(memory.steps(rows), np.int32), rows.size)
         printed, memory.hosts, memory.printed = memory.printed, None, None
-        return Outcome(rows, memo, values, memory.matched[rows.index].copy(), steps, faults, printed)
+        return Outcome(rows, memo, values, memory.matched[rows.index].copy(), steps, memory.noted, printed)
 
     def install(
         self,

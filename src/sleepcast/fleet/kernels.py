@@ -17,7 +17,7 @@ from sleepcast.language.parts import Part, walk
 from sleepcast.language.vocabulary import Kind, Variable
 
 HOT = 4
-"""Chunks of a program that are walked before native code is made for it: a command is heard once, a rule stays."""
+"""Walks of a program before native code is made for it: a command is heard once, a rule stays."""
 MAX_KERNELS = 512
 """Programs that native code is kept for; when full, all are forgotten and made again as they are needed."""
 

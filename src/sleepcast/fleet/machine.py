@@ -28,14 +28,15 @@ _CHANGING = frozenset({"set_user", "set_local", "write", "defvar", "store", "fet
 
 
 def evaluate(memory: FleetMemory, program: Program, rows: Rows) -> Column:
-    """One evaluation of a program by the robots of one chunk; what else came of it lies in the memory."""
+    """One evaluation of a program by these robots; what else came of it lies in the memory."""
     memory.begin(program, rows)
     if memory.kernels is not None:
         found = memory.kernels.run(memory, program, rows)
         if found is not None:
             return found
     with np.errstate(all="ignore"):  # what is unusual is looked for in the results
-        values = Sweep(memory, program, rows).value(program.root, rows)
+        pieces = [Sweep(memory, program, chunk).value(program.root, chunk) for chunk in rows.chunks()]
+    values = pieces[0] if len(pieces) == 1 else np.concatenate(pieces) if pieces else np.empty(0)
     if memory.dead is not None:
         values = np.where(memory.dead[rows.index], nan, values)
     if program.test is program:

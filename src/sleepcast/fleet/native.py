@@ -11,11 +11,13 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from math import nan
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sleepcast.fleet.columns import Column, Rows, spread
 from sleepcast.fleet.evaluation import Evaluation
@@ -27,6 +29,10 @@ from sleepcast.language.vocabulary import TICK
 if TYPE_CHECKING:
     from llvmlite import ir
 
+
+SPLIT = 32_768
+"""Robots from which on two threads share the work: with fewer, telling the other thread takes as long as the work."""
+_HELPER = ThreadPoolExecutor(1, "sleepcast-native-half")
 
 ORDERED = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "=": "==", "EQ": "=="}
 
@@ -299,7 +305,7 @@ class Kernel:
         keys, draws = state.keys[rows.index], state.draws[rows.index]
         drawn = np.empty(count, np.int32) if self.chancy else draws
         arrays = (*inputs, out, *new, matched, *masks, keys, draws, drawn)
-        if self._call(count, int(tick) if self.chancy else 0, *(array.ctypes.data for array in arrays)):
+        if self._trouble(count, int(tick) if isinstance(tick, float) else 0, arrays):
             return None
         for slot, column, mask in zip(self.writes, new, masks, strict=True):
             if mask.any():
@@ -310,6 +316,17 @@ class Kernel:
         if self.chancy:
             state.draws[rows.index] = drawn
         return out
+
+    def _trouble(self, count: int, tick: int, arrays: Sequence[NDArray[np.generic]]) -> bool:
+        """Run the loop, many robots in two threads; gives whether it ran into trouble."""
+
+        def part(start: int, stop: int) -> int:
+            return self._call(stop - start, tick, *(array.ctypes.data + start * array.itemsize for array in arrays))
+
+        if count < SPLIT:
+            return bool(part(0, count))
+        other = _HELPER.submit(part, count // 2, count)
+        return bool(part(0, count // 2) | other.result())
 
 
 def _slots(program: Program) -> tuple[list[int], list[int]]:

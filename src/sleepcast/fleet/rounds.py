@@ -45,8 +45,8 @@ class Rounds:
         """One round of each of these robots, which are awake."""
         self._memory.tallies.lost.clear()
         self._used[rows.index] = 0
-        for chunk in rows.chunks():
-            ways = self._ways(chunk)
+        for stretch in rows.stretches():
+            ways = self._ways(stretch)
             while ways:
                 ways = self._step(ways)
         self._memory.tallies.lost.clear()

@@ -39,11 +39,11 @@ def columns(robots: int) -> Columns:
     }
 
 
-def fleet(sensed: Columns) -> Fleet:
+def fleet(sensed: Columns, *, native: bool = False) -> Fleet:
     """Robots that sense that."""
     count = len(sensed["x"])
     vocabulary = Vocabulary("bench", tuple(map(Quantity, NAMES)), (Quantity("throttle"), Quantity("lamp")))
-    made = Fleet([f"r{i}" for i in range(count)], vocabulary, seed=1)
+    made = Fleet([f"r{i}" for i in range(count)], vocabulary, seed=1, native=native)
     made.sense(np.stack([sensed[name] for name in NAMES], axis=1), 0.0)
     return made
 

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from llvmlite import ir
 
 
-SPLIT = 32_768
-"""Robots from which on two threads share the work: with fewer, telling the other thread takes as long as the work."""
+SPLIT = 131_072
+"""Robots from which on two threads share the work: with fewer, waiting for the other costs more than it saves."""
 _HELPER = ThreadPoolExecutor(1, "sleepcast-native-half")
 
 ORDERED = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "=": "==", "EQ": "=="}

@@ -20,6 +20,8 @@ HOT = 4
 """Walks of a program before native code is made for it: a command is heard once, a rule stays."""
 MAX_KERNELS = 512
 """Programs that native code is kept for; when full, all are forgotten and made again as they are needed."""
+MAX_PARTS = 500
+"""Parts of a program at most that becomes native code: the optimiser's time grows faster than the program."""
 
 _OPS = frozenset({"const", "var", "local", "absent", "pure", "and", "or", "known", "cond", "clause", "if", "progn"})
 _MORE = frozenset({"let", "set_local", "set_user", "prob"})
@@ -32,8 +34,8 @@ def available() -> bool:
 
 
 def translatable(program: Program) -> bool:
-    """Whether a program has nothing in it but what becomes native code."""
-    return all(map(_translatable, walk(program.root)))
+    """Whether a program is short enough and has nothing in it but what becomes native code."""
+    return program.size <= MAX_PARTS and all(map(_translatable, walk(program.root)))
 
 
 def _translatable(part: Part) -> bool:

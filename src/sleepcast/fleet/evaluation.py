@@ -36,15 +36,15 @@ class Noted(NamedTuple):
     reason: str
 
 
-Self = TypeVar("Self", bound="Evaluation")
-Method: TypeAlias = Callable[Concatenate[Self, Part, Rows, Rest], Column]
+Owner = TypeVar("Owner", bound="Evaluation")
+Method: TypeAlias = Callable[Concatenate[Owner, Part, Rows, Rest], Column]
 
 
-def by_the_living(method: Method[Self, Rest]) -> Method[Self, Rest]:
+def by_the_living(method: Method[Owner, Rest]) -> Method[Owner, Rest]:
     """Let only robots that have steps left take part; for the others the value is unknown."""
 
     @wraps(method)
-    def living(memory: Self, part: Part, rows: Rows, /, *columns: Rest.args, **none: Rest.kwargs) -> Column:
+    def living(memory: Owner, part: Part, rows: Rows, /, *columns: Rest.args, **none: Rest.kwargs) -> Column:
         if rows.size == 0:
             return np.empty(0)
         if memory.dead is None:

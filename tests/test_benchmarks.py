@@ -34,3 +34,15 @@ def test_the_simulator_benchmark_times_every_machine() -> None:
     assert {(row["machine"], row["robots"]) for row in report["rows"]} >= {("numpy", 200), ("numpy", 1000)}
     assert all(row["step"] > 0 and row["look"] > 0 and row["realtime"] > 0 for row in report["rows"])
     assert report["bars"][0]["name"] == "1,000 Scouts without numba"
+
+
+def test_the_fleet_benchmark_finds_the_same_robots_as_every_rival() -> None:
+    command = [sys.executable, "-m", "benchmarks.fleet", "--quick", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    assert {row["name"] for row in report["predicate"]} > {"NumPy by hand", "numexpr", "polars"}
+    assert all(
+        row["seconds"] is None or row["seconds"] > 0 for table in report.values() for row in table if "seconds" in row
+    )
+    assert len(report["bars"]) == 2

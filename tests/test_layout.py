@@ -51,6 +51,7 @@ HOUSE = {
     "channel": room(libraries="msgspec numpy"),
     "robot": room(),
     "node": room("language channel robot", late="numpy"),
+    "fleet": room("language channel robot", "numpy", late="llvmlite"),
     "simulator": room("channel robot", "numpy numba"),
     "loop": room("language channel node simulator robot"),
     "station": room("language channel node", "msgspec"),

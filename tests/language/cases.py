@@ -10,17 +10,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple, Protocol
 from unittest.mock import patch
 
+import numpy as np
+
 from language.reference import Reference
 from sleepcast.channel import message
+from sleepcast.fleet import Fleet, RobotView
+from sleepcast.fleet.view import Result as FleetResult
 from sleepcast.language import (
     CheckError,
     Constant,
+    Finding,
     HostFunction,
     ReadError,
     Vocabulary,
@@ -201,21 +206,103 @@ class NodeMachine:
         )
 
     def state(self) -> dict[str, object]:
-        learned = {name.casefold(): self.mind.declared(name.casefold()) for name in self.mind.heard()}
-        views = self.mind.rules()
-        return {
-            "variables": {name.casefold(): value.hex() for name, value in self.mind.variables()},
-            "stored": {view.name.casefold(): view.text for view in views},
-            "active": sorted(view.name.casefold() for view in views if view.active),
-            "operators": sorted(key for key, found in learned.items() if isinstance(found, Operator)),
-            "groups": sorted(self.mind.groups),
-        }
+        return state_of(self.mind)
+
+
+def state_of(mind: Node | RobotView) -> dict[str, object]:
+    learned = {name.casefold(): mind.declared(name.casefold()) for name in mind.heard()}
+    views = mind.rules()
+    return {
+        "variables": {name.casefold(): value.hex() for name, value in mind.variables()},
+        "stored": {view.name.casefold(): view.text for view in views},
+        "active": sorted(view.name.casefold() for view in views if view.active),
+        "operators": sorted(key for key, found in learned.items() if isinstance(found, Operator)),
+        "groups": sorted(mind.groups),
+    }
+
+
+class FleetMachine:
+    """A fleet whose first robot is the one of the cases; the others are in other states, and each has a node as its
+    twin, from which it must never differ. A text that only some of them can run is evaluated by those."""
+
+    checks = True
+
+    def __init__(self, setting: Setting) -> None:
+        self.settings = [setting, *(other_setting(setting, which) for which in (1, 2))]
+        self.twins = [NodeMachine(each) for each in self.settings]
+        self.bodies = [Body() for _ in self.settings]
+        names = [f"robot{i}" for i in range(len(self.settings))]
+        numbers = [each.number for each in self.settings]
+        vocabulary = setting.vocabulary()
+        self.fleet = Fleet(names, vocabulary, numbers=numbers, seed=setting.seed, bodies=self.bodies)
+        self.robots = list(self.fleet.values())
+        for view, twin in zip(self.robots, self.twins, strict=True):
+            view.sense(twin.mind.values[vocabulary.first_sensor : vocabulary.first_actuator], 0.0)
+            for slot in range(vocabulary.first_actuator, vocabulary.size):
+                rows = self.fleet.rows([view.place])
+                self.fleet.state.assign(slot, rows, np.array([twin.mind.values[slot]]))
+
+    def evaluate(self, text: str) -> Outcome:
+        for body, view in zip(self.bodies, self.robots, strict=True):
+            body.done.clear()
+            view.outbox.clear()
+            view.pings.clear()
+        outcomes: list[Outcome] = []
+        checks = {}
+        for view in self.robots:
+            try:
+                checks[view.place] = check(text, view)
+                checks[view.place].required()
+            except (ReadError, CheckError) as error:
+                checks.pop(view.place, None)
+                outcomes.append(Outcome(refused=str(error)))
+            else:
+                outcomes.append(Outcome())
+        for found in self.fleet.evaluate(text, list(checks)) if checks else ():
+            for place in found.rows.robots.tolist():
+                result = self.robots[place].result(found, checks[place].cost)
+                outcomes[place] = self._outcome(place, result, checks[place].warnings)
+        for outcome, view, twin in zip(outcomes, self.robots, self.twins, strict=True):
+            wanted = twin.evaluate(text)
+            assert bits(outcome) == bits(wanted), f"{view.name}: {text}"
+            assert state_of(view) == twin.state(), f"{view.name}: {text}"
+        return outcomes[0]
+
+    def _outcome(self, place: int, result: FleetResult, warnings: list[Finding]) -> Outcome:
+        said = self.robots[place].outbox
+        return Outcome(
+            result.value,
+            tuple(fault.reason for fault in result.faults),
+            tuple(printed(*each) for each in result.printed),
+            tuple(each.text for each in said if each.kind is message.Kind.COMMAND),
+            tuple(self.robots[place].pings),
+            tuple(self.bodies[place].done),
+            result.matched,
+            warnings=tuple(finding.message for finding in warnings),
+        )
+
+    def state(self) -> dict[str, object]:
+        return state_of(self.robots[0])
+
+
+def bits(outcome: Outcome) -> tuple[object, ...]:
+    """An outcome such that unknown equals unknown and 0 is not -0."""
+    return (outcome.value.hex(), *outcome[1:])
+
+
+def other_setting(setting: Setting, which: int) -> Setting:
+    """The same kind of robot in another state: its values are those of other variables, or negative, or unknown."""
+    names, given = list(setting.values), list(setting.values.values())
+    turned = given[which:] + given[:which]
+    values = [math.nan if (i + which) % 3 == 0 else -value if i % 2 else value for i, value in enumerate(turned)]
+    return replace(setting, values=dict(zip(names, values, strict=True)), number=setting.number + which)
 
 
 MACHINES: dict[str, Callable[[Setting], Machine]] = {
     "reference": ReferenceMachine,
     "node": NodeMachine,
     "node-compiled": partial(NodeMachine, compiled=True),
+    "fleet": FleetMachine,
 }
 
 

@@ -8,26 +8,26 @@ from __future__ import annotations
 
 import math
 
-_MASK = 0xFFFF_FFFF_FFFF_FFFF
-_GOLDEN = 0x9E37_79B9_7F4A_7C15
-_UNIT = 2.0**-53
+MASK = 0xFFFF_FFFF_FFFF_FFFF
+GOLDEN = 0x9E37_79B9_7F4A_7C15
+UNIT = 2.0**-53
 
 
 def mix(z: int) -> int:
     """The finaliser of SplitMix64 on a 64-bit integer."""
-    z = (z ^ (z >> 30)) * 0xBF58_476D_1CE4_E5B9 & _MASK
-    z = (z ^ (z >> 27)) * 0x94D0_49BB_1331_11EB & _MASK
+    z = (z ^ (z >> 30)) * 0xBF58_476D_1CE4_E5B9 & MASK
+    z = (z ^ (z >> 27)) * 0x94D0_49BB_1331_11EB & MASK
     return z ^ (z >> 31)
 
 
 def stream(seed: int, robot: int) -> int:
     """The 64-bit key of one robot's chance in one run; hashed once, not at every draw."""
-    return mix((mix(seed + _GOLDEN & _MASK) + robot * _GOLDEN) & _MASK)
+    return mix((mix(seed + GOLDEN & MASK) + robot * GOLDEN) & MASK)
 
 
 def draw(key: int, tick: int, number: int) -> float:
     """A number evenly from [0, 1) with 53 bits: draw `number` (from 0) of tick `tick` in the stream `key`."""
-    return (mix(mix((key + tick * _GOLDEN) & _MASK) + number * _GOLDEN & _MASK) >> 11) * _UNIT
+    return (mix(mix((key + tick * GOLDEN) & MASK) + number * GOLDEN & MASK) >> 11) * UNIT
 
 
 def normal(u: float) -> float:

@@ -17,7 +17,7 @@ from sleepcast.language import special
 from sleepcast.language.checker import MAX_COST, Checker, CheckError, cost
 from sleepcast.language.compiler import Code, generate
 from sleepcast.language.form import Form, height
-from sleepcast.language.names import Names, Operator
+from sleepcast.language.names import Names, Operator, reaches, uses_in
 from sleepcast.language.operations import Memory
 from sleepcast.language.parts import CHANCY, Part, acts, deciding, is_acting, walk
 from sleepcast.language.walker import Walker
@@ -39,14 +39,16 @@ class Program:
     """A checked expression that can be entered. body: its parts, evaluated in order (an operator may have several).
 
     cost: steps charged when entered. height: levels of parentheses inside one another. uses: keys of buffers, rules
-    and operators it names. free: keys of learned names it depends on. test: the top-level test as a program of its
-    own, None if everybody matches. acts, chancy: of the whole program. slots: the length of values it needs.
+    and operators it names. free: keys of learned names it depends on. stores: keys that it stores expressions under,
+    with what those use. test: the top-level test as a program of its own, None if everybody matches. acts, chancy: of
+    the whole program. slots: the length of values it needs.
     """
 
     def __init__(self, forms: Sequence[Form], root: Part, parameters: int, checker: Checker, steps: int) -> None:
         self.form, self.root, self.parameters, self.text = forms[0], root, parameters, checker.text
         self.height = max(map(height, forms))
         self.uses, self.free = frozenset(checker.uses), frozenset(checker.free)
+        self.stores = dict(checker.pending_uses)
         self.locals, self.cost = checker.locals, steps
         parts = walk(root)
         for index, part in enumerate(parts):
@@ -167,7 +169,7 @@ class Library:
     ) -> Program:
         """The program of `text` for a robot with these names. Raises ReadError (from `forms`) and CheckError."""
         for sorts, program in self._programs.get((text, parameters), ()):
-            if sorts == _sorts(program, names):
+            if sorts == _sorts(program, names) and not _circular(program, names):
                 return program
         program, checker = build(text, forms(), names, parameters)
         errors = [finding for finding in checker.findings if finding.severity == "error"]
@@ -178,6 +180,23 @@ class Library:
             self._programs, self._count = {}, 1
         self._programs.setdefault((text, parameters), []).append((_sorts(program, names), program))
         return program
+
+
+def _circular(program: Program, names: Names) -> bool:
+    """Whether what the program stores would come to name itself on this robot, which it did not on another.
+
+    The stored expressions are looked at in the checker's order, each knowing those before it.
+    """
+    known: dict[str, frozenset[str]] = {}
+
+    def uses_of(key: str) -> frozenset[str]:
+        return known[key] if key in known else uses_in(names, key)
+
+    for key, uses in program.stores.items():
+        if reaches(uses, key, uses_of) is not None:
+            return True
+        known[key] = uses
+    return False
 
 
 def _sorts(program: Program, names: Names) -> tuple[object, ...]:

@@ -21,7 +21,7 @@ of which Python grants a thousand."""
 
 
 class Entered(Protocol):
-    """Something that can be entered from inside an evaluation: a program."""
+    """Something that can be entered from inside an evaluation: a program. slots: the length of values it needs."""
 
     root: Part
     text: str
@@ -33,7 +33,14 @@ class Entered(Protocol):
     def run(self, memory: Memory, *arguments: float) -> float: ...
 
 
-class Memory(Protocol):
+class Nesting(Protocol):
+    """How far inside the programs entered an evaluation is: their number, and the parentheses open in them."""
+
+    depth: int
+    levels: int
+
+
+class Memory(Nesting, Protocol):
     """What a program may touch: one robot's three address spaces. NaN is unknown everywhere.
 
     Every method that takes a part does what the part says; a refusal is a fault, which returns NaN.
@@ -42,8 +49,6 @@ class Memory(Protocol):
     values: list[float]
     groups: frozenset[str]
     steps: int
-    depth: int
-    levels: int
     matched: bool
 
     def fault(self, part: Part, reason: str) -> float:
@@ -115,7 +120,7 @@ def enter(memory: Memory, part: Part, program: Entered | None, arguments: Sequen
         memory.matched = matched
 
 
-def too_deep(memory: Memory, program: Entered) -> str:
+def too_deep(memory: Nesting, program: Entered) -> str:
     """Why `program` cannot be entered from where the evaluation is now; "" if it can."""
     if memory.depth >= MAX_DEPTH:
         return f"calls nested too deeply: at most {MAX_DEPTH}"

@@ -191,9 +191,10 @@ class RobotMemory:
     def _write(self, part: Part, value: float) -> float:
         variable = part.data
         if not isinstance(variable, Variable):
-            if not isinstance(self.learned.get(part.name), UserVariable):
+            found = self.learned.get(part.name)
+            if not isinstance(found, UserVariable):
                 return self.refuse(part, f"no variable {part.name}: make it first with (DEFVAR {part.name})")
-            self.values[part.slot] = value
+            self.values[found.slot] = value
         elif value != value:
             self.dropped += 1
             never = "never reaches an actuator" if variable.kind is Kind.ACTUATOR else "cannot be assigned to a flag"

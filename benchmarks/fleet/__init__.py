@@ -1,0 +1,1 @@
+"""What the fleet costs, beside NumPy written by hand and what people use for columns."""

@@ -1,0 +1,207 @@
+"""Columns: one number a robot, side by side, so that one instruction of the processor serves many robots.
+
+A variable's column is made when robots first differ in it; until then one number stands for all. NaN is unknown.
+`Rows` says which robots something is about: a run of neighbours, whose columns are seen without copying, or a list.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import nan
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.fleet.chance import streams
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, ID, MARKING, TICK, TIME_SLOT, Vocabulary
+
+Column: TypeAlias = NDArray[np.float64]
+"""One number for each of some rows, in their order."""
+Mask: TypeAlias = NDArray[np.bool_]
+Index: TypeAlias = NDArray[np.intp]
+
+CHUNK = 16_384
+"""Robots walked at once: a few columns of this length stay in the processor's second-level cache."""
+STRETCH = 8 * CHUNK
+"""Robots that go through all their rules before the next ones do: their columns stay in its third-level cache."""
+
+
+class Rows:
+    """Some robots of a fleet, in ascending order. index: what a column is indexed with. first: of their chunk."""
+
+    __slots__ = ("first", "index", "size")
+
+    def __init__(self, index: slice | Index, size: int, first: int = 0) -> None:
+        self.index, self.size, self.first = index, size, first
+
+    @classmethod
+    def run(cls, start: int, stop: int) -> Rows:
+        """The robots from `start` up to `stop`."""
+        return cls(slice(start, stop), stop - start, start)
+
+    @classmethod
+    def of(cls, index: Index) -> Rows:
+        """The robots with these indices, ascending; neighbours without a gap become a run."""
+        size = len(index)
+        if size and int(index[-1]) - int(index[0]) + 1 == size:
+            return cls.run(int(index[0]), int(index[-1]) + 1)
+        return cls(index, size, int(index[0]) if size else 0)
+
+    def take(self, mask: Mask) -> Rows:
+        """Those of them for which `mask` (one truth for each of them) holds."""
+        if isinstance(self.index, slice):
+            found = np.flatnonzero(mask)
+            found += self.index.start
+        else:
+            found = self.index[mask]
+        return Rows(found, len(found), self.first)
+
+    @property
+    def robots(self) -> Index:
+        """Their indices."""
+        return np.arange(self.index.start, self.index.stop) if isinstance(self.index, slice) else self.index
+
+    @property
+    def within(self) -> slice | Index:
+        """Where they are in their chunk."""
+        if isinstance(self.index, slice):
+            return slice(self.index.start - self.first, self.index.stop - self.first)
+        return self.index - self.first
+
+    @property
+    def width(self) -> int:
+        """How long a column of their chunk must be to hold all of them."""
+        if self.size == 0:
+            return 0
+        last = self.index.stop - 1 if isinstance(self.index, slice) else int(self.index[-1])
+        return last - self.first + 1
+
+    def place(self, robot: int) -> int | None:
+        """Where a robot is among them."""
+        if isinstance(self.index, slice):
+            return robot - self.index.start if self.index.start <= robot < self.index.stop else None
+        place = int(np.searchsorted(self.index, robot))
+        return place if place < self.size and self.index[place] == robot else None
+
+    def pieces(self, length: int) -> list[Rows]:
+        """The same robots, so many neighbours at a time."""
+        if isinstance(self.index, slice):
+            start, stop = self.index.start, self.index.stop
+            return [Rows.run(i, min(i + length, stop)) for i in range(start, stop, length)]
+        return [Rows.of(self.index[i : i + length]) for i in range(0, self.size, length)]
+
+    def chunks(self) -> list[Rows]:
+        """The same robots, `CHUNK` at a time."""
+        return self.pieces(CHUNK)
+
+    def stretches(self) -> list[Rows]:
+        """The same robots, `STRETCH` at a time."""
+        return self.pieces(STRETCH)
+
+
+class FleetState:
+    """Everything that is one number a robot. numbers: the robots' ids; seed: of the run."""
+
+    def __init__(self, vocabulary: Vocabulary, numbers: Sequence[int], seed: int) -> None:
+        count = self.count = len(numbers)
+        self._same = [0.0] * (ACTIVE0 + BUFFERS) + [nan] * (vocabulary.size - ACTIVE0 - BUFFERS)
+        self._same[TIME_SLOT] = self._same[TICK] = 0.0
+        self._same[MARKING] = 1.0
+        self._columns: list[Column | None] = [None] * len(self._same)
+        self._columns[ID] = np.array(numbers, dtype=np.float64)
+        self.keys = streams(seed, np.array(numbers, dtype=np.int64))
+        """The stream of each robot's chance."""
+        self.draws = np.zeros(count, np.int32)
+        """Random numbers drawn in this tick."""
+        self.mind = np.zeros(count, np.int32)
+        """What each robot has learned: a number in the table of minds."""
+        self.proven = np.zeros(count, np.int32)
+        """The mind whose rules ROLLBACK brings back."""
+        self.unproven_since = np.zeros(count, np.int64)
+        """Tick in which the rules last changed or met a fault."""
+        self.groups: dict[str, Mask] = {}
+        """Who is in which group."""
+        self.actuated: dict[int, Mask] = {}
+        """Which robots have assigned an actuator, by slot, since somebody last asked."""
+        self.dropped = np.zeros(count, np.int32)
+        """Assignments and calls that an unknown kept from the body."""
+        self.lost = np.zeros(count, np.int32)
+        """Messages and sayings that found no room."""
+        self.said = np.zeros(count, np.int32)
+        """Messages in the outbox."""
+        self.sequence = np.zeros(count, np.int32)
+        """The number of the last message said."""
+        self.reported_in = np.zeros(count, np.int32)
+        """The second in which each robot last reported anything."""
+        self.reported = np.zeros(count, np.int32)
+        """Its reports in that second."""
+        self.stopped = np.zeros(count, np.bool_)
+        self.held = np.zeros(count, np.bool_)
+        """Whether functions that act are refused: the robot is stopped and its body has no latch of its own."""
+        self.still = np.zeros(count, np.bool_)
+        """Whether the body is held still."""
+
+    def read(self, slot: int, rows: Rows) -> Column | float:
+        """The values of a variable: a column (of a run of rows a view, not to be written), or one number for all."""
+        if slot >= len(self._same):
+            return nan
+        column = self._columns[slot]
+        return self._same[slot] if column is None else column[rows.index]
+
+    def column(self, slot: int, rows: Rows) -> Column:
+        """The values of a variable, one for each of the rows."""
+        return spread(self.read(slot, rows), rows.size)
+
+    def assign(self, slot: int, rows: Rows, values: Column | float) -> None:
+        """Set a variable of these robots."""
+        while slot >= len(self._same):
+            self._same.append(nan)
+            self._columns.append(None)
+        if isinstance(values, float) and rows.size == self.count:
+            self._same[slot], self._columns[slot] = values, None
+            return
+        column = self._columns[slot]
+        if column is None:
+            column = self._columns[slot] = np.full(self.count, self._same[slot])
+        column[rows.index] = values
+
+    def slots(self) -> range:
+        """Every slot that has ever been used."""
+        return range(len(self._same))
+
+    def row(self, robot: int) -> list[float]:
+        """The values of one robot, by slot."""
+        return [
+            same if column is None else float(column[robot])
+            for same, column in zip(self._same, self._columns, strict=True)
+        ]
+
+    def group(self, key: str) -> Mask:
+        """Who is in a group; a group that nobody has heard of is made."""
+        found = self.groups.get(key)
+        if found is None:
+            found = self.groups[key] = np.zeros(self.count, np.bool_)
+        return found
+
+    def groups_of(self, robot: int) -> frozenset[str]:
+        """The keys of the groups that one robot is in."""
+        return frozenset(key for key, members in self.groups.items() if members[robot])
+
+    def assigned(self, slot: int) -> Mask:
+        """Who has assigned an actuator."""
+        found = self.actuated.get(slot)
+        if found is None:
+            found = self.actuated[slot] = np.zeros(self.count, np.bool_)
+        return found
+
+
+def spread(values: Column | float, size: int) -> Column:
+    """A column, also of one number for all."""
+    return np.full(size, values) if isinstance(values, float) else values
+
+
+def is_true(values: Column | float) -> Mask:
+    """Which values count as true: neither 0 nor unknown."""
+    found: Mask = np.abs(values) > 0.0
+    return found

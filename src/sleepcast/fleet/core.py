@@ -1,0 +1,319 @@
+"""The core of a fleet: messages and readings come in, a tick lets all robots think.
+
+It does what a list of nodes would do, robot by robot and bit for bit, but evaluates every message and every rule for
+all robots at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import inf, nan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.channel.message import Kind, Message
+from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.fleet.acts import ACTS
+from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
+from sleepcast.fleet.evaluation import Noted, fault_text
+from sleepcast.fleet.inbox import Inbox
+from sleepcast.fleet.kernels import Kernels, available
+from sleepcast.fleet.limits import SPARE_MINDS
+from sleepcast.fleet.machine import evaluate
+from sleepcast.fleet.memory import FleetMemory
+from sleepcast.fleet.minds import Minds, Named
+from sleepcast.fleet.recall import Memo, Recall, rehearsal
+from sleepcast.fleet.rounds import Rounds, expired
+from sleepcast.fleet.speech import Answered, Saying, Speech
+from sleepcast.language.explain import rehearse
+from sleepcast.language.form import show
+from sleepcast.language.machine import Program
+from sleepcast.language.reader import read
+from sleepcast.language.review import Checked, check
+from sleepcast.language.vocabulary import FROZEN, SLEEPING, TICK, TIME_SLOT, Vocabulary, buffer_number
+from sleepcast.robot import Robot
+
+
+class FleetError(MisuseError):
+    """A fleet that cannot be made, or robots that are not in it."""
+
+
+@dataclass
+class Outcome:
+    """What came of one text on the robots `rows`. Columns have one value for each of them; faults are in order."""
+
+    rows: Rows
+    memo: Memo
+    values: Column
+    matched: Mask
+    steps: NDArray[np.int32]
+    faults: list[Noted]
+    printed: list[tuple[Index, str, Sequence[Column]]]
+
+
+class Core:
+    """See the module.
+
+    names: of the robots. numbers: their `id` in expressions and in their chance, 1 upwards if none are given. seed:
+    of the run. bodies: what the functions of the vocabulary are called on; those that are a `Robot` are stopped,
+    released and held still as well. native: whether rules that stay may become native code, where llvmlite is
+    installed; it makes no difference but in speed. Raises FleetError for a vocabulary with linked variables: what
+    lies in a host's own memory is no column.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        vocabulary: Vocabulary,
+        *,
+        numbers: Sequence[int] | None = None,
+        seed: int = 0,
+        bodies: Sequence[object | None] | None = None,
+        native: bool = True,
+    ) -> None:
+        if vocabulary.linked:
+            linked = ", ".join(sorted(vocabulary.linked))
+            raise FleetError(f"{vocabulary.name} links {linked}: give robots with linked variables nodes of their own")
+        count = len(names)
+        numbers = range(1, count + 1) if numbers is None else numbers
+        bodies = [None] * count if bodies is None else bodies
+        self.places = {name: place for place, name in enumerate(names)}
+        """The robots' indices by name."""
+        if count == 0 or not (len(self.places) == len(numbers) == len(bodies) == count):
+            raise FleetError(
+                f"a fleet needs at least one robot, names that differ, and a number and a body for each: got {count}"
+                f" names ({len(self.places)} different), {len(numbers)} numbers and {len(bodies)} bodies"
+            )
+        self.names, self.vocabulary, self.bodies = tuple(names), vocabulary, bodies
+        self.numbers = tuple(numbers)
+        self.state = FleetState(vocabulary, numbers, seed)
+        self.minds = Minds(vocabulary)
+        self.speech = Speech(self.state, self.names)
+        self.kernels = Kernels() if native and available() else None
+        self.memory = FleetMemory(self.state, self.minds, self.speech, ACTS, bodies, self.kernels)
+        self.recall = Recall(self.memory)
+        self.rounds = Rounds(self.memory)
+        self._inbox = Inbox(count)
+        self._minds_used = 1
+        self._measured: dict[int, Column] = {
+            vocabulary.first_sensor + i: np.full(count, -inf)
+            for i, quantity in enumerate(vocabulary.sensors)
+            if quantity.freshness < inf
+        }
+
+    # ---- the robots
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def rows(self, robots: Sequence[int] | Index | None = None) -> Rows:
+        """The robots with these indices (None: all). Raises FleetError for one that is not in the fleet."""
+        if robots is None:
+            return Rows.run(0, len(self))
+        index = np.unique(np.asarray(robots, np.intp))
+        if index.size and not (index[0] >= 0 and index[-1] < len(self)):
+            raise FleetError(f"the robots of this fleet are 0 to {len(self) - 1}, not {index[0]} to {index[-1]}")
+        return Rows.of(index)
+
+    @property
+    def awake(self) -> Mask:
+        """Which robots have anything to do in the next tick: a message, or rules that run."""
+        found = self._inbox.waiting > 0
+        found |= self.memory.where(self.rows(), lambda mind: bool(mind.running))
+        return found
+
+    def waiting(self, robot: int) -> int:
+        """Messages that wait for a robot's next tick."""
+        return int(self._inbox.waiting[robot])
+
+    def said(self) -> list[Saying]:
+        """Everything that has been said and lies in no outbox that was looked into; it will come into none."""
+        return self.speech.take()
+
+    # ---- what comes in
+
+    def receive(self, message: Message, robots: Sequence[int] | Index | None = None) -> None:
+        """Take a message on these robots: STOP and RELEASE at once, commands and questions into their queues."""
+        new = self._inbox.first_heard(message, self.rows(robots).robots)
+        rows = Rows.of(new)
+        if message.kind in (Kind.STOP, Kind.RELEASE):
+            self._stop(message, rows)
+        elif message.kind in (Kind.COMMAND, Kind.ASK):
+            self.state.lost[self._inbox.put(message, new)] += 1
+
+    def sense(self, readings: NDArray[np.float64], now: float, robots: Sequence[int] | Index | None = None) -> None:
+        """Take sensor values (SI; one row a robot, in the order of the vocabulary's sensors) at `now` (s).
+
+        What is not finite was not measured, so the last measurement stands. Raises FleetError for another shape.
+        """
+        rows = self.rows(robots)
+        sensors = len(self.vocabulary.sensors)
+        if readings.shape != (rows.size, sensors):
+            raise FleetError(f"readings of shape {readings.shape} for {rows.size} robots with {sensors} sensors each")
+        for i in range(sensors):
+            slot, column = self.vocabulary.first_sensor + i, readings[:, i]
+            known = np.isfinite(column)
+            some = rows if known.all() else rows.take(known)
+            if some.size:
+                self.state.assign(slot, some, column if some is rows else column[known])
+                if slot in self._measured:
+                    self._measured[slot][some.index] = now
+
+    def think(self, tick: int, now: float, robots: Sequence[int] | Index | None = None) -> None:
+        """One tick of these robots: their waiting messages, then one round of active rules unless asleep or frozen."""
+        state, rows = self.state, self.rows(robots)
+        if rows.size == 0:
+            return
+        state.assign(TICK, rows, float(tick))
+        state.assign(TIME_SLOT, rows, float(now))
+        state.draws[rows.index] = 0
+        self._age(rows, now)
+        expired(self.memory, rows, now)
+        thinking = np.zeros(len(self), np.bool_)
+        thinking[rows.index] = True
+        for message, index in self._inbox.take(thinking):
+            self._obey(message, Rows.of(index), now)
+        idle = (state.column(SLEEPING, rows) > 0) | (state.column(FROZEN, rows) > 0)
+        self.rounds.run(rows.take(~idle) if idle.any() else rows)
+        self._hold(rows)
+        self._tidy()
+
+    def _age(self, rows: Rows, now: float) -> None:
+        """What was measured too long ago becomes unknown."""
+        for slot, measured in self._measured.items():
+            limit = self.vocabulary.sensors[slot - self.vocabulary.first_sensor].freshness
+            old = ~(now - measured[rows.index] <= limit)
+            if old.any():
+                self.state.assign(slot, rows.take(old), np.full(int(old.sum()), nan))
+
+    def _tidy(self) -> None:
+        """Forget minds that no robot is of any more, once there may be many."""
+        if len(self.minds) > 2 * self._minds_used + SPARE_MINDS:
+            used = {*np.unique(self.state.mind).tolist(), *np.unique(self.state.proven).tolist()}
+            self.minds.keep_only(used)
+            self.memory.tallies.keep_only({key for number in used for key in self.minds[number].rules})
+            self._minds_used = len(self.minds)
+
+    # ---- evaluating
+
+    def evaluate(self, text: str, robots: Sequence[int] | Index | None = None) -> list[Outcome]:
+        """Check and evaluate one text on these robots, as if it were a message.
+
+        Robots that have learned different things may take it differently: one outcome for each sort. Raises ReadError
+        and CheckError, before anything is evaluated, if any of them cannot run it.
+        """
+        sorts: dict[int, Checked] = {}
+
+        def checked(number: int) -> int:
+            sorts[number] = check(text, Named(self.vocabulary, self.minds[number]))
+            return number
+
+        found = self.memory.divide(self.rows(robots), checked)
+        programs = [(sorts[number].required(), rows) for number, rows, _ in found]
+        return [self.run(program, rows) for program, rows in programs]
+
+    def run(self, program: Program, rows: Rows, command: str = "") -> Outcome:
+        """Evaluate a program on these robots, and remember how to explain it."""
+        memory = self.memory
+        memo = self.recall.remember(program, rows, command)
+        memory.hosts, memory.printed = memo.hosts, []
+        values = evaluate(memory, program, rows)
+        steps = np.broadcast_to(np.asarray(memory.steps(rows), np.int32), rows.size)
+        printed, memory.hosts, memory.printed = memory.printed, None, None
+        return Outcome(rows, memo, values, memory.matched[rows.index].copy(), steps, memory.noted, printed)
+
+    def install(
+        self,
+        name: str,
+        text: str,
+        *,
+        priority: int = 0,
+        protected: bool = True,
+        robots: Sequence[int] | Index | None = None,
+    ) -> None:
+        """Give these robots an active rule of their own. protected: nobody can change it by radio.
+
+        Raises ReadError and CheckError for the text, SleepcastError if the rule is refused for another reason.
+        """
+        number = buffer_number(name.casefold())
+        key = name.casefold() if number is None else f"e{number}"
+        for outcome in self.evaluate(f"(RULE {name} {show(read(text))})", robots):
+            if outcome.faults:
+                raise SleepcastError(f"the rule {name} cannot be installed: {outcome.faults[0].reason}")
+            for mind, rows, _ in self.memory.divide(outcome.rows, lambda found: found):
+                draft = self.minds.draft(mind)
+                draft.settle_rule(key, priority, protected)
+                self.memory.turn(rows, draft)
+
+    def _obey(self, message: Message, rows: Rows, now: float) -> None:
+        if now > message.deadline:
+            self.speech.answer(message, rows, lambda place: ("late", nan, ""))
+            return
+
+        def program(number: int) -> Program | str:
+            names = Named(self.vocabulary, self.minds[number])
+            try:
+                return self.minds.library.program(message.text, lambda: [read(message.text)], names)
+            except SleepcastError as error:
+                return str(error).splitlines()[0]
+
+        for found, some, _ in self.memory.divide(rows, program):
+            if isinstance(found, str):
+                self.speech.answer(message, some, _always("fault", nan, found))
+            elif message.kind is Kind.ASK:
+                self._asked(message, found, some)
+            else:
+                self.speech.answer(message, some, _came_of(self.run(found, some, message.id)))
+
+    def _asked(self, message: Message, program: Program, rows: Rows) -> None:
+        """Answer a question, robot by robot: nothing is done, so there is nothing to do for all at once."""
+        for robot in rows.robots.tolist():
+            found = rehearse(program, rehearsal(self.memory, robot), command=message.id)
+            self.speech.answer(message, self.rows([robot]), _always("answer", found.value, "; ".join(found.faults)))
+
+    # ---- the bodies
+
+    def _stop(self, message: Message, rows: Rows) -> None:
+        stopping = message.kind is Kind.STOP
+        self.state.stopped[rows.index] = stopping
+        for robot in rows.robots.tolist():
+            body = self.bodies[robot]
+            if not isinstance(body, Robot):
+                self.state.held[robot] = stopping
+            elif stopping:
+                body.stop()
+            else:
+                body.release()
+        self.speech.answer(message, rows, _always("stopped" if stopping else "released", nan, ""))
+
+    def _hold(self, rows: Rows) -> None:
+        """Sleeping and frozen robots keep their bodies still."""
+        state = self.state
+        still = (state.column(SLEEPING, rows) > 0) | (state.column(FROZEN, rows) > 0)
+        changed = rows.take(still != state.still[rows.index])
+        state.still[rows.index] = still
+        for robot in changed.robots.tolist():
+            body = self.bodies[robot]
+            if isinstance(body, Robot):
+                body.hold(bool(state.still[robot]))
+
+
+def _always(outcome: str, value: float, fault: str) -> Callable[[int], Answered]:
+    return lambda place: (outcome, value, fault)
+
+
+def _came_of(outcome: Outcome) -> Callable[[int], Answered]:
+    """The answers to a command: by place among the robots that evaluated it."""
+    first: dict[int, str] = {}
+    for noted in reversed(outcome.faults):
+        first.update(dict.fromkeys(noted.robots.tolist(), fault_text(noted)))
+    robots = outcome.rows.robots
+
+    def answer(place: int) -> Answered:
+        fault = first.get(int(robots[place]), "")
+        sort = "fault" if fault else "matched" if outcome.matched[place] else "not matched"
+        return sort, float(outcome.values[place]), fault
+
+    return answer

@@ -1,0 +1,67 @@
+"""The inbox: messages that wait for the next tick, and which robots have heard which message before.
+
+A message that all have heard costs no memory a robot; of one that only some have heard, one bit.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.channel.message import Message
+from sleepcast.fleet.columns import Index, Mask
+from sleepcast.fleet.limits import MAX_QUEUE, MAX_SEEN
+
+
+class Inbox:
+    """The queues of `count` robots. Indices are ascending and name each robot once."""
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._seen: OrderedDict[str, NDArray[np.uint8] | None] = OrderedDict()
+        self._queue: list[tuple[Message, Index]] = []
+        self.waiting: NDArray[np.int16] = np.zeros(count, np.int16)
+        """Messages waiting for each robot."""
+
+    def first_heard(self, message: Message, robots: Index) -> Index:
+        """Those of the robots that have not heard this message before; now they have."""
+        everybody = len(robots) == self._count
+        if message.id not in self._seen:
+            self._seen[message.id] = None if everybody else self._bits(robots)
+            if len(self._seen) > MAX_SEEN:
+                self._seen.popitem(last=False)
+            return robots
+        bits = self._seen[message.id]
+        if bits is None:
+            return robots[:0]
+        new: Index = robots[(bits[robots >> 3] >> (robots & 7).astype(np.uint8)) & 1 == 0]
+        bits |= self._bits(new)
+        return new
+
+    def _bits(self, robots: Index) -> NDArray[np.uint8]:
+        bits = np.zeros((self._count + 7) // 8, np.uint8)
+        np.bitwise_or.at(bits, robots >> 3, np.left_shift(1, robots & 7).astype(np.uint8))
+        return bits
+
+    def put(self, message: Message, robots: Index) -> Index:
+        """Let a message wait on these robots; gives those that had no room for it."""
+        room = self.waiting[robots] < MAX_QUEUE
+        there = robots[room]
+        if there.size:
+            self.waiting[there] += 1
+            self._queue.append((message, there))
+        return robots[~room]
+
+    def take(self, thinking: Mask) -> list[tuple[Message, Index]]:
+        """The messages that wait on thinking robots, in the order in which they came, each with those robots."""
+        taken, left = [], []
+        for message, robots in self._queue:
+            now = thinking[robots]
+            taken.append((message, robots[now]))
+            if not now.all():
+                left.append((message, robots[~now]))
+        self._queue = left
+        self.waiting[thinking] = 0
+        return taken

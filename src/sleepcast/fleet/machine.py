@@ -1,0 +1,391 @@
+"""The machine: one walk over a program's parts evaluates it for many robots, bit for bit as each would by itself.
+
+Where robots take different ways - AND, OR, COND, IF, DICE, buffers that hold different expressions - the rows divide,
+and each way is walked with those that take it; nothing is computed for the others. Within one robot everything
+happens in the order in which the one-robot machine does it.
+
+The columns that `value` gives belong to whoever asked for them: they are no views of a robot's variables.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from math import nan
+
+import numpy as np
+
+from sleepcast.fleet import pure
+from sleepcast.fleet.columns import Column, Index, Mask, Rows, is_true
+from sleepcast.fleet.memory import FleetMemory, Found
+from sleepcast.fleet.plain import Plain, is_plain
+from sleepcast.language.chance import normal
+from sleepcast.language.machine import Program
+from sleepcast.language.operations import too_deep
+from sleepcast.language.parts import Part, walk
+
+_CHANGING = frozenset({"set_user", "set_local", "write", "defvar", "store", "fetch", "call", "host", "act"})
+
+
+def evaluate(memory: FleetMemory, program: Program, rows: Rows) -> Column:
+    """One evaluation of a program by these robots; what else came of it lies in the memory."""
+    memory.begin(program, rows)
+    if memory.kernels is not None:
+        found = memory.kernels.run(memory, program, rows)
+        if found is not None:
+            return found
+    with np.errstate(all="ignore"):  # what is unusual is looked for in the results
+        pieces = [Sweep(memory, program, chunk).value(program.root, chunk) for chunk in rows.chunks()]
+    values = pieces[0] if len(pieces) == 1 else np.concatenate(pieces) if pieces else np.empty(0)
+    if memory.dead is not None:
+        values = np.where(memory.dead[rows.index], nan, values)
+    if program.test is program:
+        memory.matched[rows.index] = is_true(values)
+    return values
+
+
+@lru_cache(maxsize=4_096)
+def _steady(part: Part) -> bool:
+    """Whether variables keep their values while `part` is evaluated."""
+    return all(inside.op not in _CHANGING for inside in walk(part))
+
+
+class Sweep:
+    """One walk through one program. rows: all that take part; arguments: the values of an operator's parameters."""
+
+    def __init__(self, memory: FleetMemory, program: Program, rows: Rows, arguments: Sequence[Column] = ()) -> None:
+        self.memory = memory
+        self._width = rows.width
+        self._locals: list[Column | None] = [None] * program.locals
+        for slot, argument in enumerate(arguments):
+            self.set_local(slot, rows, argument)
+
+    def value(self, part: Part, rows: Rows) -> Column:
+        """The values of `part`, with all its effects."""
+        if part.parts and is_plain(part):
+            return self._plain(rows).column(part)
+        return _HOW[part.op](self, part, rows)
+
+    def _plain(self, rows: Rows) -> Plain:
+        return Plain(rows, self.memory.state.read, self.local, self.memory.fault)
+
+    def all(self, parts: Sequence[Part], rows: Rows) -> list[Column]:
+        return [self.value(part, rows) for part in parts]
+
+    def last(self, parts: Sequence[Part], rows: Rows) -> Column:
+        """One after the other; the values of the last, 0 of none."""
+        values = None
+        for part in parts:
+            values = self.value(part, rows)
+        return np.zeros(rows.size) if values is None else values
+
+    def truth(self, part: Part, rows: Rows) -> Mask:
+        """Where `part` is true; cheaper than its values."""
+        if is_plain(part):
+            return self._plain(rows).truth(part, None)
+        return is_true(self.value(part, rows))
+
+    def arguments(self, part: Part, rows: Rows) -> list[pure.Argument]:
+        """The values of a function's arguments; not copied where nothing changes them before they are used."""
+        if not _steady(part):
+            return list(self.all(part.parts, rows))
+        return [self._seen(inside, rows) for inside in part.parts]
+
+    def _seen(self, part: Part, rows: Rows) -> pure.Argument:
+        if part.op == "const":
+            return part.number
+        if part.op == "var":
+            return self.memory.state.read(part.slot, rows)
+        return self.value(part, rows)
+
+    def local(self, slot: int, rows: Rows) -> Column:
+        column = self._locals[slot]
+        return np.full(rows.size, nan) if column is None else column[rows.within].copy()
+
+    def set_local(self, slot: int, rows: Rows, values: Column | float) -> None:
+        column = self._locals[slot]
+        if column is None:
+            column = self._locals[slot] = np.full(self._width, nan)
+        column[rows.within] = values
+
+    def watched(self, part: Part, rows: Rows) -> None:
+        """Note that a top-level test has held; a test in a buffer or operator is nobody's business."""
+        memory = self.memory
+        if part.watch and memory.depth == 0 and rows.size:
+            some = rows if memory.dead is None else rows.take(~memory.dead[rows.index])
+            memory.matched[some.index] = True
+
+    def enter(self, part: Part, program: Program, rows: Rows, arguments: Sequence[Column]) -> Column:
+        """Call a buffer, rule or operator."""
+        memory = self.memory
+        refusal = too_deep(memory, program)
+        if refusal:
+            return memory.fault(part, rows, refusal)
+        memory.charge(program, rows if memory.dead is None else rows.take(~memory.dead[rows.index]))
+        if memory.dead is None:
+            return self._inside(program, rows, arguments)
+        values, alive = np.full(rows.size, nan), ~memory.dead[rows.index]
+        if alive.any():
+            kept = [argument[alive] for argument in arguments]
+            values[alive] = self._inside(program, rows.take(alive), kept)
+        return values
+
+    def _inside(self, program: Program, rows: Rows, arguments: Sequence[Column]) -> Column:
+        memory = self.memory
+        memory.depth, memory.levels = memory.depth + 1, memory.levels + program.height
+        values = Sweep(memory, program, rows, arguments).value(program.root, rows)
+        memory.depth, memory.levels = memory.depth - 1, memory.levels - program.height
+        return values
+
+    def enter_each(self, part: Part, found: Found, rows: Rows) -> Column:
+        """Enter each of several programs with its robots, and the values of the part's parts as arguments."""
+        if len(found) == 1:
+            return self._enter_one(part, found[0][0], rows)
+        values = np.full(rows.size, nan)
+        for program, some, mask in found:
+            if mask is not None:
+                values[mask] = self._enter_one(part, program, some)
+        return values
+
+    def _enter_one(self, part: Part, program: Program | None, rows: Rows) -> Column:
+        if program is None:
+            return np.full(rows.size, nan)
+        return self.enter(part, program, rows, self.all(part.parts, rows))
+
+
+class _Ways:
+    """The rows of a form in which robots take different ways: those still open, and the values of the others."""
+
+    def __init__(self, rows: Rows) -> None:
+        self.open = rows
+        self.values = np.zeros(rows.size)
+        self._places: Index | None = None
+
+    def settle(self, mask: Mask, values: Column | float) -> None:
+        """The open rows of `mask` have these values (one for each of them), and are open no more."""
+        if self._places is None:
+            self.values[mask] = values
+            self._places = np.flatnonzero(~mask)
+        else:
+            self.values[self._places[mask]] = values
+            self._places = self._places[~mask]
+        self.open = self.open.take(~mask)
+
+    def settle_all(self, values: Column | float) -> Column:
+        """All that are open have these values; gives the values of all rows."""
+        if self._places is None:
+            self.values[...] = values
+        else:
+            self.values[self._places] = values
+        return self.values
+
+
+def _and(w: Sweep, part: Part, rows: Rows) -> Column:
+    ways, value = _Ways(rows), np.ones(rows.size)
+    for done, inside in enumerate(part.parts):
+        if part.watch == done:
+            w.watched(part, ways.open)
+        value = w.value(inside, ways.open)
+        true = is_true(value)
+        if not true.all():
+            ways.settle(~true, value[~true])
+            value = value[true]
+            if ways.open.size == 0:
+                return ways.values
+    if part.watch == len(part.parts):
+        w.watched(part, ways.open)
+    return ways.settle_all(value)
+
+
+def _or(w: Sweep, part: Part, rows: Rows) -> Column:
+    ways, unknown = _Ways(rows), np.zeros(rows.size, np.bool_)
+    for inside in part.parts:
+        value = w.value(inside, ways.open)
+        unknown |= np.isnan(value)
+        true = is_true(value)
+        if true.any():
+            ways.settle(true, value[true])
+            unknown = unknown[~true]
+            if ways.open.size == 0:
+                return ways.values
+    return ways.settle_all(np.where(unknown, nan, 0.0))
+
+
+def _known(w: Sweep, part: Part, rows: Rows) -> Column:
+    return np.where(np.isnan(w.value(part.parts[0], rows)), 0.0, 1.0)
+
+
+def _cond(w: Sweep, part: Part, rows: Rows) -> Column:
+    ways = _Ways(rows)
+    for clause in part.parts:
+        test, *body = clause.parts
+        value = np.empty(0) if body else w.value(test, ways.open)
+        true = w.truth(test, ways.open) if body else is_true(value)
+        if true.any():
+            taken = ways.open.take(true) if not true.all() else ways.open
+            w.watched(clause, taken)
+            ways.settle(true, w.last(body, taken) if body else value[true])
+            if ways.open.size == 0:
+                return ways.values
+    return ways.settle_all(0.0)
+
+
+def _if(w: Sweep, part: Part, rows: Rows) -> Column:
+    ways = _Ways(rows)
+    true = w.truth(part.parts[0], rows)
+    if true.any():
+        taken = rows.take(true) if not true.all() else rows
+        w.watched(part, taken)
+        ways.settle(true, w.value(part.parts[1], taken))
+        if ways.open.size == 0:
+            return ways.values
+    return ways.settle_all(w.last(part.parts[2:], ways.open))
+
+
+def _let(w: Sweep, part: Part, rows: Rows) -> Column:
+    count = int(part.number)
+    for place, values in enumerate(w.all(part.parts[:count], rows)):
+        w.set_local(part.slot + place, rows, values)
+    return w.last(part.parts[count:], rows)
+
+
+def _dotimes(w: Sweep, part: Part, rows: Rows) -> Column:
+    for i in range(int(part.number)):
+        w.set_local(part.slot, rows, float(i))
+        w.all(part.parts, rows)
+    return np.zeros(rows.size)
+
+
+def _set_local(w: Sweep, part: Part, rows: Rows) -> Column:
+    values = w.value(part.parts[0], rows)
+    w.set_local(part.slot, rows, values)
+    return values
+
+
+def _defvar(w: Sweep, part: Part, rows: Rows) -> Column:
+    ways, there = _Ways(rows), w.memory.defined(part, rows)
+    if there.any():
+        ways.settle(there, w.memory.state.column(part.slot, rows.take(there)))
+        if ways.open.size == 0:
+            return ways.values
+    new = w.value(part.parts[0], ways.open) if part.parts else np.full(ways.open.size, nan)
+    return ways.settle_all(w.memory.define(part, ways.open, new))
+
+
+def _fetch(w: Sweep, part: Part, rows: Rows) -> Column:
+    return w.enter_each(part, w.memory.fetch(part, rows), rows)
+
+
+def _call(w: Sweep, part: Part, rows: Rows) -> Column:
+    return w.enter_each(part, w.memory.operator(part, rows), rows)
+
+
+def _pure(w: Sweep, part: Part, rows: Rows) -> Column:
+    def report(mask: Mask, reason: str) -> None:
+        w.memory.fault(part, rows.take(mask), reason)
+
+    return pure.apply(part, w.arguments(part, rows), rows.size, report)
+
+
+def _prob(w: Sweep, part: Part, rows: Rows) -> Column:
+    values = w.value(part.parts[0], rows).copy()
+    known = ~np.isnan(values)
+    values[known] = np.where(w.memory.draw(part, rows.take(known)) < values[known], 1.0, 0.0)
+    return values
+
+
+def _dice(w: Sweep, part: Part, rows: Rows) -> Column:
+    ways, drawn, total = _Ways(rows), w.memory.draw(part, rows), np.zeros(rows.size)
+    for side in part.parts:
+        total = total + w.value(side.parts[0], ways.open)
+        unknown = np.isnan(total)
+        hit = ~unknown & (drawn < total)
+        if hit.any():
+            settled = np.full(hit.size, nan)
+            settled[hit] = w.value(side.parts[1], ways.open.take(hit))
+            ways.settle(hit | unknown, settled[hit | unknown])
+        elif unknown.any():
+            ways.settle(unknown, nan)
+        else:
+            continue
+        drawn, total = drawn[~(hit | unknown)], total[~(hit | unknown)]
+        if ways.open.size == 0:
+            return ways.values
+    return ways.settle_all(0.0)
+
+
+def _finite(w: Sweep, part: Part, rows: Rows, values: Column) -> Column:
+    """Values of chance, with a fault where they are not finite."""
+    wrong = ~np.isfinite(values)
+    if wrong.any():
+        w.memory.fault(part, rows.take(wrong), "overflow")
+        values[wrong] = nan
+    return values
+
+
+def _random(w: Sweep, part: Part, rows: Rows) -> Column:
+    low, high = w.all(part.parts, rows)
+    known = ~(np.isnan(low) | np.isnan(high))
+    some, low, high = rows.take(known), low[known], high[known]
+    values = np.full(rows.size, nan)
+    drawn = w.memory.draw(part, some)
+    values[known] = _finite(w, part, some, low + drawn * (high - low))
+    return values
+
+
+def _gauss(w: Sweep, part: Part, rows: Rows) -> Column:
+    mean, deviation = w.all(part.parts, rows)
+    values = np.full(rows.size, nan)
+    unknown = np.isnan(mean) | np.isnan(deviation)
+    for place in np.flatnonzero(~unknown & (deviation < 0)).tolist():
+        one = np.zeros(rows.size, np.bool_)
+        one[place] = True
+        w.memory.fault(part, rows.take(one), f"deviation of {deviation[place]:g}: it cannot be negative")
+    known = ~unknown & (deviation >= 0)
+    some = rows.take(known)
+    drawn = w.memory.draw(part, some)
+    quantiles = np.array([nan if u != u else normal(u) for u in drawn.tolist()])
+    values[known] = _finite(w, part, some, mean[known] + deviation[known] * quantiles)
+    return values
+
+
+def _in(w: Sweep, part: Part, rows: Rows) -> Column:
+    members = w.memory.state.groups.get(part.name)
+    return np.zeros(rows.size) if members is None else members[rows.index].astype(np.float64)
+
+
+def _var(w: Sweep, part: Part, rows: Rows) -> Column:
+    values = w.memory.state.read(part.slot, rows)
+    return np.full(rows.size, values) if isinstance(values, float) else values.copy()
+
+
+_HOW: dict[str, Callable[[Sweep, Part, Rows], Column]] = {
+    "const": lambda w, p, r: np.full(r.size, p.number),
+    "var": _var,
+    "local": lambda w, p, r: w.local(p.slot, r),
+    "absent": lambda w, p, r: np.full(r.size, nan),
+    "pure": _pure,
+    "and": _and,
+    "or": _or,
+    "known": _known,
+    "cond": _cond,
+    "if": _if,
+    "progn": lambda w, p, r: w.last(p.parts, r),
+    "let": _let,
+    "dotimes": _dotimes,
+    "set_user": lambda w, p, r: w.memory.assign(p, r, w.value(p.parts[0], r)),
+    "set_local": _set_local,
+    "write": lambda w, p, r: w.memory.write(p, r, w.value(p.parts[0], r)),
+    "defvar": _defvar,
+    "store": lambda w, p, r: w.memory.store(p, r, w.last(p.parts, r)),
+    "fetch": _fetch,
+    "call": _call,
+    "host": lambda w, p, r: w.memory.host(p, r, *w.all(p.parts, r)),
+    "missing": lambda w, p, r: w.memory.fault(p, r, f"this robot has no function {p.name}"),
+    "in": _in,
+    "prob": _prob,
+    "dice": _dice,
+    "random": _random,
+    "gauss": _gauss,
+    "act": lambda w, p, r: w.memory.act(p, r, *w.all(p.parts, r)),
+}

@@ -1,0 +1,259 @@
+"""The memory of a fleet as a program sees it: what `language.operations.Memory` is for one robot, for many at once.
+
+Every method is about some rows and gives a column, one value for each of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from math import nan
+from typing import TypeAlias
+
+import numpy as np
+
+from sleepcast.fleet.chance import draws
+from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
+from sleepcast.fleet.evaluation import Evaluation, by_the_living
+from sleepcast.fleet.kernels import Kernels
+from sleepcast.fleet.minds import Draft, Minds
+from sleepcast.fleet.speech import Speech
+from sleepcast.language.form import List, Symbol
+from sleepcast.language.machine import Program
+from sleepcast.language.names import UserVariable
+from sleepcast.language.parts import Label, Part, host_of
+from sleepcast.language.rehearsal import FLAGS
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, Kind, Variable
+
+Act = Callable[..., Column]
+"""How one act is carried out: (memory, part, rows, *arguments) to its values."""
+
+
+Found: TypeAlias = list[tuple[Program | None, Rows, Mask | None]]
+"""Programs, each with the robots that have it and where they are among the rows (None: everywhere)."""
+
+
+class FleetMemory(Evaluation):
+    """See the module. bodies: what the functions of the vocabulary are called on, by robot.
+
+    printed: what is reported, if it is a list. hosts: if it is a dictionary, what the robots' own functions gave: a
+    number, or why they failed. script: what they gave when it is all done again. kernels: native code, if there is any.
+    """
+
+    def __init__(
+        self,
+        state: FleetState,
+        minds: Minds,
+        speech: Speech,
+        acts: dict[str, Act],
+        bodies: Sequence[object | None],
+        kernels: Kernels | None = None,
+    ) -> None:
+        super().__init__(state, minds)
+        self.speech, self.bodies, self.vocabulary, self._acts = speech, bodies, minds.vocabulary, acts
+        self.printed: list[tuple[Index, str, Sequence[Column]]] | None = None
+        self.hosts: dict[int, list[float | str]] | None = None
+        self.script: Iterator[float | str] | None = None
+        self.kernels = kernels
+
+    @by_the_living
+    def draw(self, part: Part, rows: Rows) -> Column:
+        """The next random number of this tick."""
+        state = self.state
+        numbers = state.draws[rows.index]
+        ticks = state.column(TICK, rows).astype(np.int64)
+        found = draws(state.keys[rows.index], ticks, numbers)
+        state.draws[rows.index] = numbers + 1
+        return self.answer(found)
+
+    @by_the_living
+    def assign(self, part: Part, rows: Rows, values: Column) -> Column:
+        """SETQ of a user variable that is there."""
+        self.state.assign(part.slot, rows, values)
+        return values
+
+    @by_the_living
+    def write(self, part: Part, rows: Rows, values: Column) -> Column:
+        """SETQ of an actuator, a support variable, or a user variable that may not be there."""
+        variable = part.data
+        values = values.copy()
+        if not isinstance(variable, Variable):
+            there = self.where(rows, lambda mind: isinstance(mind.learned.get(part.name), UserVariable))
+            reason = f"no variable {part.name}: make it first with (DEFVAR {part.name})"
+            done = self.refuse_where(part, rows, ~there, reason, values)
+            if done.size:
+                # The name may have been unknown when the text was checked: then the part has no slot.
+                self.state.assign(self.vocabulary.user_slot(part.name), done, values[there])
+            return self.answer(values)
+        unknown = np.isnan(values)
+        if unknown.any():
+            self.state.dropped[rows.take(unknown).index] += 1
+        never = "never reaches an actuator" if variable.kind is Kind.ACTUATOR else "cannot be assigned to a flag"
+        done = self.refuse_where(part, rows, unknown, f"unknown {never} ({variable.name})", values)
+        done = self._refuse_built_in(part, done, values)
+        if done.size:
+            self.state.assign(part.slot, done, values if done is rows else values[~np.isnan(values)])
+            if variable.kind is Kind.ACTUATOR:
+                self.state.assigned(part.slot)[done.index] = True
+            elif ACTIVE0 < part.slot < ACTIVE0 + BUFFERS:
+                self._flag_assigned(part.slot, done)
+        return self.answer(values)
+
+    def _refuse_built_in(self, part: Part, rows: Rows, values: Column) -> Rows:
+        """Refuse to assign the flag of a protected buffer; gives the robots that may.
+
+        values: of all rows of the part, unknown for those that have been refused already.
+        """
+        number = part.slot - ACTIVE0
+        if not 0 < number < BUFFERS or rows.size == 0:
+            return rows
+        key = f"e{number}"
+        protected = self.where(rows, lambda mind: key in mind.rules and mind.rules[key].protected)
+        mine = values[~np.isnan(values)]
+        left = self.refuse_where(
+            part, rows, protected, f"E{number} is built in: it cannot be changed over the air", mine
+        )
+        values[~np.isnan(values)] = mine
+        return left
+
+    def _flag_assigned(self, slot: int, rows: Rows) -> None:
+        """Let the buffer whose flag has been assigned be as active as the flag says."""
+        key = f"e{slot - ACTIVE0}"
+        flags = self.state.column(slot, rows) > 0.0
+        self.changing(rows)
+        for flag in (False, True):
+            for number, some, _ in self.divide(rows.take(flags == flag), lambda number: number):
+                kept = self.minds[number].rules.get(key)
+                if kept is not None and kept.active != flag:
+                    draft = self.minds.draft(number)
+                    draft.activate(key, flag)
+                    draft.effects.clear()  # the flag is set already, and a lease stays as it is
+                    self.turn(some, draft)
+
+    def defined(self, part: Part, rows: Rows) -> Mask:
+        """Where the user variable is there."""
+        there = self.where(rows, lambda mind: isinstance(mind.learned.get(part.name), UserVariable))
+        if self.answers is not None and not self.is_dead(rows):
+            self.answers.append(bool(there[0]))
+        return there
+
+    @by_the_living
+    def define(self, part: Part, rows: Rows, values: Column) -> Column:
+        """DEFVAR of a new name."""
+        values = values.copy()
+
+        def learn(draft: Draft) -> str | None:
+            reason = draft.taken(part.name, UserVariable)
+            if reason is None:
+                draft.learn(part.name, UserVariable(written(part), part.slot))
+            return reason
+
+        done = self.change(part, rows, learn)
+        values[~done] = nan
+        if done.any():
+            self.state.assign(part.slot, rows.take(done), values[done])
+        return self.answer(values)
+
+    def fetch(self, part: Part, rows: Rows) -> Found:
+        """The programs in a buffer or rule, each with the robots that have it there."""
+
+        def program(number: int) -> Program | None:
+            kept = self.minds[number].rules.get(part.name)
+            return None if kept is None else kept.program
+
+        found = self.divide(rows, program)
+        self._answer_program(rows, found)
+        return found
+
+    def operator(self, part: Part, rows: Rows) -> Found:
+        """The programs of an operator; none, and a fault, where there is none of so many parameters."""
+
+        def program(number: int) -> Program | None:
+            found = self.minds[number].operators.get(part.name)
+            return found if found is not None and found.parameters == len(part.parts) else None
+
+        found = self.divide(rows, program)
+        for one, some, _ in found:
+            if one is None:
+                self.refuse(part, some, f"no operator {part.name} of {len(part.parts)} arguments")
+        self._answer_program(rows, found)
+        return found
+
+    def _answer_program(self, rows: Rows, found: Found) -> None:
+        if self.answers is not None and not self.is_dead(rows):
+            self.answers.append(found[0][0])
+
+    @by_the_living
+    def host(self, part: Part, rows: Rows, *arguments: Column) -> Column:
+        """Call a function of the robots' own software, robot by robot; whatever it raises is a fault."""
+        function = host_of(part)
+        unknown = np.zeros(rows.size, np.bool_)
+        for argument in arguments:
+            unknown |= np.isnan(argument)
+        values = np.full(rows.size, nan)
+        known = rows
+        if unknown.any():
+            known = rows.take(~unknown)
+            if function.acts:
+                self.state.dropped[rows.take(unknown).index] += 1
+                self.refuse(part, rows.take(unknown), f"unknown never reaches the body ({function.name})")
+        held = self.state.held[known.index]
+        if function.acts and held.any():
+            self.refuse(part, known.take(held), f"the robot is stopped: {function.name} waits for RELEASE")
+            known = known.take(~held)
+            unknown[~unknown] = held
+        label = (part.data.text,) if isinstance(part.data, Label) else ()
+        columns = [argument[~unknown].tolist() for argument in arguments]
+        found = np.full(known.size, nan)
+        for place, robot in enumerate(known.robots.tolist()):
+            given = self._call(robot, function.name, lambda body, a: function.call(body, *label, *a), columns, place)
+            if isinstance(given, str):
+                self.refuse(part, Rows(np.array([robot]), 1, rows.first), given)
+            else:
+                found[place] = given
+        values[~unknown] = found
+        return self.answer(values)
+
+    def _call(
+        self,
+        robot: int,
+        name: str,
+        call: Callable[[object | None, list[float]], float | None],
+        columns: Sequence[list[float]],
+        place: int,
+    ) -> float | str:
+        """What one robot's own function gives: a number, NaN if it is not finite, or why it failed."""
+        if self.script is not None:
+            return next(self.script)
+        given: float | str
+        try:
+            result = call(self.bodies[robot], [column[place] for column in columns])
+            given = 1.0 if result is None else float(result)
+            given = given if np.isfinite(given) else nan
+        except Exception as error:
+            given = f"{name} failed: {type(error).__name__}: {error}"
+        if self.hosts is not None:
+            self.hosts.setdefault(robot, []).append(given)
+        return given
+
+    @by_the_living
+    def act(self, part: Part, rows: Rows, *arguments: Column) -> Column:
+        """Everything else that an expression may do."""
+        if part.name in FLAGS:
+            slot, value = FLAGS[part.name]
+            self.state.assign(slot, rows, value)
+            return self.answer(np.ones(rows.size))
+        found = self.answer(self._acts[part.name](self, part, rows, *arguments))
+        if part.name == "rollback" and self.answers is not None:
+            self.answers += self.state.row(int(rows.robots[0]))[ACTIVE0 + 1 : ACTIVE0 + BUFFERS]
+        return found
+
+    @by_the_living
+    def store(self, part: Part, rows: Rows, values: Column) -> Column:
+        """SETQQ, RULE, and SETQ of a buffer."""
+        return self.answer(self._acts["store"](self, part, rows, values))
+
+
+def written(part: Part) -> str:
+    """The name that a declaring part declares, as written."""
+    target = part.form.items[1] if isinstance(part.form, List) else part.form
+    return target.text if isinstance(target, Symbol) else part.name

@@ -1,0 +1,214 @@
+"""The built-in functions of numbers over columns, with the results of the one-robot machine to the last bit.
+
+A function here has only to be right for finite numbers with a finite result: wherever it gives NaN or infinity, or
+an argument is unknown, `apply` decides robot by robot with the language's own function, which also says what is wrong.
+
+Sums, products, quotients, square roots and remainders are exact in the same way in NumPy and in the C library.
+NumPy's own logarithms, powers and arcs may differ from the C library's in the last bit, depending on the processor,
+so those functions are called one number at a time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+from typing import TypeAlias
+
+import numpy as np
+
+from sleepcast.fleet.columns import Column, Mask
+from sleepcast.language.functions import TWO_PI
+from sleepcast.language.parts import Part
+
+Argument: TypeAlias = Column | float
+"""A column, or one number for all; of several arguments at least one is a column."""
+Compute: TypeAlias = Callable[[Sequence[Argument]], Argument]
+Report: TypeAlias = Callable[[Mask, str], None]
+"""Takes which of the rows met a fault, and the reason."""
+
+
+def apply(part: Part, arguments: Sequence[Argument], size: int, report: Report) -> Column:
+    """A pure function of `size` rows: unknown if an argument is; a fault if it has no value, or no finite one."""
+    name = part.function.name
+    found = VECTOR[name](arguments)
+    values = np.full(size, float(np.asarray(found).item())) if np.size(found) == 1 else np.asarray(found, np.float64)
+    if name in TRUTHS:
+        for argument in arguments:
+            unknown = np.isnan(argument)
+            if np.any(unknown):
+                values[unknown] = np.nan
+        return values
+    doubtful = ~np.isfinite(values)
+    if doubtful.any():
+        _decide(part, arguments, values, doubtful, report)
+    return values
+
+
+def _decide(part: Part, arguments: Sequence[Argument], values: Column, doubtful: Mask, report: Report) -> None:
+    """Settle the doubtful rows one by one, in place."""
+    compute = part.function.compute
+    if compute is None:
+        raise TypeError(f"{part.name} computes nothing")
+    columns = [np.broadcast_to(np.asarray(argument, np.float64), values.shape) for argument in arguments]
+    for column in columns:
+        values[np.isnan(column)] = np.nan
+        doubtful &= ~np.isnan(column)
+    wrong: dict[str, list[int]] = {}
+    for row in np.flatnonzero(doubtful).tolist():
+        reason = "overflow"
+        value = math.inf
+        try:
+            value = compute([float(column[row]) for column in columns])
+        except OverflowError:
+            pass
+        except (ArithmeticError, ValueError) as error:
+            reason = str(error)
+        if math.isfinite(value):
+            values[row] = value
+        else:
+            values[row] = math.nan
+            wrong.setdefault(reason, []).append(row)
+    for reason, met in wrong.items():
+        mask = np.zeros(len(values), np.bool_)
+        mask[met] = True
+        report(mask, reason)
+
+
+def _fold(operation: np.ufunc, empty: float, one: Callable[[Argument], Argument]) -> Compute:
+    def folded(arguments: Sequence[Argument]) -> Argument:
+        if len(arguments) < 2:
+            return one(arguments[0]) if arguments else empty
+        total: Argument = operation(arguments[0], arguments[1])
+        for argument in arguments[2:]:
+            total = operation(total, argument)
+        return total
+
+    return folded
+
+
+def _pick(better: np.ufunc) -> Compute:
+    """MIN and MAX: the first of equals, so that 0 and -0 are kept apart as they came."""
+
+    def picked(arguments: Sequence[Argument]) -> Argument:
+        best = np.array(arguments[0])
+        for argument in arguments[1:]:
+            best = np.where(better(argument, best) | np.isnan(argument), argument, best)
+        return best
+
+    return picked
+
+
+def _one_by_one(compute: Callable[..., float]) -> Compute:
+    """A function of the C library, called for each row; NaN where it refuses."""
+
+    def safely(*numbers: float) -> float:
+        try:
+            return compute(*numbers)
+        except (ArithmeticError, ValueError):
+            return math.nan
+
+    def each(arguments: Sequence[Argument]) -> Argument:
+        columns = [column.tolist() for column in np.broadcast_arrays(*map(np.atleast_1d, arguments))]
+        try:
+            found = list(map(compute, *columns))
+        except (ArithmeticError, ValueError):
+            found = list(map(safely, *columns))
+        return np.array(found)
+
+    return each
+
+
+def _power(a: Sequence[Argument]) -> Argument:
+    found = _POWER(a)
+    return np.where(np.isnan(a[0]) | np.isnan(a[1]), np.nan, found)  # the C library gives 1 for NaN to the power 0
+
+
+def _distance(a: Sequence[Argument]) -> Argument:
+    across, up = np.subtract(a[0], a[2]), np.subtract(a[1], a[3])
+    found: Argument = np.sqrt(across * across + up * up)
+    return found
+
+
+def _wrap(a: Sequence[Argument]) -> Argument:
+    turned = np.remainder(a[0], TWO_PI)
+    return np.where(turned > math.pi, turned - TWO_PI, turned)
+
+
+def _clamp(a: Sequence[Argument]) -> Argument:
+    value, low, high = a
+    found = np.where(np.less(value, low), low, np.where(np.greater(value, high), high, value))
+    return np.where(np.less_equal(low, high), found, np.nan)
+
+
+def _chain(holds: np.ufunc) -> Compute:
+    def compare(a: Sequence[Argument]) -> Argument:
+        if len(a) == 2:
+            both: Argument = holds(a[0], a[1])
+            return both
+        found: Argument = 1.0
+        for x, y in pairwise(a):
+            found = np.multiply(found, holds(x, y))
+        return found
+
+    return compare
+
+
+def _all_different(a: Sequence[Argument]) -> Argument:
+    ordered = np.sort(np.stack(np.broadcast_arrays(*map(np.atleast_1d, a))), axis=0)
+    found: Argument = np.all(ordered[1:] != ordered[:-1], axis=0)
+    return found
+
+
+_POWER = _one_by_one(math.pow)
+_ARC = _one_by_one(math.atan2)
+_EQUAL = _chain(np.equal)
+
+VECTOR: dict[str, Compute] = {
+    "+": _fold(np.add, 0.0, np.array),
+    "-": _fold(np.subtract, 0.0, np.negative),
+    "*": _fold(np.multiply, 1.0, np.array),
+    "/": _fold(np.divide, 1.0, lambda x: np.divide(1.0, x)),
+    "^": _power,
+    "MOD": lambda a: np.remainder(a[0], a[1]),
+    "ABS": lambda a: np.abs(a[0]),
+    "MIN": _pick(np.less),
+    "MAX": _pick(np.greater),
+    "SQRT": lambda a: np.sqrt(a[0]),
+    "EXP": _one_by_one(math.exp),
+    "LOG": _one_by_one(math.log),
+    "SIN": _one_by_one(math.sin),
+    "COS": _one_by_one(math.cos),
+    "TAN": _one_by_one(math.tan),
+    "ATAN2": _ARC,
+    # Adding 0 makes a 0 of -0: the language's own functions go through whole numbers, which have no -0.
+    "FLOOR": lambda a: np.floor(a[0]) + 0.0,
+    "CEIL": lambda a: np.ceil(a[0]) + 0.0,
+    "ROUND": lambda a: np.rint(a[0]) + 0.0,
+    "DIST": _distance,
+    "BEARING": lambda a: _ARC((np.subtract(a[3], a[1]), np.subtract(a[2], a[0]))),
+    "WRAP": _wrap,
+    "CLAMP": _clamp,
+    "=": _EQUAL,
+    "EQ": _EQUAL,
+    "/=": _all_different,
+    "<": _chain(np.less),
+    "<=": _chain(np.less_equal),
+    ">": _chain(np.greater),
+    ">=": _chain(np.greater_equal),
+    "NOT": lambda a: np.equal(a[0], 0.0),
+}
+"""Every pure function by name."""
+
+TESTS: dict[str, np.ufunc] = {
+    "=": np.equal,
+    "EQ": np.equal,
+    "<": np.less,
+    "<=": np.less_equal,
+    ">": np.greater,
+    ">=": np.greater_equal,
+}
+"""Comparisons of two that do not hold if either is unknown, as they stand."""
+
+TRUTHS = frozenset({*TESTS, "/=", "NOT"})
+"""Functions that give 1 or 0 and never a fault."""

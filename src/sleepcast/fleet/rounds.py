@@ -1,0 +1,216 @@
+"""Rounds: the active rules of many robots in a tick, each robot's in its own order and within its own budget.
+
+The order is that of one robot's scheduler: E1 upwards, then the rules in the order of their arrival, a higher
+priority later; if the budget does not reach for all, the higher priority is served, then those left over from the
+tick before. Robots with different rules go different ways; where ways meet in the same rule, they evaluate it
+together.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.fleet.columns import Mask, Rows
+from sleepcast.fleet.limits import FAILED, MAX_FAULTS_IN_ROW, TICK_STEPS
+from sleepcast.fleet.machine import evaluate
+from sleepcast.fleet.memory import FleetMemory
+from sleepcast.fleet.minds import Kept, Mind
+from sleepcast.fleet.tallies import Tally
+from sleepcast.language.machine import Program
+
+
+class Way:
+    """Robots that have the same rules before them. keys: of those rules, in order; done: how many are behind."""
+
+    def __init__(self, keys: tuple[str, ...], rows: Rows) -> None:
+        self.keys, self.rows, self.done = keys, rows, 0
+
+    @property
+    def head(self) -> str:
+        return self.keys[self.done]
+
+
+class Rounds:
+    """The rounds of a fleet. left_over: by robot, the rules that the budget of the last tick did not reach."""
+
+    def __init__(self, memory: FleetMemory) -> None:
+        self._memory = memory
+        self._used: NDArray[np.int32] = np.zeros(memory.state.count, np.int32)
+        self.left_over: dict[int, frozenset[str]] = {}
+
+    def run(self, rows: Rows) -> None:
+        """One round of each of these robots, which are awake."""
+        self._memory.tallies.lost.clear()
+        self._used[rows.index] = 0
+        for stretch in rows.stretches():
+            ways = self._ways(stretch)
+            while ways:
+                ways = self._step(ways)
+        self._memory.tallies.lost.clear()
+
+    # ---- which rules, in which order
+
+    def _ways(self, rows: Rows) -> list[Way]:
+        memory, ways = self._memory, []
+        for sequence, some, _ in memory.divide(rows, lambda number: memory.minds[number].sequence):
+            if not sequence:
+                continue
+            special = self._out_of_the_ordinary(some)
+            for robot in some.robots[special].tolist():
+                chosen = self._choose(robot)
+                ways.append(Way(chosen, Rows.of(np.array([robot]))))
+            if not special.all():
+                ways.append(Way(sequence, some.take(~special) if special.any() else some))
+        return ways
+
+    def _out_of_the_ordinary(self, rows: Rows) -> Mask:
+        """Robots whose budget may not reach for all, or with rules left over."""
+        memory = self._memory
+        found = np.zeros(rows.size, np.bool_)
+        for mind, some, mask in memory.divide(rows, lambda number: memory.minds[number]):
+            tallies = [(kept.program.cost, memory.tallies[kept.key]) for kept in mind.running]
+            if sum(max(cost, tally.most_steps) for cost, tally in tallies) > TICK_STEPS:
+                expected = sum(np.maximum(cost, tally.steps[some.index]) for cost, tally in tallies)
+                found[... if mask is None else mask] = expected > TICK_STEPS
+        if self.left_over:
+            found |= np.isin(rows.robots, list(self.left_over))
+        return found
+
+    def _choose(self, robot: int) -> tuple[str, ...]:
+        """The rules that one robot's budget reaches for, in the order of evaluation; the others are left over."""
+        running = self._memory.kept(robot).running
+        left_over = self.left_over.get(robot, frozenset())
+        budget = TICK_STEPS
+        taken: set[str] = set()
+        for kept in sorted(running, key=lambda k: (-k.priority, k.key not in left_over)):
+            budget -= max(kept.program.cost, int(self._memory.tallies[kept.key].steps[robot]))
+            if budget < 0 and taken:
+                break
+            taken.add(kept.key)
+        chosen = [kept for kept in running if kept.key in taken]
+        chosen.sort(key=lambda k: (k.priority, k.key not in left_over))
+        self._leave_over(robot, frozenset(kept.key for kept in running) - taken)
+        return tuple(kept.key for kept in chosen)
+
+    def _leave_over(self, robot: int, keys: frozenset[str]) -> None:
+        if keys:
+            self.left_over[robot] = keys
+        else:
+            self.left_over.pop(robot, None)
+
+    # ---- evaluating
+
+    def _step(self, ways: list[Way]) -> list[Way]:
+        """Evaluate one rule on all robots that have it before them; gives the ways that go on."""
+        key = _next(ways)
+        there = [way for way in ways if way.head == key]
+        if len(there) == 1:
+            rows = there[0].rows
+        else:
+            rows = Rows.of(np.sort(np.concatenate([way.rows.robots for way in there])))
+        self._evaluate(key, rows)
+        for way in there:
+            way.done += 1
+            self._spare(way)
+        return [way for way in ways if way.done < len(way.keys) and way.rows.size]
+
+    def _spare(self, way: Way) -> None:
+        """Robots that have used up their budget leave the rest over."""
+        spent = self._used[way.rows.index] > TICK_STEPS
+        if spent.any():
+            rest = frozenset(way.keys[way.done :])
+            for robot in way.rows.robots[spent].tolist():
+                self._leave_over(robot, self.left_over.get(robot, frozenset()) | rest)
+            way.rows = way.rows.take(~spent)
+
+    def _evaluate(self, key: str, rows: Rows) -> None:
+        """Evaluate one rule where it is still there and active."""
+        memory = self._memory
+
+        def active(number: int) -> Program | None:
+            kept = memory.minds[number].rules.get(key)
+            return kept.program if kept is not None and kept.active else None
+
+        lost = memory.tallies.lost_in_round(key, rows)
+        if lost is not None and lost.any():
+            rows = rows.take(~lost)
+        for program, some, _ in memory.divide(rows, active):
+            if program is not None:
+                values = evaluate(memory, program, some)
+                steps = memory.steps(some)
+                self._used[some.index] += steps
+                self._tally(key, some, values, steps)
+
+    def _tally(self, key: str, rows: Rows, values: NDArray[np.float64], steps: NDArray[np.int32] | int) -> None:
+        """Note how the evaluation went; a rule that only has faults is deactivated."""
+        memory, tally = self._memory, self._memory.tallies[key]
+        first = memory.first_faults()
+        faulted = np.zeros(rows.size, np.bool_)
+        if first:
+            faulted = np.isin(rows.robots, list(first))
+            memory.changing(rows.take(faulted))
+        lost = memory.tallies.lost_in_round(key, rows)
+        if lost is not None and lost.any():  # what it was on these robots is no more
+            here = ~lost
+            gone = set(rows.robots[lost].tolist())
+            first = {robot: text for robot, text in first.items() if robot not in gone}
+            rows, values, faulted = rows.take(here), values[here], faulted[here]
+            steps = steps if isinstance(steps, int) else steps[here]
+        tally.last_value[rows.index] = values
+        tally.steps[rows.index] = steps
+        tally.most_steps = max(tally.most_steps, int(np.max(steps, initial=0)))
+        tally.firings[rows.index] += memory.matched[rows.index].view(np.int8)
+        if first or tally.faulted:
+            tally.faulted = True
+            tally.in_row[rows.index] = np.where(faulted, np.minimum(tally.in_row[rows.index], 100) + 1, 0)
+        if first:
+            tally.last_fault.update(first)
+            self._deactivate(key, tally, rows.take(faulted))
+
+    def _deactivate(self, key: str, tally: Tally, rows: Rows) -> None:
+        """Deactivate a rule where it has had nothing but faults for too long, unless it is built in."""
+        memory = self._memory
+        worn = rows.take(tally.in_row[rows.index] >= MAX_FAULTS_IN_ROW)
+        for number, some, _ in memory.divide(worn, lambda number: number):
+            kept = memory.minds[number].rules[key]
+            if not kept.protected:
+                draft = memory.minds.draft(number)
+                draft.activate(key, False)
+                memory.turn(some, draft)
+                memory.state.unproven_since[some.index] = FAILED
+                memory.speech.report(some, f"rule {kept.name} deactivated")
+
+
+def _next(ways: list[Way]) -> str:
+    """The rule to evaluate next: one that no way comes to later, if there is one, so that ways meet."""
+    if len(ways) == 1:
+        return ways[0].head
+    later = {key for way in ways for key in way.keys[way.done + 1 :]}
+    robots: Counter[str] = Counter()
+    for way in ways:
+        robots[way.head] += way.rows.size
+    free = {key: size for key, size in robots.items() if key not in later} or robots
+    return max(free, key=lambda key: free[key])
+
+
+def expired(memory: FleetMemory, rows: Rows, now: float) -> None:
+    """Deactivate what robots hold on a lease that has ended, and let them report it."""
+    tallies = memory.tallies
+    if not tallies.leases:
+        return
+    for mind, some, _ in memory.divide(rows, lambda number: memory.minds[number]):
+        ended = [(kept, some.take(tallies.leases[kept.key][some.index] <= now)) for kept in _leased(memory, mind)]
+        for kept, there in ended:
+            for number, few, _ in memory.divide(there, lambda number: number):
+                draft = memory.minds.draft(number)
+                draft.activate(kept.key, False)
+                memory.turn(few, draft)
+        for kept, there in ended:
+            memory.speech.report(there, f"lease of {kept.name} ended")
+
+
+def _leased(memory: FleetMemory, mind: Mind) -> list[Kept]:
+    return [kept for kept in mind.running if kept.key in memory.tallies.leases]

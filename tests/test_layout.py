@@ -51,7 +51,7 @@ HOUSE = {
     "channel": room(libraries="msgspec numpy"),
     "robot": room(),
     "node": room("language channel robot", late="numpy"),
-    "simulator": room("channel robot", "numpy"),
+    "simulator": room("channel robot", "numpy msgspec mcap"),
     "loop": room("language channel node simulator robot"),
     "station": room("language channel node", "msgspec"),
     "console": room("language station", "starlette uvicorn msgspec"),

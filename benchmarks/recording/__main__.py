@@ -30,7 +30,7 @@ TICKS = 100
 """Ticks in one round: every sort of thing that is recorded at the usual rates comes up in a few of them."""
 WARM_UP = 400
 """Ticks before anything is timed: the mission's commands lie behind then."""
-RULE = "(RULE look (IF (< (DIST x y vessel_x vessel_y) 1mi) (SETQ seen 1) (SETQ seen 0)))"
+RULE = "(RULE look (IF (AND (> fuel 20%) (< (DIST x y vessel_x vessel_y) 5mi)) 1 0))"
 RATES: dict[str, tuple[float | None, float | None] | None] = {
     "not recorded": None,
     "recorded at the usual rates": (None, None),

@@ -19,7 +19,7 @@ from sleepcast.station import Station
 
 PICTURES_PER_SECOND = 10.0
 """Pictures in a second of a person's time, when the scenario runs at its own speed: motion is seen as such."""
-TICKS_PER_PICTURE = 5
+TICKS_PER_PICTURE = 10
 """Ticks between two pictures at least, unless others are asked for: more would cost more than the run itself."""
 PICTURES_PER_READING = 10
 """People look at numbers more seldom than at motion, and they are many."""
@@ -47,6 +47,8 @@ class Witness:
         """Robots that thought since their rules were last looked at."""
         self._rules: dict[str, list[tuple[str, str, bool]]] = {node.name: [] for node in swarm.nodes}
         self._answers: dict[str, int] = {}
+        self._unmarked = True
+        """Whether groups or flags may have changed since they were recorded."""
         self._seen = -1
         self.picture()
         self.look()
@@ -59,6 +61,7 @@ class Witness:
 
     def said(self, message: Message) -> None:
         """A robot's message goes on the air in this tick. Answers come to be seen in the account."""
+        self._unmarked = True
         if message.kind is Kind.REPORT:
             values = message.body.get("values")
             shown = (
@@ -74,7 +77,9 @@ class Witness:
         """A tick is over."""
         swarm = self._swarm
         simulator = swarm.simulator
-        self._stirred.update(swarm.thought)
+        if swarm.thought:
+            self._stirred.update(swarm.thought)
+            self._unmarked = True
         now = swarm.now()
         for saying in reversed(simulator.said):
             if saying.time < now:
@@ -86,13 +91,14 @@ class Witness:
             self.look()
 
     def picture(self) -> None:
-        """Record where the robots are, in which groups, and their flags."""
+        """Record where the robots are and, unless nobody thought or answered, in which groups, and their flags."""
         simulator = self._swarm.simulator
         now, minds = self._swarm.now(), self._swarm.nodes
         self._recorder.poses(now, simulator.x, simulator.y, simulator.bodies.heading)
-        codes = self._groups.look(minds)
-        marks = {"tick": simulator.tick, "groups": codes, "flags": flags_of(minds)}
-        self._recorder.note(MARKS, now, marks | {"names": self._groups.names})
+        if self._unmarked:
+            self._unmarked = False
+            marks = {"tick": simulator.tick, "groups": self._groups.look(minds), "flags": flags_of(minds)}
+            self._recorder.note(MARKS, now, marks | {"names": self._groups.names})
 
     def look(self) -> None:
         """Record readings, rules, accounts and the hash of the state."""

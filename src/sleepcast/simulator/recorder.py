@@ -5,7 +5,7 @@
     /readings             JSON                    what every robot senses: for each sensor a list in the robots' order
     /accounting           JSON                    what became of a command, as counts
     /rules                JSON                    the expressions that a robot keeps, whenever they have changed
-    /sleepcast/marks      JSON                    groups and flags of the robots, as `console/frames.py` packs them
+    /sleepcast/marks      JSON                    groups and flags of the robots, whenever they may have changed
     /sleepcast/posted     JSON                    every message of the operator, and in which tick it went on the air
     /sleepcast/state      JSON                    the hash of the state, with its tick
 

@@ -15,7 +15,7 @@ from sleepcast.language import format_value
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Scenario
 from sleepcast.simulator.recorder import ACCOUNTING, MARKS, READINGS, RULES, STATE, Recorder
-from sleepcast.station import Station
+from sleepcast.station import Command, Station
 
 PICTURES_PER_SECOND = 10.0
 """Pictures in a second of a person's time, when the scenario runs at its own speed: motion is seen as such."""
@@ -91,7 +91,8 @@ class Witness:
             self.look()
 
     def picture(self) -> None:
-        """Record where the robots are and, unless nobody thought or answered, in which groups, and their flags."""
+        """Record where the robots are and, unless nobody thought or answered, in which groups, and their flags; the
+        accounts that have changed."""
         simulator = self._swarm.simulator
         now, minds = self._swarm.now(), self._swarm.nodes
         self._recorder.poses(now, simulator.x, simulator.y, simulator.bodies.heading)
@@ -100,8 +101,19 @@ class Witness:
             marks = {"tick": simulator.tick, "groups": self._groups.look(minds), "flags": flags_of(minds)}
             self._recorder.note(MARKS, now, marks | {"names": self._groups.names})
 
+        for command in self._station.commands():
+            if self._answers.get(command.id) != len(command.answers):
+                self._answers[command.id] = len(command.answers)
+                self._account(command, now)
+
+    def _account(self, command: Command, now: float) -> None:
+        account = self._station.accounting(command.id)
+        about = {"command": command.id, "predicted": len(command.predicted)}
+        self._recorder.note(ACCOUNTING, now, about | account.to_dict())
+        self._recorder.log(now, command.id, account.sentence())
+
     def look(self) -> None:
-        """Record readings, rules, accounts and the hash of the state."""
+        """Record readings, rules and the hash of the state."""
         simulator, now = self._swarm.simulator, self._swarm.now()
         self._seen = simulator.tick
         columns = zip(*simulator.readings(), strict=True)
@@ -110,12 +122,6 @@ class Witness:
         for index in sorted(self._stirred):
             self._look_at_rules(index, now)
         self._stirred.clear()
-        for command in self._station.commands():
-            if self._answers.get(command.id) != len(command.answers):
-                self._answers[command.id] = len(command.answers)
-                account = self._station.accounting(command.id)
-                self._recorder.note(ACCOUNTING, now, {"command": command.id} | account.to_dict())
-                self._recorder.log(now, command.id, account.sentence())
 
     def finish(self) -> None:
         """Record how it ended."""

@@ -1,4 +1,4 @@
-"""`sleepcast replay`: what a recording holds, and whether the run can be repeated from it to the last bit."""
+"""`sleepcast replay`: a recording on the page; what it holds; whether the run repeats from it to the last bit."""
 
 from __future__ import annotations
 
@@ -10,21 +10,40 @@ from typing import TYPE_CHECKING
 import click
 
 from sleepcast.cli.streams import put
+from sleepcast.cli.swarm import FASTEST, HOST, PORT, SLOWEST
 
 if TYPE_CHECKING:
     from sleepcast.simulator.recording import Recording
 
 
-@click.command("replay", short_help="Show what a recording holds, and check it.")
+@click.command("replay", short_help="Show a recording on the page, or check it.")
 @click.argument("file", type=click.Path(path_type=Path))
+@click.option("--headless", is_flag=True, help="Print what the recording holds instead.")
 @click.option("--json", "as_json", is_flag=True, help="Print it as one JSON object.")
 @click.option("--verify", is_flag=True, help="Run it again, and compare the hashes of the state.")
 @click.option("--quiet", is_flag=True, help="Show no progress on standard error.")
-def replay(file: Path, as_json: bool, verify: bool, quiet: bool) -> int:
-    """Print what the recording FILE holds: the run, the operator's messages, and what became of them.
+@click.option("--speed", metavar="X", type=click.FloatRange(SLOWEST, FASTEST), help="Page: times real time.")
+@click.option("--port", type=click.IntRange(0, 65_535), default=PORT, show_default=True, help="Page: 0 is any.")
+@click.option("--host", default=HOST, show_default=True, help="Page: the address to listen on.")
+@click.option("--insecure", is_flag=True, help="Page: allow a host that others can reach, unencrypted.")
+@click.option("--no-browser", is_flag=True, help="Page: print its address, but open no browser.")
+def replay(
+    file: Path,
+    headless: bool,
+    as_json: bool,
+    verify: bool,
+    quiet: bool,
+    speed: float | None,
+    port: int,
+    host: str,
+    insecure: bool,
+    no_browser: bool,
+) -> int:
+    """Show the recording FILE on the page, with a slider for its time.
 
-    With --verify the messages are sent again to the same scenario with the same seed, each in its tick; the exit status
-    is 1 if the state differs from the recorded one.
+    With --headless or --json it is printed instead: the run, the operator's messages, and what became of them. With
+    --verify the messages are sent again to the same scenario with the same seed, each in its tick; the exit status is 1
+    if the state differs from the recorded one.
 
     \b
     Examples:
@@ -34,6 +53,12 @@ def replay(file: Path, as_json: bool, verify: bool, quiet: bool) -> int:
     from sleepcast.simulator.recording import load_recording
 
     recording = load_recording(file)
+    if not (headless or as_json or verify):
+        from sleepcast.cli.film import show
+        from sleepcast.cli.page import Address
+
+        show(recording, speed, Address(host, port, insecure, not no_browser))
+        return 0
     verdict = _verify(recording, quiet=quiet) if verify else None
     put(json.dumps(_to_dict(recording, verdict)) if as_json else _to_text(recording, verdict))
     return 0 if verdict is None or verdict.same else 1

@@ -118,6 +118,34 @@ def log(nanoseconds: int, level: Level, who: str, text: str) -> bytes:
     return _timestamp(nanoseconds) + _whole(2, level) + _field(3, text) + _field(4, who)
 
 
+def read_log(data: bytes) -> tuple[str, str]:
+    """Who said what in the bytes of a `Log`. Raises ValueError."""
+    found = {3: "", 4: ""}
+    at = 0
+    try:
+        while at < len(data):
+            tag, at = _read_varint(data, at)
+            value, at = _read_varint(data, at)
+            if tag & 7 == _LENGTH_DELIMITED:
+                if tag >> 3 in found:
+                    found[tag >> 3] = data[at : at + value].decode()
+                at += value
+            elif tag & 7 != 0:
+                raise ValueError(f"a log line has no fields of wire type {tag & 7}")
+    except IndexError:
+        raise ValueError("a log line breaks off") from None
+    return found[4], found[3]
+
+
+def _read_varint(data: bytes, at: int) -> tuple[int, int]:
+    """A whole number at a place, and the place behind it. Raises IndexError at the end of the data."""
+    value = shift = 0
+    while data[at] > 0x7F:
+        value |= (data[at] & 0x7F) << shift
+        at, shift = at + 1, shift + 7
+    return value | data[at] << shift, at + 1
+
+
 # ---- the description of the schemas
 
 

@@ -10,6 +10,23 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 
 
+def test_the_recording_benchmark_reports_every_rate() -> None:
+    command = [sys.executable, "-m", "benchmarks.recording", "--quick", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    runs = {row["run"] for row in report["rows"]}
+    assert len(runs) >= 2
+    for run in runs:
+        rows = {row["name"]: row for row in report["rows"] if row["run"] == run}
+        assert rows["not recorded"]["ratio"] == 1.0
+        assert rows["not recorded"]["bytes_per_second"] == 0.0
+        usual, most = rows["recorded at the usual rates"], rows["a picture and all readings at every tick"]
+        assert 0.0 < usual["bytes_per_second"] < most["bytes_per_second"]
+        assert most["ratio"] > 1.0
+    assert report["met"] is (report["value"] <= report["limit"])
+
+
 def test_the_language_benchmark_reports_every_rival_and_every_bar() -> None:
     command = [sys.executable, "-m", "benchmarks.language", "--quick", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

@@ -53,6 +53,19 @@ class Desk(Protocol):
         """Do what is to be done at every tick."""
 
 
+class Witness(Protocol):
+    """Somebody who sees everything and changes nothing: a recording."""
+
+    def posted(self, message: Message) -> None:
+        """The operator's message goes on the air."""
+
+    def said(self, message: Message) -> None:
+        """A robot's message goes on the air."""
+
+    def ticked(self) -> None:
+        """A tick is over."""
+
+
 class Swarm:
     """A simulator, a mind for each body, and the radio between them and the operator. It is the clock of them all.
 
@@ -78,6 +91,7 @@ class Swarm:
         """The operator's end of the radio."""
         self.actuators = tuple(actuator.name for actuator in simulator.model.actuators)
         self.desk: Desk | None = None
+        self.witness: Witness | None = None
         self.mission = deque(_readable(order) for order in mission)
         self.telemetry_ticks = max(1, round(scenario.telemetry / scenario.tick))
         """Ticks between two samples of a robot."""
@@ -141,6 +155,8 @@ def step_swarm(swarm: Swarm) -> None:
         swarm.sense(thinking)
     _think(swarm, thinking)
     _report(swarm, heard)
+    if swarm.witness is not None:
+        swarm.witness.ticked()
 
 
 def _act(swarm: Swarm) -> None:
@@ -156,7 +172,10 @@ def _deliver(swarm: Swarm) -> set[int]:
     """Bring the robots what they hear in this tick; gives the indices of those that heard anything."""
     _give_orders(swarm)
     while swarm.posted:
-        swarm.air.send(swarm.posted.popleft())
+        message = swarm.posted.popleft()
+        swarm.air.send(message)
+        if swarm.witness is not None:
+            swarm.witness.posted(message)
     heard = swarm.radio.receive_all()
     for index, messages in heard.items():
         receive = swarm.nodes[index].receive
@@ -189,6 +208,8 @@ def _report(swarm: Swarm, heard: set[int]) -> None:
         node = swarm.nodes[index]
         for message in node.outbox:
             swarm.radio.send(index, message)
+            if swarm.witness is not None:
+                swarm.witness.said(message)
         for caste in node.pings:
             swarm.simulator.ping(index, caste)
         node.outbox.clear()

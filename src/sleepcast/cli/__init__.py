@@ -29,6 +29,7 @@ READER_GONE = 141
 COMMANDS = {
     "demo": ("sleepcast.cli.swarm", "demo"),
     "run": ("sleepcast.cli.swarm", "run"),
+    "replay": ("sleepcast.cli.replay", "replay"),
     "scenarios": ("sleepcast.cli.gallery", "scenarios"),
     "eval": ("sleepcast.cli.evaluate", "evaluate"),
     "check": ("sleepcast.cli.check", "check"),

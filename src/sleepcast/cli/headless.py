@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import dataclass
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 from sleepcast.cli.progress import steps
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Scenario, Simulator
 from sleepcast.station import Station
+
+if TYPE_CHECKING:
+    from sleepcast.cli.recording import Wanted
 
 
 def assemble(
@@ -25,12 +30,14 @@ def assemble(
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A finished run. setup, wall: seconds that a person waited for the start and for the run itself."""
+    """A finished run. setup, wall: seconds that a person waited for the start and for the run itself. broken: whether
+    it was recorded and the recording broke off."""
 
     swarm: Swarm
     station: Station
     setup: float
     wall: float
+    broken: bool = False
 
     def to_dict(self) -> dict[str, object]:
         """The outcome for scripts. Names with wall, realtime and per_second are of this computer; the rest repeats."""
@@ -67,12 +74,28 @@ class Run:
 
 
 def run_headless(
-    scenario: Scenario, seed: int | None, seconds: float, *, quiet: bool, threads: int | None = None
+    scenario: Scenario,
+    seed: int | None,
+    seconds: float,
+    *,
+    quiet: bool,
+    threads: int | None = None,
+    wanted: Wanted | None = None,
 ) -> Run:
-    """Run `scenario` with its mission for so many simulated seconds, a tick at least."""
+    """Run `scenario` with its mission for so many simulated seconds, a tick at least.
+
+    wanted: what is recorded of it. Raises what Recorder raises.
+    """
     began = perf_counter()
     swarm, station = assemble(scenario, seed, mission=True, threads=threads)
     ready = perf_counter()
-    for _ in steps(max(1, round(seconds / scenario.tick)), scenario.name, quiet=quiet):
-        swarm.step()
-    return Run(swarm, station, ready - began, perf_counter() - ready)
+    recorder = None
+    with ExitStack() as stack:
+        if wanted is not None:
+            from sleepcast.cli.recording import recorded
+
+            recorder = stack.enter_context(recorded(swarm, station, wanted))
+        for _ in steps(max(1, round(seconds / scenario.tick)), scenario.name, quiet=quiet):
+            swarm.step()
+    broken = recorder is not None and recorder.failed
+    return Run(swarm, station, ready - began, perf_counter() - ready, broken)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from math import cos, pi, sin
 
 from sleepcast.cli.headless import assemble
+from sleepcast.cli.recording import Wanted, recorded
 from sleepcast.cli.streams import announce
 from sleepcast.clock import WallClock
 from sleepcast.console import Place, ReadyCommand, Scene, serve
@@ -89,22 +91,31 @@ class Address:
 
 
 def show(
-    scenario: Scenario, seed: int | None, speed: float | None, address: Address, threads: int | None = None
+    scenario: Scenario,
+    seed: int | None,
+    speed: float | None,
+    address: Address,
+    threads: int | None = None,
+    wanted: Wanted | None = None,
 ) -> None:
     """Serve the page of `scenario` until Ctrl-C, which comes out as KeyboardInterrupt.
 
-    speed: simulated seconds in a second (None: the scenario's own). Raises what the console raises for the address.
+    speed: simulated seconds in a second (None: the scenario's own). wanted: what is recorded of it. Raises what the
+    console raises for the address, and what Recorder raises.
     """
     swarm, station = assemble(scenario, seed, mission=False, threads=threads)
     clock = WallClock()
-    serve(
-        SwarmOnPage(swarm),
-        station,
-        Pace(clock, swarm, scenario.speed_up if speed is None else speed),
-        clock,
-        host=address.host,
-        port=address.port,
-        insecure=address.insecure,
-        open_browser=address.browser,
-        say=announce,
-    )
+    with ExitStack() as stack:
+        if wanted is not None:
+            stack.enter_context(recorded(swarm, station, wanted))
+        serve(
+            SwarmOnPage(swarm),
+            station,
+            Pace(clock, swarm, scenario.speed_up if speed is None else speed),
+            clock,
+            host=address.host,
+            port=address.port,
+            insecure=address.insecure,
+            open_browser=address.browser,
+            say=announce,
+        )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from math import isfinite
+from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict, TypeVar, Unpack
 
 import click
@@ -13,6 +14,7 @@ from sleepcast.cli.streams import put
 from sleepcast.errors import MisuseError
 
 if TYPE_CHECKING:
+    from sleepcast.cli.recording import Wanted
     from sleepcast.simulator import Changes
 
 HOST, PORT = "127.0.0.1", 8317
@@ -38,7 +40,13 @@ class Options(TypedDict):
     host: str
     insecure: bool
     no_browser: bool
+    record: Path | None
+    record_pictures: float | None
+    record_readings: float | None
 
+
+_PERIOD = click.FloatRange(0.001, 86_400.0)
+"""Simulated seconds, from the shortest tick to a day."""
 
 _COMMON = (
     click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="What all chance depends on; else the scenario's."),
@@ -54,6 +62,9 @@ _COMMON = (
     click.option("--host", default=HOST, show_default=True, help="Page: the address to listen on."),
     click.option("--insecure", is_flag=True, help="Page: allow a host that others can reach, unencrypted."),
     click.option("--no-browser", is_flag=True, help="Page: print its address, but open no browser."),
+    click.option("--record", metavar="FILE", type=click.Path(path_type=Path), help="Record the run into an MCAP file."),
+    click.option("--record-pictures", metavar="S", type=_PERIOD, help="Record where robots are every S simulated s."),
+    click.option("--record-readings", metavar="S", type=_PERIOD, help="Record what robots sense every S simulated s."),
 )
 
 
@@ -102,18 +113,21 @@ def _start(name: str, headless: bool, options: Options) -> int:
 
     _refuse_contradictions(headless, options)
     scenario = find_scenario(name, _changes(options))
+    wanted = _wanted(options)
     if not headless:
         from sleepcast.cli.page import Address, show
 
         address = Address(options["host"], options["port"], options["insecure"], not options["no_browser"])
-        show(scenario, options["seed"], options["speed"], address, options["threads"])
+        show(scenario, options["seed"], options["speed"], address, options["threads"], wanted)
         return 0
     from sleepcast.cli.headless import run_headless
 
     seconds = scenario.seconds if options["seconds"] is None else options["seconds"]
-    outcome = run_headless(scenario, options["seed"], seconds, quiet=options["quiet"], threads=options["threads"])
+    outcome = run_headless(
+        scenario, options["seed"], seconds, quiet=options["quiet"], threads=options["threads"], wanted=wanted
+    )
     put(json.dumps(outcome.to_dict()) if options["as_json"] else outcome.to_text())
-    return 0
+    return int(outcome.broken)
 
 
 def _refuse_contradictions(headless: bool, options: Options) -> None:
@@ -123,10 +137,21 @@ def _refuse_contradictions(headless: bool, options: Options) -> None:
     if not headless and (options["as_json"] or seconds is not None):
         option = "--json" if options["as_json"] else "--seconds"
         raise MisuseError(f"{option} is for runs without a page: add --headless")
+    if options["record"] is None and (options["record_pictures"] or options["record_readings"]):
+        raise MisuseError("--record-pictures and --record-readings say how often to record: add --record FILE")
     if headless and options["speed"] is not None:
         raise MisuseError("--speed is for the page: without one, the run goes as fast as it can")
     if seconds is not None and not (isfinite(seconds) and 0.0 < seconds <= MAX_TIME):
         raise MisuseError(f"--seconds must be more than 0 and at most {MAX_TIME:.0f}, not {seconds:g}")
+
+
+def _wanted(options: Options) -> Wanted | None:
+    """What is to be recorded; None for nothing."""
+    if options["record"] is None:
+        return None
+    from sleepcast.cli.recording import Wanted
+
+    return Wanted(options["record"], options["record_pictures"], options["record_readings"])
 
 
 def _changes(options: Options) -> Changes:

@@ -1,10 +1,11 @@
 """The console: the operator's page, served by the program itself, and the one WebSocket behind it.
 
 `server` owns the port, `app` the routes and who may use them, `session` one open page, `desk` what a page can ask and
-is told, `driver` the turns of swarm and server, `frames` the moving picture; `static/` is the page, served as written.
+is told, `driver` the turns of swarm and server, `frames` the moving picture, `replay` a recording in the place of a
+living swarm; `static/` is the page, served as written.
 """
 
-from sleepcast.console.server import DEFAULT_PORT, PortError, serve
+from sleepcast.console.server import DEFAULT_PORT, PortError, serve, serve_desk
 from sleepcast.console.swarm import Pace, Place, ReadyCommand, RobotMind, Rule, Scene, Swarm
 
 __all__ = [
@@ -18,4 +19,5 @@ __all__ = [
     "Scene",
     "Swarm",
     "serve",
+    "serve_desk",
 ]

@@ -18,11 +18,13 @@ class Said(msgspec.Struct, tag_field="type", tag=str.lower):
 
 
 class Hello(Said):
-    """The first words: what there is to see, and the names that a text may use."""
+    """The first words: what there is to see, and the names that a text may use. recorded: how many s a recording is
+    long; 0 where the swarm lives."""
 
     scene: Scene
     count: int
     names: list[ShownName]
+    recorded: float = 0.0
 
 
 class Refused(Said):

@@ -22,6 +22,7 @@ from starlette.websockets import WebSocket
 
 from sleepcast.clock import Clock
 from sleepcast.console.desk import Desk
+from sleepcast.console.replay import ReplayDesk
 from sleepcast.console.session import Session
 
 MAX_PAGES = 16
@@ -56,7 +57,7 @@ class Door:
         return origin == f"{scheme}://{socket.headers.get('host', '')}" and self.knows(socket)
 
 
-def make_app(desk: Desk, door: Door, clock: Clock) -> Starlette:
+def make_app(desk: Desk | ReplayDesk, door: Door, clock: Clock) -> Starlette:
     """The application: one desk, as many pages as `MAX_PAGES`."""
     open_pages: set[Session] = set()
 

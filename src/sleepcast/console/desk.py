@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import islice
 from math import isnan
+from typing import NoReturn
 
 from sleepcast.clock import Clock
 from sleepcast.console import answers
@@ -50,6 +51,10 @@ class Desk:
         """What a page needs first."""
         scene = self._swarm.scene
         return answers.Hello(scene, len(scene.names), names_of(self._swarm))
+
+    def seek(self, time: float) -> NoReturn:
+        """Refused: what lives cannot go back."""
+        raise MisuseError("Time cannot be put back while the swarm lives: record the run, and replay it.")
 
     # ---- before sending
 

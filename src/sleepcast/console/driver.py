@@ -20,20 +20,40 @@ FRAME_PERIOD = 1.0 / 30.0
 """Seconds between two frames at least."""
 
 
-class Driver:
-    """See the module. frame: the latest picture (see `frames`); number: of that picture, from 1; groups: as of then.
+class Screen:
+    """Holds the latest picture for those who wait for it. frame: as in `frames`; number: of that picture, from 1."""
+
+    def __init__(self) -> None:
+        self.frame, self.number = b"", 0
+        self._news = asyncio.Event()
+
+    def show(self, frame: bytes) -> None:
+        """The next picture is `frame`."""
+        self.number += 1
+        self.frame = frame
+        self._news.set()
+        self._news = asyncio.Event()
+
+    async def frame_after(self, number: int) -> bytes:
+        """The latest frame, as soon as there is one younger than the one with this number."""
+        while self.number <= number:
+            await self._news.wait()
+        return self.frame
+
+
+class Driver(Screen):
+    """See the module. groups: as of the latest picture.
 
     latched: whether STOP holds, for the picture.
     """
 
     def __init__(self, swarm: Swarm, pace: Pace, clock: Clock) -> None:
+        super().__init__()
         self.swarm, self.pace = swarm, pace
-        self.frame, self.number = b"", 0
         self.groups = Groups()
         self.latched = False
         self._clock = clock
         self._frame_due = clock.now()
-        self._news = asyncio.Event()
         self._wake = asyncio.Event()
 
     async def run(self) -> None:
@@ -72,9 +92,8 @@ class Driver:
         """Make a new frame of what there is now, and tell those who wait for one."""
         swarm, pace = self.swarm, self.pace
         minds = swarm.minds.values()
-        self.number += 1
-        self.frame = pack(
-            self.number,
+        frame = pack(
+            self.number + 1,
             swarm.tick,
             swarm.now(),
             (pace.factor, pace.achieved),
@@ -82,11 +101,4 @@ class Driver:
             swarm.poses(),
             (self.groups.look(minds), flags_of(minds)),
         )
-        self._news.set()
-        self._news = asyncio.Event()
-
-    async def frame_after(self, number: int) -> bytes:
-        """The latest frame, as soon as there is one younger than the one with this number."""
-        while self.number <= number:
-            await self._news.wait()
-        return self.frame
+        self.show(frame)

@@ -86,6 +86,12 @@ class Pace(Message):
     factor: Annotated[float, Meta(ge=MIN_FACTOR, le=MAX_FACTOR)] | None = None
 
 
+class Seek(Message):
+    """Go to this time (s) of a recording."""
+
+    time: Annotated[float, Meta(ge=0.0, le=1e9)]
+
+
 class Step(Message):
     """One tick, then stand still."""
 
@@ -102,7 +108,7 @@ class Drawn(Message):
     number: Annotated[int, Meta(ge=0, le=2**32 - 1)]
 
 
-Incoming = Preview | Send | Names | Why | Outcomes | Commands | Stop | Release | Pace | Step | Watch | Drawn
+Incoming = Preview | Send | Names | Why | Outcomes | Commands | Stop | Release | Pace | Seek | Step | Watch | Drawn
 
 _DECODER: msgspec.json.Decoder[Incoming] = msgspec.json.Decoder(Incoming)
 

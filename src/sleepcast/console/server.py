@@ -19,6 +19,7 @@ from sleepcast.console.app import LOOPBACK, Door, make_app
 from sleepcast.console.desk import Desk
 from sleepcast.console.driver import Driver
 from sleepcast.console.messages import MAX_BYTES
+from sleepcast.console.replay import ReplayDesk, ReplayDriver
 from sleepcast.console.swarm import Pace, Swarm
 from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.station import Station
@@ -48,6 +49,25 @@ def serve(
 ) -> None:
     """Serve the page and let the swarm run until Ctrl-C, which is raised on as KeyboardInterrupt after a clean stop.
 
+    The rest is as for `serve_desk`.
+    """
+    driver = Driver(swarm, pace, clock)
+    desk = Desk(swarm, station, driver, clock)
+    serve_desk(desk, clock, host=host, port=port, insecure=insecure, open_browser=open_browser, say=say)
+
+
+def serve_desk(
+    desk: Desk | ReplayDesk,
+    clock: Clock,
+    *,
+    host: str,
+    port: int,
+    insecure: bool,
+    open_browser: bool,
+    say: Callable[[str], None],
+) -> None:
+    """Serve the page of a desk until Ctrl-C.
+
     host, port: where to listen; port 0 takes any free one. insecure: allow a host that others can reach, though
     nothing is encrypted. open_browser: open the page at once. say: tells the person at the terminal what is going on.
     Raises MisuseError for a host that others can reach, PortError for a port that is taken or forbidden.
@@ -57,9 +77,8 @@ def serve(
     token = token_urlsafe(16)
     taken: int = listener.getsockname()[1]
     address = f"http://{host}:{taken}/?token={token}" if ":" not in host else f"http://[{host}]:{taken}/?token={token}"
-    driver = Driver(swarm, pace, clock)
     door = Door(token, LOOPBACK if is_loopback(host) else None, taken)
-    app = make_app(Desk(swarm, station, driver, clock), door, clock)
+    app = make_app(desk, door, clock)
     config = uvicorn.Config(
         app,
         log_level="error",
@@ -73,12 +92,12 @@ def serve(
 
     async def run() -> None:
         say(_invitation(address, open_browser and _has_screen()))  # from here on Ctrl-C ends the loop in good order
-        await _run(uvicorn.Server(config), driver, listener)
+        await _run(uvicorn.Server(config), desk.driver, listener)
 
     asyncio.run(run())
 
 
-async def _run(server: uvicorn.Server, driver: Driver, listener: socket.socket) -> None:
+async def _run(server: uvicorn.Server, driver: Driver | ReplayDriver, listener: socket.socket) -> None:
     """Serve while the swarm runs; what ends the swarm ends the server and is raised."""
     running = asyncio.create_task(driver.run())
     running.add_done_callback(lambda _: setattr(server, "should_exit", True))

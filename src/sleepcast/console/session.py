@@ -16,6 +16,7 @@ from sleepcast.clock import Clock
 from sleepcast.console import messages
 from sleepcast.console.answers import Refused
 from sleepcast.console.desk import Desk
+from sleepcast.console.replay import ReplayDesk
 from sleepcast.errors import SleepcastError
 
 NEWS_PERIOD = 0.25
@@ -37,7 +38,7 @@ _encode = msgspec.json.Encoder().encode
 class Session:
     """One page; `run` lasts as long as it is open."""
 
-    def __init__(self, socket: WebSocket, desk: Desk, clock: Clock) -> None:
+    def __init__(self, socket: WebSocket, desk: Desk | ReplayDesk, clock: Clock) -> None:
         self._socket, self._desk, self._clock = socket, desk, clock
         self._watched = -1
         self._drawn = asyncio.Event()
@@ -108,6 +109,8 @@ class Session:
                 self._sent.pop("robot", None)
             case messages.Pace(running, factor):
                 desk.driver.set_pace(running, factor)
+            case messages.Seek(time):
+                await self._seek(time)
             case messages.Step():
                 desk.driver.step()
             case messages.Release():
@@ -124,6 +127,12 @@ class Session:
                 await self._reply(serial, lambda: desk.outcomes(serial, command))
             case messages.Commands(serial):
                 await self._reply(serial, lambda: desk.commands(serial))
+
+    async def _seek(self, time: float) -> None:
+        try:
+            self._desk.seek(time)
+        except SleepcastError as error:
+            await self._say(Refused(str(error)))
 
     async def _reply(self, serial: int, answer: Callable[[], msgspec.Struct]) -> None:
         try:

@@ -31,6 +31,9 @@ let lit = null; // {caption, count}: what the lit robots are
 wire.addEventListener("hello", ({ detail }) => {
   find("offline").hidden = true;
   const scene = { ...detail.scene, count: detail.count, groups };
+  document.body.classList.toggle("replay", detail.recorded > 0);
+  find("recorded").hidden = detail.recorded === 0;
+  time.setRecorded(detail.recorded);
   find("title").textContent = scene.title;
   document.title = `${scene.title} · sleepcast`;
   for (const story of document.querySelectorAll(".story")) story.textContent = scene.story;
@@ -161,6 +164,8 @@ world.addEventListener("moved", () => find("follow").setAttribute("aria-pressed"
 find("zoom-in").addEventListener("click", () => world.zoom(1.4));
 find("zoom-out").addEventListener("click", () => world.zoom(1 / 1.4));
 find("fit").addEventListener("click", () => world.fit());
+
+find("scrub").addEventListener("input", () => world.forgetTrails());
 
 const toggleTrails = () => find("trails-on").setAttribute("aria-pressed", String(world.toggleTrails()));
 find("trails-on").addEventListener("click", toggleTrails);

@@ -5,6 +5,7 @@ import { clock } from "./accounting.js";
 const FASTEST = 10000; // as fast as possible
 const SPEEDS = [0.5, 1, 2, 5, 10, 30, 60, 100, 300, FASTEST];
 const NEAR = 0.05; // of the wanted speed: what differs by less is the measuring
+const SCRUB_STEPS = 200; // of the slider from one end to the other, for the arrow keys
 const BEHIND = 0.93; // below, the page says that the wanted speed is not reached
 
 export class Time {
@@ -16,6 +17,9 @@ export class Time {
     this.find("run").addEventListener("click", () => this.toggle());
     this.find("step").addEventListener("click", () => this.step());
     this.find("speed").addEventListener("change", (event) => wire.tell("pace", { factor: Number(event.target.value) }));
+    this.scrub = this.find("scrub");
+    this.scrub.addEventListener("input", () => this.seek());
+    this.sought = 0; // the animation frame in which a seek goes out, 0 if none waits
     window.addEventListener("keydown", (event) => {
       if (!event.ctrlKey || event.altKey || event.metaKey) return;
       if (event.code === "Space") this.toggle();
@@ -33,7 +37,24 @@ export class Time {
     this.wire.tell("step");
   }
 
+  // How many seconds the recording is long that is shown; 0 where the swarm lives.
+  setRecorded(seconds) {
+    this.scrub.hidden = seconds === 0;
+    this.scrub.max = String(seconds);
+    this.scrub.step = String(seconds / SCRUB_STEPS);
+  }
+
+  // Go where the slider stands, at most once a picture of the screen.
+  seek() {
+    this.sought ||= requestAnimationFrame(() => {
+      this.sought = 0;
+      this.wire.tell("seek", { time: Number(this.scrub.value) });
+    });
+  }
+
   show(frame) {
+    if (!this.scrub.hidden && !this.sought) this.scrub.value = String(frame.time);
+    if (!this.scrub.hidden) this.scrub.setAttribute("aria-valuetext", clock(frame.time));
     if (frame.wanted !== this.wanted) this.offer(frame.wanted);
     this.wanted = frame.wanted;
     this.running = frame.running;

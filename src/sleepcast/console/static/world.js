@@ -57,6 +57,12 @@ export class World extends EventTarget {
     this.repaint("ground", "trails", "robots");
   }
 
+  // Time has jumped: nobody drove from where the trails end to where the robots are now.
+  forgetTrails() {
+    this.trails = new Trails();
+    this.repaint("trails");
+  }
+
   setFrame(buffer) {
     this.frame = decode(buffer);
     this.styles = Uint8Array.from(this.frame.groups, styleOf);

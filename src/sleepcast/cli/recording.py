@@ -1,0 +1,165 @@
+"""What of a swarm is recorded, and how often: the roof's part of recording, which alone sees minds, desk and bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from sleepcast import __version__
+from sleepcast.channel import Kind, Message
+from sleepcast.cli.streams import complain
+from sleepcast.console.frames import Groups, flags_of
+from sleepcast.language import format_value
+from sleepcast.loop import Swarm
+from sleepcast.simulator import Scenario
+from sleepcast.simulator.recorder import ACCOUNTING, MARKS, READINGS, RULES, STATE, Recorder
+from sleepcast.station import Command, Station
+
+PICTURES_PER_SECOND = 10.0
+"""Pictures in a second of a person's time, when the scenario runs at its own speed: motion is seen as such."""
+TICKS_PER_PICTURE = 10
+"""Ticks between two pictures at least, unless others are asked for: more would cost more than the run itself."""
+PICTURES_PER_READING = 10
+"""People look at numbers more seldom than at motion, and they are many."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What is to be recorded: into which file, and the simulated s between two pictures and between two readings (None:
+    as the scenario's speed suggests)."""
+
+    file: Path
+    pictures: float | None = None
+    readings: float | None = None
+
+
+class Witness:
+    """Sees what happens in a swarm (the loop's `Witness`) and records it."""
+
+    def __init__(self, recorder: Recorder, swarm: Swarm, station: Station, wanted: Wanted) -> None:
+        self._recorder, self._swarm, self._station = recorder, swarm, station
+        self._pictures, self._readings = periods(swarm.simulator.scenario, wanted)
+        self._sensors = [sensor.name for sensor in swarm.simulator.model.sensors]
+        self._groups = Groups()
+        self._stirred = set(range(len(swarm.nodes)))
+        """Robots that thought since their rules were last looked at."""
+        self._rules: dict[str, list[tuple[str, str, bool]]] = {node.name: [] for node in swarm.nodes}
+        self._answers: dict[str, int] = {}
+        self._unmarked = True
+        """Whether groups or flags may have changed since they were recorded."""
+        self._seen = -1
+        self.picture()
+        self.look()
+
+    def posted(self, message: Message) -> None:
+        """The operator's message goes on the air in this tick."""
+        now = self._swarm.now()
+        self._recorder.posted(now, self._swarm.simulator.tick, message)
+        self._recorder.log(now, message.sender, message.text or message.kind.name)
+
+    def said(self, message: Message) -> None:
+        """A robot's message goes on the air in this tick. Answers come to be seen in the account."""
+        self._unmarked = True
+        if message.kind is Kind.REPORT:
+            values = message.body.get("values")
+            shown = (
+                [format_value(each) for each in values if isinstance(each, float)] if isinstance(values, list) else []
+            )
+            self._recorder.log(
+                self._swarm.now(), message.sender, " ".join([str(message.body.get("label", "")), *shown])
+            )
+        elif message.kind is not Kind.ANSWER:
+            self._recorder.log(self._swarm.now(), message.sender, f"{message.kind.value} {message.text}")
+
+    def ticked(self) -> None:
+        """A tick is over."""
+        swarm = self._swarm
+        simulator = swarm.simulator
+        if swarm.thought:
+            self._stirred.update(swarm.thought)
+            self._unmarked = True
+        now = swarm.now()
+        for saying in reversed(simulator.said):
+            if saying.time < now:
+                break
+            self._recorder.log(now, simulator.names[saying.robot], saying.text)
+        if simulator.tick % self._pictures == 0:
+            self.picture()
+        if simulator.tick % self._readings == 0:
+            self.look()
+
+    def picture(self) -> None:
+        """Record where the robots are and, unless nobody thought or answered, in which groups, and their flags; the
+        accounts that have changed."""
+        simulator = self._swarm.simulator
+        now, minds = self._swarm.now(), self._swarm.nodes
+        self._recorder.poses(now, simulator.x, simulator.y, simulator.bodies.heading)
+        if self._unmarked:
+            self._unmarked = False
+            marks = {"tick": simulator.tick, "groups": self._groups.look(minds), "flags": flags_of(minds)}
+            self._recorder.note(MARKS, now, marks | {"names": self._groups.names})
+
+        for command in self._station.commands():
+            if self._answers.get(command.id) != len(command.answers):
+                self._answers[command.id] = len(command.answers)
+                self._account(command, now)
+
+    def _account(self, command: Command, now: float) -> None:
+        account = self._station.accounting(command.id)
+        about = {"command": command.id, "predicted": len(command.predicted)}
+        self._recorder.note(ACCOUNTING, now, about | account.to_dict())
+        self._recorder.log(now, command.id, account.sentence())
+
+    def look(self) -> None:
+        """Record readings, rules and the hash of the state."""
+        simulator, now = self._swarm.simulator, self._swarm.now()
+        self._seen = simulator.tick
+        columns = zip(*simulator.readings(), strict=True)
+        self._recorder.note(READINGS, now, dict(zip(self._sensors, columns, strict=True)))
+        self._recorder.note(STATE, now, {"tick": simulator.tick, "hash": simulator.state_hash()})
+        for index in sorted(self._stirred):
+            self._look_at_rules(index, now)
+        self._stirred.clear()
+
+    def finish(self) -> None:
+        """Record how it ended."""
+        if self._seen != self._swarm.simulator.tick:
+            self.picture()
+            self.look()
+
+    def _look_at_rules(self, index: int, now: float) -> None:
+        node = self._swarm.nodes[index]
+        rules = [(rule.name, rule.text, rule.active) for rule in node.rules()]
+        if rules != self._rules[node.name]:
+            self._rules[node.name] = rules
+            kept = [{"name": name, "text": text, "active": active} for name, text, active in rules]
+            self._recorder.note(RULES, now, {"robot": node.name, "rules": kept})
+            active = ", ".join(name for name, _, active in rules if active)
+            self._recorder.log(now, node.name, f"active rules: {active or 'none'}")
+
+
+def periods(scenario: Scenario, wanted: Wanted) -> tuple[int, int]:
+    """Ticks between two pictures, and between two readings."""
+    usual = max(TICKS_PER_PICTURE, round(scenario.speed_up / PICTURES_PER_SECOND / scenario.tick))
+    pictures = usual if wanted.pictures is None else max(1, round(wanted.pictures / scenario.tick))
+    readings = PICTURES_PER_READING * pictures if wanted.readings is None else round(wanted.readings / scenario.tick)
+    return pictures, max(1, readings)
+
+
+@contextmanager
+def recorded(swarm: Swarm, station: Station, wanted: Wanted) -> Iterator[Recorder]:
+    """Record what happens to `swarm` inside. A recording that breaks off says so, and leaves `failed` in the recorder.
+
+    Raises what Recorder raises.
+    """
+    simulator = swarm.simulator
+    with Recorder(wanted.file, simulator.scenario, simulator.seed, version=__version__, complain=complain) as recorder:
+        witness = Witness(recorder, swarm, station, wanted)
+        swarm.witness = witness
+        try:
+            yield recorder
+        finally:
+            swarm.witness = None
+            witness.finish()

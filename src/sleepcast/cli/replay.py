@@ -1,0 +1,155 @@
+"""`sleepcast replay`: a recording on the page; what it holds; whether the run repeats from it to the last bit."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from sleepcast.cli.streams import put
+from sleepcast.cli.swarm import FASTEST, HOST, PORT, SLOWEST
+
+if TYPE_CHECKING:
+    from sleepcast.simulator.recording import Recording
+
+
+@click.command("replay", short_help="Show a recording on the page, or check it.")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--headless", is_flag=True, help="Print what the recording holds instead.")
+@click.option("--json", "as_json", is_flag=True, help="Print it as one JSON object.")
+@click.option("--verify", is_flag=True, help="Run it again, and compare the hashes of the state.")
+@click.option("--quiet", is_flag=True, help="Show no progress on standard error.")
+@click.option("--speed", metavar="X", type=click.FloatRange(SLOWEST, FASTEST), help="Page: times real time.")
+@click.option("--port", type=click.IntRange(0, 65_535), default=PORT, show_default=True, help="Page: 0 is any.")
+@click.option("--host", default=HOST, show_default=True, help="Page: the address to listen on.")
+@click.option("--insecure", is_flag=True, help="Page: allow a host that others can reach, unencrypted.")
+@click.option("--no-browser", is_flag=True, help="Page: print its address, but open no browser.")
+def replay(
+    file: Path,
+    headless: bool,
+    as_json: bool,
+    verify: bool,
+    quiet: bool,
+    speed: float | None,
+    port: int,
+    host: str,
+    insecure: bool,
+    no_browser: bool,
+) -> int:
+    """Show the recording FILE on the page, with a slider for its time.
+
+    With --headless or --json it is printed instead: the run, the operator's messages, and what became of them. With
+    --verify the messages are sent again to the same scenario with the same seed, each in its tick; the exit status is 1
+    if the state differs from the recorded one.
+
+    \b
+    Examples:
+      sleepcast replay run.mcap
+      sleepcast replay run.mcap --verify --json
+    """
+    from sleepcast.simulator.recording import load_recording
+
+    recording = load_recording(file)
+    if not (headless or as_json or verify):
+        from sleepcast.cli.film import show
+        from sleepcast.cli.page import Address
+
+        show(recording, speed, Address(host, port, insecure, not no_browser))
+        return 0
+    verdict = _verify(recording, quiet=quiet) if verify else None
+    put(json.dumps(_to_dict(recording, verdict)) if as_json else _to_text(recording, verdict))
+    return 0 if verdict is None or verdict.same else 1
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What came of running a recording again. compared: how many states; differs: the first tick whose state is another
+    one, None if there is none."""
+
+    compared: int
+    differs: int | None
+
+    @property
+    def same(self) -> bool:
+        return self.differs is None
+
+    def sentence(self, recording: Recording) -> str:
+        """The verdict for a person."""
+        from sleepcast import __version__
+
+        if self.differs is None:
+            return f"verified: run again, the state is the same to the last bit ({self.compared} times compared)"
+        other = f"; recorded by version {recording.version}, run again by version {__version__}"
+        return (
+            f"run again, the state differs from tick {self.differs} on"
+            f"{other if recording.version != __version__ else ''}"
+        )
+
+
+def _verify(recording: Recording, *, quiet: bool) -> Verdict:
+    """Run the recording again, up to the last state that it holds."""
+    from sleepcast.cli.headless import assemble
+    from sleepcast.cli.progress import steps
+
+    swarm, _ = assemble(recording.scenario, recording.seed, mission=False)
+    waiting = iter(recording.posted)
+    due = next(waiting, None)
+    compared = 0
+    for tick in steps(max(recording.states, default=0) + 1, recording.scenario.name, quiet=quiet):
+        if tick:
+            while due is not None and due.tick <= tick:
+                swarm.post(due.message)
+                due = next(waiting, None)
+            swarm.step()
+        wanted = recording.states.get(tick)
+        if wanted is not None:
+            compared += 1
+            if swarm.simulator.state_hash() != wanted:
+                return Verdict(compared, tick)
+    return Verdict(compared, None)
+
+
+def _to_dict(recording: Recording, verdict: Verdict | None) -> dict[str, object]:
+    scenario = recording.scenario
+    last = max(recording.states, default=None)
+    found: dict[str, object] = {
+        "scenario": scenario.name,
+        "seed": recording.seed,
+        "robots": scenario.robots.count,
+        "tick": scenario.tick,
+        "seconds": recording.seconds,
+        "version": recording.version,
+        "complete": recording.complete,
+        "state_hash": None if last is None else recording.states[last],
+        "state_tick": last,
+        "channels": recording.counts,
+        "messages": [
+            {"time": each.tick * scenario.tick, "tick": each.tick, "id": each.message.id}
+            | {"kind": each.message.kind.value, "text": each.message.text}
+            for each in recording.posted
+        ],
+        "accounting": list(recording.accounting.values()),
+    }
+    if verdict is not None:
+        found["verified"] = {"same": verdict.same, "compared": verdict.compared, "differs_from_tick": verdict.differs}
+    return found
+
+
+def _to_text(recording: Recording, verdict: Verdict | None) -> str:
+    scenario = recording.scenario
+    lines = [
+        f"{scenario.name}, seed {recording.seed}: {scenario.robots.count} robots for {recording.seconds:g} s, "
+        f"recorded by version {recording.version}"
+    ]
+    if not recording.complete:
+        lines.append("  the file ends early: the recording was broken off, and this is what came before")
+    lines += [f"  {topic}: {count}" for topic, count in sorted(recording.counts.items())]
+    for each in recording.posted:
+        first, *more = (each.message.text or each.message.kind.name).strip().split("\n")
+        lines += [f"  @{each.tick * scenario.tick:g}s {first}", *(f"    {line}" for line in more)]
+    if verdict is not None:
+        lines.append(f"  {verdict.sentence(recording)}")
+    return "\n".join(lines)

@@ -1,0 +1,256 @@
+"""A recording on the page: the same pictures and tables as of a living swarm, at whatever time the slider stands.
+
+`Film` is a recording as the page needs it; the roof fills it. `ReplayDesk` stands where the operator's desk stands for
+a living swarm: it shows, and takes no commands.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import islice
+from typing import Generic, NoReturn, TypeVar
+
+import msgspec
+
+from sleepcast.clock import Clock
+from sleepcast.console import answers
+from sleepcast.console.driver import FRAME_PERIOD, Screen
+from sleepcast.console.explaining import shown_value
+from sleepcast.console.frames import pack
+from sleepcast.console.ledger import MOST_ROWS, Row
+from sleepcast.console.swarm import Scene
+from sleepcast.errors import MisuseError
+
+MOST_SAID = 20
+"""Lines of the watched robot that a page shows."""
+STATES = ("stopped", "frozen", "sleeping", "marked")
+"""The flags of a frame by bit, in words."""
+
+Kind = TypeVar("Kind")
+_decode = msgspec.json.Decoder(dict[str, list[float | None]]).decode
+
+
+@dataclass(slots=True)
+class Track(Generic[Kind]):
+    """What was so from which time (s) on, in the order of time."""
+
+    times: list[float] = field(default_factory=list)
+    values: list[Kind] = field(default_factory=list)
+
+    def add(self, time: float, value: Kind) -> None:
+        """From `time`, not before the last one, `value` is so."""
+        self.times.append(time)
+        self.values.append(value)
+
+    def before(self, time: float) -> int:
+        """How many had come to be so at `time`."""
+        return bisect_right(self.times, time)
+
+    def at(self, time: float) -> Kind | None:
+        """What was so at `time`; None before the first."""
+        number = self.before(time)
+        return self.values[number - 1] if number else None
+
+
+@dataclass(frozen=True, slots=True)
+class Marks:
+    """Groups and flags: a byte for each robot, as in a frame; names: of the groups by code, from 1."""
+
+    groups: bytes
+    flags: bytes
+    names: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class Film:
+    """A recording as the page shows it. seconds: how long it is. speed: at which it is shown at first. poses: as in a
+    frame, with the tick. rows: every account as it came. values: JSON, for each sensor a list of
+    all robots, null for unknown; units: of the sensors, as people read them. rules, said: by robot."""
+
+    scene: Scene
+    seconds: float
+    speed: float
+    units: dict[str, str]
+    poses: Track[tuple[int, bytes]] = field(default_factory=Track)
+    marks: Track[Marks] = field(default_factory=Track)
+    rows: Track[Row] = field(default_factory=Track)
+    values: Track[bytes] = field(default_factory=Track)
+    rules: dict[str, Track[list[answers.ShownRule]]] = field(default_factory=dict)
+    said: dict[str, Track[str]] = field(default_factory=dict)
+
+    def marks_at(self, time: float) -> Marks:
+        """The marks at `time`; before the first, nobody is in a group."""
+        nothing = bytes(len(self.scene.names))
+        return self.marks.at(time) or Marks(nothing, nothing, ())
+
+    def latched_at(self, time: float) -> bool:
+        """Whether STOP held at `time`."""
+        for row in reversed(self.rows.values[: self.rows.before(time)]):
+            if row.kind in ("stop", "release"):
+                return row.kind == "stop"
+        return False
+
+
+class ReplayDriver(Screen):
+    """Moves through a film, as fast as is wanted, and stands still at its end."""
+
+    def __init__(self, film: Film, clock: Clock) -> None:
+        super().__init__()
+        self.time = 0.0
+        self._film, self._clock = film, clock
+        self._running, self._factor = True, film.speed
+        self._wake = asyncio.Event()
+
+    async def run(self) -> None:
+        """Let time pass until cancelled."""
+        self.draw()
+        looked = self._clock.now()
+        while True:
+            if not self._running:
+                self._wake.clear()
+                await self._wake.wait()
+                looked = self._clock.now()
+            await asyncio.sleep(FRAME_PERIOD)
+            now = self._clock.now()
+            if self._running:
+                self.time = min(self._film.seconds, self.time + (now - looked) * self._factor)
+                self._running = self.time < self._film.seconds
+                self.draw()
+            looked = now
+
+    def set_pace(self, running: bool | None = None, factor: float | None = None) -> None:
+        """Change whether time runs and how fast; from its end, the film begins anew."""
+        if running is not None:
+            self._running = running
+            if running and self.time >= self._film.seconds:
+                self.time = 0.0
+        if factor is not None:
+            self._factor = factor
+        self._wake.set()
+        self.draw()
+
+    def seek(self, time: float) -> None:
+        """Go to `time` (s), or as near as there is something."""
+        self.time = min(time, self._film.seconds)
+        self.draw()
+
+    def step(self) -> None:
+        """Go to the next picture, and stand still."""
+        poses = self._film.poses
+        following = poses.before(self.time)
+        if following < len(poses.times):
+            self.time = poses.times[following]
+        self.set_pace(running=False)
+
+    def draw(self) -> None:
+        """Show what was at this time."""
+        film, time = self._film, self.time
+        tick, poses = film.poses.at(time) or film.poses.values[0]
+        marks = film.marks_at(time)
+        speeds = (self._factor, self._factor if self._running else 0.0)
+        state = (self._running, film.latched_at(time))
+        self.show(pack(self.number + 1, tick, time, speeds, state, poses, (marks.groups, marks.flags)))
+
+
+class ReplayDesk:
+    """See the module; the questions are those that a session asks."""
+
+    def __init__(self, film: Film, driver: ReplayDriver) -> None:
+        self.driver = driver
+        self._film = film
+
+    def hello(self) -> answers.Hello:
+        """What a page needs first."""
+        return answers.Hello(self._film.scene, len(self._film.scene.names), [], self._film.seconds)
+
+    def seek(self, time: float) -> None:
+        """Go to `time`, s."""
+        self.driver.seek(time)
+
+    def commands(self, serial: int | None = None) -> answers.Commands:
+        """The account of every command as it was known at this time."""
+        rows = self._film.rows
+        known = {row.id: row for row in rows.values[: rows.before(self.driver.time)]}
+        return answers.Commands(list(known.values())[-MOST_ROWS:], serial)
+
+    def names(self, serial: int) -> answers.Named:
+        """No names: nothing can be typed."""
+        return answers.Named(serial, [])
+
+    def preview(self, serial: int, text: str) -> NoReturn:
+        """Refused."""
+        self._refuse()
+
+    def send(self, serial: int, text: str, everybody: bool) -> NoReturn:
+        """Refused."""
+        self._refuse()
+
+    def why(self, serial: int, robot: int, command: str) -> NoReturn:
+        """Refused: explanations are made by living minds."""
+        raise MisuseError("A recording holds what became of a command, but not why.")
+
+    def outcomes(self, serial: int, command: str) -> NoReturn:
+        """Refused: answers are recorded as counts."""
+        raise MisuseError("A recording holds how many robots obeyed a command, but not which.")
+
+    def stop(self) -> None:
+        """Nothing moves in a recording that could be stopped, so time is."""
+        self.driver.set_pace(running=False)
+
+    def release(self) -> None:
+        """Time goes on."""
+        self.driver.set_pace(running=True)
+
+    def news(self, watched: int) -> Iterator[answers.Said]:
+        """Everything that may have changed; `watched`: the index of the robot that the page looks at, or -1."""
+        film, time = self._film, self.driver.time
+        yield self.commands()
+        yield answers.Groups(_counted(film.marks_at(time)))
+        yield answers.Safety(film.latched_at(time), "STOP held at this time of the recording.")
+        if 0 <= watched < len(film.scene.names):
+            yield self._robot(watched)
+
+    def _robot(self, index: int) -> answers.Robot:
+        film, time = self._film, self.driver.time
+        name, marks = film.scene.names[index], film.marks_at(time)
+        code = marks.groups[index]
+        states = [word for bit, word in enumerate(STATES) if marks.flags[index] & 1 << bit]
+        rules, said = film.rules.get(name), film.said.get(name)
+        return answers.Robot(
+            index,
+            code,
+            [marks.names[code - 1]] if 0 < code <= len(marks.names) else [],
+            states,
+            self._values(index),
+            (rules.at(time) if rules is not None else None) or [],
+            _lines(said, time) if said is not None else [],
+        )
+
+    def _values(self, index: int) -> list[answers.ShownValue]:
+        data = self._film.values.at(self.driver.time)
+        found = {} if data is None else _decode(data)
+        units = self._film.units
+        return [
+            answers.ShownValue(name, "unknown" if values[index] is None else shown_value(values[index], unit), "sensor")
+            for name, values in found.items()
+            if (unit := units.get(name)) is not None and index < len(values)
+        ]
+
+    def _refuse(self) -> NoReturn:
+        raise MisuseError("This is a recording: nobody is there to hear a command.")
+
+
+def _counted(marks: Marks) -> list[answers.ShownGroup]:
+    """The groups; of each, the robots whose newest it is."""
+    counts = [marks.groups.count(code) for code in range(1, len(marks.names) + 1)]
+    return [answers.ShownGroup(name, count, count) for name, count in zip(marks.names, counts, strict=True)]
+
+
+def _lines(said: Track[str], time: float) -> list[answers.ShownReport]:
+    """The latest lines, the youngest first."""
+    number = said.before(time)
+    known: Sequence[tuple[float, str]] = list(zip(said.times[:number], said.values[:number], strict=True))
+    return [answers.ShownReport(at, text) for at, text in islice(reversed(known), MOST_SAID)]

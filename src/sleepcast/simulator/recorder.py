@@ -1,0 +1,220 @@
+"""Recording: a run written to an MCAP file while it goes on.
+
+    /poses                foxglove.PosesInFrame   where every robot is; viewers draw it as it stands
+    /log                  foxglove.Log            for people: commands, what became of them, what robots say, rules
+    /readings             JSON                    what every robot senses: for each sensor a list in the robots' order
+    /accounting           JSON                    what became of a command, as counts
+    /rules                JSON                    the expressions that a robot keeps, whenever they have changed
+    /sleepcast/marks      JSON                    groups and flags of the robots, whenever they may have changed
+    /sleepcast/posted     JSON                    every message of the operator, and in which tick it went on the air
+    /sleepcast/state      JSON                    the hash of the state, with its tick
+
+The metadata `sleepcast` says in which version of this format the file is and from which run; the attachment `scenario`
+is the scenario as `packing` writes it. With the posted messages that is all that a run depends on, so it can be
+repeated to the last bit. All times in the file are simulated ones, from 0.
+
+What is written gathers in memory and goes to the file in whole chunks: when `CHUNK` bytes have come together, and every
+`FLUSH_PERIOD` of real time, for which a thread sees. A process that is killed loses no more than that; a file that
+cannot be written any more (a full disk) keeps all whole chunks, the recording ends, and the run goes on.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from io import BytesIO, FileIO
+from pathlib import Path
+from threading import Event, RLock, Thread
+from types import TracebackType
+
+import msgspec
+import numpy as np
+from mcap.well_known import MessageEncoding, SchemaEncoding
+from mcap.writer import CompressionType, Writer
+from numpy.typing import NDArray
+
+from sleepcast.channel import Message
+from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.simulator import foxglove
+from sleepcast.simulator.foxglove import Level
+from sleepcast.simulator.packing import pack
+from sleepcast.simulator.scenario import Scenario
+
+FORMAT = 1
+"""The version of this format; a file of a newer one is refused."""
+CHUNK = 1_048_576
+"""Bytes of messages that go to the file together; big enough to compress well, small enough to hold in memory."""
+FLUSH_PERIOD = 0.5
+"""Seconds of real time after which everything lies in the file."""
+NANO = 1_000_000_000
+
+POSES, LOG, READINGS, ACCOUNTING, RULES = "/poses", "/log", "/readings", "/accounting", "/rules"
+MARKS, POSTED, STATE = "/sleepcast/marks", "/sleepcast/posted", "/sleepcast/state"
+ABOUT, SCENARIO = "sleepcast", "scenario"
+"""The names of the metadata and of the attachment."""
+_OBJECT = b'{"type":"object"}'
+
+
+class RecordingError(SleepcastError):
+    """A recording that cannot be written or read."""
+
+
+class Recorder:
+    """A run's recording in `file`, which must not be there yet; see the module for what is in it.
+
+    version: of the program. complain: is told once, in a sentence, when nothing more can be written; may be called from
+    another thread. Raises MisuseError for a file that is there already, RecordingError where none can be made.
+    """
+
+    def __init__(
+        self, file: Path, scenario: Scenario, seed: int, *, version: str, complain: Callable[[str], None]
+    ) -> None:
+        self.file, self.failed = file, False
+        self._complain = complain
+        self._output = _create(file)
+        self._buffer = _Buffer()
+        self._lock = RLock()
+        self._closing = Event()
+        self._poses = foxglove.pose_frame(scenario.robots.count)
+        self._writer = Writer(self._buffer, CHUNK, CompressionType.LZ4)
+        self._writer.start("", f"sleepcast {version}")
+        about = {"format": str(FORMAT), "version": version, "seed": str(seed)}
+        self._writer.add_metadata(ABOUT, about)
+        self._writer.add_attachment(0, 0, SCENARIO, "application/json", pack(scenario))
+        self._channels = {
+            POSES: self._standard(POSES, foxglove.POSES, foxglove.POSES_SCHEMA),
+            LOG: self._standard(LOG, foxglove.LOG, foxglove.LOG_SCHEMA),
+        }
+        for topic in (READINGS, ACCOUNTING, RULES, MARKS, POSTED, STATE):
+            self._channels[topic] = self._own(topic)
+        self._save()
+        self._saver = Thread(target=self._keep_saving, name="recording", daemon=True)
+        self._saver.start()
+
+    def poses(self, time: float, x: NDArray[np.float64], y: NDArray[np.float64], heading: NDArray[np.float64]) -> None:
+        """Where all robots are at `time` (s): m and rad in the world's frame, float64, shape (robots,)."""
+        stamp = round(time * NANO)
+        self._write(POSES, stamp, foxglove.poses(stamp, self._poses, x, y, heading))
+
+    def log(self, time: float, who: str, text: str, level: Level = Level.INFO) -> None:
+        """A line for people."""
+        stamp = round(time * NANO)
+        self._write(LOG, stamp, foxglove.log(stamp, level, who, text))
+
+    def posted(self, time: float, tick: int, message: Message) -> None:
+        """The operator's `message` goes on the air in the tick with this number."""
+        body = {"tick": tick, "message": msgspec.to_builtins(message)}
+        # Python's own JSON has infinity, which is the deadline of many messages.
+        self._write(POSTED, round(time * NANO), json.dumps(body).encode())
+
+    def note(self, topic: str, time: float, body: object) -> None:
+        """Anything for one of the JSON channels, as msgspec writes it: bytes as base64, NaN as null."""
+        self._write(topic, round(time * NANO), msgspec.json.encode(body))
+
+    def close(self) -> None:
+        """Write the rest and the index. Afterwards nothing can be recorded."""
+        self._closing.set()
+        self._saver.join()
+        with self._lock:
+            if not self.failed:
+                self._writer.finish()  # type: ignore[no-untyped-call]  # the library forgot to say `-> None`
+                self._store()
+            self._output_closed()
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        self.close()
+
+    # ---- down to the file
+
+    def _standard(self, topic: str, name: str, schema: bytes) -> int:
+        number = self._writer.register_schema(name, SchemaEncoding.Protobuf, schema)
+        return self._writer.register_channel(topic, MessageEncoding.Protobuf, number)
+
+    def _own(self, topic: str) -> int:
+        number = self._writer.register_schema(f"sleepcast{topic}", SchemaEncoding.JSONSchema, _OBJECT)
+        return self._writer.register_channel(topic, MessageEncoding.JSON, number)
+
+    def _write(self, topic: str, stamp: int, data: bytes) -> None:
+        with self._lock:
+            if self.failed:
+                return
+            self._writer.add_message(self._channels[topic], stamp, data, stamp)
+            if self._buffer.waiting:
+                self._store()
+
+    def _keep_saving(self) -> None:
+        while not self._closing.wait(FLUSH_PERIOD):
+            with self._lock:
+                if not self.failed:
+                    self._save()
+
+    def _save(self) -> None:
+        """Bring everything that was recorded so far into the file."""
+        self._writer.flush()  # type: ignore[no-untyped-call]  # the library forgot to say `-> None`
+        self._store()
+
+    def _store(self) -> None:
+        """Append the buffer, which holds whole chunks, to the file; if that fails, the recording ends here."""
+        data = self._buffer.take()
+        start = self._output.tell()
+        try:
+            while data:
+                data = data[self._output.write(data) :]
+        except OSError as error:
+            self.failed = True
+            self._cut(start)
+            reason = error.strerror or str(error)
+            self._complain(
+                f"cannot record any further to {self.file}: {reason}. "
+                "The run goes on; the recording holds what came before"
+            )
+
+    def _cut(self, end: int) -> None:
+        """Take half a chunk off the file's end. Where that cannot be done either, readers skip it."""
+        try:
+            os.ftruncate(self._output.fileno(), end)
+        except OSError:
+            return
+
+    def _output_closed(self) -> None:
+        try:
+            self._output.close()
+        except OSError as error:  # some disks find out here that they are full
+            if not self.failed:
+                self.failed = True
+                self._complain(f"the end of the recording {self.file} may be missing: {error.strerror or error}")
+
+
+class _Buffer(BytesIO):
+    """What the writer has finished and the file does not hold yet; it counts on where it was taken from."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._stored = 0
+
+    @property
+    def waiting(self) -> bool:
+        return super().tell() > 0
+
+    def tell(self) -> int:
+        return self._stored + super().tell()
+
+    def take(self) -> memoryview:
+        data = self.getvalue()
+        self._stored += len(data)
+        self.seek(0)
+        self.truncate()
+        return memoryview(data)
+
+
+def _create(file: Path) -> FileIO:
+    try:
+        return open(file, "xb", buffering=0)
+    except FileExistsError:
+        raise MisuseError(f"{file} is there already, and a recording replaces nothing: give another name") from None
+    except OSError as error:
+        raise RecordingError(f"cannot record to {file}: {error.strerror or error}") from None

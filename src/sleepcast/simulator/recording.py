@@ -1,0 +1,192 @@
+"""Recordings read: what `recorder` wrote, also where the writing process was killed or the disk was full.
+
+A file that ends early is read up to its last whole chunk. Recordings come from anywhere, so everything in them is
+bounded and checked before it is used.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+import msgspec
+from mcap.exceptions import McapError
+from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Metadata
+from mcap.records import Message as Record
+from mcap.stream_reader import StreamReader, breakup_chunk
+
+from sleepcast.channel import Message
+from sleepcast.errors import MisuseError
+from sleepcast.simulator.packing import unpack
+from sleepcast.simulator.recorder import ABOUT, ACCOUNTING, FORMAT, NANO, POSTED, SCENARIO, STATE, RecordingError
+from sleepcast.simulator.scenario import MAX_ROBOTS, Scenario
+
+MAX_RECORD = 64 * 1_048_576
+"""Bytes of one record: a chunk with the readings of the largest swarm is a tenth of it."""
+MAX_MESSAGES = 1_000_000
+"""Messages of an operator, repeats included: one in every second of eleven days."""
+MAX_TICKS = 10_000_000_000
+"""Ticks of one run: four months in the shortest tick."""
+
+_BROKEN = (McapError, struct.error, ValueError, RuntimeError, EOFError)
+"""What reading a file that ends in the middle, or holds anything, may raise."""
+
+
+class NoRecordingError(MisuseError):
+    """A file that is no recording, or one that this version cannot read."""
+
+
+@dataclass(frozen=True, slots=True)
+class Posted:
+    """A message of the operator, and the tick in which it went on the air."""
+
+    tick: int
+    message: Message
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One message of the file. time: simulated s."""
+
+    topic: str
+    time: float
+    data: bytes
+
+
+@dataclass(slots=True)
+class Recording:
+    """What a run depended on and what it came to.
+
+    version: of the program that recorded it. posted: in order. states: hash of the state by tick. accounting: the last
+    account of each command by its id. counts: messages by topic. seconds: simulated time of the last message. complete:
+    whether the file was finished in good order.
+    """
+
+    file: Path
+    version: str
+    seed: int
+    scenario: Scenario
+    posted: list[Posted] = field(default_factory=list)
+    states: dict[int, str] = field(default_factory=dict)
+    accounting: dict[str, dict[str, object]] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)
+    seconds: float = 0.0
+    complete: bool = False
+
+
+def load_recording(file: Path) -> Recording:
+    """What is in `file`, without poses and readings. Raises NoRecordingError, RecordingError."""
+    found = _start(file)
+    for entry in entries(file, found):
+        try:
+            _take(found, entry)
+        except (ValueError, KeyError, TypeError, RecursionError) as error:  # msgspec's ValidationError is a ValueError
+            raise NoRecordingError(f"{file}: {entry.topic} at {entry.time:g} s holds something else: {error}") from None
+        if max(len(found.posted), len(found.states), len(found.accounting)) > MAX_MESSAGES:
+            raise NoRecordingError(f"{file} holds more than {MAX_MESSAGES} messages of an operator, or states")
+    return found
+
+
+def _take(found: Recording, entry: Entry) -> None:
+    """Keep what an entry says, if it is of a kind that is kept."""
+    if entry.topic not in (POSTED, STATE, ACCOUNTING):
+        return
+    body = json.loads(entry.data)
+    if entry.topic == POSTED:
+        found.posted.append(Posted(_tick(body), msgspec.convert(body["message"], Message)))
+    elif entry.topic == STATE:
+        found.states[_tick(body)] = str(body["hash"])
+    else:
+        found.accounting[str(body["command"])] = dict(body)
+
+
+def _tick(body: dict[str, object]) -> int:
+    tick = body["tick"]
+    if not (isinstance(tick, int) and 0 <= tick <= MAX_TICKS):
+        raise ValueError(f"tick {str(tick)[:40]} does not lie in 0..{MAX_TICKS}")
+    return tick
+
+
+def entries(file: Path, found: Recording) -> Iterator[Entry]:
+    """Every message of `file` in order, up to its end or to where it breaks off; what is seen is counted in `found`."""
+    topics: dict[int, str] = {}
+    found.counts, found.complete = {}, False
+    for record in _records(file):
+        if isinstance(record, Channel):
+            topics[record.id] = record.topic
+        elif isinstance(record, Footer):
+            found.complete = True
+        elif isinstance(record, Record) and (topic := topics.get(record.channel_id)) is not None:
+            found.counts[topic] = found.counts.get(topic, 0) + 1
+            found.seconds = max(found.seconds, record.log_time / NANO)
+            yield Entry(topic, record.log_time / NANO, record.data)
+
+
+def _start(file: Path) -> Recording:
+    """What the file says of itself before its first message."""
+    about: dict[str, str] | None = None
+    for record in _records(file):
+        if isinstance(record, Metadata) and record.name == ABOUT:
+            about = record.metadata
+            _check_format(file, about)
+        elif isinstance(record, Attachment) and record.name == SCENARIO and about is not None:
+            return Recording(file, about.get("version", "?"), _whole(about, "seed"), _scenario(file, record.data))
+        elif isinstance(record, Record):
+            break
+    raise NoRecordingError(f"{file} is no recording of sleepcast: make one with run SCENARIO --record FILE")
+
+
+def _check_format(file: Path, about: dict[str, str]) -> None:
+    version = _whole(about, "format")
+    if version > FORMAT:
+        by = about.get("version", "a newer one")
+        raise NoRecordingError(
+            f"{file} has format {version}, which is newer than this sleepcast, which reads format {FORMAT}: "
+            f"update sleepcast (the file was recorded by version {by})"
+        )
+
+
+def _whole(about: dict[str, str], name: str) -> int:
+    text = about.get(name, "")
+    if not (text.isascii() and text.isdigit() and len(text) < 20):
+        raise NoRecordingError(f'the recording says {name} "{text[:40]}", wanted a whole number')
+    return int(text)
+
+
+def _scenario(file: Path, data: bytes) -> Scenario:
+    try:
+        found = unpack(Scenario, data)
+    except (ValueError, RecursionError) as error:
+        raise NoRecordingError(f"{file}: the scenario in it is not one of this version: {error}") from None
+    if not (0 < found.robots.count <= MAX_ROBOTS and 0.0 < found.tick < float("inf")):
+        raise NoRecordingError(f"{file}: {found.robots.count} robots with a tick of {found.tick} s cannot be simulated")
+    return found
+
+
+def _records(file: Path) -> Iterator[McapRecord]:
+    """Every record, those in chunks included, up to the end or to where the file breaks off."""
+    try:
+        with file.open("rb") as stream:
+            yield from _whole_records(stream)
+    except OSError as error:
+        raise RecordingError(f"cannot read {file}: {error.strerror or error}") from None
+
+
+def _whole_records(stream: BinaryIO) -> Iterator[McapRecord]:
+    reader = iter(StreamReader(stream, emit_chunks=True, record_size_limit=MAX_RECORD).records)
+    while True:
+        try:
+            record = next(reader, None)
+            if isinstance(record, Chunk) and record.uncompressed_size > MAX_RECORD:
+                return
+            parts = breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [record]
+        except _BROKEN:
+            return
+        for part in parts:
+            if part is None:
+                return
+            yield part

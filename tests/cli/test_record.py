@@ -1,0 +1,256 @@
+"""Recording a run and reading it again: the same run, also after a kill, a full disk, or in another process."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from cli.calling import Called, called
+from console.running import Program, open_page
+from sleepcast.simulator import load
+from sleepcast.simulator.foxglove import read_poses
+from sleepcast.simulator.recorder import Recorder
+from sleepcast.simulator.recording import Recording, entries, load_recording
+from small_worlds import write
+
+MISSION = """
+@1s (WHEN (> battery 50%) (JOIN full))
+@2s (WHEN (IN full) (DRIVE 2m/s 10deg/s) (TK "off we go") (REPORT "left with" battery))
+@3s (WHEN (IN full) (RULE turn (IF (> x 600m) (ST))))
+"""
+
+
+@pytest.fixture
+def world(tmp_path: Path) -> Path:
+    """A small world with a mission and a bad radio."""
+    file = write(tmp_path, ('delay = "0s"', 'delay = "0.1s"\nloss = 0.2'))
+    file.write_text('mission = "mission.sleep"\n' + file.read_text(encoding="utf-8"), encoding="utf-8")
+    (tmp_path / "mission.sleep").write_text(MISSION, encoding="utf-8")
+    return tmp_path
+
+
+def record(world: Path, *options: str, seconds: str = "20") -> Called:
+    return called("run", str(world), "--seconds", seconds, "--json", "--record", str(world / "run.mcap"), *options)
+
+
+def bodies(recording: Recording, topic: str) -> Iterator[dict[str, object]]:
+    for entry in entries(recording.file, recording):
+        if entry.topic == topic:
+            yield json.loads(entry.data)
+
+
+def test_a_recorded_run_is_the_same_run_and_can_be_repeated(world: Path) -> None:
+    plain = json.loads(called("run", str(world), "--seconds", "20", "--json").out)
+    done = record(world)
+    assert (done.status, done.err) == (0, "")
+    outcome = json.loads(done.out)
+    assert outcome["state_hash"] == plain["state_hash"]
+    found = called("replay", str(world / "run.mcap"), "--verify", "--json")
+    assert (found.status, found.err) == (0, "")
+    told = json.loads(found.out)
+    assert told["verified"] == {"same": True, "compared": 3, "differs_from_tick": None}
+    assert told["state_hash"] == plain["state_hash"]
+    assert told["complete"] is True
+    assert (told["scenario"], told["seed"], told["robots"], told["seconds"]) == (world.name, 3, 20, 20.0)
+    assert [each["tick"] for each in told["messages"]] == [10, 20, 30]
+    wanted = [{name: row[name] for name in row if name not in ("command", "predicted")} for row in told["accounting"]]
+    assert wanted == plain["accounting"]
+
+
+def test_another_seed_and_number_of_robots_are_in_the_recording(world: Path) -> None:
+    assert record(world, "--seed", "11", "--robots", "7", seconds="5").status == 0
+    told = json.loads(called("replay", str(world / "run.mcap"), "--verify", "--json").out)
+    assert (told["seed"], told["robots"], told["verified"]["same"]) == (11, 7, True)
+
+
+def test_pictures_readings_and_lines_are_there_at_the_rates_asked_for(world: Path) -> None:
+    assert record(world, "--record-pictures", "1", "--record-readings", "4").status == 0
+    recording = load_recording(world / "run.mcap")
+    times = [entry.time for entry in entries(recording.file, recording) if entry.topic == "/poses"]
+    assert times == [float(second) for second in range(21)]
+    readings = list(bodies(recording, "/readings"))
+    assert len(readings) == 6
+    poses = [e.data for e in entries(recording.file, recording) if e.topic == "/poses" and e.time % 4 == 0]
+    for data, row in zip(poses, readings, strict=True):
+        np.testing.assert_allclose(read_poses(data, 20)[:, 0], row["x"], rtol=1e-6)
+    log = b"".join(entry.data for entry in entries(recording.file, recording) if entry.topic == "/log")
+    for line in (b"off we go", b"left with", b"(JOIN full)", b"active rules: turn", b"matched"):
+        assert line in log
+    rules = list(bodies(recording, "/rules"))
+    assert rules
+    assert rules[0]["rules"] == [{"name": "turn", "text": "(IF (> x 600m) (ST))", "active": True}]
+    full = sum(each["matched"] for each in recording.accounting.values() if "JOIN" in str(each["text"]))  # type: ignore[misc]
+    marks = list(bodies(recording, "/sleepcast/marks"))[-1]
+    assert marks["names"] == ["full"]
+    assert 0 < full < 20
+
+
+def test_other_programs_can_read_it(world: Path) -> None:
+    record(world)
+    with (world / "run.mcap").open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    schemas = {
+        summary.channels[key].topic: summary.schemas[summary.channels[key].schema_id] for key in summary.channels
+    }
+    assert (schemas["/poses"].name, schemas["/poses"].encoding) == ("foxglove.PosesInFrame", "protobuf")
+    assert (schemas["/log"].name, schemas["/log"].encoding) == ("foxglove.Log", "protobuf")
+    assert summary.statistics.message_start_time == 0
+    assert summary.statistics.message_end_time == 20_000_000_000
+
+
+def test_killed_in_mid_run_the_file_is_readable_up_to_its_last_second(world: Path) -> None:
+    file = world / "run.mcap"
+    options = ("--page", "--speed", "20", "--record", str(file), "--record-pictures", "0.1")
+    with Program("run", world, *options) as program, open_page(program) as page:
+        while (tick := int.from_bytes(page.frame()[12:16], "little")) < 400:
+            pass
+        assert program.wait(signal.SIGKILL) == -signal.SIGKILL
+    recording = load_recording(file)
+    assert not recording.complete
+    assert recording.seconds >= tick * 0.1 - 20.0, "the last second at twenty times real time"
+    told = called("replay", str(file), "--verify")
+    assert told.status == 0
+    assert "ends early" in told.out
+    assert "the same to the last bit" in told.out
+
+
+def test_paused_on_the_page_nothing_recorded_waits_in_memory(world: Path) -> None:
+    file = world / "run.mcap"
+    with Program("run", world, "--page", "--speed", "5", "--record", file) as program, open_page(program) as page:
+        page.ask("send", text="(WHEN (> battery 30%) (JOIN some))", everybody=True)
+        page.wait_for("commands", lambda found: bool(found["rows"]))
+        page.tell("pace", running=False)
+        deadline = time.monotonic() + 20
+        while not (found := load_recording(file)).posted and time.monotonic() < deadline:
+            time.sleep(0.1)
+        assert [each.message.text for each in found.posted] == ["(WHEN (> battery 30%) (JOIN some))"]
+    found = load_recording(file)
+    assert found.complete, "Ctrl-C ends a recording in good order"
+    assert called("replay", str(file), "--verify").status == 0
+
+
+def test_a_full_disk_ends_the_recording_with_a_sentence_and_not_the_run(world: Path) -> None:
+    file = world / "run.mcap"
+    most = 40_000
+    command = [sys.executable, "-m", "sleepcast", "run", str(world), "--seconds", "500", "--json"]
+    done = subprocess.run(
+        [*command, "--record", str(file), "--record-pictures", "0.1"],
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (most, most)),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert "cannot record any further to" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert json.loads(done.stdout)["seconds"] == 500.0
+    assert file.stat().st_size <= most
+    assert load_recording(file).version, "what was written is still a recording"
+
+
+def test_a_chunk_that_went_in_before_the_disk_was_full_is_kept(world: Path) -> None:
+    said: list[str] = []
+    file = world / "run.mcap"
+    recorder = Recorder(file, load(world), 3, version="test", complain=said.append)
+    recorder.note("/sleepcast/state", 1.0, {"tick": 10, "hash": "first"})
+    while os.path.getsize(file) < 2_500:
+        time.sleep(0.05)
+    before = load_recording(file).states
+    while not before:
+        time.sleep(0.05)
+        before = load_recording(file).states
+    size = file.stat().st_size
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size + 20, hard))
+    try:
+        recorder.note("/sleepcast/state", 2.0, {"tick": 20, "hash": "second" * 50})
+        recorder.close()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert recorder.failed
+    assert len(said) == 1
+    assert file.stat().st_size == size, "half a chunk was taken off again"
+    assert load_recording(file).states == {10: "first"}
+
+
+def test_nothing_is_replaced_and_what_cannot_be_written_is_told_before_the_run(world: Path) -> None:
+    kept = world / "run.mcap"
+    kept.write_text("precious")
+    done = record(world)
+    assert (done.status, done.out) == (2, "")
+    assert "is there already" in done.err
+    assert kept.read_text() == "precious"
+    done = called("run", str(world), "--record", str(world / "no" / "such.mcap"))
+    assert (done.status, done.out) == (1, "")
+    assert "cannot record to" in done.err
+
+
+def test_rates_without_a_recording_are_refused(world: Path) -> None:
+    done = called("run", str(world), "--record-pictures", "1")
+    assert done.status == 2
+    assert "add --record FILE" in done.err
+
+
+def rewritten(file: Path, **about: str) -> Path:
+    """A file that says of itself what a recording says, and nothing else."""
+    with file.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        writer.add_metadata("sleepcast", {"format": "1", "version": "9.1", "seed": "1"} | about)
+        writer.finish()  # type: ignore[no-untyped-call]
+    return file
+
+
+@pytest.mark.parametrize(
+    ("about", "words"),
+    [
+        ({"format": "2"}, "format 2, which is newer than this sleepcast"),
+        ({"format": "x"}, "wanted a whole number"),
+        ({}, "is no recording of sleepcast"),
+    ],
+)
+def test_a_file_of_a_newer_format_or_of_somebody_else_is_refused(
+    tmp_path: Path, about: dict[str, str], words: str
+) -> None:
+    done = called("replay", str(rewritten(tmp_path / "x.mcap", **about)), "--headless")
+    assert done.status == 2
+    assert words in done.err
+    assert "Traceback" not in done.err
+
+
+@pytest.mark.parametrize("size", [0, 7, 30, 500, 3_000])
+def test_half_a_file_is_read_as_far_as_it_goes_or_refused(world: Path, size: int) -> None:
+    record(world)
+    whole = (world / "run.mcap").read_bytes()
+    half = world / "half.mcap"
+    half.write_bytes(whole[:size])
+    done = called("replay", str(half), "--headless")
+    assert done.status in (0, 2)
+    assert "Traceback" not in done.err
+    half.write_bytes(whole[:-size] if size else whole)
+    assert called("replay", str(half), "--headless").status == 0
+
+
+def test_a_recording_that_does_not_repeat_is_told(world: Path) -> None:
+    record(world)
+    file = world / "forged.mcap"
+    with Recorder(file, load(world), 3, version="0.0.9", complain=pytest.fail) as recorder:
+        recorder.note("/sleepcast/state", 0.0, {"tick": 0, "hash": load_recording(world / "run.mcap").states[0]})
+        recorder.note("/sleepcast/state", 1.0, {"tick": 10, "hash": "another"})
+    done = called("replay", str(file), "--verify")
+    assert done.status == 1
+    assert "the state differs from tick 10 on; recorded by version 0.0.9" in done.out

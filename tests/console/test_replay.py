@@ -1,0 +1,200 @@
+"""A recording on the page: what it shows at which time, and that nothing can be commanded there."""
+
+from __future__ import annotations
+
+import struct
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import BrowserContext, expect
+from playwright.sync_api import Page as Screen
+
+from console.running import PATIENCE, Page, Program, number, open_page
+from sleepcast.simulator.foxglove import read_poses
+from sleepcast.simulator.recording import entries, load_recording
+from small_worlds import write
+
+MISSION = """
+@5s (WHEN (> battery 50%) (JOIN full))
+@10s (WHEN (IN full) (DRIVE 2m/s 10deg/s) (REPORT "left with" battery))
+@20s (WHEN (IN full) (RULE turn (IF (> x 600m) (ST))))
+"""
+SECONDS = 60.0
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The recording of a minute in a small world."""
+    folder = tmp_path_factory.mktemp("recorded")
+    scenario = write(folder)
+    scenario.write_text('mission = "mission.sleep"\n' + scenario.read_text(encoding="utf-8"), encoding="utf-8")
+    (folder / "mission.sleep").write_text(MISSION, encoding="utf-8")
+    command = [sys.executable, "-m", "sleepcast", "run", str(folder), "--record", str(folder / "run.mcap")]
+    subprocess.run([*command, "--record-readings", "1"], check=True, capture_output=True)
+    return folder / "run.mcap"
+
+
+@pytest.fixture(scope="module")
+def replay(file: Path) -> Iterator[Program]:
+    with Program("replay", str(file)) as started:
+        yield started
+
+
+@pytest.fixture
+def page(replay: Program) -> Iterator[Page]:
+    with open_page(replay) as found:
+        found.tell("pace", running=False)
+        yield found
+
+
+def at(page: Page, time: float) -> bytes:
+    """The frame of a time to which the page has gone."""
+    page.tell("seek", time=time)
+    if page.frames:
+        page.tell("drawn", number=number(page.frames[-1]))
+    while struct.unpack_from("<d", frame := page.frame(), 16)[0] != time:
+        pass
+    return frame
+
+
+def test_the_page_is_told_how_long_the_recording_is(page: Page) -> None:
+    assert page.news["hello"]["recorded"] == SECONDS
+    assert page.news["hello"]["count"] == 20
+
+
+@pytest.mark.parametrize("time", [0.0, 12.0, 60.0, 30.0])
+def test_a_frame_shows_where_the_robots_were(page: Page, file: Path, time: float) -> None:
+    recording = load_recording(file)
+    (wanted,) = (e.data for e in entries(file, recording) if e.topic == "/poses" and e.time == time)
+    frame = at(page, time)
+    assert struct.unpack_from("<I", frame, 12)[0] == round(time / 0.1)
+    found = np.frombuffer(frame, "<f4", 60, 32).reshape(20, 3)
+    np.testing.assert_array_equal(found, read_poses(wanted, 20))
+
+
+def test_groups_accounts_and_a_robot_are_as_they_were_then(page: Page) -> None:
+    at(page, 3.0)
+    page.until("commands", lambda found: found["rows"] == [])
+    assert bytes(at(page, 3.0)[32 + 12 * 20 :]) == bytes(40)
+    frame = at(page, 30.0)
+    rows = page.until("commands", lambda found: len(found["rows"]) == 3)["rows"]
+    assert [row["at"] for row in rows] == [5.0, 10.0, 20.0]
+    matched = rows[0]["matched"]
+    assert 0 < matched < 20
+    assert rows[0]["matched"] + rows[0]["not_matched"] == 20
+    groups = frame[32 + 12 * 20 : 32 + 13 * 20]
+    assert groups.count(1) == matched
+    page.until("groups", lambda found: [each["count"] for each in found["groups"]] == [matched])
+    page.tell("watch", robot=groups.index(1))
+    told = page.wait_for("robot", lambda found: bool(found["rules"]))
+    assert told["groups"] == ["full"]
+    assert told["rules"][0]["text"] == "(IF (> x 600m) (ST))"
+    assert told["said"][-1]["text"].startswith("left with ")
+    assert {value["name"] for value in told["values"]} >= {"x", "y", "battery"}
+    at(page, 3.0)
+    page.wait_for("robot", lambda found: found["groups"] == [] and found["rules"] == [] and found["said"] == [])
+
+
+@pytest.mark.parametrize(
+    ("kind", "fields"),
+    [
+        ("send", {"text": "(ST)", "everybody": True}),
+        ("preview", {"text": "(ST)"}),
+        ("why", {"robot": 0, "command": "desk-1.1"}),
+        ("outcomes", {"command": "desk-1.1"}),
+    ],
+)
+def test_a_recording_takes_no_commands(page: Page, kind: str, fields: dict[str, object]) -> None:
+    answer = page.ask(kind, **fields)
+    assert answer["type"] == "refused"
+    assert "recording" in answer["reason"]
+
+
+def test_stepping_goes_from_picture_to_picture(page: Page) -> None:
+    at(page, 10.5)
+    page.tell("step")
+    assert struct.unpack_from("<d", page.frame(), 16)[0] == 11.0
+
+
+def test_playing_stops_at_the_end_and_begins_anew(page: Page) -> None:
+    at(page, 59.0)
+    page.tell("pace", running=True, factor=10.0)
+    while struct.unpack_from("<d", frame := page.frame(), 16)[0] < SECONDS or frame[1] & 1:
+        pass
+    page.tell("pace", running=True)
+    while struct.unpack_from("<d", page.frame(), 16)[0] > 30.0:
+        pass
+
+
+def test_a_living_swarm_cannot_be_put_back(program: Program) -> None:
+    with open_page(program) as live:
+        live.tell("seek", time=1.0)
+        while not live.refused:
+            live.receive()
+    assert "record the run" in live.refused[0]
+
+
+@pytest.fixture
+def screen(replay: Program, context: BrowserContext) -> Iterator[Screen]:
+    found = context.new_page()
+    complaints: list[str] = []
+    found.on("console", lambda said: complaints.append(said.text) if said.type in ("error", "warning") else None)
+    found.on("pageerror", lambda error: complaints.append(str(error)))
+    found.goto(replay.address)
+    expect(found.locator("#scrub")).to_be_visible(timeout=1000 * PATIENCE)
+    yield found
+    assert not complaints, complaints
+
+
+@pytest.mark.browser
+def test_the_slider_goes_to_any_time_and_is_reached_by_keys(screen: Screen) -> None:
+    clock, slider = screen.locator("#clock"), screen.locator("#scrub")
+    slider.focus()
+    screen.keyboard.press("End")
+    expect(clock).to_have_text("0:01:00")
+    expect(screen.locator("#run")).to_have_attribute("data-running", "false")
+    expect(screen.locator("#commands tr")).to_have_count(3)
+    screen.keyboard.press("Home")
+    expect(clock).to_have_text("0:00:00")
+    expect(screen.locator("#commands tr")).to_have_count(0)
+    for _ in range(5):
+        screen.keyboard.press("PageUp")
+    screen.keyboard.press("ArrowLeft")
+    screen.keyboard.press("ArrowRight")
+    expect(slider).to_have_attribute("aria-valuetext", clock.inner_text())
+    assert slider.input_value() != "0"
+    screen.keyboard.press("Home")
+    screen.locator("#run").click()
+    expect(clock).to_have_text("0:00:02", timeout=1000 * PATIENCE)
+    screen.keyboard.press("Control+Space")
+    expect(screen.locator("#run")).to_have_attribute("data-running", "false")
+
+
+@pytest.mark.browser
+def test_what_commands_a_swarm_is_not_there(screen: Screen) -> None:
+    expect(screen.locator("#recorded")).to_be_visible()
+    for name in ("#stop", "#text", "#send"):
+        expect(screen.locator(name)).to_be_hidden()
+
+
+@pytest.mark.browser
+def test_on_a_narrow_screen_the_slider_has_a_line_of_its_own(screen: Screen) -> None:
+    screen.set_viewport_size({"width": 390, "height": 800})
+    slider = screen.locator("#scrub").bounding_box()
+    assert slider is not None
+    assert slider["width"] > 330
+    assert screen.evaluate("document.documentElement.scrollWidth") <= 390
+
+
+@pytest.mark.browser
+def test_a_living_swarm_has_no_slider(program: Program, context: BrowserContext) -> None:
+    page = context.new_page()
+    page.goto(program.address)
+    expect(page.locator("#title")).to_have_text("a small world")
+    expect(page.locator("#scrub")).to_be_hidden()
+    expect(page.locator("#recorded")).to_be_hidden()
+    expect(page.locator("#stop")).to_be_visible()

@@ -96,12 +96,15 @@ def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  #
     document = Document(file)
     with document.root() as root:
         _check_format(root)
-        count = changes.robots or root.table("robots").whole("count", low=1, high=MAX_ROBOTS)
+
+        def count() -> int:
+            return changes.robots or root.table("robots").whole("count", low=1, high=MAX_ROBOTS)
+
         world = read_world(root, count, changes)
         size = (world.width, world.height)
         places = _places(root, size)
         known = frozenset(f"{place.name}_{axis}".casefold() for place in places for axis in "xy")
-        robots = read_robots(root, count, size, known)
+        robots = read_robots(root, count(), size, known)
         radio, ping_reach, telemetry = _radio(root, size)
         return Scenario(
             name=file.resolve().parent.name,

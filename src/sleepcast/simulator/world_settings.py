@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import sqrt
 
@@ -40,8 +41,8 @@ class WorldSpec:
     fenced: bool
 
 
-def read_world(root: Table, robots: int, changes: Changes) -> WorldSpec:
-    """The table [world] for a run with so many robots."""
+def read_world(root: Table, robots: Callable[[], int], changes: Changes) -> WorldSpec:
+    """The table [world]. robots: says how many there are, for a world that grows with them."""
     with root.table("world") as table:
         width, height = _size(table, robots, changes.area_per_robot)
         low, high = (0.0, 0.0), (width.value, height.value)
@@ -69,7 +70,7 @@ def read_world(root: Table, robots: int, changes: Changes) -> WorldSpec:
     return WorldSpec(*high, width.unit or "m", tuple(shapes), fenced=not walled)
 
 
-def _size(table: Table, robots: int, area: float | None) -> tuple[Measure, Measure]:
+def _size(table: Table, robots: Callable[[], int], area: float | None) -> tuple[Measure, Measure]:
     if table.has("area_per_robot"):
         for key in ("width", "height"):
             if table.has(key):
@@ -77,7 +78,7 @@ def _size(table: Table, robots: int, area: float | None) -> tuple[Measure, Measu
         area = area or table.number("area_per_robot", low=LEAST, high=MAX_WORLD)
     if area is not None:
         table.has("width"), table.has("height")
-        side = Measure(sqrt(area * robots))
+        side = Measure(sqrt(area * robots()))
         return side, side
     width = table.measure("width", LENGTH, low=LEAST, high=MAX_WORLD)
     return width, table.measure("height", LENGTH, low=LEAST, high=MAX_WORLD)

@@ -23,7 +23,8 @@ from sleepcast.channel import Message
 from sleepcast.errors import MisuseError
 from sleepcast.simulator.packing import unpack
 from sleepcast.simulator.recorder import ABOUT, ACCOUNTING, FORMAT, NANO, POSTED, SCENARIO, STATE, RecordingError
-from sleepcast.simulator.scenario import MAX_ROBOTS, Scenario
+from sleepcast.simulator.robot_settings import MAX_ROBOTS
+from sleepcast.simulator.scenario import Scenario
 
 MAX_RECORD = 64 * 1_048_576
 """Bytes of one record: a chunk with the readings of the largest swarm is a tenth of it."""

@@ -1,7 +1,7 @@
 """Many simulated bodies in one world, described by scenario files.
 
-`settings` and `scenario` read the files, `mission` the scripts, `gallery` finds them; `bodies`, `body`,
-`motion` and `sonar` are the bodies; `simulation` puts them together.
+`settings` and `scenario` read the files, `groups`, `signals` and `measures` parts of them, `mission` the scripts,
+`gallery` finds them; `bodies`, `body`, `motion`, `sonar` and `senses` are the bodies; `simulation` puts them together.
 """
 
 from sleepcast.simulator.bodies import Saying

@@ -12,21 +12,21 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from enum import IntEnum
 from hashlib import sha256
-from math import inf, pi
+from math import pi
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.chance import GOLDEN, key, mix, uniform
+from sleepcast.simulator.groups import value_quantities, values_of
 from sleepcast.simulator.scenario import Scenario, Store
+from sleepcast.simulator.signals import signal_sensors
 from sleepcast.units import Quantity
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-FRESH = 2.0
-"""Seconds for which a ping that was heard tells something; all else a body measures at every tick."""
 MAX_SAYINGS = 1_000
 """Latest sayings that are kept for whoever listens."""
 TURN = 2.0 * pi
@@ -113,10 +113,11 @@ class Bodies:
         run."""
         return uniform(key(self.seed, purpose), self.numbers if numbers is None else numbers)
 
-    def state_hash(self) -> str:
-        """SHA-256 of the whole state, as hexadecimal digits: equal for equal runs, whatever the process."""
+    def state_hash(self, more: Iterable[NDArray[np.generic]] = ()) -> str:
+        """SHA-256 of the whole state, as hexadecimal digits: equal for equal runs, whatever the process. more: state
+        that others keep."""
         digest = sha256(str(self.tick).encode())
-        for array in self._state():
+        for array in (*self._state(), *more):
             digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()
 
@@ -127,8 +128,13 @@ class Bodies:
 
     def _start(self) -> None:
         robots = self.scenario.robots
-        self.x[:] = _spread(robots.x, self.drawn("x"))
-        self.y[:] = _spread(robots.y, self.drawn("y"))
+        if robots.disc is None:
+            self.x[:] = _spread(robots.x, self.drawn("x"))
+            self.y[:] = _spread(robots.y, self.drawn("y"))
+        else:
+            x, y, radius = robots.disc
+            away, angle = radius * np.sqrt(self.drawn("away")), TURN * self.drawn("angle")
+            self.x[:], self.y[:] = x + away * np.cos(angle), y + away * np.sin(angle)
         self.heading[:] = _spread((-pi, pi), self.drawn("heading"))
         self.speed[:] = robots.wander.speed if robots.wanders else 0.0
         for row, store in zip(self.stores, robots.stores, strict=True):
@@ -138,6 +144,9 @@ class Bodies:
         for place in self.scenario.places:
             self.sensed[first], self.sensed[first + 1] = place.x, place.y
             first += 2
+        for quantity in value_quantities(robots.groups):
+            self.sensed[first] = values_of(robots.groups, self.count, quantity.name)
+            first += 1
 
 
 def _spread(ends: tuple[float, float], drawn: Floats) -> Floats:
@@ -158,17 +167,10 @@ def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:
             for place in scenario.places
             for axis, size, way in (("x", scenario.width, "to the east"), ("y", scenario.height, "to the north"))
         ),
-        *(_ping_sensors(length) if scenario.ping_reach else ()),
+        *value_quantities(scenario.robots.groups),
+        *signal_sensors(scenario.lights, scenario.pings, length),
     )
 
 
 def _of_store(store: Store) -> Quantity:
     return Quantity(store.name, store.unit, 0.0, store.full, doc=store.about, shown_as=store.unit)
-
-
-def _ping_sensors(length: str) -> tuple[Quantity, ...]:
-    return (
-        Quantity("ping_caste", "", -inf, inf, FRESH, "the number that the last ping heard carried"),
-        Quantity("ping_range", "m", 0.0, inf, FRESH, "how far away the robot was that sent it", length),
-        Quantity("ping_bearing", "rad", -pi, pi, FRESH, "where it was, counter-clockwise from the heading", "deg"),
-    )

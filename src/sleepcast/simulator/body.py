@@ -13,6 +13,7 @@ from sleepcast.robot import BodyFunction, Reading, RobotModel, Setpoint
 from sleepcast.simulator import sonar
 from sleepcast.simulator.bodies import Bodies, Mode, Saying
 from sleepcast.simulator.scenario import Scenario
+from sleepcast.simulator.signals import signal_constants
 from sleepcast.units import LENGTH, NONE, RATE, SPEED, Quantity
 
 TUMBLE = 67.0 * pi / 180.0
@@ -141,4 +142,5 @@ def model_of(scenario: Scenario, bodies: Bodies) -> RobotModel:
         functions=(*FUNCTIONS, *(SONAR_FUNCTIONS if robots.geometry.sonars else ())),
         limits=robots.limits,
         geometry=robots.geometry,
+        constants=(*signal_constants(scenario.lights, scenario.pings), *scenario.constants),
     )

@@ -7,15 +7,17 @@ docs/scenarios.md.
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from math import inf, pi
 from pathlib import Path
 
 from sleepcast.channel.memory import RadioModel
-from sleepcast.robot import Geometry, Limits
+from sleepcast.robot import BodyConstant, Geometry, Limits
+from sleepcast.simulator.groups import Group, read_constants, read_groups, refuse_clashes
+from sleepcast.simulator.measures import MeasureSpec, read_measures
 from sleepcast.simulator.mission import Order, read_mission
-from sleepcast.simulator.settings import Document, Measure, Table
+from sleepcast.simulator.settings import Document, Measure, Table, checked_name
+from sleepcast.simulator.signals import LIGHT_NAMES, PING_NAMES, Light, PingModel, read_lights, read_pings
 from sleepcast.units import ACCELERATION, LENGTH, RATE, SPEED, TIME
 
 FORMAT = 1
@@ -36,10 +38,9 @@ MAX_SEED = 2**63 - 1
 LEAST = 1e-6
 """What must be more than nothing is at least this, in SI."""
 
-BODY_NAMES = ("x", "y", "heading", "speed", "drive_speed", "drive_turn", "ping_caste", "ping_range", "ping_bearing")
-"""Variables that every simulated body has, or may have."""
-
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}\Z")
+BODY_NAMES = ("x", "y", "heading", "speed", "drive_speed", "drive_turn")
+SIGNAL_NAMES = (*LIGHT_NAMES, *PING_NAMES, "FRONT", "REAR")
+"""Names that every simulated body knows, or may know."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +87,8 @@ class RobotSpec:
     """The robots: how many of which type, where they start (evenly in x and y, m), and how they are made.
 
     wanders: whether they roam from the start; otherwise they lie still until they are told to move.
-    speed_unit: in which people read their speed.
+    speed_unit: in which people read their speed. disc: x, y and radius (m) of the disc in which they start
+    instead, if there is one. groups: the sorts of robots, none if all are alike.
     """
 
     type: str
@@ -99,6 +101,8 @@ class RobotSpec:
     wanders: bool
     stores: tuple[Store, ...]
     speed_unit: str
+    disc: tuple[float, float, float] | None = None
+    groups: tuple[Group, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,9 +119,9 @@ class Scenario:
     """A world at its start. Lengths in m, times in s of simulated time.
 
     speed_up: simulated seconds in a second of a person's time. seconds: how long a headless run lasts by
-    default. telemetry: time between two samples of each robot. ping_reach: how far a ping is heard, 0 where
-    none is. noise: standard deviation of each sensor that has any, by its name. length_unit: in which people
-    read lengths.
+    default. telemetry: time between two samples of each robot. noise: standard deviation of each sensor that
+    has any, by its name. length_unit: in which people read lengths. constants: numbers that rules know by name.
+    pings: how they are heard, None where nobody hears any. measures: what is to be measured of a run.
     """
 
     name: str
@@ -135,10 +139,13 @@ class Scenario:
     places: tuple[Place, ...]
     noise: dict[str, float]
     radio: RadioModel
-    ping_reach: float
     telemetry: float
     commands: tuple[ReadyCommand, ...]
     mission: tuple[Order, ...]
+    constants: tuple[BodyConstant, ...] = ()
+    lights: tuple[Light, ...] = ()
+    pings: PingModel | None = None
+    measures: tuple[MeasureSpec, ...] = ()
 
 
 def load(path: Path) -> Scenario:
@@ -153,8 +160,10 @@ def load(path: Path) -> Scenario:
             height = world.measure("height", LENGTH, low=LEAST, high=MAX_WORLD)
         size = (width.value, height.value)
         places = _places(root, size)
-        robots = _robots(root, size, places)
-        radio, ping_reach, telemetry = _radio(root, size)
+        constants, lights = read_constants(root), read_lights(root, size, [place.name for place in places])
+        robots = _robots(root, size, places, constants)
+        refuse_clashes(root, _known_names(places, robots.stores), constants, robots.groups)
+        radio, telemetry = _radio(root, size)
         return Scenario(
             name=file.resolve().parent.name,
             path=file,
@@ -171,10 +180,13 @@ def load(path: Path) -> Scenario:
             places=places,
             noise=_noise(root, robots),
             radio=radio,
-            ping_reach=ping_reach,
             telemetry=telemetry,
             commands=_commands(root),
             mission=_mission(root, file.parent),
+            constants=constants,
+            lights=lights,
+            pings=read_pings(root),
+            measures=read_measures(root, _points(places, lights), MAX_TIME),
         )
 
 
@@ -186,17 +198,11 @@ def _check_format(root: Table) -> None:
         )
 
 
-def _name(around: Table, name: str) -> str:
-    if not _NAME.match(name):
-        raise around.error(name, f'"{name}" is no name: wanted a letter, then up to 31 letters, digits and _')
-    return name
-
-
 def _places(root: Table, size: tuple[float, float]) -> tuple[Place, ...]:
     found = []
     for name, table in root.tables("places", most=MAX_PLACES).items():
         with table:
-            _name(root.table("places"), name)
+            checked_name(root.table("places"), name)
             x = table.number("x", LENGTH, low=0.0, high=size[0])
             y = table.number("y", LENGTH, low=0.0, high=size[1])
             title = table.text("title", name, most=60)
@@ -204,16 +210,19 @@ def _places(root: Table, size: tuple[float, float]) -> tuple[Place, ...]:
     return tuple(found)
 
 
-def _robots(root: Table, size: tuple[float, float], places: tuple[Place, ...]) -> RobotSpec:
+def _robots(
+    root: Table, size: tuple[float, float], places: tuple[Place, ...], constants: tuple[BodyConstant, ...]
+) -> RobotSpec:
     whole_x, whole_y = ((Measure(0.0), Measure(end)) for end in size)
     with root.table("robots") as table:
-        kind = _name(table, table.text("type", most=32))
+        kind = checked_name(table, table.text("type", most=32))
         limits, speed_unit = _limits(table, size)
         x = table.span("x", LENGTH, whole_x, low=0.0, high=size[0])
         y = table.span("y", LENGTH, whole_y, low=0.0, high=size[1])
+        groups = read_groups(table, constants, MAX_ROBOTS)
         return RobotSpec(
             type=kind,
-            count=table.whole("count", low=1, high=MAX_ROBOTS),
+            count=_count(table, groups),
             x=(x[0].value, x[1].value),
             y=(y[0].value, y[1].value),
             limits=limits,
@@ -222,7 +231,45 @@ def _robots(root: Table, size: tuple[float, float], places: tuple[Place, ...]) -
             wanders=table.text("motion", "wander", choices=("wander", "still")) == "wander",
             stores=_stores(table, places),
             speed_unit=speed_unit,
+            disc=_disc(table, size),
+            groups=groups,
         )
+
+
+def _count(robots: Table, groups: tuple[Group, ...]) -> int:
+    """How many robots there are; if they are in groups, that follows from them."""
+    if not groups:
+        return robots.whole("count", low=1, high=MAX_ROBOTS)
+    total = sum(group.count for group in groups)
+    if total > MAX_ROBOTS:
+        raise robots.error("groups", f"{total} robots in all; at most {MAX_ROBOTS} fit")
+    if robots.whole("count", total, low=1, high=MAX_ROBOTS) != total:
+        raise robots.error("count", f"the groups add up to {total}: leave this out, or say the same")
+    return total
+
+
+def _disc(robots: Table, size: tuple[float, float]) -> tuple[float, float, float] | None:
+    if not robots.has("disc"):
+        return None
+    for key in ("x", "y"):
+        if robots.has(key):
+            raise robots.error(key, f"the robots start within a disc, [robots.disc]: leave {key} out, or the disc")
+    with robots.table("disc") as table:
+        x = table.number("x", LENGTH, low=0.0, high=size[0])
+        y = table.number("y", LENGTH, low=0.0, high=size[1])
+        room = min(x, size[0] - x, y, size[1] - y)
+        return x, y, table.number("radius", LENGTH, low=0.0, high=room)
+
+
+def _points(places: tuple[Place, ...], lights: tuple[Light, ...]) -> dict[str, tuple[float, float]]:
+    """Every point with a name."""
+    return {place.name: (place.x, place.y) for place in places} | {light.name: (light.x, light.y) for light in lights}
+
+
+def _known_names(places: tuple[Place, ...], stores: tuple[Store, ...]) -> list[str]:
+    """What robots know by name besides constants and the values of groups."""
+    points = [f"{place.name}_{axis}" for place in places for axis in "xy"]
+    return [*BODY_NAMES, *SIGNAL_NAMES, *points, *(store.name for store in stores)]
 
 
 def _limits(robots: Table, size: tuple[float, float]) -> tuple[Limits, str]:
@@ -251,11 +298,14 @@ def _wander(robots: Table, limits: Limits) -> Wander:
 
 
 def _stores(robots: Table, places: tuple[Place, ...]) -> tuple[Store, ...]:
-    taken = {*BODY_NAMES, *(f"{place.name}_{axis}".casefold() for place in places for axis in "xy")}
+    taken = {
+        *(name.casefold() for name in (*BODY_NAMES, *SIGNAL_NAMES)),
+        *(f"{place.name}_{axis}".casefold() for place in places for axis in "xy"),
+    }
     found = []
     for name, table in robots.tables("stores", most=MAX_STORES).items():
         around = robots.table("stores")
-        if _name(around, name).casefold() in taken:
+        if checked_name(around, name).casefold() in taken:
             raise around.error(name, "every robot has a variable of this name already; choose another")
         taken.add(name.casefold())
         with table:
@@ -277,8 +327,8 @@ def _store(table: Table, name: str) -> Store:
     )
 
 
-def _radio(root: Table, size: tuple[float, float]) -> tuple[RadioModel, float, float]:
-    """The radio, how far a ping is heard, and the time between two samples."""
+def _radio(root: Table, size: tuple[float, float]) -> tuple[RadioModel, float]:
+    """The radio, and the time between two samples."""
     usual = RadioModel()
     with root.table("radio") as table:
         seated = table.has("operator")
@@ -293,8 +343,7 @@ def _radio(root: Table, size: tuple[float, float]) -> tuple[RadioModel, float, f
             reordering=table.number("reordering", default=usual.reordering, low=0.0, high=1.0),
             held_back=table.number("held_back", TIME, usual.held_back, low=0.0, high=MAX_TIME),
         )
-        ping_reach = table.number("ping_reach", LENGTH, 0.0, low=0.0)
-        return radio, ping_reach, table.number("telemetry", TIME, 1.0, low=LEAST, high=MAX_TIME)
+        return radio, table.number("telemetry", TIME, 1.0, low=LEAST, high=MAX_TIME)
 
 
 def _noise(root: Table, robots: RobotSpec) -> dict[str, float]:

@@ -334,6 +334,19 @@ def test_the_page_shows_where_the_robots_are(tmp_path: Path) -> None:
     assert list(shown.minds) == list(shown.scene.names)
 
 
+def test_the_scene_has_the_lights() -> None:
+    built, _ = assemble(find_scenario("braitenberg"), None, mission=False)
+    scene = SwarmOnPage(built).scene
+    assert [(light.name, light.x, light.y) for light in scene.lights] == [("the lamp", 140.0, 80.0)]
+    assert scene.places == ()
+
+
+def test_the_outcome_for_people_tells_the_measures() -> None:
+    out = called("run", "braitenberg", "--seconds", "20", "--seed", "1").out
+    assert re.search(r"^  distance_to_light: 60\.\d+ m at the start, \d+\.\d+ m after 20 s$", out, re.MULTILINE)
+    assert "  radius_of_gyration: 3." in out
+
+
 def test_the_scene_is_the_scenario() -> None:
     scenario = find_scenario("bravo")
     built, station = assemble(scenario, None, mission=False)

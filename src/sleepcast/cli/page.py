@@ -59,6 +59,7 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
         unit=scenario.length_unit or "m",
         radius=scenario.robots.geometry.radius,
         places=tuple(Place(place.title, place.x, place.y) for place in scenario.places),
+        lights=tuple(Place(light.title, light.x, light.y) for light in scenario.lights),
         commands=tuple(ReadyCommand(each.title, each.text.strip(), each.about) for each in scenario.commands),
     )
 

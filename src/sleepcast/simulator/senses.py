@@ -108,7 +108,7 @@ class _Ears:
             self._hear_block(senders, castes, np.arange(first, min(first + width, self._bodies.count)))
 
     def _hear_block(self, senders: NDArray[np.int64], castes: Floats, hearers: NDArray[np.int64]) -> None:
-        """Let some robots hear all that was sent: of more than fit into a queue, those that come last by chance."""
+        """Let some robots hear what was sent, each in an order of its own, and no more than fits into a queue."""
         bodies, model = self._bodies, self._model
         across = bodies.x[senders, None] - bodies.x[hearers]
         up = bodies.y[senders, None] - bodies.y[hearers]
@@ -117,13 +117,15 @@ class _Ears:
         heard = (away <= model.reach) & (senders[:, None] != hearers)
         if model.loss:
             heard &= uniform(key(bodies.seed, "ping lost", bodies.tick), pairs) >= model.loss
-        turn = uniform(key(bodies.seed, "ping order", bodies.tick), pairs)
-        order = np.argsort(np.where(heard, turn, 2.0), axis=0, kind="stable")[: model.queue]
-        for chosen in order:
-            columns = np.flatnonzero(heard[chosen, np.arange(hearers.size)])
-            rows, ears = chosen[columns], hearers[columns]
+        turn = np.where(heard, uniform(key(bodies.seed, "ping order", bodies.tick), pairs), np.inf)
+        for _ in range(min(model.queue, senders.size)):
+            first = turn.argmin(axis=0)
+            columns = np.flatnonzero(heard[first, np.arange(hearers.size)])
+            rows, ears = first[columns], hearers[columns]
             facing = bearing(across[rows, columns], up[rows, columns], bodies.heading[ears])
             self._queue(ears, np.stack((away[rows, columns], facing, castes[rows])))
+            heard[rows, columns] = False
+            turn[rows, columns] = np.inf
 
     def _queue(self, ears: NDArray[np.int64], ping: Floats) -> None:
         """Put one ping into the queue of each of `ears`; ping: its range, bearing and caste, shape (3, ears)."""

@@ -271,7 +271,7 @@ def test_the_annotated_scenario_can_be_loaded_and_the_tables_name_its_keys(tmp_p
     (tmp_path / "scenario.toml").write_text(text, encoding="utf-8")
     find_scenario(str(tmp_path))
     named = set(re.findall(r"[a-z_]+", (ROOT / "docs" / "scenarios.md").read_text(encoding="utf-8")))
-    keys = set(re.findall(r"^(?:# )?(\w+) =", text, re.MULTILINE))
+    keys = set(re.findall(r"^(?:# )?([a-z]\w*) =", text, re.MULTILINE))
     assert not keys - named, "keys that docs/scenarios.md does not name"
 
 

@@ -56,7 +56,7 @@ HOUSE = {
     "loop": room("language channel node simulator robot"),
     "station": room("language channel node", "msgspec"),
     "console": room("language station", "starlette uvicorn msgspec"),
-    "cli": room("language channel robot node simulator loop station console", "click rich prompt_toolkit"),
+    "cli": room("language channel robot node simulator loop station console", "click rich prompt_toolkit msgspec"),
     "__main__": room("cli"),
 }
 MESSAGES = frozenset({"msgspec", "typing_extensions"})  # msgspec takes the second where there is one

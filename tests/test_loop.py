@@ -186,10 +186,10 @@ class TestAir:
         assert [i for i, node in enumerate(swarm.nodes) if "convoy" in node.groups] == [7, 8, 10, 11]
 
     def test_pings_are_sensed_by_rules_in_reach(self, swarms: Swarms) -> None:
-        swarm, desk = swarms(more='ping_reach = "100m"\n')
+        swarm, desk = swarms(more='\n[pings]\nreach = "100m"\n')
         swarm.simulator.bodies.x[:] = [50.0 * i for i in range(20)]
         swarm.simulator.bodies.y[:] = 500.0
-        desk.send("(RULE hear (WHEN (= ping_caste 7) (MARK)))", everybody=True)
+        desk.send("(RULE hear (WHEN (AND pFlag (= pCaste 7)) (MARK)))", everybody=True)
         swarm.run(1)
         assert not any(value(node, "marked") for node in swarm.nodes)
         desk.send("(WHEN (= id 10) (PING 7))")

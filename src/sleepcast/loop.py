@@ -24,10 +24,11 @@ from sleepcast.channel.memory import OPERATOR, Radio
 from sleepcast.clock import Clock
 from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.language.reader import read
-from sleepcast.language.vocabulary import HostFunction, Vocabulary
+from sleepcast.language.vocabulary import Constant, HostFunction, Vocabulary
 from sleepcast.node.node import Node, Result
 from sleepcast.robot import RobotModel, Setpoint
 from sleepcast.simulator import MissionError, Order, Simulator
+from sleepcast.units import NONE, UNITS
 
 MAX_MINDS = 10_000
 """Robots whose minds are objects of their own; at more, a tick takes longer than a tick lasts."""
@@ -142,6 +143,7 @@ class Swarm:
             "stopped": sum(node.stopped for node in self.nodes),
             "said": len(self.simulator.said),
             "radio": asdict(self.radio.counts),
+            **self.simulator.measured(),
         }
 
 
@@ -279,7 +281,10 @@ def vocabulary_of(model: RobotModel) -> Vocabulary:
         HostFunction(f.name, f.call, f.dimensions, f.least, f.arguments, f.result, f.acts, f.labelled, f.doc)
         for f in model.functions
     )
-    return Vocabulary(model.name, model.sensors, model.actuators, functions=tuple(functions))
+    constants = (Constant(c.name, c.value, UNITS[c.unit].dimension if c.unit else NONE, c.doc) for c in model.constants)
+    return Vocabulary(
+        model.name, model.sensors, model.actuators, constants=tuple(constants), functions=tuple(functions)
+    )
 
 
 def _readable(order: Order) -> Order:

@@ -66,6 +66,16 @@ class BodyFunction:
 
 
 @dataclass(frozen=True, slots=True)
+class BodyConstant:
+    """A number that robots of one type know by name. value: in SI, of the dimension of `unit` ("": a plain number)."""
+
+    name: str
+    value: float
+    unit: str = ""
+    doc: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class RobotModel:
     """What all robots of one type have in common. sensors: in the order of a `Reading`'s values. actuators:
     in the order of a `Setpoint`'s fields, as many of them as the body has."""
@@ -76,6 +86,7 @@ class RobotModel:
     functions: tuple[BodyFunction, ...]
     limits: Limits
     geometry: Geometry
+    constants: tuple[BodyConstant, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

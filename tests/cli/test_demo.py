@@ -291,6 +291,9 @@ def test_no_argument_is_the_demo_of_bravo(monkeypatch: pytest.MonkeyPatch) -> No
             "host": "127.0.0.1",
             "insecure": False,
             "no_browser": False,
+            "record": None,
+            "record_pictures": None,
+            "record_readings": None,
         },
     )
 
@@ -336,6 +339,19 @@ def test_the_page_shows_where_the_robots_are(tmp_path: Path) -> None:
     assert poses[2::3].tolist() == pytest.approx(simulator.bodies.heading.tolist(), rel=1e-6)
     assert (shown.tick, shown.now()) == (1, pytest.approx(0.1))
     assert list(shown.minds) == list(shown.scene.names)
+
+
+def test_the_scene_has_the_lights() -> None:
+    built, _ = assemble(find_scenario("braitenberg"), None, mission=False)
+    scene = SwarmOnPage(built).scene
+    assert [(light.name, light.x, light.y) for light in scene.lights] == [("the lamp", 140.0, 80.0)]
+    assert scene.places == ()
+
+
+def test_the_outcome_for_people_tells_the_measures() -> None:
+    out = called("run", "braitenberg", "--seconds", "20", "--seed", "1").out
+    assert re.search(r"^  distance_to_light: 60\.\d+ m at the start, \d+\.\d+ m after 20 s$", out, re.MULTILINE)
+    assert "  radius_of_gyration: 3." in out
 
 
 def test_the_scene_is_the_scenario() -> None:

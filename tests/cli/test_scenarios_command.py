@@ -42,6 +42,11 @@ def test_a_page_tells_the_story_and_what_to_type(capsys: pytest.CaptureFixture[s
     assert f"sleepcast demo {name}" in out
 
 
+def test_a_page_tells_of_lights_and_groups(capsys: pytest.CaptureFixture[str]) -> None:
+    _, out, _ = run(capsys, "braitenberg")
+    assert "the lamp: a light, seen as sFlag, sRange, sBearing\neyes: 20 of them, with myCaste 4\n" in out
+
+
 def test_a_scenario_of_ones_own_has_a_page_too(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     write(tmp_path)
     status, out, _ = run(capsys, tmp_path)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import atan2, hypot, inf, isclose, isnan, pi, radians
+from math import atan2, hypot, inf, isclose, pi, radians
 from pathlib import Path
 
 import numpy as np
@@ -316,44 +316,6 @@ class TestSonar:
             "SONAR",
             "NEAREST",
         }
-
-
-class TestPings:
-    def ping_world(self, folder: Path) -> Simulator:
-        sim = simulator(folder, more='ping_reach = "100m"\n')
-        clear(sim)
-        put(sim, 0, 500.0, 500.0)
-        put(sim, 1, 560.0, 500.0, radians(90))
-        put(sim, 2, 500.0, 650.0)
-        return sim
-
-    def heard(self, sim: Simulator, number: int) -> tuple[float, ...]:
-        return sim.robots[number].sense().values[-3:]
-
-    def test_those_in_reach_hear_caste_range_and_bearing_once(self, tmp_path: Path) -> None:
-        sim = self.ping_world(tmp_path)
-        assert all(isnan(value) for value in self.heard(sim, 1))
-        sim.ping(0, 3.0)
-        sim.step()
-        assert self.heard(sim, 1) == pytest.approx((3.0, 60.0, radians(90)))
-        assert all(isnan(value) for value in (*self.heard(sim, 0), *self.heard(sim, 2)))
-        sim.step()
-        assert all(isnan(value) for value in self.heard(sim, 1))
-
-    @pytest.mark.parametrize("order", [(0, 3), (3, 0)])
-    def test_of_two_pings_the_nearer_is_heard(self, tmp_path: Path, order: tuple[int, int]) -> None:
-        sim = self.ping_world(tmp_path)
-        put(sim, 3, 550.0, 500.0)
-        for number in order:
-            sim.ping(number, float(number))
-        sim.step()
-        assert self.heard(sim, 1)[0] == 3.0
-
-    def test_without_a_reach_there_are_no_such_sensors(self, tmp_path: Path) -> None:
-        sim = simulator(tmp_path)
-        assert not [sensor for sensor in sim.model.sensors if sensor.name.startswith("ping")]
-        sim.ping(0, 1.0)
-        sim.step()
 
 
 class TestReadings:

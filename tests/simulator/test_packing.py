@@ -8,15 +8,64 @@ from pathlib import Path
 
 import pytest
 
-from sleepcast.simulator import Place, Scenario, find_scenario, scenario_names
+from sleepcast.simulator import Place, Scenario, find_scenario, load, scenario_names
 from sleepcast.simulator.packing import TYPE, pack, unpack
-from small_worlds import small
+from small_worlds import SCOUTS, small, write
 
 
 @pytest.mark.parametrize("name", scenario_names())
 def test_every_scenario_of_the_gallery_comes_back(name: str) -> None:
     scenario = find_scenario(name)
     assert unpack(Scenario, pack(scenario)) == replace(scenario, path=Path(scenario.path.name))
+
+
+EVERYTHING = """
+[[world.circles]]
+center = ["3m", "3m"]
+radius = "1m"
+
+[constants]
+EYES = 4
+FAR = "6m"
+
+[lights.lamp]
+x = "9m"
+y = "9m"
+
+[robots.disc]
+x = "9m"
+y = "9m"
+radius = "2m"
+
+[robots.groups.eyes]
+count = 1
+values = { caste = "EYES", keep = "FAR" }
+
+[robots.groups.ears]
+count = 2
+values = { caste = 2 }
+sees_light = false
+
+[pings]
+reach = "5m"
+
+[measures.way]
+of = "distance"
+to = "lamp"
+
+[measures.size]
+of = "gyration"
+"""
+
+
+def test_every_sort_of_part_comes_back(tmp_path: Path) -> None:
+    scenario = load(write(tmp_path, ("count = 1\n", ""), more=EVERYTHING, text=SCOUTS))
+    robots = scenario.robots
+    assert all((scenario.shapes, scenario.constants, scenario.lights, scenario.pings, scenario.measures))
+    assert all((robots.groups, robots.disc, robots.wheels, robots.ring))
+    found = unpack(Scenario, pack(scenario))
+    assert found == replace(scenario, path=Path(scenario.path.name))
+    assert found.robots.groups[0].values["keep"].unit == "m"
 
 
 def test_infinities_and_none_come_back(tmp_path: Path) -> None:

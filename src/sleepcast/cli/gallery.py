@@ -54,6 +54,10 @@ def _page(scenario: Scenario, name: str) -> str:
     lines.append(f"a tick {scenario.tick:g} s; in the browser at {scenario.speed_up:g} times real time.")
     for place in scenario.places:
         lines.append(f"{place.title}: {place.name}_x, {place.name}_y{f' ({place.about})' if place.about else ''}")
+    lines += [f"{light.title}: a light, seen as sFlag, sRange, sBearing" for light in scenario.lights]
+    for group in robots.groups:
+        values = ", ".join(f"{name} {value.value:g}" for name, value in group.values.items())
+        lines.append(f"{group.name}: {group.count} of them{f', with {values}' if values else ''}")
     for store in robots.stores:
         lines.append(f"{store.name}{f': {store.about}' if store.about else ''}")
     if scenario.commands:

@@ -69,6 +69,9 @@ class Run:
             lines.append(f"    {self.station.accounting(command.id).sentence()}")
         groups = found["measures"]["groups"] if isinstance(found["measures"], dict) else {}
         lines += [f"  group {name}: {count} members" for name, count in groups.items()]
+        for name, series in self.swarm.simulator.measured().items():
+            (_, first), (seconds, last) = series[0], series[-1]
+            lines.append(f"  {name}: {first:.4g} m at the start, {last:.4g} m after {seconds:g} s")
         lines.append(f"  state {found['state_hash']}")
         return "\n".join(lines)
 

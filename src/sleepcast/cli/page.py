@@ -66,6 +66,7 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
         radius=scenario.robots.geometry.radius,
         places=tuple(Place(place.title, place.x, place.y) for place in scenario.places),
         obstacles=tuple(_outline(shape) for shape in scenario.shapes),
+        lights=tuple(Place(light.title, light.x, light.y) for light in scenario.lights),
         commands=tuple(ReadyCommand(each.title, each.text.strip(), each.about) for each in scenario.commands),
     )
 

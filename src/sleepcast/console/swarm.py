@@ -35,7 +35,7 @@ class Scene(msgspec.Struct, frozen=True):
 
     noun: what the robots are called, in the plural. names: of the robots, by their index. area: least x, least y,
     greatest x, greatest y in m. unit: a length of `sleepcast.units`, in which people read the map. radius: of a body,
-    in m. obstacles: polygons, each a list of corners (x, y) in m.
+    in m. lights: where they are, with their names. obstacles: polygons, each a list of corners (x, y) in m.
     """
 
     title: str
@@ -46,6 +46,7 @@ class Scene(msgspec.Struct, frozen=True):
     unit: str
     radius: float
     places: tuple[Place, ...] = ()
+    lights: tuple[Place, ...] = ()
     obstacles: tuple[tuple[tuple[float, float], ...], ...] = ()
     commands: tuple[ReadyCommand, ...] = ()
 

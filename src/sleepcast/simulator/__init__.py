@@ -1,9 +1,10 @@
 """Many simulated bodies in one world, described by scenario files.
 
-`settings`, `scenario`, `robot_settings` and `world_settings` read the files, `mission` the scripts, `gallery` finds
-them. `world` has what is solid, `bodies` the robots' state; `motion` moves them by `wheels` or without, until
-`bumpers` touch; `echoes` are their sonars. The heavy work is done by a machine of `engine`: `cones`, `contact` and
-`grid` in NumPy, or `fast` with its compiled `kernels`. `simulation` puts everything together.
+`settings`, `scenario`, `robot_settings` and `world_settings` read the files, `groups`, `signals` and `measures`
+parts of them, `mission` the scripts, `gallery` finds them. `world` has what is solid, `bodies` the robots' state;
+`motion` moves them by `wheels` or without, until `bumpers` touch; `echoes` are their sonars, `senses` see lights and
+hear pings. The heavy work is done by a machine of `engine`: `cones`, `contact` and `grid` in NumPy, or `fast` with its
+compiled `kernels`. `simulation` puts everything together.
 """
 
 from sleepcast.simulator.bodies import Saying

@@ -23,6 +23,7 @@ from sleepcast.channel.chance import GOLDEN, key, mix, uniform
 from sleepcast.simulator.bumpers import Bumpers
 from sleepcast.simulator.echoes import Echoes
 from sleepcast.simulator.engine import Machine
+from sleepcast.simulator.groups import value_quantities, values_of
 from sleepcast.simulator.scenario import Scenario
 from sleepcast.simulator.sensors import sensors_of
 from sleepcast.simulator.world import World
@@ -163,10 +164,11 @@ class Bodies:
         run."""
         return uniform(key(self.seed, purpose), self.numbers if numbers is None else numbers)
 
-    def state_hash(self) -> str:
-        """SHA-256 of the whole state, as hexadecimal digits: equal for equal runs, whatever the process."""
+    def state_hash(self, more: Iterable[NDArray[np.generic]] = ()) -> str:
+        """SHA-256 of the whole state, as hexadecimal digits: equal for equal runs, whatever the process. more: state
+        that others keep."""
         digest = sha256(str(self.tick).encode())
-        for array in self._state():
+        for array in (*self._state(), *more):
             digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()
 
@@ -184,10 +186,9 @@ class Bodies:
 
     def _start(self) -> None:
         robots = self.scenario.robots
-        self.x[:] = _spread(robots.x, self.drawn("x"))
-        self.y[:] = _spread(robots.y, self.drawn("y"))
+        self.x[:], self.y[:] = self._places()
         if self.contact:
-            self.contact.part(self.x, self.y, self._drawn_anew)
+            self.contact.part(self.x, self.y, self._places)
         self.heading[:] = _spread((-pi, pi), self.drawn("heading"))
         self.encoder_x[:], self.encoder_y[:], self.encoder_heading[:] = self.x, self.y, self.heading
         self.speed[:] = robots.wander.speed if robots.wanders else 0.0
@@ -199,11 +200,18 @@ class Bodies:
         for place in self.scenario.places:
             self.sensed[first], self.sensed[first + 1] = place.x, place.y
             first += 2
+        for quantity in value_quantities(robots.groups):
+            self.sensed[first] = values_of(robots.groups, self.count, quantity.name)
+            first += 1
 
-    def _drawn_anew(self, attempt: int) -> tuple[Floats, Floats]:
-        """Other places to start from."""
-        robots = self.scenario.robots
-        return _spread(robots.x, self.drawn(f"x {attempt}")), _spread(robots.y, self.drawn(f"y {attempt}"))
+    def _places(self, attempt: int | None = None) -> tuple[Floats, Floats]:
+        """Where the robots start; other places for each further attempt."""
+        robots, again = self.scenario.robots, "" if attempt is None else f" {attempt}"
+        if robots.disc is None:
+            return _spread(robots.x, self.drawn(f"x{again}")), _spread(robots.y, self.drawn(f"y{again}"))
+        x, y, radius = robots.disc
+        away, angle = radius * np.sqrt(self.drawn(f"away{again}")), TURN * self.drawn(f"angle{again}")
+        return x + away * np.cos(angle), y + away * np.sin(angle)
 
 
 def _spread(ends: tuple[float, float], drawn: Floats) -> Floats:

@@ -16,6 +16,7 @@ from sleepcast.simulator import sonar
 from sleepcast.simulator.bodies import TURN, Bodies, Mode, Saying
 from sleepcast.simulator.scenario import Scenario
 from sleepcast.simulator.sensors import sonar_sensors
+from sleepcast.simulator.signals import signal_constants
 from sleepcast.units import LENGTH, NONE, RATE, SPEED, Quantity
 
 TUMBLE = 67.0 * pi / 180.0
@@ -172,4 +173,5 @@ def model_of(scenario: Scenario, bodies: Bodies) -> RobotModel:
         ),
         limits=robots.limits,
         geometry=robots.geometry,
+        constants=(*signal_constants(scenario.lights, scenario.pings), *scenario.constants),
     )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import inf, pi
 
 from sleepcast.robot import Geometry, Limits
-from sleepcast.simulator.settings import Measure, Table
+from sleepcast.simulator.groups import Group
+from sleepcast.simulator.settings import Measure, Table, checked_name
+from sleepcast.simulator.signals import LIGHT_NAMES, PING_NAMES
 from sleepcast.units import ACCELERATION, LENGTH, RATE, SPEED, TIME
 
 MAX_ROBOTS = 1_000_000
@@ -31,13 +33,12 @@ WIDEST_BEAM = pi / 2
 INCH = 0.0254
 
 BODY_NAMES = (
-    *("x", "y", "heading", "speed", "drive_speed", "drive_turn", "ping_caste", "ping_range", "ping_bearing"),
-    *("bumper", "front_range"),
+    *("x", "y", "heading", "speed", "drive_speed", "drive_turn", "bumper", "front_range"),
+    *(f"sonar{number}" for number in range(MAX_SONARS)),
 )
-"""Variables that every simulated body has, or may have, beside those of its sonars."""
-
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}\Z")
-_SONAR = re.compile(r"sonar\d+\Z", re.IGNORECASE)
+"""Variables that every simulated body has, or may have."""
+SIGNAL_NAMES = (*LIGHT_NAMES, *PING_NAMES, "FRONT", "REAR")
+"""What it knows besides where there are lights or pings."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +111,8 @@ class RobotSpec:
 
     wanders: whether they roam from the start; otherwise they lie still until they are told to move. wheels: None for
     a craft that turns and drives without them. ring: None without sonars. bumpers: parts of the bumper, 0 for bodies
-    that nothing stops. speed_unit: in which people read their speed.
+    that nothing stops. speed_unit: in which people read their speed. disc: x, y and radius (m) of the disc in which
+    they start instead, if there is one. groups: the sorts of robots, none if all are alike.
     """
 
     type: str
@@ -126,13 +128,30 @@ class RobotSpec:
     wheels: Wheels | None = None
     ring: Ring | None = None
     bumpers: int = 0
+    disc: tuple[float, float, float] | None = None
+    groups: tuple[Group, ...] = ()
 
 
-def read_robots(root: Table, count: int, size: tuple[float, float], taken: frozenset[str]) -> RobotSpec:
-    """The table [robots]. count: of robots; size: of the world, m; taken: names of other variables, case-folded."""
+def read_count(robots: Table, groups: tuple[Group, ...]) -> int:
+    """How many robots the table `robots` has; if they are in groups, that follows from them."""
+    if not groups:
+        return robots.whole("count", low=1, high=MAX_ROBOTS)
+    total = sum(group.count for group in groups)
+    if total > MAX_ROBOTS:
+        raise robots.error("groups", f"{total} robots in all; at most {MAX_ROBOTS} fit")
+    if robots.whole("count", total, low=1, high=MAX_ROBOTS) != total:
+        raise robots.error("count", f"the groups add up to {total}: leave this out, or say the same")
+    return total
+
+
+def read_robots(
+    root: Table, count: int, groups: tuple[Group, ...], size: tuple[float, float], taken: Iterable[str]
+) -> RobotSpec:
+    """The table [robots], all but `count` and `groups` of it. count: of robots, which may be another one than that of
+    the groups; size: of the world, m; taken: names that mean something already."""
     whole_x, whole_y = ((Measure(0.0), Measure(end)) for end in size)
     with root.table("robots") as table:
-        table.has("count")
+        table.has("count"), table.has("groups")
         kind = checked_name(table, table.text("type", most=32))
         limits, speed_unit = _limits(table, size)
         x = table.span("x", LENGTH, whole_x, low=0.0, high=size[0])
@@ -155,14 +174,22 @@ def read_robots(root: Table, count: int, size: tuple[float, float], taken: froze
             wheels=_wheels(table) if table.has("wheels") else None,
             ring=ring,
             bumpers=bumpers,
+            disc=_disc(table, size),
+            groups=groups,
         )
 
 
-def checked_name(around: Table, name: str) -> str:
-    """`name`, if it is one; raises SettingsError at this key of `around` if not."""
-    if not _NAME.match(name):
-        raise around.error(name, f'"{name}" is no name: wanted a letter, then up to 31 letters, digits and _')
-    return name
+def _disc(robots: Table, size: tuple[float, float]) -> tuple[float, float, float] | None:
+    if not robots.has("disc"):
+        return None
+    for key in ("x", "y"):
+        if robots.has(key):
+            raise robots.error(key, f"the robots start within a disc, [robots.disc]: leave {key} out, or the disc")
+    with robots.table("disc") as table:
+        x = table.number("x", LENGTH, low=0.0, high=size[0])
+        y = table.number("y", LENGTH, low=0.0, high=size[1])
+        room = min(x, size[0] - x, y, size[1] - y)
+        return x, y, table.number("radius", LENGTH, low=0.0, high=room)
 
 
 def _limits(robots: Table, size: tuple[float, float]) -> tuple[Limits, str]:
@@ -217,13 +244,13 @@ def _wander(robots: Table, limits: Limits) -> Wander:
         )
 
 
-def _stores(robots: Table, others: frozenset[str]) -> tuple[Store, ...]:
-    taken = {*BODY_NAMES, *others}
+def _stores(robots: Table, others: Iterable[str]) -> tuple[Store, ...]:
+    taken = {name.casefold() for name in others}
     found = []
     for name, table in robots.tables("stores", most=MAX_STORES).items():
         around = robots.table("stores")
         folded = checked_name(around, name).casefold()
-        if folded in taken or _SONAR.match(folded):
+        if folded in taken:
             raise around.error(name, "every robot has a variable of this name already; choose another")
         taken.add(folded)
         with table:

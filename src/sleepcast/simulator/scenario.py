@@ -12,16 +12,22 @@ from math import inf, pi
 from pathlib import Path
 
 from sleepcast.channel.memory import RadioModel
+from sleepcast.robot import BodyConstant
+from sleepcast.simulator.groups import read_constants, read_groups, refuse_clashes
+from sleepcast.simulator.measures import MeasureSpec, read_measures
 from sleepcast.simulator.mission import Order, read_mission
 from sleepcast.simulator.robot_settings import (
+    BODY_NAMES,
     LEAST,
     MAX_ROBOTS,
     MAX_TIME,
+    SIGNAL_NAMES,
     RobotSpec,
-    checked_name,
+    read_count,
     read_robots,
 )
-from sleepcast.simulator.settings import Document, Measure, Table
+from sleepcast.simulator.settings import Document, Measure, Table, checked_name
+from sleepcast.simulator.signals import Light, PingModel, read_lights, read_pings
 from sleepcast.simulator.world import Shape
 from sleepcast.simulator.world_settings import Changes, read_world
 from sleepcast.units import LENGTH, SPEED, TIME
@@ -61,9 +67,10 @@ class Scenario:
     """A world at its start. Lengths in m, times in s of simulated time.
 
     speed_up: simulated seconds in a second of a person's time. seconds: how long a headless run lasts by
-    default. telemetry: time between two samples of each robot. ping_reach: how far a ping is heard, 0 where
-    none is. noise: standard deviation of each sensor that has any, by its name. length_unit: in which people
-    read lengths. shapes: what is solid in the world; fenced: whether robots turn back at its edge by themselves.
+    default. telemetry: time between two samples of each robot. noise: standard deviation of each sensor that
+    has any, by its name. length_unit: in which people read lengths. shapes: what is solid in the world; fenced: whether
+    robots turn back at its edge by themselves. constants: numbers that rules know by name. pings: how they are heard,
+    None where nobody hears any. measures: what is to be measured of a run.
     """
 
     name: str
@@ -83,10 +90,13 @@ class Scenario:
     places: tuple[Place, ...]
     noise: dict[str, float]
     radio: RadioModel
-    ping_reach: float
     telemetry: float
     commands: tuple[ReadyCommand, ...]
     mission: tuple[Order, ...]
+    constants: tuple[BodyConstant, ...] = ()
+    lights: tuple[Light, ...] = ()
+    pings: PingModel | None = None
+    measures: tuple[MeasureSpec, ...] = ()
 
 
 def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  # frozen: nobody can change it
@@ -96,16 +106,20 @@ def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  #
     document = Document(file)
     with document.root() as root:
         _check_format(root)
+        constants = read_constants(root)
+        groups = read_groups(root.table("robots"), constants, MAX_ROBOTS)
 
         def count() -> int:
-            return changes.robots or root.table("robots").whole("count", low=1, high=MAX_ROBOTS)
+            return changes.robots or read_count(root.table("robots"), groups)
 
         world = read_world(root, count, changes)
         size = (world.width, world.height)
         places = _places(root, size)
-        known = frozenset(f"{place.name}_{axis}".casefold() for place in places for axis in "xy")
-        robots = read_robots(root, count(), size, known)
-        radio, ping_reach, telemetry = _radio(root, size)
+        lights = read_lights(root, size, [place.name for place in places])
+        taken = [*BODY_NAMES, *SIGNAL_NAMES, *(f"{place.name}_{axis}" for place in places for axis in "xy")]
+        robots = read_robots(root, count(), groups, size, taken)
+        refuse_clashes(root, [*taken, *(store.name for store in robots.stores)], constants, groups)
+        radio, telemetry = _radio(root, size)
         return Scenario(
             name=file.resolve().parent.name,
             path=file,
@@ -124,10 +138,13 @@ def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  #
             places=places,
             noise=_noise(root, robots),
             radio=radio,
-            ping_reach=ping_reach,
             telemetry=telemetry,
             commands=_commands(root),
             mission=_mission(root, file.parent),
+            constants=constants,
+            lights=lights,
+            pings=read_pings(root),
+            measures=read_measures(root, _points(places, lights), MAX_TIME),
         )
 
 
@@ -151,8 +168,13 @@ def _places(root: Table, size: tuple[float, float]) -> tuple[Place, ...]:
     return tuple(found)
 
 
-def _radio(root: Table, size: tuple[float, float]) -> tuple[RadioModel, float, float]:
-    """The radio, how far a ping is heard, and the time between two samples."""
+def _points(places: tuple[Place, ...], lights: tuple[Light, ...]) -> dict[str, tuple[float, float]]:
+    """Every point with a name."""
+    return {place.name: (place.x, place.y) for place in places} | {light.name: (light.x, light.y) for light in lights}
+
+
+def _radio(root: Table, size: tuple[float, float]) -> tuple[RadioModel, float]:
+    """The radio, and the time between two samples."""
     usual = RadioModel()
     with root.table("radio") as table:
         seated = table.has("operator")
@@ -167,8 +189,7 @@ def _radio(root: Table, size: tuple[float, float]) -> tuple[RadioModel, float, f
             reordering=table.number("reordering", default=usual.reordering, low=0.0, high=1.0),
             held_back=table.number("held_back", TIME, usual.held_back, low=0.0, high=MAX_TIME),
         )
-        ping_reach = table.number("ping_reach", LENGTH, 0.0, low=0.0)
-        return radio, ping_reach, table.number("telemetry", TIME, 1.0, low=LEAST, high=MAX_TIME)
+        return radio, table.number("telemetry", TIME, 1.0, low=LEAST, high=MAX_TIME)
 
 
 def _noise(root: Table, robots: RobotSpec) -> dict[str, float]:

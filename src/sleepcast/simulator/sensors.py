@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from math import inf, pi
 
+from sleepcast.simulator.groups import value_quantities
 from sleepcast.simulator.robot_settings import Ring, Store
 from sleepcast.simulator.scenario import Scenario
+from sleepcast.simulator.signals import signal_sensors
 from sleepcast.units import Quantity
-
-FRESH = 2.0
-"""Seconds for which a ping that was heard tells something; all else a body measures at every tick."""
 
 
 def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:
@@ -29,8 +28,9 @@ def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:
             for place in scenario.places
             for axis, size, way in (("x", scenario.width, "to the east"), ("y", scenario.height, "to the north"))
         ),
+        *value_quantities(robots.groups),
         *(_bumper_sensor(robots.bumpers) if robots.bumpers else ()),
-        *(_ping_sensors(length) if scenario.ping_reach else ()),
+        *signal_sensors(scenario.lights, scenario.pings, length),
     )
 
 
@@ -53,11 +53,3 @@ def _bumper_sensor(parts: int) -> tuple[Quantity]:
 
 def _of_store(store: Store) -> Quantity:
     return Quantity(store.name, store.unit, 0.0, store.full, doc=store.about, shown_as=store.unit)
-
-
-def _ping_sensors(length: str) -> tuple[Quantity, ...]:
-    return (
-        Quantity("ping_caste", "", -inf, inf, FRESH, "the number that the last ping heard carried"),
-        Quantity("ping_range", "m", 0.0, inf, FRESH, "how far away the robot was that sent it", length),
-        Quantity("ping_bearing", "rad", -pi, pi, FRESH, "where it was, counter-clockwise from the heading", "deg"),
-    )

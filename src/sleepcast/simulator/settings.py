@@ -26,6 +26,7 @@ _NAME = r"""(?:[\w-]+|"[^"]*"|'[^']*')"""
 _KEY = re.compile(rf"\s*({_NAME}(?:\s*\.\s*{_NAME})*)\s*=")
 _HEADER = re.compile(rf"\s*(\[\[?)\s*({_NAME}(?:\s*\.\s*{_NAME})*)\s*\]")
 _PART = re.compile(_NAME)
+_CHOSEN = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}\Z")
 
 Path_ = tuple[str | int, ...]
 
@@ -157,6 +158,13 @@ class Table:
             self._refuse(key, f"a whole number from {low} to {high}", value)
         return value
 
+    def flag(self, key: str, default: bool) -> bool:
+        """Yes or no."""
+        value = self._value(key, default)
+        if not isinstance(value, bool):
+            self._refuse(key, "true or false", value)
+        return value
+
     def measure(
         self,
         key: str,
@@ -286,6 +294,13 @@ class Table:
 
     def _refuse(self, key: str, wanted: str, value: object) -> NoReturn:
         raise self.error(key, f"wanted {wanted}{'' if wanted.endswith(',') else ','} not {shown_value(value)}")
+
+
+def checked_name(around: Table, name: str) -> str:
+    """`name`, a key of the table `around` that people choose. Raises SettingsError if it cannot be a name."""
+    if not _CHOSEN.match(name):
+        raise around.error(name, f'"{name}" is no name: wanted a letter, then up to 31 letters, digits and _')
+    return name
 
 
 def _as_measure(value: object) -> Measure | None:

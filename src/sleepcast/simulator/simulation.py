@@ -7,13 +7,13 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 
-import numpy as np
-
 from sleepcast.simulator.bodies import Bodies, Floats, Saying
 from sleepcast.simulator.body import Body, model_of
 from sleepcast.simulator.engine import Machine, choose
-from sleepcast.simulator.motion import step, wrap
+from sleepcast.simulator.measures import Measuring
+from sleepcast.simulator.motion import step
 from sleepcast.simulator.scenario import Scenario
+from sleepcast.simulator.senses import Senses
 
 
 class Simulator:
@@ -45,8 +45,8 @@ class Simulator:
         self.model = model_of(scenario, self.bodies)
         self.names = tuple(f"{scenario.robots.type}{i + 1}" for i in range(scenario.robots.count))
         self.robots = tuple(Body(self.bodies, self.model, i) for i in range(scenario.robots.count))
-        self._pings: list[tuple[int, float]] = []
-        self._pinged = False
+        self._senses = Senses(self.bodies)
+        self._measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y)
 
     @property
     def tick(self) -> int:
@@ -73,14 +73,10 @@ class Simulator:
         return self.bodies.said
 
     def step(self) -> None:
-        """One tick: everything moves, then the pings sent since the last tick are heard."""
-        if self._pinged:
-            self.bodies.sensed[-3:] = np.nan
-            self._pinged = False
+        """One tick: everything moves, then lights are seen and the pings sent since the last tick are heard."""
         step(self.bodies)
-        for number, caste in self._pings:
-            self._spread(number, caste)
-        self._pings.clear()
+        self._senses.step()
+        self._measuring.observe(self.tick, self.time)
 
     def readings(self, numbers: Sequence[int] | None = None) -> list[list[float]]:
         """What the robots with these indices (None: all) sense; see `Bodies.readings`."""
@@ -91,23 +87,13 @@ class Simulator:
         self.bodies.place(number, x, y, heading)
 
     def ping(self, number: int, caste: float) -> None:
-        """Robot `number` sends a ping that carries `caste`; those in reach sense it in the next tick."""
-        if self.scenario.ping_reach:
-            self._pings.append((number, caste))
+        """Robot `number` sends a ping that carries `caste`; those in reach hear it in the next tick."""
+        self._senses.ping(number, caste)
+
+    def measured(self) -> dict[str, list[list[float]]]:
+        """The scenario's own measures so far, each a list of [seconds, metres]."""
+        return self._measuring.series()
 
     def state_hash(self) -> str:
         """SHA-256 of the state of all bodies, as hexadecimal digits."""
-        return self.bodies.state_hash()
-
-    def _spread(self, number: int, caste: float) -> None:
-        """Let every robot in reach hear a ping, unless it hears a nearer one in this tick."""
-        bodies = self.bodies
-        across, up = bodies.x[number] - bodies.x, bodies.y[number] - bodies.y
-        away = np.sqrt(across * across + up * up)
-        castes, ranges, bearings = bodies.sensed[-3:]
-        hears = (away <= self.scenario.ping_reach) & ~(ranges <= away)
-        hears[number] = False
-        castes[hears] = caste
-        ranges[hears] = away[hears]
-        bearings[hears] = wrap(np.arctan2(up[hears], across[hears]) - bodies.heading[hears])
-        self._pinged = True
+        return self.bodies.state_hash(self._senses.state())

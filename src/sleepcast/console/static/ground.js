@@ -1,4 +1,4 @@
-// What lies under the robots: the area, the grid with its unit, obstacles. And, over them, the places' names.
+// What lies under the robots: the area, the grid with its unit, obstacles, lights. And, over them, the places' names.
 
 import { gridStep } from "./view.js";
 
@@ -22,6 +22,25 @@ export function drawGround(pen, view, scene, colours) {
     pen.fill();
     pen.stroke();
   }
+  for (const light of scene.lights) drawLight(pen, view, light, colours);
+}
+
+const GLOW = 70; // pixels
+
+// A light: its glow on the ground, as wide on every scale, and its name.
+function drawLight(pen, view, light, colours) {
+  const x = view.toScreenX(light.x);
+  const y = view.toScreenY(light.y);
+  const glow = pen.createRadialGradient(x, y, 4, x, y, GLOW);
+  glow.addColorStop(0, colours.light);
+  glow.addColorStop(1, colours.area);
+  pen.globalAlpha = 0.75;
+  pen.fillStyle = glow;
+  pen.beginPath();
+  pen.arc(x, y, GLOW, 0, 2 * Math.PI);
+  pen.fill();
+  pen.globalAlpha = 1;
+  drawLabel(pen, view, light.name, x + 10, y - 0.75 * GLOW, colours.ink, colours.area, "600 13px", []);
 }
 
 function drawGrid(pen, view, step, colour) {

@@ -93,6 +93,7 @@ export function palette() {
     lit: colour("--lit"),
     chosen: colour("--chosen"),
     place: colour("--place"),
+    light: colour("--light"),
     robots: Array.from({ length: STYLES }, (_, style) => colour(`--robot-${style}`)),
   };
 }

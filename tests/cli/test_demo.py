@@ -291,6 +291,9 @@ def test_no_argument_is_the_demo_of_bravo(monkeypatch: pytest.MonkeyPatch) -> No
             "host": "127.0.0.1",
             "insecure": False,
             "no_browser": False,
+            "record": None,
+            "record_pictures": None,
+            "record_readings": None,
         },
     )
 

@@ -55,7 +55,12 @@ def test_poses_in_frame_hold_time_frame_and_every_pose() -> None:
     for pose, across, up, angle in zip(message[3], x, y, heading, strict=True):
         position, orientation = fields(fields(pose)[1][0]), fields(fields(pose)[2][0])
         assert position == {1: [across], 2: [up], 3: [0.0]}
-        assert orientation == {1: [0.0], 2: [0.0], 3: [np.sin(angle / 2)], 4: [np.cos(angle / 2)]}
+        assert orientation == {
+            1: [0.0],
+            2: [0.0],
+            3: [np.float32(np.sin(angle / 2))],
+            4: [np.float32(np.cos(angle / 2))],
+        }
 
 
 def test_poses_come_back() -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import msgspec
-
 from sleepcast.cli.page import Address, scene_of
 from sleepcast.cli.streams import announce
 from sleepcast.clock import WallClock
@@ -15,37 +13,22 @@ from sleepcast.console.ledger import Row
 from sleepcast.console.replay import Film, Marks, ReplayDesk, ReplayDriver, Track
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.foxglove import read_log, read_poses
-from sleepcast.simulator.recorder import ACCOUNTING, LOG, MARKS, POSES, POSTED, READINGS, RULES
-from sleepcast.simulator.recording import Entry, NoRecordingError, Recording, entries
+from sleepcast.simulator.recorder import (
+    ACCOUNTING,
+    LOG,
+    MARKS,
+    POSES,
+    POSTED,
+    READINGS,
+    RULES,
+    AccountBody,
+    MarksBody,
+    RulesBody,
+)
+from sleepcast.simulator.recording import Entry, NoRecordingError, Recording, decoded, entries
 
 MAX_FILM = 2_147_483_648
 """Bytes of poses, readings and the like that are held in memory: ten hours of `bravo` at the usual rates."""
-
-
-class _Marks(msgspec.Struct):
-    groups: bytes
-    flags: bytes
-    names: list[str]
-
-
-class _Account(msgspec.Struct):
-    command: str
-    matched: int
-    not_matched: int
-    fault: int
-    silent: int
-    predicted: int
-
-
-class _Rule(msgspec.Struct):
-    name: str
-    text: str
-    active: bool
-
-
-class _Rules(msgspec.Struct):
-    robot: str
-    rules: list[_Rule]
 
 
 class Maker:
@@ -56,7 +39,7 @@ class Maker:
         simulator = Simulator(scenario, recording.seed)
         self._count, self._tick, self._bytes = len(simulator.names), scenario.tick, 0
         self._rows: dict[str, Row] = {}
-        scene = msgspec.structs.replace(scene_of(scenario, simulator.names), commands=())
+        scene = scene_of(replace(scenario, commands=()), simulator.names)
         units = {sensor.name: sensor.shown_as or sensor.unit for sensor in simulator.model.sensors}
         self.film = Film(scene, recording.seconds, scenario.speed_up, units)
         for posted in recording.posted:
@@ -75,7 +58,7 @@ class Maker:
         if entry.topic == POSES:
             film.poses.add(time, (round(time / self._tick), read_poses(data, self._count).astype("<f4").tobytes()))
         elif entry.topic == MARKS:
-            marks = msgspec.json.decode(data, type=_Marks)
+            marks = decoded(MarksBody, data)
             if not len(marks.groups) == len(marks.flags) == self._count:
                 raise ValueError(f"marks of {len(marks.groups)} robots, wanted those of {self._count}")
             film.marks.add(time, Marks(marks.groups, marks.flags, tuple(marks.names)))
@@ -85,20 +68,20 @@ class Maker:
             while self._waiting and self._waiting[0].at <= time:
                 film.rows.add(time, self._waiting.pop(0))
         elif entry.topic == ACCOUNTING:
-            self._account(time, msgspec.json.decode(data, type=_Account))
+            self._account(time, decoded(AccountBody, data))
         elif entry.topic == RULES:
-            self._keep(time, msgspec.json.decode(data, type=_Rules))
+            self._keep(time, decoded(RulesBody, data))
         elif entry.topic == LOG:
             who, text = read_log(data)
             film.said.setdefault(who, Track()).add(time, text)
 
-    def _account(self, time: float, found: _Account) -> None:
+    def _account(self, time: float, found: AccountBody) -> None:
         row = self._rows.get(found.command)
         if row is not None:
-            counts = {name: getattr(found, name) for name in found.__struct_fields__ if name != "command"}
-            self.film.rows.add(time, msgspec.structs.replace(row, **counts))
+            counts = (found.matched, found.not_matched, found.fault, found.silent, found.predicted)
+            self.film.rows.add(time, Row(row.id, row.kind, row.text, row.at, *counts))
 
-    def _keep(self, time: float, found: _Rules) -> None:
+    def _keep(self, time: float, found: RulesBody) -> None:
         rules = [ShownRule(rule.name, rule.text, rule.active, "", "") for rule in found.rules]
         self.film.rules.setdefault(found.robot, Track()).add(time, rules)
 

@@ -14,7 +14,18 @@ from sleepcast.console.frames import Groups, flags_of
 from sleepcast.language import format_value
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Scenario
-from sleepcast.simulator.recorder import ACCOUNTING, MARKS, READINGS, RULES, STATE, Recorder
+from sleepcast.simulator.recorder import (
+    ACCOUNTING,
+    MARKS,
+    READINGS,
+    RULES,
+    STATE,
+    AccountBody,
+    MarksBody,
+    Recorder,
+    RuleBody,
+    RulesBody,
+)
 from sleepcast.station import Command, Station
 
 PICTURES_PER_SECOND = 10.0
@@ -98,8 +109,8 @@ class Witness:
         self._recorder.poses(now, simulator.x, simulator.y, simulator.bodies.heading)
         if self._unmarked:
             self._unmarked = False
-            marks = {"tick": simulator.tick, "groups": self._groups.look(minds), "flags": flags_of(minds)}
-            self._recorder.note(MARKS, now, marks | {"names": self._groups.names})
+            codes = self._groups.look(minds)
+            self._recorder.note(MARKS, now, MarksBody(simulator.tick, codes, flags_of(minds), self._groups.names))
 
         for command in self._station.commands():
             if self._answers.get(command.id) != len(command.answers):
@@ -108,8 +119,9 @@ class Witness:
 
     def _account(self, command: Command, now: float) -> None:
         account = self._station.accounting(command.id)
-        about = {"command": command.id, "predicted": len(command.predicted)}
-        self._recorder.note(ACCOUNTING, now, about | account.to_dict())
+        counts = (account.n_matched, account.n_not_matched, account.n_fault, account.n_silent)
+        body = AccountBody(command.id, account.text, *counts, len(command.predicted))
+        self._recorder.note(ACCOUNTING, now, body)
         self._recorder.log(now, command.id, account.sentence())
 
     def look(self) -> None:
@@ -134,8 +146,7 @@ class Witness:
         rules = [(rule.name, rule.text, rule.active) for rule in node.rules()]
         if rules != self._rules[node.name]:
             self._rules[node.name] = rules
-            kept = [{"name": name, "text": text, "active": active} for name, text, active in rules]
-            self._recorder.note(RULES, now, {"robot": node.name, "rules": kept})
+            self._recorder.note(RULES, now, RulesBody(node.name, [RuleBody(*rule) for rule in rules]))
             active = ", ".join(name for name, _, active in rules if active)
             self._recorder.log(now, node.name, f"active rules: {active or 'none'}")
 

@@ -60,6 +60,42 @@ class RecordingError(SleepcastError):
     """A recording that cannot be written or read."""
 
 
+class MarksBody(msgspec.Struct):
+    """Groups and flags after a tick: a byte for each robot; names: of the groups by code, from 1."""
+
+    tick: int
+    groups: bytes
+    flags: bytes
+    names: list[str]
+
+
+class AccountBody(msgspec.Struct):
+    """What had become of a command, in counts of robots. predicted: to obey, when it was sent."""
+
+    command: str
+    text: str
+    matched: int
+    not_matched: int
+    fault: int
+    silent: int
+    predicted: int
+
+
+class RuleBody(msgspec.Struct):
+    """An expression that a robot keeps."""
+
+    name: str
+    text: str
+    active: bool
+
+
+class RulesBody(msgspec.Struct):
+    """All that a robot keeps."""
+
+    robot: str
+    rules: list[RuleBody]
+
+
 class Recorder:
     """A run's recording in `file`, which must not be there yet; see the module for what is in it.
 

@@ -11,7 +11,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeVar
 
 import msgspec
 from mcap.exceptions import McapError
@@ -77,6 +77,14 @@ class Recording:
     counts: dict[str, int] = field(default_factory=dict)
     seconds: float = 0.0
     complete: bool = False
+
+
+Body = TypeVar("Body")
+
+
+def decoded(kind: type[Body], data: bytes) -> Body:
+    """The body of an entry. Raises ValueError if it is no such one."""
+    return msgspec.json.decode(data, type=kind)
 
 
 def load_recording(file: Path) -> Recording:

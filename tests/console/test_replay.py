@@ -165,8 +165,9 @@ def test_the_slider_goes_to_any_time_and_is_reached_by_keys(screen: Screen) -> N
         screen.keyboard.press("PageUp")
     screen.keyboard.press("ArrowLeft")
     screen.keyboard.press("ArrowRight")
-    expect(slider).to_have_attribute("aria-valuetext", clock.inner_text())
+    expect(slider).not_to_have_attribute("aria-valuetext", "0:00:00")
     assert slider.input_value() != "0"
+    expect(clock).to_have_text(slider.get_attribute("aria-valuetext") or "")
     screen.keyboard.press("Home")
     screen.locator("#run").click()
     expect(clock).to_have_text("0:00:02", timeout=1000 * PATIENCE)

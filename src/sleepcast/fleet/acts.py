@@ -6,7 +6,6 @@ robots of one mind is done once, on a draft of that mind.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import nan
 
 import numpy as np
@@ -15,11 +14,11 @@ from sleepcast.channel.message import Kind
 from sleepcast.errors import SleepcastError
 from sleepcast.fleet.columns import Column, Mask, Rows
 from sleepcast.fleet.limits import PROVEN_TICKS, TELL_SECONDS
-from sleepcast.fleet.memory import Act, FleetMemory, written
+from sleepcast.fleet.memory import Act, FleetMemory
 from sleepcast.fleet.minds import Draft, Kept
-from sleepcast.language.form import UNQUOTE, Form, List, Number, format_literal, show
+from sleepcast.language.form import Form, Number, filled, show
 from sleepcast.language.names import Group, Operator, Stored
-from sleepcast.language.parts import Defining, Label, Part, Storing, Template
+from sleepcast.language.parts import Defining, Part, Storing, Template, label_of, written
 from sleepcast.language.reader import read
 from sleepcast.language.vocabulary import (
     ACTIVE0,
@@ -102,7 +101,7 @@ class _Keeping:
 
 
 def _join(memory: FleetMemory, part: Part, rows: Rows) -> Column:
-    name = _label(part)
+    name = label_of(part)
     key = name.casefold()
 
     def learn(draft: Draft) -> str | None:
@@ -122,7 +121,7 @@ def _join(memory: FleetMemory, part: Part, rows: Rows) -> Column:
 
 
 def _leave(memory: FleetMemory, part: Part, rows: Rows) -> Column:
-    key = _label(part).casefold()
+    key = label_of(part).casefold()
     if key in memory.state.groups:
         memory.state.groups[key][rows.index] = False
     return np.ones(rows.size)
@@ -137,7 +136,7 @@ def _found(draft: Draft, key: str) -> Kept | str:
 
 
 def _activate(memory: FleetMemory, part: Part, rows: Rows) -> Column:
-    key, active = _label(part), part.name == "activate"
+    key, active = label_of(part), part.name == "activate"
     number = buffer_number(key)
     done = np.ones(rows.size, np.bool_)
     kept = memory.where(rows, lambda mind: key in mind.rules) if number is not None else done
@@ -159,7 +158,7 @@ def _activate(memory: FleetMemory, part: Part, rows: Rows) -> Column:
 
 
 def _forget(memory: FleetMemory, part: Part, rows: Rows) -> Column:
-    key = _label(part)
+    key = label_of(part)
 
     def unlearn(draft: Draft) -> None:
         if draft.learned.pop(key, None) is not None:
@@ -187,7 +186,7 @@ def _forget(memory: FleetMemory, part: Part, rows: Rows) -> Column:
 
 
 def _lease(memory: FleetMemory, part: Part, rows: Rows, seconds: Column) -> Column:
-    key = _label(part)
+    key = label_of(part)
     values = seconds.copy()
     known = memory.refuse_where(part, rows, np.isnan(seconds), "a lease of unknown length", values)
 
@@ -263,9 +262,9 @@ class _Restoring:
 
 
 def _report(memory: FleetMemory, part: Part, rows: Rows, *arguments: Column) -> Column:
-    memory.speech.report(rows, _label(part), arguments)
+    memory.speech.report(rows, label_of(part), arguments)
     if memory.printed is not None:
-        memory.printed.append((rows.robots, _label(part), arguments))
+        memory.printed.append((rows.robots, label_of(part), arguments))
     return arguments[-1] if arguments else np.ones(rows.size)
 
 
@@ -285,7 +284,7 @@ def _tell(memory: FleetMemory, part: Part, rows: Rows, *arguments: Column) -> Co
         columns = [argument.tolist() for argument in arguments]
         for place in np.flatnonzero(~unknown).tolist():
             numbers = iter([column[place] for column in columns])
-            told.setdefault(show(_filled(template.form, numbers.__next__)), []).append(place)
+            told.setdefault(show(filled(template.form, numbers.__next__)), []).append(place)
     for text, places in told.items():
         mask = np.zeros(rows.size, np.bool_)
         mask[places] = True
@@ -324,17 +323,3 @@ ACTS: dict[str, Act] = {
     "tell": _tell,
     "ping": _ping,
 }
-
-
-def _label(part: Part) -> str:
-    return part.data.text if isinstance(part.data, Label) else ""
-
-
-def _filled(form: Form, next_value: Callable[[], float]) -> Form:
-    """A template with its unquoted places replaced by values, in their order."""
-    if not isinstance(form, List):
-        return form
-    if form.head == UNQUOTE and len(form.items) == 2:
-        value = next_value()
-        return Number(value, text=format_literal(value))
-    return List(tuple(_filled(item, next_value) for item in form.items), form.start, form.end)

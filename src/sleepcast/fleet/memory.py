@@ -17,10 +17,9 @@ from sleepcast.fleet.evaluation import Evaluation, by_the_living
 from sleepcast.fleet.kernels import Kernels
 from sleepcast.fleet.minds import Draft, Minds
 from sleepcast.fleet.speech import Speech
-from sleepcast.language.form import List, Symbol
 from sleepcast.language.machine import Program
 from sleepcast.language.names import UserVariable
-from sleepcast.language.parts import Label, Part, host_of
+from sleepcast.language.parts import Label, Part, host_of, written
 from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, Kind, Variable
 
@@ -251,9 +250,3 @@ class FleetMemory(Evaluation):
     def store(self, part: Part, rows: Rows, values: Column) -> Column:
         """SETQQ, RULE, and SETQ of a buffer."""
         return self.answer(self._acts["store"](self, part, rows, values))
-
-
-def written(part: Part) -> str:
-    """The name that a declaring part declares, as written."""
-    target = part.form.items[1] if isinstance(part.form, List) else part.form
-    return target.text if isinstance(target, Symbol) else part.name

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 from sleepcast.errors import SleepcastError
 from sleepcast.language.machine import Library, Program
-from sleepcast.language.names import SORTS, Declared, Operator, Stored, reaches, uses_in
+from sleepcast.language.names import Declared, Operator, Stored, circle, clash, uses_in
 from sleepcast.language.reader import read_all
 from sleepcast.language.vocabulary import BUFFERS, Vocabulary, buffer_number
 
@@ -112,25 +112,15 @@ class Draft:
         """What depends on a name that has changed its meaning is compiled anew."""
         for name, kept in self.rules.items():
             if key in kept.program.free:
-                self.rules[name] = replace(kept, program=self._compiled(kept.text, kept.program))
+                self.rules[name] = replace(kept, program=self._library.again(kept.program, self))
         for name, program in self.operators.items():
             found = self.learned[name]
             if key in program.free and isinstance(found, Operator):
-                self.operators[name] = self._compiled(program.text, program, found.parameters)
-
-    def _compiled(self, text: str, before: Program, parameters: tuple[str, ...] = ()) -> Program:
-        try:
-            return self._library.program(text, lambda: read_all(text), self, parameters)
-        except SleepcastError:
-            return before  # it runs as it was; what it then meets is a fault of its own
+                self.operators[name] = self._library.again(program, self, found.parameters)
 
     def taken(self, key: str, sort: type) -> str | None:
         """Why `key` cannot be learned as something of this sort, if it cannot: it means something else already."""
-        found = self.learned.get(key)
-        if found is None or isinstance(found, sort):
-            return None
-        what = SORTS[type(found)]
-        return f"{found.name} is already {'an' if what[0] in 'aeiou' else 'a'} {what}"
+        return clash(self.learned.get(key), sort)
 
     def program_for(self, key: str, text: str, parameters: tuple[str, ...]) -> Program | str:
         """The program of a text that is to be kept under `key`, or why it is refused."""
@@ -138,9 +128,8 @@ class Draft:
             program = self._library.program(text, lambda: read_all(text), self, parameters)
         except SleepcastError as error:
             return f"refused: {str(error).splitlines()[0]}"
-        way = reaches(program.uses, key, lambda k: uses_in(self, k))
-        if way is not None:
-            through = " through " + ", ".join(k.upper() for k in way[:-1]) if len(way) > 1 else ""
+        through = circle(key, program.uses, lambda k: uses_in(self, k))
+        if through is not None:
             return f"{key.upper()} would name itself{through}"
         return program
 

@@ -18,14 +18,14 @@ from sleepcast.fleet.acts import ACTS
 from sleepcast.fleet.columns import Column, FleetState, Mask, Rows
 from sleepcast.fleet.limits import MAX_RECOLLECTIONS, MEMO_BYTES, RECALL_BYTES, RECALL_LEAST
 from sleepcast.fleet.machine import evaluate
-from sleepcast.fleet.memory import FleetMemory, written
+from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.minds import Mind, Minds
 from sleepcast.fleet.speech import Speech
 from sleepcast.language.chance import draw
 from sleepcast.language.explain import Recollection
 from sleepcast.language.machine import Program
 from sleepcast.language.names import UserVariable
-from sleepcast.language.parts import Part, Storing, walk
+from sleepcast.language.parts import Part, Storing, walk, written
 from sleepcast.language.rehearsal import Rehearsal
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Vocabulary
 

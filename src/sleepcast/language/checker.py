@@ -16,7 +16,7 @@ from math import nan
 from sleepcast.errors import MisuseError, did_you_mean, placed, with_caret
 from sleepcast.language.form import Form, List, Number, Symbol, Text, walk
 from sleepcast.language.functions import FUNCTIONS, MANY, Function
-from sleepcast.language.names import Group, Names, Operator, Stored, UserVariable, reaches, uses_in
+from sleepcast.language.names import Group, Names, Operator, Stored, UserVariable, circle, uses_in
 from sleepcast.language.parts import Label, Part
 from sleepcast.language.vocabulary import (
     Constant,
@@ -295,9 +295,10 @@ class Checker:
         uses = frozenset(self.uses)
         self.scopes, self.uses, self.free, self.loops = kept
         self.bounded(tree, where)
-        way = reaches(uses, key, lambda k: self.pending_uses[k] if k in self.pending_uses else uses_in(self.names, k))
-        if way is not None:
-            through = " through " + ", ".join(k.upper() for k in way[:-1]) if len(way) > 1 else ""
+        through = circle(
+            key, uses, lambda k: self.pending_uses[k] if k in self.pending_uses else uses_in(self.names, k)
+        )
+        if through is not None:
             self.error(f"{key.upper()} @@ would name itself{through}: an evaluation must end", where)
         else:
             self.pending_uses[key] = uses

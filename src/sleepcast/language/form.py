@@ -8,7 +8,7 @@ wherever they stood. `show` prints a form so that reading it again gives an equa
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from sleepcast.units import UNITS, Dimension
 
@@ -126,6 +126,16 @@ def show(form: Form) -> str:
     if isinstance(form, Text):
         return f'"{form.value}"'
     return form.text  # type: ignore[attr-defined,no-any-return]
+
+
+def filled(form: Form, next_value: Callable[[], float]) -> Form:
+    """A template with its unquoted places replaced by values, in their order."""
+    if not isinstance(form, List):
+        return form
+    if form.head == UNQUOTE and len(form.items) == 2:
+        value = next_value()
+        return Number(value, text=format_literal(value))
+    return List(tuple(filled(item, next_value) for item in form.items), form.start, form.end)
 
 
 def format_literal(value: float) -> str:

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from math import nan
 
+from sleepcast.errors import SleepcastError
 from sleepcast.language import special
 from sleepcast.language.checker import MAX_COST, Checker, CheckError, cost
 from sleepcast.language.compiler import Code, generate
@@ -20,6 +21,7 @@ from sleepcast.language.form import Form, height
 from sleepcast.language.names import Names, Operator, reaches, uses_in
 from sleepcast.language.operations import Memory
 from sleepcast.language.parts import CHANCY, Part, acts, deciding, is_acting, walk
+from sleepcast.language.reader import read_all
 from sleepcast.language.walker import Walker
 
 MAX_STEPS = MAX_COST
@@ -180,6 +182,16 @@ class Library:
             self._programs, self._count = {}, 1
         self._programs.setdefault((text, parameters), []).append((_sorts(program, names), program))
         return program
+
+    def again(self, program: Program, names: Names, parameters: tuple[str, ...] = ()) -> Program:
+        """A program that was checked when it came in, as its text reads now that its names mean something else.
+
+        If it cannot be compiled any more it stays as it was: what it then meets is a fault of its own.
+        """
+        try:
+            return self.program(program.text, lambda: read_all(program.text), names, parameters)
+        except SleepcastError:
+            return program
 
 
 def _circular(program: Program, names: Names) -> bool:

@@ -92,6 +92,22 @@ def reaches(start: Iterable[str], goal: str, uses_of: Callable[[str], Iterable[s
     return None
 
 
+def circle(key: str, uses: Iterable[str], uses_of: Callable[[str], Iterable[str]]) -> str | None:
+    """How `key`, kept with these uses, would come to name itself: "" or ` through OTHERS`; None if it would not."""
+    way = reaches(uses, key, uses_of)
+    if way is None:
+        return None
+    return " through " + ", ".join(k.upper() for k in way[:-1]) if len(way) > 1 else ""
+
+
+def clash(found: Declared | None, sort: type) -> str | None:
+    """Why a name cannot be learned as something of this sort, if it cannot: it means something else already."""
+    if found is None or isinstance(found, sort):
+        return None
+    what = SORTS[type(found)]
+    return f"{found.name} is already {'an' if what[0] in 'aeiou' else 'a'} {what}"
+
+
 def uses_in(names: Names, key: str) -> frozenset[str]:
     """The keys that a learned rule, buffer or operator names."""
     found = names.declared(key)

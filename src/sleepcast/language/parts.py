@@ -18,7 +18,7 @@ explainer shows it. What a part means is said by its `op`:
 
 from __future__ import annotations
 
-from sleepcast.language.form import Form
+from sleepcast.language.form import Form, List, Symbol
 from sleepcast.language.functions import Function
 from sleepcast.language.vocabulary import HostFunction, Variable
 
@@ -132,3 +132,14 @@ def host_of(part: Part) -> HostFunction:
     if not isinstance(function, HostFunction):
         raise TypeError(f"a part of op {part.op} has no host function")
     return function
+
+
+def label_of(part: Part) -> str:
+    """The name or text that goes with `part`, as its `Label` says; "" if it has none."""
+    return part.data.text if isinstance(part.data, Label) else ""
+
+
+def written(part: Part) -> str:
+    """The name that a declaring part declares, as written."""
+    target = part.form.items[1] if isinstance(part.form, List) else part.form
+    return target.text if isinstance(target, Symbol) else part.name

@@ -5,21 +5,21 @@ One function for each, found by name in `ACTS`; a refusal is a fault and changes
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from math import nan
 
 from sleepcast.errors import SleepcastError
-from sleepcast.language.form import UNQUOTE, Form, List, Number, format_literal, show
+from sleepcast.language.form import filled, show
 from sleepcast.language.names import Group, Operator, Stored
-from sleepcast.language.parts import Defining, Label, Part, Template
+from sleepcast.language.parts import Defining, Part, Template, label_of, written
 from sleepcast.language.reader import read
 from sleepcast.language.vocabulary import ACTIVE0, MAX_GROUPS, MAX_OPERATORS, buffer_number
 from sleepcast.node.buffers import ExpressionBuffer
-from sleepcast.node.memory import PROVEN_TICKS, Act, RobotMemory, written
+from sleepcast.node.memory import PROVEN_TICKS, Act, RobotMemory
 
 
 def _join(memory: RobotMemory, part: Part) -> float:
-    name = _label(part)
+    name = label_of(part)
     key = name.casefold()
     if memory.taken(part, key, Group):
         return nan
@@ -31,15 +31,15 @@ def _join(memory: RobotMemory, part: Part) -> float:
 
 
 def _leave(memory: RobotMemory, part: Part) -> float:
-    memory.groups -= {_label(part).casefold()}
+    memory.groups -= {label_of(part).casefold()}
     return 1.0
 
 
 def _buffer(memory: RobotMemory, part: Part) -> ExpressionBuffer | None:
     """The buffer or rule that an act names, unless there is none or it is built in, which are faults."""
-    buffer = memory.rules.kept.get(_label(part))
+    buffer = memory.rules.kept.get(label_of(part))
     if buffer is None:
-        memory.refuse(part, f"no rule {_label(part)}")
+        memory.refuse(part, f"no rule {label_of(part)}")
     elif buffer.protected:
         memory.refuse(part, f"{buffer.name} is built in: it cannot be changed over the air")
         return None
@@ -47,8 +47,8 @@ def _buffer(memory: RobotMemory, part: Part) -> ExpressionBuffer | None:
 
 
 def _activate(memory: RobotMemory, part: Part) -> float:
-    number = buffer_number(_label(part))
-    if number is not None and _label(part) not in memory.rules.kept:
+    number = buffer_number(label_of(part))
+    if number is not None and label_of(part) not in memory.rules.kept:
         memory.changing()
         memory.values[ACTIVE0 + number] = 1.0 if part.name == "activate" else 0.0
         return 1.0
@@ -61,7 +61,7 @@ def _activate(memory: RobotMemory, part: Part) -> float:
 
 
 def _forget(memory: RobotMemory, part: Part) -> float:
-    key = _label(part)
+    key = label_of(part)
     if key in memory.operators:
         del memory.operators[key]
     elif _buffer(memory, part) is None:
@@ -118,7 +118,7 @@ def _rollback(memory: RobotMemory, part: Part) -> float:
 
 
 def _report(memory: RobotMemory, part: Part, *arguments: float) -> float:
-    memory.voice.report(_label(part), arguments)
+    memory.voice.report(label_of(part), arguments)
     return arguments[-1] if arguments else 1.0
 
 
@@ -128,7 +128,7 @@ def _tell(memory: RobotMemory, part: Part, *arguments: float) -> float:
     if not isinstance(part.data, Template):
         raise TypeError(f"a part of op {part.op} tells nothing")
     template = part.data
-    text = show(_filled(template.form, iter(arguments).__next__) if template.unquoted else template.form)
+    text = show(filled(template.form, iter(arguments).__next__) if template.unquoted else template.form)
     try:
         read(text)
     except SleepcastError as error:
@@ -157,17 +157,3 @@ ACTS: Mapping[str, Act] = {
     "tell": _tell,
     "ping": _ping,
 }
-
-
-def _label(part: Part) -> str:
-    return part.data.text if isinstance(part.data, Label) else ""
-
-
-def _filled(form: Form, next_value: Callable[[], float]) -> Form:
-    """A template with its unquoted places replaced by values, in their order."""
-    if not isinstance(form, List):
-        return form
-    if form.head == UNQUOTE and len(form.items) == 2:
-        value = next_value()
-        return Number(value, text=format_literal(value))
-    return List(tuple(_filled(item, next_value) for item in form.items), form.start, form.end)

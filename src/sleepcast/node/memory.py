@@ -13,10 +13,10 @@ from weakref import WeakKeyDictionary
 
 from sleepcast.errors import SleepcastError
 from sleepcast.language.chance import draw, stream
-from sleepcast.language.form import Form, List, Number, Symbol, show
+from sleepcast.language.form import Form, Number, show
 from sleepcast.language.machine import Library, Program
-from sleepcast.language.names import SORTS, Declared, Operator, Stored, UserVariable, reaches, uses_in
-from sleepcast.language.parts import Label, Part, Storing, host_of
+from sleepcast.language.names import Declared, Operator, Stored, UserVariable, circle, clash, uses_in
+from sleepcast.language.parts import Label, Part, Storing, host_of, written
 from sleepcast.language.reader import read_all
 from sleepcast.language.rehearsal import FLAGS, Answer, Refusal, Rehearsal
 from sleepcast.language.vocabulary import (
@@ -122,25 +122,18 @@ class RobotMemory:
         """What depends on a name that has changed its meaning is compiled anew; it has been checked when it came in."""
         for buffer in self.rules.kept.values():
             if key in buffer.program.free:
-                buffer.program = self._compiled(buffer.text, buffer.program)
+                buffer.program = self.library.again(buffer.program, self)
         for name, program in self.operators.items():
             found = self.learned[name]
             if key in program.free and isinstance(found, Operator):
-                self.operators[name] = self._compiled(program.text, program, found.parameters)
-
-    def _compiled(self, text: str, before: Program, parameters: tuple[str, ...] = ()) -> Program:
-        try:
-            return self.library.program(text, lambda: read_all(text), self, parameters)
-        except SleepcastError:
-            return before  # it runs as it was; what it then meets is a fault of its own
+                self.operators[name] = self.library.again(program, self, found.parameters)
 
     def taken(self, part: Part, key: str, sort: type) -> bool:
         """Whether `key` means something else already, which is a fault."""
-        found = self.learned.get(key)
-        if found is None or isinstance(found, sort):
+        reason = clash(self.learned.get(key), sort)
+        if reason is None:
             return False
-        what = SORTS[type(found)]
-        self.refuse(part, f"{found.name} is already {'an' if what[0] in 'aeiou' else 'a'} {what}")
+        self.refuse(part, reason)
         return True
 
     # ---- what the machine asks
@@ -317,9 +310,8 @@ class RobotMemory:
         except SleepcastError as error:
             self.refuse(part, f"refused: {str(error).splitlines()[0]}")
             return None
-        way = reaches(program.uses, key, lambda k: uses_in(self, k))
-        if way is not None:
-            through = " through " + ", ".join(k.upper() for k in way[:-1]) if len(way) > 1 else ""
+        through = circle(key, program.uses, lambda k: uses_in(self, k))
+        if through is not None:
             self.refuse(part, f"{key.upper()} would name itself{through}")
             return None
         return program
@@ -363,12 +355,6 @@ class RobotMemory:
             draw=lambda: draw(self._key, self.tick, next(drawn)),
             has=lambda key: isinstance(self.learned.get(key), UserVariable),
         )
-
-
-def written(part: Part) -> str:
-    """The name that a declaring part declares, as written."""
-    target = part.form.items[1] if isinstance(part.form, List) else part.form
-    return target.text if isinstance(target, Symbol) else part.name
 
 
 Act = Callable[..., float]

@@ -6,6 +6,7 @@ const FASTEST = 10000; // as fast as possible
 const SPEEDS = [0.5, 1, 2, 5, 10, 30, 60, 100, 300, FASTEST];
 const NEAR = 0.05; // of the wanted speed: what differs by less is the measuring
 const SCRUB_STEPS = 200; // of the slider from one end to the other, for the arrow keys
+const HELD = 300; // ms after which a slider that was moved follows the pictures again, which come later than the hand
 const BEHIND = 0.93; // below, the page says that the wanted speed is not reached
 
 export class Time {
@@ -20,6 +21,7 @@ export class Time {
     this.scrub = this.find("scrub");
     this.scrub.addEventListener("input", () => this.seek());
     this.sought = 0; // the animation frame in which a seek goes out, 0 if none waits
+    this.moved = -HELD; // when the slider was last moved by hand
     window.addEventListener("keydown", (event) => {
       if (!event.ctrlKey || event.altKey || event.metaKey) return;
       if (event.code === "Space") this.toggle();
@@ -46,6 +48,8 @@ export class Time {
 
   // Go where the slider stands, at most once a picture of the screen.
   seek() {
+    this.moved = performance.now();
+    this.scrub.setAttribute("aria-valuetext", clock(Number(this.scrub.value)));
     this.sought ||= requestAnimationFrame(() => {
       this.sought = 0;
       this.wire.tell("seek", { time: Number(this.scrub.value) });
@@ -53,8 +57,10 @@ export class Time {
   }
 
   show(frame) {
-    if (!this.scrub.hidden && !this.sought) this.scrub.value = String(frame.time);
-    if (!this.scrub.hidden) this.scrub.setAttribute("aria-valuetext", clock(frame.time));
+    if (!this.scrub.hidden && performance.now() - this.moved > HELD) {
+      this.scrub.value = String(frame.time);
+      this.scrub.setAttribute("aria-valuetext", clock(frame.time));
+    }
     if (frame.wanted !== this.wanted) this.offer(frame.wanted);
     this.wanted = frame.wanted;
     this.running = frame.running;

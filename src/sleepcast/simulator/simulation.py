@@ -7,6 +7,9 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from sleepcast.simulator.bodies import Bodies, Floats, Saying
 from sleepcast.simulator.body import Body, model_of
 from sleepcast.simulator.engine import Machine, choose
@@ -78,6 +81,22 @@ class Simulator:
         self._senses.step()
         self._measuring.observe(self.tick, self.time)
 
+    @property
+    def sensed(self) -> Floats:
+        """What the robots sense, in the order of `model.sensors`: SI, shape (sensors, robots); NaN for what was never
+        measured. The simulator's own table, up to date for those for whom `sense` was called in this tick."""
+        return self.bodies.sensed
+
+    def sense(self, robots: NDArray[np.intp] | None = None, echoes: bool = True) -> None:
+        """Bring `sensed` up to date for the robots with these indices (None: all), noise included; asked twice in a
+        tick, it says the same. echoes: whether the sonars as well, which is most of the work. Changes no state."""
+        self.bodies.sense(robots, echoes)
+
+    def act(self, actuator: str, robots: NDArray[np.intp] | slice, values: Floats) -> None:
+        """Ask these bodies to move: set their actuator of this name to `values` (SI), one for each, as `Body.act` does.
+        Stopped bodies do nothing; NaN leaves the value as it was. Raises MisuseError for no such actuator."""
+        self.bodies.act(actuator, robots, values)
+
     def readings(self, numbers: Sequence[int] | None = None) -> list[list[float]]:
         """What the robots with these indices (None: all) sense; see `Bodies.readings`."""
         return self.bodies.readings(numbers)
@@ -88,7 +107,11 @@ class Simulator:
 
     def ping(self, number: int, caste: float) -> None:
         """Robot `number` sends a ping that carries `caste`; those in reach hear it in the next tick."""
-        self._senses.ping(number, caste)
+        self.pings(np.array([number]), np.array([caste]))
+
+    def pings(self, robots: NDArray[np.intp], castes: Floats) -> None:
+        """The same for many robots. A robot that pings twice in a tick is heard once, the first time."""
+        self._senses.ping(robots, castes)
 
     def measured(self) -> dict[str, list[list[float]]]:
         """The scenario's own measures so far, each a list of [seconds, metres]."""

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import sqrt
 
+from sleepcast.errors import MisuseError
+from sleepcast.simulator.maze import maze
 from sleepcast.simulator.robot_settings import LEAST, MAX_WORLD
 from sleepcast.simulator.settings import Measure, Table
 from sleepcast.simulator.world import Circle, Polygon, Shape, Wall, edge, rooms
@@ -15,6 +17,7 @@ MAX_SHAPES = 10_000
 """Polygons, circles or walls in one file: each sort."""
 MAX_POINTS = 10_000
 """Corners of one polygon or wall."""
+MAX_SEED = 2**63 - 1
 EDGES = ("fence", "wall")
 """What the world's edge is: robots turn back at a fence by themselves and nobody sees it; a wall is solid."""
 
@@ -22,11 +25,12 @@ EDGES = ("fence", "wall")
 @dataclass(frozen=True, slots=True)
 class Changes:
     """What a run changes of its scenario's file. robots: so many; area_per_robot: in a world of so many m2 for each;
-    walls: False leaves out everything solid."""
+    walls: False leaves out everything solid. seed: what all chance depends on, a maze with it."""
 
     robots: int | None = None
     area_per_robot: float | None = None
     walls: bool = True
+    seed: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +45,8 @@ class WorldSpec:
     fenced: bool
 
 
-def read_world(root: Table, robots: Callable[[], int], changes: Changes) -> WorldSpec:
-    """The table [world]. robots: says how many there are, for a world that grows with them."""
+def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: int) -> WorldSpec:
+    """The table [world]. robots: says how many there are, for a world that grows with them; seed: of this run."""
     with root.table("world") as table:
         width, height = _size(table, robots, changes.area_per_robot)
         low, high = (0.0, 0.0), (width.value, height.value)
@@ -57,17 +61,32 @@ def read_world(root: Table, robots: Callable[[], int], changes: Changes) -> Worl
         for each in table.array("walls", most=MAX_SHAPES):
             with each:
                 shapes.append(Wall(each.points("points", low, high, least=2, most=MAX_POINTS)))
-        if table.has("rooms"):
-            with table.table("rooms") as each:
-                size = each.number("size", LENGTH, low=0.1, high=MAX_WORLD)
-                door = each.number("door", LENGTH, low=0.0, high=size)
-                shapes += rooms(*high, size, door)
+        shapes += _parted(table, high, seed)
         walled = table.text("edge", "fence", choices=EDGES) == "wall"
     if not changes.walls:
         return WorldSpec(*high, width.unit or "m", (), fenced=True)
     if walled:
         shapes.append(edge(*high))
     return WorldSpec(*high, width.unit or "m", tuple(shapes), fenced=not walled)
+
+
+def _parted(table: Table, size: tuple[float, float], seed: int) -> list[Wall]:
+    """The walls of [world.rooms] and [world.maze]."""
+    walls: list[Wall] = []
+    if table.has("rooms"):
+        with table.table("rooms") as each:
+            room = each.number("size", LENGTH, low=0.1, high=MAX_WORLD)
+            walls += rooms(*size, room, each.number("door", LENGTH, low=0.0, high=room))
+    if table.has("maze"):
+        with table.table("maze") as each:
+            cell = each.number("cell", LENGTH, low=0.1, high=MAX_WORLD)
+            loops = each.number("loops", default=0.0, low=0.0, high=1.0)
+            own = each.whole("seed", seed, low=0, high=MAX_SEED)
+            try:
+                walls += maze(*size, cell, loops, own)
+            except MisuseError as error:
+                raise table.error("maze", str(error)) from None
+    return walls
 
 
 def _size(table: Table, robots: Callable[[], int], area: float | None) -> tuple[Measure, Measure]:

@@ -52,7 +52,7 @@ HOUSE = {
     "robot": room(),
     "node": room("language channel robot", late="numpy"),
     "fleet": room("language channel robot", "numpy", late="llvmlite"),
-    "simulator": room("channel robot", "numpy msgspec mcap numba"),
+    "simulator": room("channel robot", "numpy msgspec mcap numba", late="yaml PIL"),
     "loop": room("language channel node simulator robot"),
     "station": room("language channel node", "msgspec"),
     "console": room("language station", "starlette uvicorn msgspec"),

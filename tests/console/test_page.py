@@ -463,7 +463,7 @@ import msgspec
 from sleepcast.cli import main, page
 scene_of = page.scene_of
 wall = ((400.0, 100.0), (600.0, 100.0), (600.0, 300.0), (400.0, 300.0))
-page.scene_of = lambda *of: msgspec.structs.replace(scene_of(*of), obstacles=(wall,))
+page.scene_of = lambda *of: msgspec.structs.replace(scene_of(*of), obstacles=((wall,),))
 sys.exit(main())
 """
 

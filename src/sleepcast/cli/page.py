@@ -16,7 +16,7 @@ from sleepcast.console import Place, ReadyCommand, Scene, serve
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Pace, Swarm
 from sleepcast.node.node import Node
-from sleepcast.simulator import Circle, Scenario, Shape, Wall
+from sleepcast.simulator import Area, Circle, Scenario, Shape, Wall
 
 ROUND = 32
 """Corners of a circle as it is drawn."""
@@ -65,20 +65,20 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
         unit=scenario.length_unit or "m",
         radius=scenario.robots.geometry.radius,
         places=tuple(Place(place.title, place.x, place.y) for place in scenario.places),
-        obstacles=tuple(_outline(shape) for shape in scenario.shapes),
+        obstacles=tuple(_outlines(shape) for shape in scenario.shapes),
         lights=tuple(Place(light.title, light.x, light.y) for light in scenario.lights),
         commands=tuple(ReadyCommand(each.title, each.text.strip(), each.about) for each in scenario.commands),
     )
 
 
-def _outline(shape: Shape) -> tuple[tuple[float, float], ...]:
-    """The corners of a shape as the page draws it. A wall goes there and back; a circle has many corners."""
+def _outlines(shape: Shape) -> tuple[tuple[tuple[float, float], ...], ...]:
+    """A shape as the page draws it. A wall goes there and back; a circle has many corners."""
     if isinstance(shape, Circle):
         angles = (2.0 * pi * corner / ROUND for corner in range(ROUND))
-        return tuple((shape.x + shape.radius * cos(angle), shape.y + shape.radius * sin(angle)) for angle in angles)
+        return (tuple((shape.x + shape.radius * cos(angle), shape.y + shape.radius * sin(angle)) for angle in angles),)
     if isinstance(shape, Wall):
-        return (*shape.points, *shape.points[-2:0:-1])
-    return shape.corners
+        return ((*shape.points, *shape.points[-2:0:-1]),)
+    return shape.outlines if isinstance(shape, Area) else (shape.corners,)
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ from sleepcast.simulator.robot_settings import (
     read_count,
     read_robots,
 )
-from sleepcast.simulator.settings import Document, Measure, Table, checked_name
+from sleepcast.simulator.settings import Measure, Table, checked_name, toml_document
 from sleepcast.simulator.signals import Light, PingModel, read_lights, read_pings
 from sleepcast.simulator.world import Shape
 from sleepcast.simulator.world_settings import MAX_SEED, Changes, read_world
@@ -102,7 +102,7 @@ def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  #
     """The scenario in the folder or file `path`, with what a run changes of it. Raises SettingsError, and MissionError
     for its mission script."""
     file = path / FILE if path.is_dir() else path
-    document = Document(file)
+    document = toml_document(file)
     with document.root() as root:
         _check_format(root)
         constants = read_constants(root)

@@ -1,16 +1,20 @@
-"""The world of a scenario: what the table [world] of its file says, and what a run may change of it."""
+"""The world of a scenario: what the table [world] of its file says, and what a run may change of it.
+
+What stands in the world is written there, drawn by `rooms` and `maze`, or taken from other files.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
 from sleepcast.errors import MisuseError
 from sleepcast.simulator.maze import maze
 from sleepcast.simulator.robot_settings import LEAST, MAX_WORLD
+from sleepcast.simulator.ros_map import read_map
 from sleepcast.simulator.settings import Measure, Table
-from sleepcast.simulator.world import Circle, Polygon, Shape, Wall, edge, rooms
+from sleepcast.simulator.world import Circle, Point, Polygon, Shape, Wall, edge, rooms
 from sleepcast.units import LENGTH
 
 MAX_SHAPES = 10_000
@@ -18,6 +22,8 @@ MAX_SHAPES = 10_000
 MAX_POINTS = 10_000
 """Corners of one polygon or wall."""
 MAX_SEED = 2**63 - 1
+SLACK = 1e-6
+"""m by which rounding may take a map beyond a world of its own size."""
 EDGES = ("fence", "wall")
 """What the world's edge is: robots turn back at a fence by themselves and nobody sees it; a wall is solid."""
 
@@ -48,9 +54,12 @@ class WorldSpec:
 def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: int) -> WorldSpec:
     """The table [world]. robots: says how many there are, for a world that grows with them; seed: of this run."""
     with root.table("world") as table:
-        width, height = _size(table, robots, changes.area_per_robot)
+        taken = _from_files(table)
+        width, height = _size(table, robots, changes.area_per_robot, taken)
         low, high = (0.0, 0.0), (width.value, height.value)
-        shapes: list[Shape] = []
+        for each_taken in taken:
+            each_taken.refuse_beyond(table, *high)
+        shapes: list[Shape] = [shape for each_taken in taken for shape in each_taken.shapes]
         for each in table.array("polygons", most=MAX_SHAPES):
             with each:
                 shapes.append(Polygon(each.points("corners", low, high, least=3, most=MAX_POINTS)))
@@ -68,6 +77,39 @@ def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: i
     if walled:
         shapes.append(edge(*high))
     return WorldSpec(*high, width.unit or "m", tuple(shapes), fenced=not walled)
+
+
+@dataclass(frozen=True, slots=True)
+class _Taken:
+    """What another file has. low, high: corners of the box round it, m. key: under which the file is named."""
+
+    key: str
+    shapes: tuple[Shape, ...]
+    low: Point
+    high: Point
+
+    def refuse_beyond(self, world: Table, width: float, height: float) -> None:
+        """Raise SettingsError if the box does not lie within the world."""
+        if min(self.low) < -SLACK or self.high[0] > width + SLACK or self.high[1] > height + SLACK:
+            (x0, y0), (x1, y1) = self.low, self.high
+            raise world.error(
+                self.key,
+                f"it reaches from {x0:g}, {y0:g} to {x1:g}, {y1:g} m, beyond a world of {width:g} by {height:g} m: "
+                "leave out width and height, or make them larger",
+            )
+
+
+def _from_files(world: Table) -> list[_Taken]:
+    """What [world.map] takes from other files."""
+    found = []
+    if world.has("map"):
+        with world.table_or_text("map", "file") as each:
+            path = world.document.path.parent / each.text("file")
+            at = each.point("zero", (-MAX_WORLD, -MAX_WORLD), (MAX_WORLD, MAX_WORLD)) if each.has("zero") else None
+            solid = each.text("unknown", "open", choices=("open", "solid")) == "solid"
+            area, low, high = read_map(path).area(at, unknown_is_solid=solid)
+            found.append(_Taken("map", (area,) if area.outlines else (), low, high))
+    return found
 
 
 def _parted(table: Table, size: tuple[float, float], seed: int) -> list[Wall]:
@@ -89,7 +131,10 @@ def _parted(table: Table, size: tuple[float, float], seed: int) -> list[Wall]:
     return walls
 
 
-def _size(table: Table, robots: Callable[[], int], area: float | None) -> tuple[Measure, Measure]:
+def _size(
+    table: Table, robots: Callable[[], int], area: float | None, taken: Sequence[_Taken]
+) -> tuple[Measure, Measure]:
+    """Width and height: as they are written, or as large as the robots or other files want them."""
     if table.has("area_per_robot"):
         for key in ("width", "height"):
             if table.has(key):
@@ -99,5 +144,6 @@ def _size(table: Table, robots: Callable[[], int], area: float | None) -> tuple[
         table.has("width"), table.has("height")
         side = Measure(sqrt(area * robots()))
         return side, side
-    width = table.measure("width", LENGTH, low=LEAST, high=MAX_WORLD)
-    return width, table.measure("height", LENGTH, low=LEAST, high=MAX_WORLD)
+    across, up = (Measure(max(each.high[i] for each in taken)) if taken else None for i in (0, 1))
+    width = table.measure("width", LENGTH, across, low=LEAST, high=MAX_WORLD)
+    return width, table.measure("height", LENGTH, up, low=LEAST, high=MAX_WORLD)

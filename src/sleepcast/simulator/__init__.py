@@ -2,7 +2,8 @@
 
 `settings`, `scenario`, `robot_settings` and `world_settings` read the files, `groups`, `signals` and `measures`
 parts of them, `mission` the scripts, `gallery` finds them. `maze` draws walls; `ros_map` reads maps, in which
-`outlines` finds walls. `world` has what is solid, `areas` tells what lies inside, `bodies` have the robots' state.
+`outlines` finds walls; `drawing` reads SVG by `svg_paths` and `svg_values`. `world` has what is solid, `areas` tells
+what lies inside, `bodies` have the robots' state.
 `motion` moves them by `wheels` or without, until `bumpers` touch; `echoes` are their sonars, `senses` see lights and
 hear pings. The heavy work is done by a machine of `engine`: `cones`, `contact` and `grid` in NumPy, or `fast` with its
 compiled `kernels`. `simulation` puts everything together.

@@ -1,8 +1,8 @@
 """The solid things of a world: polygons, areas, circles and walls, which may be added, moved and removed while it runs.
 
-Whatever its shape, a thing is kept twice: as people wrote it, under a number, and as *solids*, rows of one array that
-motion and sonar read. A solid is a stadium: all points within `radius` of a line from one end to the other. The side of
-a polygon and a piece of wall are stadiums without a radius, a circle is one without a length.
+Whatever its shape, a thing is kept twice: as people wrote it, under a number and perhaps a name, and as *solids*, rows
+of one array that motion and sonar read. A solid is a stadium: all points within `radius` of a line from one end to the
+other. The side of a polygon and a piece of wall are stadiums without a radius, a circle is one without a length.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ class Polygon:
     """A closed line through `corners` (x, y in m), in either sense. Bodies stay on the side they are on."""
 
     corners: tuple[Point, ...]
+    name: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +38,7 @@ class Area:
     left out. No body starts in it."""
 
     outlines: tuple[tuple[Point, ...], ...]
+    name: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,7 @@ class Circle:
     x: float
     y: float
     radius: float
+    name: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +56,7 @@ class Wall:
     """A thin wall from point to point (x, y in m), open at its ends."""
 
     points: tuple[Point, ...]
+    name: str = ""
 
 
 Shape = Polygon | Area | Circle | Wall
@@ -159,10 +163,10 @@ def shifted(shape: Shape, across: float, up: float) -> Shape:
     if isinstance(shape, Circle):
         return replace(shape, x=shape.x + across, y=shape.y + up)
     if isinstance(shape, Wall):
-        return Wall(_shifted(shape.points, across, up))
+        return replace(shape, points=_shifted(shape.points, across, up))
     if isinstance(shape, Area):
-        return Area(tuple(_shifted(outline, across, up) for outline in shape.outlines))
-    return Polygon(_shifted(shape.corners, across, up))
+        return replace(shape, outlines=tuple(_shifted(outline, across, up) for outline in shape.outlines))
+    return replace(shape, corners=_shifted(shape.corners, across, up))
 
 
 def _shifted(points: tuple[Point, ...], across: float, up: float) -> tuple[Point, ...]:

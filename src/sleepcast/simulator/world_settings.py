@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from math import sqrt
 
 from sleepcast.errors import MisuseError
+from sleepcast.simulator.drawing import MAX_NAME, read_drawing
 from sleepcast.simulator.maze import maze
 from sleepcast.simulator.robot_settings import LEAST, MAX_WORLD
 from sleepcast.simulator.ros_map import read_map
@@ -23,7 +24,7 @@ MAX_POINTS = 10_000
 """Corners of one polygon or wall."""
 MAX_SEED = 2**63 - 1
 SLACK = 1e-6
-"""m by which rounding may take a map beyond a world of its own size."""
+"""m by which rounding may take a map or drawing beyond a world of its own size."""
 EDGES = ("fence", "wall")
 """What the world's edge is: robots turn back at a fence by themselves and nobody sees it; a wall is solid."""
 
@@ -56,20 +57,11 @@ def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: i
     with root.table("world") as table:
         taken = _from_files(table)
         width, height = _size(table, robots, changes.area_per_robot, taken)
-        low, high = (0.0, 0.0), (width.value, height.value)
+        high = (width.value, height.value)
         for each_taken in taken:
             each_taken.refuse_beyond(table, *high)
         shapes: list[Shape] = [shape for each_taken in taken for shape in each_taken.shapes]
-        for each in table.array("polygons", most=MAX_SHAPES):
-            with each:
-                shapes.append(Polygon(each.points("corners", low, high, least=3, most=MAX_POINTS)))
-        for each in table.array("circles", most=MAX_SHAPES):
-            with each:
-                x, y = each.point("center", low, high)
-                shapes.append(Circle(x, y, each.number("radius", LENGTH, low=LEAST, high=MAX_WORLD)))
-        for each in table.array("walls", most=MAX_SHAPES):
-            with each:
-                shapes.append(Wall(each.points("points", low, high, least=2, most=MAX_POINTS)))
+        shapes += _written(table, high)
         shapes += _parted(table, high, seed)
         walled = table.text("edge", "fence", choices=EDGES) == "wall"
     if not changes.walls:
@@ -77,6 +69,30 @@ def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: i
     if walled:
         shapes.append(edge(*high))
     return WorldSpec(*high, width.unit or "m", tuple(shapes), fenced=not walled)
+
+
+def _written(world: Table, high: tuple[float, float]) -> list[Shape]:
+    """The polygons, circles and walls of the file itself."""
+    low, shapes = (0.0, 0.0), list[Shape]()
+    for each in world.array("polygons", most=MAX_SHAPES):
+        with each:
+            corners = each.points("corners", low, high, least=3, most=MAX_POINTS)
+            shapes.append(Polygon(corners, _name(each)))
+    for each in world.array("circles", most=MAX_SHAPES):
+        with each:
+            x, y = each.point("center", low, high)
+            radius = each.number("radius", LENGTH, low=LEAST, high=MAX_WORLD)
+            shapes.append(Circle(x, y, radius, _name(each)))
+    for each in world.array("walls", most=MAX_SHAPES):
+        with each:
+            points = each.points("points", low, high, least=2, most=MAX_POINTS)
+            shapes.append(Wall(points, _name(each)))
+    return shapes
+
+
+def _name(shape: Table) -> str:
+    """How people call it, "" if they do not."""
+    return shape.text("name", "", most=MAX_NAME)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +116,7 @@ class _Taken:
 
 
 def _from_files(world: Table) -> list[_Taken]:
-    """What [world.map] takes from other files."""
+    """What [world.map] and [world.drawing] take from other files."""
     found = []
     if world.has("map"):
         with world.table_or_text("map", "file") as each:
@@ -109,6 +125,13 @@ def _from_files(world: Table) -> list[_Taken]:
             solid = each.text("unknown", "open", choices=("open", "solid")) == "solid"
             area, low, high = read_map(path).area(at, unknown_is_solid=solid)
             found.append(_Taken("map", (area,) if area.outlines else (), low, high))
+    if world.has("drawing"):
+        with world.table_or_text("drawing", "file") as each:
+            path = world.document.path.parent / each.text("file")
+            metre = each.number("metre", low=LEAST, high=1.0 / LEAST) if each.has("metre") else None
+            at = each.point("at", (0.0, 0.0), (MAX_WORLD, MAX_WORLD)) if each.has("at") else (0.0, 0.0)
+            drawing = read_drawing(path, metre, at)
+            found.append(_Taken("drawing", drawing.shapes, drawing.low, drawing.high))
     return found
 
 

@@ -1,8 +1,9 @@
 """How the whole suite runs.
 
 Hypothesis searches the same examples every time in an ordinary run, fresh ones and more of them at night:
-`python3 go.py test --hypothesis-profile nightly`. No deadline for an example or for finding one: a busy machine is no bug, and
-what must be fast is measured in a test of its own. Contracts shared by several test files say what differed, as tests do.
+`python3 go.py test --hypothesis-profile nightly`. No deadline for an example, nor for finding one: a busy machine is no
+bug, and what must be fast is measured in a test of its own. Contracts shared by several test files say what differed,
+as tests do.
 """
 
 import pytest

@@ -6,8 +6,15 @@ bug, and what must be fast is measured in a test of its own. Contracts shared by
 as tests do.
 """
 
+import signal
+
 import pytest
 from hypothesis import HealthCheck, settings
+
+# Programs under test are stopped by Ctrl-C. They inherit what this process does at it, and where a shell runs the tests
+# in the background, that is nothing.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 pytest.register_assert_rewrite("channel_contract", "robot_contract", "language.cases")
 

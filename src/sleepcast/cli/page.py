@@ -8,7 +8,8 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from math import cos, pi, sin
 
-from sleepcast.cli.headless import assemble
+from sleepcast.cli.headless import assemble, warm_up
+from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.recording import Wanted, recorded
 from sleepcast.cli.streams import announce
 from sleepcast.clock import WallClock
@@ -92,6 +93,7 @@ class Address:
 
 
 def show(
+    interrupts: Interrupts,
     scenario: Scenario,
     seed: int | None,
     speed: float | None,
@@ -101,10 +103,12 @@ def show(
 ) -> None:
     """Serve the page of `scenario` until Ctrl-C, which comes out as KeyboardInterrupt.
 
-    speed: simulated seconds in a second (None: the scenario's own). wanted: what is recorded of it. Raises what the
-    console raises for the address, and what Recorder raises.
+    interrupts: entered; let go of once the swarm stands. speed: simulated seconds in a second (None: the scenario's
+    own). wanted: what is recorded of it. Raises what the console raises for the address, and what Recorder raises.
     """
+    warm_up(scenario, threads)
     swarm, station = assemble(scenario, seed, mission=False, threads=threads)
+    interrupts.release()  # the server has a way of its own to end in good order
     clock = WallClock()
     with ExitStack() as stack:
         if wanted is not None:

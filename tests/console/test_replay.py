@@ -161,7 +161,12 @@ def test_the_slider_goes_to_any_time_and_is_reached_by_keys(screen: Screen) -> N
     screen.keyboard.press("Home")
     expect(clock).to_have_text("0:00:00")
     expect(screen.locator("#commands tr")).to_have_count(0)
-    for key, time in [("PageUp", "0:00:06"), ("PageUp", "0:00:12"), ("ArrowLeft", "0:00:11"), ("ArrowRight", "0:00:12")]:
+    for key, time in [
+        ("PageUp", "0:00:06"),
+        ("PageUp", "0:00:12"),
+        ("ArrowLeft", "0:00:11"),
+        ("ArrowRight", "0:00:12"),
+    ]:
         screen.keyboard.press(key)
         expect(clock).to_have_text(time)
         expect(slider).to_have_attribute("aria-valuetext", time)

@@ -1,17 +1,26 @@
 """How the whole suite runs.
 
 Hypothesis searches the same examples every time in an ordinary run, fresh ones and more of them at night:
-`python3 go.py test --hypothesis-profile nightly`. No deadline for an example: a busy machine is no bug, and what
-must be fast is measured in a test of its own. Contracts shared by several test files say what differed, as tests do.
+`python3 go.py test --hypothesis-profile nightly`. No deadline for an example, nor for finding one: a busy machine is no
+bug, and what must be fast is measured in a test of its own. Contracts shared by several test files say what differed,
+as tests do.
 """
 
+import signal
+
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
+
+# Programs under test are stopped by Ctrl-C. They inherit what this process does at it, and where a shell runs the tests
+# in the background, that is nothing.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 pytest.register_assert_rewrite("channel_contract", "robot_contract", "language.cases")
 
-settings.register_profile("ordinary", deadline=None, derandomize=True, print_blob=True)
-settings.register_profile("nightly", deadline=None, max_examples=10_000, print_blob=True)
+BUSY = [HealthCheck.too_slow]
+settings.register_profile("ordinary", deadline=None, suppress_health_check=BUSY, derandomize=True, print_blob=True)
+settings.register_profile("nightly", deadline=None, suppress_health_check=BUSY, max_examples=10_000, print_blob=True)
 settings.load_profile("ordinary")
 
 

@@ -63,3 +63,40 @@ def test_the_fleet_benchmark_finds_the_same_robots_as_every_rival() -> None:
         row["seconds"] is None or row["seconds"] > 0 for table in report.values() for row in table if "seconds" in row
     )
     assert len(report["bars"]) == 2
+
+
+def test_the_loop_benchmark_tells_of_every_field_and_bar(tmp_path: Path) -> None:
+    picture = tmp_path / "loop.svg"
+    options = ("--quick", "--json", "--no-page", "--robots", "100", "--picture", str(picture))
+    command = [sys.executable, "-m", "benchmarks.loop", *options]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    cases = [row["case"] for row in report["rows"]]
+    assert {(case["walls"], case["threads"], case["numba"]) for case in cases} >= {(True, 1, True), (True, 1, False)}
+    assert all(row["note"] == "" and row["ns"] > 0 and row["found"]["awake"] == 100 for row in report["rows"])
+    assert report["floor"] is None or report["floor"]["cones"] < min(row["ns"] for row in report["rows"])
+    assert [bar["name"] for bar in report["bars"]] == ["100 Scouts, walls, one per 4 m2"]
+    assert "times real time" in picture.read_text()
+
+
+def test_the_start_benchmark_sees_kernels_kept_and_used_again() -> None:
+    command = [sys.executable, "-m", "benchmarks.start", "--quick", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    value, bravo, crowd = json.loads(done.stdout)["rows"]
+    assert value["kept"] == bravo["kept"] == 0
+    assert crowd["kept"] > 0
+    assert crowd["added"] == 0
+    assert all(row["best"]["wall"] < row["cold"]["wall"] for row in (value, crowd))
+
+
+def test_the_rivals_benchmark_names_everybody() -> None:
+    command = [sys.executable, "-m", "benchmarks.rivals", "--quick", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    rows = {row["name"]: row for row in report["rows"]}
+    assert rows["sleepcast, the same rule"]["realtime"] > 0
+    assert {*rows, *report["absent"]} >= {"navground", "ir-sim", "vmas, one world"}
+    assert all(row["note"] or row["realtime"] > 0 for row in rows.values())

@@ -17,7 +17,7 @@ from pathlib import Path
 from struct import pack
 from termios import TIOCSWINSZ
 
-PATIENCE = 20.0
+PATIENCE = 120.0
 """Seconds to wait for what should appear at once; other work on the machine can make it slow."""
 _CONTROLS = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]|\x1b[=>()][A-Z0-9]?|\r")
 
@@ -50,8 +50,9 @@ class Terminal:
 
     def status(self) -> int:
         """Wait for the end; the exit status."""
-        while self._read(PATIENCE):
-            pass
+        end = time.monotonic() + PATIENCE
+        while self._read(end - time.monotonic()):
+            assert time.monotonic() < end, f"it does not end; the screen:\n{self.screen}"
         return self.process.wait(PATIENCE)
 
     def _read(self, seconds: float) -> bool:

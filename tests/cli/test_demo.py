@@ -114,7 +114,10 @@ def test_silence_is_counted_as_silence(capsys: pytest.CaptureFixture[str], tmp_p
 def test_the_outcome_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "bravo", "--seconds", "12", "--robots", "300"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert re.match(r"bravo, seed 7: 300 robots for 12\.0 s, [0-9.]+ times as fast as real time", lines[0])
+    assert re.match(
+        r"bravo, seed 7: 300 robots for 12\.0 s, [0-9.]+ times as fast as real time, after [0-9.]+ s to set it up$",
+        lines[0],
+    )
     assert lines[1].startswith("  (WHEN (AND")
     assert re.match(r"    matched \d+, did not match \d+, fault 0, silent 0", lines[2])
     assert re.match(r"  group bravo: \d+ members", lines[3])

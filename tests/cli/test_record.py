@@ -18,7 +18,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from cli.calling import Called, called
-from console.running import Program, open_page
+from console.running import PATIENCE, Program, open_page
 from sleepcast.simulator import load
 from sleepcast.simulator.foxglove import read_poses
 from sleepcast.simulator.recorder import Recorder
@@ -134,7 +134,7 @@ def test_paused_on_the_page_nothing_recorded_waits_in_memory(world: Path) -> Non
         page.ask("send", text="(WHEN (> battery 30%) (JOIN some))", everybody=True)
         page.wait_for("commands", lambda found: bool(found["rows"]))
         page.tell("pace", running=False)
-        deadline = time.monotonic() + 20
+        deadline = time.monotonic() + PATIENCE
         while not (found := load_recording(file)).posted and time.monotonic() < deadline:
             time.sleep(0.1)
         assert [each.message.text for each in found.posted] == ["(WHEN (> battery 30%) (JOIN some))"]

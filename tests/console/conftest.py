@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Playwright, sync_playwright
 
-from console.running import Page, Program, open_page
+from console.running import PATIENCE, Page, Program, open_page
 from small_worlds import write
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -61,6 +61,7 @@ def chromium(playwright: Playwright) -> Iterator[Browser]:
 def context(chromium: Browser) -> Iterator[BrowserContext]:
     """A fresh profile on a desk's screen, light."""
     with chromium.new_context(viewport={"width": 1440, "height": 900}, color_scheme="light") as found:
+        found.set_default_timeout(1000 * PATIENCE)
         yield found
 
 

@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 
 from websockets.sync.client import ClientConnection, connect
 
-PATIENCE = 30.0
+PATIENCE = 120.0
 """Seconds that a busy machine may take for what a person sees at once."""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 import subprocess
 import sys
@@ -24,6 +25,8 @@ MISSION = """
 @20s (WHEN (IN full) (RULE turn (IF (> x 600m) (ST))))
 """
 SECONDS = 60.0
+
+expect.set_options(timeout=1000 * PATIENCE)
 
 
 @pytest.fixture(scope="module")
@@ -145,7 +148,7 @@ def screen(replay: Program, context: BrowserContext) -> Iterator[Screen]:
     found.on("console", lambda said: complaints.append(said.text) if said.type in ("error", "warning") else None)
     found.on("pageerror", lambda error: complaints.append(str(error)))
     found.goto(replay.address)
-    expect(found.locator("#scrub")).to_be_visible(timeout=1000 * PATIENCE)
+    expect(found.locator("#scrub")).to_be_visible()
     yield found
     assert not complaints, complaints
 
@@ -172,7 +175,7 @@ def test_the_slider_goes_to_any_time_and_is_reached_by_keys(screen: Screen) -> N
         expect(slider).to_have_attribute("aria-valuetext", time)
     screen.keyboard.press("Home")
     screen.locator("#run").click()
-    expect(clock).to_have_text("0:00:02", timeout=1000 * PATIENCE)
+    expect(clock).to_have_text(re.compile(r"0:00:0[2-9]|0:00:[1-5]\d|0:01:00"))  # time goes on
     screen.keyboard.press("Control+Space")
     expect(screen.locator("#run")).to_have_attribute("data-running", "false")
 

@@ -8,7 +8,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -76,9 +75,7 @@ class TestEnd:
     def test_ctrl_c_ends_it_cleanly_though_a_page_is_open(self, folder: Path) -> None:
         with Program("run", folder, "--page") as program, open_page(program) as page:
             page.frame()
-            start = time.monotonic()
             assert program.end() == 130
-            assert time.monotonic() - start < 10.0
             assert program.said.strip().endswith("Ctrl-C ends it.")
 
     def test_sigterm_ends_it_too(self, folder: Path) -> None:

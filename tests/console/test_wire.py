@@ -10,7 +10,7 @@ from contextlib import ExitStack, suppress
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from console.running import Page, Program, number, open_page
+from console.running import PATIENCE, Page, Program, number, open_page
 from sleepcast.console.app import MAX_PAGES
 from sleepcast.console.messages import MAX_BYTES
 from sleepcast.console.session import MESSAGES_AT_ONCE, MOST_DROPPED, MOST_MALFORMED, TOO_MUCH
@@ -19,7 +19,7 @@ FULL = "(WHEN (> battery 60%) (JOIN crew))"
 
 
 def get(program: Program, path: str, **headers: str) -> tuple[int, str, dict[str, str]]:
-    connection = http.client.HTTPConnection(program.host, timeout=10)
+    connection = http.client.HTTPConnection(program.host, timeout=PATIENCE)
     connection.request("GET", path, headers=headers)
     answer = connection.getresponse()
     found = answer.status, answer.read().decode(), {name.lower(): value for name, value in answer.getheaders()}
@@ -76,7 +76,7 @@ class TestDoor:
                 pages.enter_context(open_page(program))
             with pytest.raises(InvalidStatus, match="403"), open_page(program):
                 pass
-        deadline = time.monotonic() + 10
+        deadline = time.monotonic() + PATIENCE
         while True:  # the server sees the ends a moment later
             try:
                 with open_page(program):
@@ -141,23 +141,27 @@ class TestFrames:
         with open_page(program) as page:
             while not page.frames:
                 page.receive()
-            time.sleep(1.0)  # nothing was drawn: thirty frames have gone by
-            before = len(page.frames)
-            start = time.monotonic()
-            page.ask("preview", text=FULL)
-            assert time.monotonic() - start < 5.0
-            assert len(page.frames) == before
-            page.tell("drawn", number=number(page.frames[-1]))
             old = number(page.frames[-1])
+            with open_page(program) as other:  # this page draws nothing, while another one sees ten pictures
+                while number(other.frame()) < old + 10:
+                    pass
+            before = len(page.frames)
+            page.ask("preview", text=FULL)
+            assert len(page.frames) == before
+            page.tell("drawn", number=old)
             while len(page.frames) == before:
                 page.receive()
-            assert number(page.frames[-1]) > old + 5
+            assert number(page.frames[-1]) >= old + 10
 
     def test_two_pages_see_the_same_frames(self, program: Program) -> None:
         with open_page(program) as first, open_page(program) as second:
-            seen = {number(first.frame()): first.frames[-1] for _ in range(40)}
-            both = [frame for frame in (second.frame() for _ in range(40)) if number(frame) in seen]
-            assert all(seen[number(frame)] == frame for frame in both)
+            seen: dict[int, bytes] = {}
+            both = 0
+            while both < 10:
+                for page in (first, second):
+                    frame = page.frame()
+                    both += number(frame) in seen
+                    assert seen.setdefault(number(frame), frame) == frame
 
 
 class TestBearing:
@@ -175,7 +179,8 @@ class TestBearing:
         with open_page(program) as page:
             longest = "; " + "\u0001" * 16_380 + "\n5"  # every character of it is six in JSON
             assert page.ask("preview", text=longest)["type"] == "previewed"
-            page.socket.send(json.dumps({"type": "preview", "serial": 9, "text": "x" * (MAX_BYTES + 1)}))
+            with suppress(ConnectionClosed):  # the end may come before all of it is out
+                page.socket.send(json.dumps({"type": "preview", "serial": 9, "text": "x" * (MAX_BYTES + 1)}))
             with pytest.raises(ConnectionClosed):
                 page.drain()
         assert_served(program)
@@ -192,12 +197,12 @@ class TestBearing:
 
     def test_a_flood_is_refused_but_never_a_stop(self, program: Program) -> None:
         with open_page(program) as page:
-            for serial in range(1, int(MESSAGES_AT_ONCE) + 200):
-                page.tell("commands", serial=serial)
+            for _ in range(int(MESSAGES_AT_ONCE) + MOST_DROPPED - 200):  # a slow server forgives some, as time goes by
+                page.tell("drawn", number=0)
             page.tell("stop")
             page.wait_for("safety", lambda news: news["latched"] and "all 20" in news["sentence"])
             assert "too many messages at once; this one was not read" in page.refused
-            time.sleep(0.2)
+            time.sleep(0.2)  # a few messages are allowed again
             page.tell("release")
             page.wait_for("safety", lambda news: not news["latched"])
 

@@ -264,10 +264,10 @@ def test_no_rule_base_keeps_the_machine_busy(mode: Mode, rules: list[str], words
     machine = ClassicMachine(mode)
     for rule in rules:
         assert machine.evaluate(rule) == 0
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(ClassicError, match=words):
         machine.evaluate("E2" if len(rules) == 1 else "E5")
-    assert time.perf_counter() - start < BOUNDED_SECONDS
+    assert time.process_time() - start < BOUNDED_SECONDS
     assert machine.evaluate("(+ 1 2)") == 3
 
 
@@ -362,7 +362,7 @@ def outcome(machine: ClassicMachine, text: str) -> int | ClassicError:
 @given(st.sampled_from(MODES), st.lists(st.one_of(st.lists(st.sampled_from(WORDS)).map(" ".join), st.text())))
 def test_any_text_gives_a_short_or_a_classic_error(mode: Mode, texts: list[str]) -> None:
     machine = ClassicMachine(mode)
-    start = time.perf_counter()
+    start = time.process_time()
     for text in texts:
         value = outcome(machine, text)
         if isinstance(value, int):
@@ -371,7 +371,7 @@ def test_any_text_gives_a_short_or_a_classic_error(mode: Mode, texts: list[str])
             assert machine.show(shown) == shown
         else:
             assert str(value)
-    assert time.perf_counter() - start < BOUNDED_SECONDS * (len(texts) + 1)
+    assert time.process_time() - start < BOUNDED_SECONDS * (len(texts) + 1)
     assert machine.evaluate("(+ 1 2)") == 3
 
 

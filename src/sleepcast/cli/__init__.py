@@ -16,11 +16,10 @@ from importlib import import_module
 import click
 
 from sleepcast import __version__
+from sleepcast.cli.interrupts import INTERRUPTED
 from sleepcast.cli.streams import ReaderGone, complain, open_streams
 from sleepcast.errors import SleepcastError, did_you_mean
 
-INTERRUPTED = 130
-"""The exit status of a program that Ctrl-C ended (128 + SIGINT), as a shell reports it."""
 NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
 """What goes wrong with an output that a person sent to a file: a full disk, a quota, a broken device."""
 READER_GONE = 141

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.page import Address, scene_of
 from sleepcast.cli.streams import announce
 from sleepcast.clock import WallClock
@@ -100,9 +101,11 @@ def film_of(recording: Recording) -> Film:
     return maker.film
 
 
-def show(recording: Recording, speed: float | None, address: Address) -> None:
-    """Serve the page of a recording until Ctrl-C, which comes out as KeyboardInterrupt."""
+def show(interrupts: Interrupts, recording: Recording, speed: float | None, address: Address) -> None:
+    """Serve the page of a recording until Ctrl-C, which comes out as KeyboardInterrupt. interrupts: entered; let go of
+    once the film is made."""
     film = film_of(recording)
+    interrupts.release()
     if speed is not None:
         film = replace(film, speed=speed)
     clock = WallClock()

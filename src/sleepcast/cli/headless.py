@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.progress import steps
+from sleepcast.cli.streams import complain
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Scenario, Simulator
 from sleepcast.station import Station
 
 if TYPE_CHECKING:
     from sleepcast.cli.recording import Wanted
+
+
+FEW, WARM_TICKS = 12, 3
+"""Robots and ticks of a warm-up: some of each group, and all that happens only when something has moved."""
 
 
 def assemble(
@@ -28,10 +35,19 @@ def assemble(
     return swarm, station
 
 
+def warm_up(scenario: Scenario, threads: int | None) -> None:
+    """Load and compile all that a tick of `scenario` needs, by letting a few robots live in it for a moment."""
+    few = replace(scenario.robots, count=min(scenario.robots.count, FEW))
+    swarm, _ = assemble(replace(scenario, robots=few), None, mission=False, threads=threads)
+    for _ in range(WARM_TICKS):
+        swarm.step()
+        swarm.sense()
+
+
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A finished run. setup, wall: seconds that a person waited for the start and for the run itself. broken: whether
-    it was recorded and the recording broke off."""
+    """A finished run. setup, wall: seconds that a person waited for the start, all compiling included, and for the run
+    itself. broken: whether it was recorded and the recording broke off."""
 
     swarm: Swarm
     station: Station
@@ -62,7 +78,7 @@ class Run:
         found = self.to_dict()
         lines = [
             f"{found['scenario']}, seed {found['seed']}: {found['robots']} robots for {found['seconds']} s, "
-            f"{found['realtime_factor']} times as fast as real time"
+            f"{found['realtime_factor']} times as fast as real time, after {self.setup:.1f} s to set it up"
         ]
         for command in self.station.commands():
             lines += [f"  {line}" for line in command.text.strip().split("\n")]
@@ -77,6 +93,7 @@ class Run:
 
 
 def run_headless(
+    interrupts: Interrupts,
     scenario: Scenario,
     seed: int | None,
     seconds: float,
@@ -87,18 +104,33 @@ def run_headless(
 ) -> Run:
     """Run `scenario` with its mission for so many simulated seconds, a tick at least.
 
-    wanted: what is recorded of it. Raises what Recorder raises.
+    interrupts: entered. wanted: what is recorded of it. Raises what Recorder raises, KeyboardInterrupt after Ctrl-C.
     """
     began = perf_counter()
+    warm_up(scenario, threads)
     swarm, station = assemble(scenario, seed, mission=True, threads=threads)
     ready = perf_counter()
+    interrupts.defer()
     recorder = None
-    with ExitStack() as stack:
+    with _told(swarm, wanted), ExitStack() as stack:
         if wanted is not None:
             from sleepcast.cli.recording import recorded
 
             recorder = stack.enter_context(recorded(swarm, station, wanted))
-        for _ in steps(max(1, round(seconds / scenario.tick)), scenario.name, quiet=quiet):
+        count = max(1, round(seconds / scenario.tick))
+        for _ in stack.enter_context(closing(steps(count, scenario.name, quiet=quiet))):
             swarm.step()
+            interrupts.check()
     broken = recorder is not None and recorder.failed
     return Run(swarm, station, ready - began, perf_counter() - ready, broken)
+
+
+@contextmanager
+def _told(swarm: Swarm, wanted: Wanted | None) -> Iterator[None]:
+    """Say where Ctrl-C has ended the run, once everything is closed."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        kept = "" if wanted is None else f"; {wanted.file} holds what came before"
+        complain(f"ended by Ctrl-C at {swarm.now():g} s of simulated time{kept}")
+        raise

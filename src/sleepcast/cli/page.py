@@ -7,14 +7,15 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from math import cos, pi, sin
 
-from sleepcast.cli.headless import assemble
+from sleepcast.cli.headless import assemble, warm_up
+from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.recording import Wanted, recorded
 from sleepcast.cli.streams import announce
 from sleepcast.clock import WallClock
 from sleepcast.console import Place, ReadyCommand, Scene, serve
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Pace, Swarm
-from sleepcast.simulator import Circle, Scenario, Shape, Wall
+from sleepcast.simulator import Area, Circle, Scenario, Shape, Wall
 
 ROUND = 32
 """Corners of a circle as it is drawn."""
@@ -63,20 +64,20 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
         unit=scenario.length_unit or "m",
         radius=scenario.robots.geometry.radius,
         places=tuple(Place(place.title, place.x, place.y) for place in scenario.places),
-        obstacles=tuple(_outline(shape) for shape in scenario.shapes),
+        obstacles=tuple(_outlines(shape) for shape in scenario.shapes),
         lights=tuple(Place(light.title, light.x, light.y) for light in scenario.lights),
         commands=tuple(ReadyCommand(each.title, each.text.strip(), each.about) for each in scenario.commands),
     )
 
 
-def _outline(shape: Shape) -> tuple[tuple[float, float], ...]:
-    """The corners of a shape as the page draws it. A wall goes there and back; a circle has many corners."""
+def _outlines(shape: Shape) -> tuple[tuple[tuple[float, float], ...], ...]:
+    """A shape as the page draws it. A wall goes there and back; a circle has many corners."""
     if isinstance(shape, Circle):
         angles = (2.0 * pi * corner / ROUND for corner in range(ROUND))
-        return tuple((shape.x + shape.radius * cos(angle), shape.y + shape.radius * sin(angle)) for angle in angles)
+        return (tuple((shape.x + shape.radius * cos(angle), shape.y + shape.radius * sin(angle)) for angle in angles),)
     if isinstance(shape, Wall):
-        return (*shape.points, *shape.points[-2:0:-1])
-    return shape.corners
+        return ((*shape.points, *shape.points[-2:0:-1]),)
+    return shape.outlines if isinstance(shape, Area) else (shape.corners,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +91,7 @@ class Address:
 
 
 def show(
+    interrupts: Interrupts,
     scenario: Scenario,
     seed: int | None,
     speed: float | None,
@@ -99,10 +101,12 @@ def show(
 ) -> None:
     """Serve the page of `scenario` until Ctrl-C, which comes out as KeyboardInterrupt.
 
-    speed: simulated seconds in a second (None: the scenario's own). wanted: what is recorded of it. Raises what the
-    console raises for the address, and what Recorder raises.
+    interrupts: entered; let go of once the swarm stands. speed: simulated seconds in a second (None: the scenario's
+    own). wanted: what is recorded of it. Raises what the console raises for the address, and what Recorder raises.
     """
+    warm_up(scenario, threads)
     swarm, station = assemble(scenario, seed, mission=False, threads=threads)
+    interrupts.release()  # the server has a way of its own to end in good order
     clock = WallClock()
     with ExitStack() as stack:
         if wanted is not None:

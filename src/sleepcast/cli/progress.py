@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator
 from time import perf_counter
 
 PATIENCE = 2.0
 """Seconds of work after which a person wants to know how long it will take."""
 
 
-def steps(count: int, title: str, *, quiet: bool) -> Iterator[int]:
-    """The numbers from 0 up to `count`, with a bar on standard error once they have taken `PATIENCE` seconds."""
+def steps(count: int, title: str, *, quiet: bool) -> Generator[int, None, None]:
+    """The numbers from 0 up to `count`, with a bar on standard error once they have taken `PATIENCE` seconds. Whoever
+    may stop early closes it, so that the bar is gone."""
     began = perf_counter()
     shown = not quiet and sys.stderr is not None and sys.stderr.isatty()
     for number in range(count):
@@ -21,7 +22,7 @@ def steps(count: int, title: str, *, quiet: bool) -> Iterator[int]:
             return
 
 
-def _with_bar(start: int, count: int, title: str) -> Iterator[int]:
+def _with_bar(start: int, count: int, title: str) -> Generator[int, None, None]:
     from rich.console import Console
     from rich.progress import Progress
 

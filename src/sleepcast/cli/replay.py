@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.streams import put
 from sleepcast.cli.swarm import FASTEST, HOST, PORT, SLOWEST
 
@@ -50,16 +52,17 @@ def replay(
       sleepcast replay run.mcap
       sleepcast replay run.mcap --verify --json
     """
-    from sleepcast.simulator.recording import load_recording
+    with Interrupts() as interrupts:
+        from sleepcast.simulator.recording import load_recording
 
-    recording = load_recording(file)
-    if not (headless or as_json or verify):
-        from sleepcast.cli.film import show
-        from sleepcast.cli.page import Address
+        recording = load_recording(file)
+        if not (headless or as_json or verify):
+            from sleepcast.cli.film import show
+            from sleepcast.cli.page import Address
 
-        show(recording, speed, Address(host, port, insecure, not no_browser))
-        return 0
-    verdict = _verify(recording, quiet=quiet) if verify else None
+            show(interrupts, recording, speed, Address(host, port, insecure, not no_browser))
+            return 0
+        verdict = _verify(interrupts, recording, quiet=quiet) if verify else None
     put(json.dumps(_to_dict(recording, verdict)) if as_json else _to_text(recording, verdict))
     return 0 if verdict is None or verdict.same else 1
 
@@ -89,26 +92,30 @@ class Verdict:
         )
 
 
-def _verify(recording: Recording, *, quiet: bool) -> Verdict:
+def _verify(interrupts: Interrupts, recording: Recording, *, quiet: bool) -> Verdict:
     """Run the recording again, up to the last state that it holds."""
-    from sleepcast.cli.headless import assemble
+    from sleepcast.cli.headless import assemble, warm_up
     from sleepcast.cli.progress import steps
 
+    warm_up(recording.scenario, None)
     swarm, _ = assemble(recording.scenario, recording.seed, mission=False)
+    interrupts.defer()
     waiting = iter(recording.posted)
     due = next(waiting, None)
     compared = 0
-    for tick in steps(max(recording.states, default=0) + 1, recording.scenario.name, quiet=quiet):
-        if tick:
-            while due is not None and due.tick <= tick:
-                swarm.post(due.message)
-                due = next(waiting, None)
-            swarm.step()
-        wanted = recording.states.get(tick)
-        if wanted is not None:
-            compared += 1
-            if swarm.simulator.state_hash() != wanted:
-                return Verdict(compared, tick)
+    with closing(steps(max(recording.states, default=0) + 1, recording.scenario.name, quiet=quiet)) as ticks:
+        for tick in ticks:
+            interrupts.check()
+            if tick:
+                while due is not None and due.tick <= tick:
+                    swarm.post(due.message)
+                    due = next(waiting, None)
+                swarm.step()
+            wanted = recording.states.get(tick)
+            if wanted is not None:
+                compared += 1
+                if swarm.simulator.state_hash() != wanted:
+                    return Verdict(compared, tick)
     return Verdict(compared, None)
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypedDict, TypeVar, Unpack
 
 import click
 
+from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.streams import put
 from sleepcast.errors import MisuseError
 
@@ -109,6 +110,11 @@ def run(scenario: str, headless: bool, **options: Unpack[Options]) -> int:
 
 
 def _start(name: str, headless: bool, options: Options) -> int:
+    with Interrupts() as interrupts:
+        return _start_within(interrupts, name, headless, options)
+
+
+def _start_within(interrupts: Interrupts, name: str, headless: bool, options: Options) -> int:
     from sleepcast.simulator import find_scenario
 
     _refuse_contradictions(headless, options)
@@ -118,13 +124,19 @@ def _start(name: str, headless: bool, options: Options) -> int:
         from sleepcast.cli.page import Address, show
 
         address = Address(options["host"], options["port"], options["insecure"], not options["no_browser"])
-        show(scenario, options["seed"], options["speed"], address, options["threads"], wanted)
+        show(interrupts, scenario, options["seed"], options["speed"], address, options["threads"], wanted)
         return 0
     from sleepcast.cli.headless import run_headless
 
     seconds = scenario.seconds if options["seconds"] is None else options["seconds"]
     outcome = run_headless(
-        scenario, options["seed"], seconds, quiet=options["quiet"], threads=options["threads"], wanted=wanted
+        interrupts,
+        scenario,
+        options["seed"],
+        seconds,
+        quiet=options["quiet"],
+        threads=options["threads"],
+        wanted=wanted,
     )
     put(json.dumps(outcome.to_dict()) if options["as_json"] else outcome.to_text())
     return int(outcome.broken)
@@ -165,4 +177,4 @@ def _changes(options: Options) -> Changes:
         raise MisuseError(f"--robots {robots} is too many: at most {MAX_MINDS} fit into one run")
     if density is not None and not LEAST <= density <= MAX_WORLD:
         raise MisuseError(f"--density must be from {LEAST:g} to {MAX_WORLD:g} square metres, not {density:g}")
-    return Changes(robots, density, not options["no_walls"])
+    return Changes(robots, density, not options["no_walls"], options["seed"])

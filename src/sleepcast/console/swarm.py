@@ -33,12 +33,16 @@ class ReadyCommand(msgspec.Struct, frozen=True):
     about: str = ""
 
 
+Outline = tuple[tuple[float, float], ...]
+
+
 class Scene(msgspec.Struct, frozen=True):
     """What does not change while the swarm runs.
 
     noun: what the robots are called, in the plural. names: of the robots, by their index. area: least x, least y,
     greatest x, greatest y in m. unit: a length of `sleepcast.units`, in which people read the map. radius: of a body,
-    in m. lights: where they are, with their names. obstacles: polygons, each a list of corners (x, y) in m.
+    in m. lights: where they are, with their names. obstacles: each is what lies inside an odd number of its closed
+    outlines, lists of corners (x, y) in m.
     """
 
     title: str
@@ -50,7 +54,7 @@ class Scene(msgspec.Struct, frozen=True):
     radius: float
     places: tuple[Place, ...] = ()
     lights: tuple[Place, ...] = ()
-    obstacles: tuple[tuple[tuple[float, float], ...], ...] = ()
+    obstacles: tuple[tuple[Outline, ...], ...] = ()
     commands: tuple[ReadyCommand, ...] = ()
 
 

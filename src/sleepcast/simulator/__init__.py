@@ -1,7 +1,9 @@
 """Many simulated bodies in one world, described by scenario files.
 
 `settings`, `scenario`, `robot_settings` and `world_settings` read the files, `groups`, `signals` and `measures`
-parts of them, `mission` the scripts, `gallery` finds them. `world` has what is solid, `bodies` the robots' state;
+parts of them, `mission` the scripts, `gallery` finds them. `maze` draws walls; `ros_map` reads maps, in which
+`outlines` finds walls; `drawing` reads SVG by `svg_paths` and `svg_values`. `world` has what is solid, `areas` tells
+what lies inside, `bodies` have the robots' state.
 `motion` moves them by `wheels` or without, until `bumpers` touch; `echoes` are their sonars, `senses` see lights and
 hear pings. The heavy work is done by a machine of `engine`: `cones`, `contact` and `grid` in NumPy, or `fast` with its
 compiled `kernels`. `simulation` puts everything together.
@@ -16,10 +18,11 @@ from sleepcast.simulator.robot_settings import Store
 from sleepcast.simulator.scenario import Place, ReadyCommand, Scenario, load
 from sleepcast.simulator.settings import SettingsError
 from sleepcast.simulator.simulation import Simulator
-from sleepcast.simulator.world import Circle, Polygon, Shape, Wall, World
+from sleepcast.simulator.world import Area, Circle, Polygon, Shape, Wall, World
 from sleepcast.simulator.world_settings import Changes
 
 __all__ = [
+    "Area",
     "Body",
     "Changes",
     "Circle",

@@ -22,18 +22,21 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.chance import GOLDEN, key, mix, uniform
 from sleepcast.errors import MisuseError, did_you_mean
+from sleepcast.simulator.areas import inside
 from sleepcast.simulator.bumpers import Bumpers
 from sleepcast.simulator.echoes import Echoes
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.groups import value_quantities, values_of
 from sleepcast.simulator.scenario import Scenario
 from sleepcast.simulator.sensors import sensors_of
-from sleepcast.simulator.world import World
+from sleepcast.simulator.world import Area, World
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Whole = NDArray[np.intp]
 
+MAX_REDRAWS = 200
+"""Until every robot has found a start outside of solid areas: enough where one place in ten is open."""
 MAX_SAYINGS = 1_000
 """Latest sayings that are kept for whoever listens."""
 TURN = 2.0 * pi
@@ -229,8 +232,22 @@ class Bodies:
             first += 1
 
     def _places(self, attempt: int | None = None) -> tuple[Floats, Floats]:
-        """Where the robots start; other places for each further attempt."""
-        robots, again = self.scenario.robots, "" if attempt is None else f" {attempt}"
+        """Where the robots start, outside of solid areas; other places for each further attempt. Raises MisuseError
+        where there is hardly any such place."""
+        again = "" if attempt is None else f" {attempt}"
+        areas = [shape for shape in self.world.shapes.values() if isinstance(shape, Area)]
+        x, y = self._anywhere(again)
+        for redraw in range(MAX_REDRAWS):
+            wrong = np.flatnonzero(np.any([inside(area, x, y) for area in areas], axis=0)) if areas else ()
+            if not len(wrong):
+                return x, y
+            other_x, other_y = self._anywhere(f"{again} redrawn {redraw}")
+            x[wrong], y[wrong] = other_x[wrong], other_y[wrong]
+        raise MisuseError("where the robots start nearly everything is solid: let them start elsewhere (x, y, disc)")
+
+    def _anywhere(self, again: str) -> tuple[Floats, Floats]:
+        """Points of the rectangle or disc in which the robots start."""
+        robots = self.scenario.robots
         if robots.disc is None:
             return _spread(robots.x, self.drawn(f"x{again}")), _spread(robots.y, self.drawn(f"y{again}"))
         x, y, radius = robots.disc

@@ -26,10 +26,10 @@ from sleepcast.simulator.robot_settings import (
     read_count,
     read_robots,
 )
-from sleepcast.simulator.settings import Document, Measure, Table, checked_name
+from sleepcast.simulator.settings import Measure, Table, checked_name, toml_document
 from sleepcast.simulator.signals import Light, PingModel, read_lights, read_pings
 from sleepcast.simulator.world import Shape
-from sleepcast.simulator.world_settings import Changes, read_world
+from sleepcast.simulator.world_settings import MAX_SEED, Changes, read_world
 from sleepcast.units import LENGTH, SPEED, TIME
 
 FORMAT = 1
@@ -39,7 +39,6 @@ MAX_PLACES = 32
 """Each place is two variables on every robot."""
 MAX_COMMANDS = 32
 """Ready-made commands that a page can offer without scrolling for ever."""
-MAX_SEED = 2**63 - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +102,7 @@ def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  #
     """The scenario in the folder or file `path`, with what a run changes of it. Raises SettingsError, and MissionError
     for its mission script."""
     file = path / FILE if path.is_dir() else path
-    document = Document(file)
+    document = toml_document(file)
     with document.root() as root:
         _check_format(root)
         constants = read_constants(root)
@@ -112,7 +111,9 @@ def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  #
         def count() -> int:
             return changes.robots or read_count(root.table("robots"), groups)
 
-        world = read_world(root, count, changes)
+        seed = root.whole("seed", 0, low=0, high=MAX_SEED)
+        seed = seed if changes.seed is None else changes.seed
+        world = read_world(root, count, changes, seed)
         size = (world.width, world.height)
         places = _places(root, size)
         lights = read_lights(root, size, [place.name for place in places])
@@ -125,7 +126,7 @@ def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  #
             path=file,
             title=root.text("title"),
             about=root.text("about", "", most=2_000),
-            seed=root.whole("seed", 0, low=0, high=MAX_SEED),
+            seed=seed,
             tick=root.number("tick", TIME, 0.1, low=0.001, high=60.0),
             speed_up=root.number("speed_up", default=1.0, low=0.001, high=1e6),
             seconds=root.number("seconds", TIME, low=LEAST, high=MAX_TIME),

@@ -21,6 +21,9 @@ from sleepcast.units import NONE, UNITS, Dimension, to_si
 MAX_BYTES = 1_048_576
 """Of one file: the largest scenario of people is a hundred times smaller."""
 
+MAX_NUMBER = 1e9
+"""Of plain numbers in a list: beyond, sums of them lose what matters."""
+
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?\d++)?)\s*([A-Za-z%][A-Za-z/0-9]*|)\s*")
 _NAME = r"""(?:[\w-]+|"[^"]*"|'[^']*')"""
 _KEY = re.compile(rf"\s*({_NAME}(?:\s*\.\s*{_NAME})*)\s*=")
@@ -43,27 +46,10 @@ class Measure(NamedTuple):
 
 
 class Document:
-    """One file: its values as parsed, and the line of every key. Raises SettingsError if it is no TOML."""
+    """One file: its values as parsed, and the line of every key."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        try:
-            with path.open("rb") as file:
-                raw = file.read(MAX_BYTES + 1)
-        except OSError as error:
-            raise SettingsError(f"{path}: cannot be read: {error.strerror or error}") from error
-        if len(raw) > MAX_BYTES:
-            raise SettingsError(f"{path}: too long for a settings file: at most {MAX_BYTES} bytes")
-        try:
-            text = raw.decode()
-            values = tomllib.loads(text)
-        except UnicodeDecodeError as error:
-            line = raw.count(b"\n", 0, error.start) + 1
-            raise SettingsError(f"{path}:{line}: not UTF-8 text: {error.reason}") from error
-        except tomllib.TOMLDecodeError as error:
-            raise self._not_toml(text, str(error)) from error
-        self.values: dict[str, object] = values
-        self.lines = key_lines(text)
+    def __init__(self, path: Path, values: dict[str, object], lines: dict[Path_, int]) -> None:
+        self.path, self.values, self.lines = path, values, lines
 
     def root(self) -> Table:
         return Table(self, self.values, ())
@@ -73,11 +59,34 @@ class Document:
         line = next((self.lines[where[:n]] for n in range(len(where), 0, -1) if where[:n] in self.lines), 1)
         return SettingsError(f"{self.path}:{line}: {shown_key(where)}: {sentence}")
 
-    def _not_toml(self, text: str, said: str) -> SettingsError:
+
+def read_text(path: Path, most: int = MAX_BYTES) -> str:
+    """The text of a file of at most `most` bytes. Raises SettingsError for another one."""
+    try:
+        with path.open("rb") as file:
+            raw = file.read(most + 1)
+    except (OSError, ValueError) as error:  # a null in the path is a ValueError
+        raise SettingsError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    if len(raw) > most:
+        raise SettingsError(f"{path}: too long for such a file: at most {most} bytes")
+    try:
+        return raw.decode()
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise SettingsError(f"{path}:{line}: not UTF-8 text: {error.reason}") from error
+
+
+def toml_document(path: Path) -> Document:
+    """The TOML file at `path`. Raises SettingsError if there is none."""
+    text = read_text(path)
+    try:
+        return Document(path, tomllib.loads(text), key_lines(text))
+    except (ValueError, RecursionError) as error:  # numbers of thousands of digits, and lists in lists in lists
+        said = str(error)
         place = re.search(r"\(at line (\d+), column (\d+)\)", said)
         line = int(place[1]) if place else text.count("\n") + 1
         reason = said[: place.start()].strip() if place else said
-        return SettingsError(f"{self.path}:{line}: not TOML: {reason}")
+        raise SettingsError(f"{path}:{line}: not TOML: {reason}") from error
 
 
 def key_lines(text: str) -> dict[Path_, int]:
@@ -238,6 +247,14 @@ class Table:
         table = Table(self.document, {f"number {i + 1}": each for i, each in enumerate(value)}, (*self.where, key))
         return tuple(table.whole(name, low=low, high=high) for name in table.values)
 
+    def numbers(self, key: str, shape: Sequence[str]) -> tuple[float, ...]:
+        """As many plain finite numbers as `shape` has names for."""
+        value = self._value(key, None)
+        if not isinstance(value, list) or len(value) != len(shape):
+            self._refuse(key, f"a list of {', '.join(shape)}, such as [{', '.join('0' for _ in shape)}],", value)
+        table = Table(self.document, dict(zip(shape, value, strict=True)), (*self.where, key))
+        return tuple(table.number(name, low=-MAX_NUMBER, high=MAX_NUMBER) for name in shape)
+
     def table(self, key: str) -> Table:
         """The table under `key`, empty if there is none."""
         value = self.values.get(key, {})
@@ -245,6 +262,13 @@ class Table:
         if not isinstance(value, dict):
             self._refuse(key, f"a table [{shown_key((*self.where, key))}]", value)
         return Table(self.document, value, (*self.where, key))
+
+    def table_or_text(self, key: str, name: str) -> Table:
+        """The table under `key`; a text there stands for a table with that text under `name` alone."""
+        if isinstance(self.values.get(key), str):
+            self._asked.add(key)
+            return Table(self.document, {name: self.values[key]}, (*self.where, key))
+        return self.table(key)
 
     def tables(self, key: str, *, most: int) -> dict[str, Table]:
         """The tables under the table `key`, by their names, at most so many: `[places.vessel]`."""
@@ -305,7 +329,7 @@ def checked_name(around: Table, name: str) -> str:
 
 def _as_measure(value: object) -> Measure | None:
     if isinstance(value, int | float) and not isinstance(value, bool):
-        return Measure(float(value))
+        return Measure(float(value) if abs(value) < 2**1023 else inf)
     match = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
     if match is None:
         return None

@@ -1,8 +1,8 @@
-"""The solid things of a world: polygons, circles and walls, which may be added, moved and removed while it runs.
+"""The solid things of a world: polygons, areas, circles and walls, which may be added, moved and removed while it runs.
 
-Whatever its shape, a thing is kept twice: as people wrote it, under a number, and as *solids*, rows of one array that
-motion and sonar read. A solid is a stadium: all points within `radius` of a line from one end to the other. The side of
-a polygon and a piece of wall are stadiums without a radius, a circle is one without a length.
+Whatever its shape, a thing is kept twice: as people wrote it, under a number and perhaps a name, and as *solids*, rows
+of one array that motion and sonar read. A solid is a stadium: all points within `radius` of a line from one end to the
+other. The side of a polygon and a piece of wall are stadiums without a radius, a circle is one without a length.
 """
 
 from __future__ import annotations
@@ -29,6 +29,16 @@ class Polygon:
     """A closed line through `corners` (x, y in m), in either sense. Bodies stay on the side they are on."""
 
     corners: tuple[Point, ...]
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """What lies inside an odd number of the closed `outlines` (each its corners, x, y in m): solid all through, holes
+    left out. No body starts in it."""
+
+    outlines: tuple[tuple[Point, ...], ...]
+    name: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +48,7 @@ class Circle:
     x: float
     y: float
     radius: float
+    name: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,9 +56,11 @@ class Wall:
     """A thin wall from point to point (x, y in m), open at its ends."""
 
     points: tuple[Point, ...]
+    name: str = ""
 
 
-Shape = Polygon | Circle | Wall
+Shape = Polygon | Area | Circle | Wall
+Row = tuple[float, float, float, float, float]
 
 
 class World:
@@ -55,6 +68,7 @@ class World:
 
     def __init__(self, shapes: Iterable[Shape] = ()) -> None:
         self._shapes: dict[int, Shape] = {}
+        self._sides = 0
         self._rows: NDArray[np.float64] | None = None
         self._next = 1
         self.version = 0
@@ -75,9 +89,10 @@ class World:
 
     def add(self, shape: Shape) -> int:
         """Put a thing into the world; gives its number. Raises MisuseError for what is no shape."""
-        rows = rows_of(shape)
-        if len(self._shapes) + len(rows) > MAX_SOLIDS:
+        sides = len(rows_of(shape))
+        if self._sides + sides > MAX_SOLIDS:
             raise MisuseError(f"the world is full: at most {MAX_SOLIDS} walls and sides of polygons fit; remove some")
+        self._sides += sides
         number = self._next
         self._next += 1
         self._shapes[number] = shape
@@ -93,13 +108,14 @@ class World:
 
     def remove(self, number: int) -> None:
         """Take a thing away. Raises MisuseError if there is none."""
-        self._known(number)
+        self._sides -= len(rows_of(self._known(number)))
         del self._shapes[number]
         self._changed()
 
     def clear(self) -> None:
         """Take everything away."""
         self._shapes.clear()
+        self._sides = 0
         self._changed()
 
     def _known(self, number: int) -> Shape:
@@ -112,23 +128,34 @@ class World:
         self._rows = None
 
 
-def rows_of(shape: Shape) -> list[tuple[float, float, float, float, float]]:
+def rows_of(shape: Shape) -> list[Row]:
     """The solids of a shape. Raises MisuseError for a shape that is none."""
     if isinstance(shape, Circle):
         if not (isfinite(shape.x) and isfinite(shape.y) and 0.0 < shape.radius < float("inf")):
             raise MisuseError(f"no circle: {shape}; wanted finite numbers and a radius above 0")
         return [(shape.x, shape.y, shape.x, shape.y, shape.radius)]
-    points = shape.corners if isinstance(shape, Polygon) else shape.points
-    least, noun = (3, "a polygon") if isinstance(shape, Polygon) else (2, "a wall")
+    if isinstance(shape, Area):
+        return [row for outline in shape.outlines for row in _sides_of(outline, "an outline", closed=True)]
+    if isinstance(shape, Polygon):
+        return _sides_of(shape.corners, "a polygon", closed=True)
+    return _sides_of(shape.points, "a wall", closed=False)
+
+
+def _sides_of(points: tuple[Point, ...], noun: str, *, closed: bool) -> list[Row]:
+    """The lines from point to point, and back to the first one if the line is `closed`."""
+    least = 3 if closed else 2
     if len(points) < least:
         raise MisuseError(f"{noun} of {len(points)} points; wanted at least {least}")
     if not all(isfinite(value) for point in points for value in point):
-        raise MisuseError(f"{noun} with a point that is not finite: {points}")
-    ends = (*points[1:], points[0]) if isinstance(shape, Polygon) else points[1:]
-    rows = [(*start, *end, 0.0) for start, end in zip(points, ends, strict=False)]
-    if any(row[:2] == row[2:4] for row in rows):
-        raise MisuseError(f"{noun} with the same point twice in a row: {points}")
-    return rows
+        raise MisuseError(f"{noun} with a point that is not finite: {_shown(points)}")
+    ends = (*points[1:], points[0]) if closed else points[1:]
+    if any(start == end for start, end in zip(points, ends, strict=False)):
+        raise MisuseError(f"{noun} with the same point twice in a row: {_shown(points)}")
+    return [(*start, *end, 0.0) for start, end in zip(points, ends, strict=False)]
+
+
+def _shown(points: tuple[Point, ...]) -> str:
+    return f"{', '.join(map(str, points[:8]))}{', ...' if len(points) > 8 else ''}"
 
 
 def shifted(shape: Shape, across: float, up: float) -> Shape:
@@ -136,13 +163,19 @@ def shifted(shape: Shape, across: float, up: float) -> Shape:
     if isinstance(shape, Circle):
         return replace(shape, x=shape.x + across, y=shape.y + up)
     if isinstance(shape, Wall):
-        return Wall(tuple((x + across, y + up) for x, y in shape.points))
-    return Polygon(tuple((x + across, y + up) for x, y in shape.corners))
+        return replace(shape, points=_shifted(shape.points, across, up))
+    if isinstance(shape, Area):
+        return replace(shape, outlines=tuple(_shifted(outline, across, up) for outline in shape.outlines))
+    return replace(shape, corners=_shifted(shape.corners, across, up))
 
 
-def edge(width: float, height: float) -> Polygon:
+def _shifted(points: tuple[Point, ...], across: float, up: float) -> tuple[Point, ...]:
+    return tuple((x + across, y + up) for x, y in points)
+
+
+def edge(width: float, height: float) -> Wall:
     """A wall round the whole world."""
-    return Polygon(((0.0, 0.0), (width, 0.0), (width, height), (0.0, height)))
+    return Wall(((0.0, 0.0), (width, 0.0), (width, height), (0.0, height), (0.0, 0.0)))
 
 
 def rooms(width: float, height: float, size: float, door: float) -> list[Wall]:

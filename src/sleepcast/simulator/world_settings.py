@@ -1,20 +1,30 @@
-"""The world of a scenario: what the table [world] of its file says, and what a run may change of it."""
+"""The world of a scenario: what the table [world] of its file says, and what a run may change of it.
+
+What stands in the world is written there, drawn by `rooms` and `maze`, or taken from other files.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
+from sleepcast.errors import MisuseError
+from sleepcast.simulator.drawing import MAX_NAME, read_drawing
+from sleepcast.simulator.maze import maze
 from sleepcast.simulator.robot_settings import LEAST, MAX_WORLD
+from sleepcast.simulator.ros_map import read_map
 from sleepcast.simulator.settings import Measure, Table
-from sleepcast.simulator.world import Circle, Polygon, Shape, Wall, edge, rooms
+from sleepcast.simulator.world import Circle, Point, Polygon, Shape, Wall, edge, rooms
 from sleepcast.units import LENGTH
 
 MAX_SHAPES = 10_000
 """Polygons, circles or walls in one file: each sort."""
 MAX_POINTS = 10_000
 """Corners of one polygon or wall."""
+MAX_SEED = 2**63 - 1
+SLACK = 1e-6
+"""m by which rounding may take a map or drawing beyond a world of its own size."""
 EDGES = ("fence", "wall")
 """What the world's edge is: robots turn back at a fence by themselves and nobody sees it; a wall is solid."""
 
@@ -22,11 +32,12 @@ EDGES = ("fence", "wall")
 @dataclass(frozen=True, slots=True)
 class Changes:
     """What a run changes of its scenario's file. robots: so many; area_per_robot: in a world of so many m2 for each;
-    walls: False leaves out everything solid."""
+    walls: False leaves out everything solid. seed: what all chance depends on, a maze with it."""
 
     robots: int | None = None
     area_per_robot: float | None = None
     walls: bool = True
+    seed: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,27 +52,17 @@ class WorldSpec:
     fenced: bool
 
 
-def read_world(root: Table, robots: Callable[[], int], changes: Changes) -> WorldSpec:
-    """The table [world]. robots: says how many there are, for a world that grows with them."""
+def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: int) -> WorldSpec:
+    """The table [world]. robots: says how many there are, for a world that grows with them; seed: of this run."""
     with root.table("world") as table:
-        width, height = _size(table, robots, changes.area_per_robot)
-        low, high = (0.0, 0.0), (width.value, height.value)
-        shapes: list[Shape] = []
-        for each in table.array("polygons", most=MAX_SHAPES):
-            with each:
-                shapes.append(Polygon(each.points("corners", low, high, least=3, most=MAX_POINTS)))
-        for each in table.array("circles", most=MAX_SHAPES):
-            with each:
-                x, y = each.point("center", low, high)
-                shapes.append(Circle(x, y, each.number("radius", LENGTH, low=LEAST, high=MAX_WORLD)))
-        for each in table.array("walls", most=MAX_SHAPES):
-            with each:
-                shapes.append(Wall(each.points("points", low, high, least=2, most=MAX_POINTS)))
-        if table.has("rooms"):
-            with table.table("rooms") as each:
-                size = each.number("size", LENGTH, low=0.1, high=MAX_WORLD)
-                door = each.number("door", LENGTH, low=0.0, high=size)
-                shapes += rooms(*high, size, door)
+        taken = _from_files(table)
+        width, height = _size(table, robots, changes.area_per_robot, taken)
+        high = (width.value, height.value)
+        for each_taken in taken:
+            each_taken.refuse_beyond(table, *high)
+        shapes: list[Shape] = [shape for each_taken in taken for shape in each_taken.shapes]
+        shapes += _written(table, high)
+        shapes += _parted(table, high, seed)
         walled = table.text("edge", "fence", choices=EDGES) == "wall"
     if not changes.walls:
         return WorldSpec(*high, width.unit or "m", (), fenced=True)
@@ -70,7 +71,93 @@ def read_world(root: Table, robots: Callable[[], int], changes: Changes) -> Worl
     return WorldSpec(*high, width.unit or "m", tuple(shapes), fenced=not walled)
 
 
-def _size(table: Table, robots: Callable[[], int], area: float | None) -> tuple[Measure, Measure]:
+def _written(world: Table, high: tuple[float, float]) -> list[Shape]:
+    """The polygons, circles and walls of the file itself."""
+    low, shapes = (0.0, 0.0), list[Shape]()
+    for each in world.array("polygons", most=MAX_SHAPES):
+        with each:
+            corners = each.points("corners", low, high, least=3, most=MAX_POINTS)
+            shapes.append(Polygon(corners, _name(each)))
+    for each in world.array("circles", most=MAX_SHAPES):
+        with each:
+            x, y = each.point("center", low, high)
+            radius = each.number("radius", LENGTH, low=LEAST, high=MAX_WORLD)
+            shapes.append(Circle(x, y, radius, _name(each)))
+    for each in world.array("walls", most=MAX_SHAPES):
+        with each:
+            points = each.points("points", low, high, least=2, most=MAX_POINTS)
+            shapes.append(Wall(points, _name(each)))
+    return shapes
+
+
+def _name(shape: Table) -> str:
+    """How people call it, "" if they do not."""
+    return shape.text("name", "", most=MAX_NAME)
+
+
+@dataclass(frozen=True, slots=True)
+class _Taken:
+    """What another file has. low, high: corners of the box round it, m. key: under which the file is named."""
+
+    key: str
+    shapes: tuple[Shape, ...]
+    low: Point
+    high: Point
+
+    def refuse_beyond(self, world: Table, width: float, height: float) -> None:
+        """Raise SettingsError if the box does not lie within the world."""
+        if min(self.low) < -SLACK or self.high[0] > width + SLACK or self.high[1] > height + SLACK:
+            (x0, y0), (x1, y1) = self.low, self.high
+            raise world.error(
+                self.key,
+                f"it reaches from {x0:g}, {y0:g} to {x1:g}, {y1:g} m, beyond a world of {width:g} by {height:g} m: "
+                "leave out width and height, or make them larger",
+            )
+
+
+def _from_files(world: Table) -> list[_Taken]:
+    """What [world.map] and [world.drawing] take from other files."""
+    found = []
+    if world.has("map"):
+        with world.table_or_text("map", "file") as each:
+            path = world.document.path.parent / each.text("file")
+            at = each.point("zero", (-MAX_WORLD, -MAX_WORLD), (MAX_WORLD, MAX_WORLD)) if each.has("zero") else None
+            solid = each.text("unknown", "open", choices=("open", "solid")) == "solid"
+            area, low, high = read_map(path).area(at, unknown_is_solid=solid)
+            found.append(_Taken("map", (area,) if area.outlines else (), low, high))
+    if world.has("drawing"):
+        with world.table_or_text("drawing", "file") as each:
+            path = world.document.path.parent / each.text("file")
+            metre = each.number("metre", low=LEAST, high=1.0 / LEAST) if each.has("metre") else None
+            at = each.point("at", (0.0, 0.0), (MAX_WORLD, MAX_WORLD)) if each.has("at") else (0.0, 0.0)
+            drawing = read_drawing(path, metre, at)
+            found.append(_Taken("drawing", drawing.shapes, drawing.low, drawing.high))
+    return found
+
+
+def _parted(table: Table, size: tuple[float, float], seed: int) -> list[Wall]:
+    """The walls of [world.rooms] and [world.maze]."""
+    walls: list[Wall] = []
+    if table.has("rooms"):
+        with table.table("rooms") as each:
+            room = each.number("size", LENGTH, low=0.1, high=MAX_WORLD)
+            walls += rooms(*size, room, each.number("door", LENGTH, low=0.0, high=room))
+    if table.has("maze"):
+        with table.table("maze") as each:
+            cell = each.number("cell", LENGTH, low=0.1, high=MAX_WORLD)
+            loops = each.number("loops", default=0.0, low=0.0, high=1.0)
+            own = each.whole("seed", seed, low=0, high=MAX_SEED)
+            try:
+                walls += maze(*size, cell, loops, own)
+            except MisuseError as error:
+                raise table.error("maze", str(error)) from None
+    return walls
+
+
+def _size(
+    table: Table, robots: Callable[[], int], area: float | None, taken: Sequence[_Taken]
+) -> tuple[Measure, Measure]:
+    """Width and height: as they are written, or as large as the robots or other files want them."""
     if table.has("area_per_robot"):
         for key in ("width", "height"):
             if table.has(key):
@@ -80,5 +167,6 @@ def _size(table: Table, robots: Callable[[], int], area: float | None) -> tuple[
         table.has("width"), table.has("height")
         side = Measure(sqrt(area * robots()))
         return side, side
-    width = table.measure("width", LENGTH, low=LEAST, high=MAX_WORLD)
-    return width, table.measure("height", LENGTH, low=LEAST, high=MAX_WORLD)
+    across, up = (Measure(max(each.high[i] for each in taken)) if taken else None for i in (0, 1))
+    width = table.measure("width", LENGTH, across, low=LEAST, high=MAX_WORLD)
+    return width, table.measure("height", LENGTH, up, low=LEAST, high=MAX_WORLD)

@@ -15,11 +15,14 @@ export function drawGround(pen, view, scene, colours) {
   pen.strokeRect(view.toScreenX(left), view.toScreenY(top), (right - left) * view.scale, (top - bottom) * view.scale);
   pen.fillStyle = colours.obstacle;
   pen.strokeStyle = colours.edge;
-  for (const corners of scene.obstacles) {
+  for (const outlines of scene.obstacles) {
     pen.beginPath();
-    for (const [x, y] of corners) pen.lineTo(view.toScreenX(x), view.toScreenY(y));
-    pen.closePath();
-    pen.fill();
+    for (const corners of outlines) {
+      pen.moveTo(view.toScreenX(corners[0][0]), view.toScreenY(corners[0][1]));
+      for (const [x, y] of corners) pen.lineTo(view.toScreenX(x), view.toScreenY(y));
+      pen.closePath();
+    }
+    pen.fill("evenodd");
     pen.stroke();
   }
   for (const light of scene.lights) drawLight(pen, view, light, colours);

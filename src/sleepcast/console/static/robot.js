@@ -27,6 +27,7 @@ export class RobotPane {
     this.find("follow").hidden = index < 0;
     this.find("robot-name").textContent = index < 0 ? "Robot" : name;
     this.find("robot-state").replaceChildren();
+    this.find("pane-why").replaceChildren(); // what stood there was said by another robot
     this.find("pane-values").replaceChildren();
     this.find("pane-rules").replaceChildren();
     this.find("pane-said").replaceChildren();

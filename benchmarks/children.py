@@ -1,0 +1,42 @@
+"""Measuring in a process of its own: nothing that ran before is in its memory, its caches or its thread pools.
+
+A child is a module of this folder; it prints one JSON object as its last line, or fails, and its parent is told why.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from benchmarks.report import Json
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+class ChildError(Exception):
+    """A child gave no result. The text says why, in a few words."""
+
+
+def child(module: str, *arguments: str, limit: float, environment: Mapping[str, str] | None = None) -> Json:
+    """What the module says of itself, after at most `limit` s. environment: variables to add. Raises ChildError."""
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", module, *arguments],
+            cwd=ROOT,
+            env={**os.environ, **(environment or {})},
+            capture_output=True,
+            text=True,
+            timeout=limit,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise ChildError(f"no result within {limit:g} s") from None
+    if done.returncode:
+        said = [line for line in done.stderr.splitlines() if line and not line[0].isspace()]
+        raise ChildError(said[-1] if said else f"ended with {done.returncode}")
+    found: Json = json.loads(done.stdout.splitlines()[-1])
+    return found

@@ -1,0 +1,1 @@
+"""The whole loop of the scenario `crowd`: sense, ten rules, move, collide."""

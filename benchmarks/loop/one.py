@@ -1,0 +1,111 @@
+"""One crowd, in a process of its own; prints one JSON object.
+
+    python -m benchmarks.loop.one '{"robots": 1000, "area": 4, "walls": true, "threads": 2, "numba": true,
+                                    "warm": 3, "seconds": 5}'
+
+A small crowd runs first, so that compiling and loading is over and its memory is there before the large one is made;
+what the process grows by after that belongs to the robots. Then so many seconds of warming up, in which rules become
+native code, and then seconds of simulated time are timed one by one, three at least. "numba": false hides numba and
+llvmlite, as if they were not installed.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from benchmarks.report import Json, middle
+
+if TYPE_CHECKING:
+    from sleepcast.loop import Swarm
+
+FEW = 200
+"""Robots of the small crowd."""
+SEED = 5
+LEAST = 3
+"""Simulated seconds that are timed at least."""
+TICKS = 10
+"""In a simulated second."""
+
+
+@dataclass(frozen=True)
+class Memory:
+    """Bytes of this process: now, and at its most."""
+
+    now: int
+    most: int
+
+    @staticmethod
+    def look() -> Memory:
+        try:
+            lines = Path("/proc/self/status").read_text().splitlines()
+        except OSError:  # no Linux: only the most is told, in bytes or kB
+            most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+            return Memory(most, most)
+        values = {line.partition(":")[0]: line.split()[1] for line in lines if line.startswith(("VmRSS", "VmHWM"))}
+        return Memory(int(values["VmRSS"]) * 1024, int(values["VmHWM"]) * 1024)
+
+
+def crowd(robots: int, area: float, walls: bool, threads: int) -> Swarm:
+    """A crowd whose operator broadcasts the ten rules at its first tick."""
+    from sleepcast.cli.headless import assemble
+    from sleepcast.simulator import Changes, find_scenario
+
+    return assemble(find_scenario("crowd", Changes(robots, area, walls)), SEED, mission=True, threads=threads)[0]
+
+
+def measure(robots: int, area: float, walls: bool, threads: int, warm: float, seconds: float) -> Json:
+    """One row of the table. Times in s: compile and set-up apart, `second` and `cpu` for a simulated second."""
+    compiling, _ = timed(crowd(FEW, area, walls, threads), 2 * TICKS)
+    before = Memory.look()
+    begin = time.perf_counter()
+    swarm = crowd(robots, area, walls, threads)
+    setup = time.perf_counter() - begin
+    first, _ = timed(swarm, 1)
+    begin = time.perf_counter()
+    while swarm.simulator.tick < TICKS or time.perf_counter() - begin < warm:
+        swarm.step()
+    taken: list[float] = []
+    cpus: list[float] = []
+    while len(taken) < LEAST or sum(taken) < seconds:
+        wall, cpu = timed(swarm, TICKS)
+        taken.append(wall)
+        cpus.append(cpu)
+    after = Memory.look()
+    return {
+        "compile": compiling,
+        "setup": setup,
+        "first_tick": first,
+        "second": middle(taken),
+        "best": min(taken),
+        "cpu": middle(cpus),
+        "seconds": len(taken),
+        "bytes": (after.now - before.now) / robots,
+        "most_bytes": (after.most - before.now) / robots,
+        "awake": swarm.measures()["awake"],
+    }
+
+
+def timed(swarm: Swarm, ticks: int) -> tuple[float, float]:
+    """Seconds on the wall clock, and of the processor, that so many ticks take."""
+    begin, begin_cpu = time.perf_counter(), time.process_time()
+    for _ in range(ticks):
+        swarm.step()
+    return time.perf_counter() - begin, time.process_time() - begin_cpu
+
+
+def main() -> None:
+    wanted = json.loads(sys.argv[1])
+    if not wanted.pop("numba"):
+        for library in ("numba", "llvmlite"):
+            sys.modules[library] = None  # type: ignore[assignment]  # whoever imports it is told that it is not there
+    print(json.dumps(measure(**wanted)))
+
+
+if __name__ == "__main__":
+    main()

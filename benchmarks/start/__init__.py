@@ -1,0 +1,1 @@
+"""How long somebody waits until something happens."""

@@ -1,0 +1,163 @@
+"""Prints how long the program takes to start: an expression's value, and the first picture of a page.
+
+    python -m benchmarks.start [--quick] [--json]
+
+Cold: in an empty cache folder, without kernels and without the bytecode of any module, as on the first start ever.
+Warm: the same again, with what the start before has kept. Times are those of whole processes on the wall clock; of
+several warm ones the best counts, because other work can only make a start longer. A picture is there when the first
+frame has come through the WebSocket. The files of the system are in its memory both times.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from urllib.parse import urlsplit
+
+from websockets.sync.client import connect
+from websockets.typing import Origin
+
+from benchmarks.programs import PATIENCE, Program
+from benchmarks.report import Bar, described, machine, table
+
+EVAL, WARM, COLD = 0.150, 2.0, 10.0
+"""Seconds at most: the value of an expression; the first frame with and without kernels."""
+MEDDLING = ("NUMBA_CACHE_DIR", "PYTHONDONTWRITEBYTECODE")
+"""Variables that would keep things elsewhere, or not at all."""
+LINUX = sys.platform == "linux"
+STARTS = 7
+"""Warm starts of each."""
+
+
+@dataclass(frozen=True)
+class Time:
+    """Seconds on the wall clock, and of the processor; None where the system does not tell."""
+
+    wall: float
+    cpu: float | None
+
+
+Start = Callable[[Mapping[str, str]], Time]
+
+
+@dataclass(frozen=True)
+class Row:
+    """What is started. kept: bytes of kernels in the cache folder after the cold start; added: by the warm ones."""
+
+    name: str
+    cold: Time
+    warm: tuple[Time, ...]
+    kept: int
+    added: int
+
+    @property
+    def best(self) -> Time:
+        return min(self.warm, key=lambda time: time.wall)
+
+
+def value(environment: Mapping[str, str]) -> Time:
+    """Time until `sleepcast eval '(+ 1 2)'` has ended."""
+    command = [sys.executable, "-m", "sleepcast", "eval", "(+ 1 2)"]
+    begin, used = time.perf_counter(), _children()
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    taken = Time(time.perf_counter() - begin, _children() - used)
+    if done.stdout.strip() != "3":
+        raise RuntimeError(f"(+ 1 2) gives {done.stdout.strip()!r}")
+    return taken
+
+
+def _children() -> float:
+    """Seconds of the processor that processes which have ended have used."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def first_frame(*scenario: str) -> Start:
+    """Time until the page of a scenario has its first frame."""
+
+    def start(environment: Mapping[str, str]) -> Time:
+        begin = time.perf_counter()
+        with Program("demo", *scenario, environment=environment) as program:
+            parts = urlsplit(program.address)
+            address = f"ws://{parts.netloc}/live?{parts.query}"
+            origin = Origin(f"http://{parts.netloc}")
+            with connect(address, origin=origin, compression=None, max_size=None) as socket:
+                while not isinstance(socket.recv(PATIENCE), bytes):
+                    pass
+                return Time(time.perf_counter() - begin, program.cpu() if LINUX else None)
+
+    return start
+
+
+STARTED: dict[str, Start] = {
+    "sleepcast eval '(+ 1 2)'": value,
+    "first frame of demo bravo": first_frame("bravo"),
+    "first frame of demo crowd": first_frame("crowd"),
+    "first frame of demo crowd --robots 10000": first_frame("crowd", "--robots", "10000"),
+}
+
+
+def measure(name: str, start: Start, starts: int) -> Row:
+    """One cold start and so many warm ones after it."""
+    with TemporaryDirectory() as folder:
+        places = {"XDG_CACHE_HOME": folder, "PYTHONPYCACHEPREFIX": str(Path(folder, "bytecode"))}
+        environment = {key: text for key, text in os.environ.items() if key not in MEDDLING} | places
+        cold = start(environment)
+        kept = _size(Path(folder, "sleepcast"))
+        warm = tuple(start(environment) for _ in range(starts))
+        return Row(name, cold, warm, kept, _size(Path(folder, "sleepcast")) - kept)
+
+
+def _size(folder: Path) -> int:
+    return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
+
+
+def bars(rows: Sequence[Row]) -> list[Bar]:
+    found = []
+    for row in rows:
+        frame = row.name.startswith("first frame")
+        found.append(Bar(f"{row.name}, warm", row.best.wall, WARM if frame else EVAL, "s", at_least=False))
+        if frame:
+            found.append(Bar(f"{row.name}, cold", row.cold.wall, COLD, "s", at_least=False))
+    return found
+
+
+def show(rows: Sequence[Row]) -> str:
+    heads = ["", "cold, s", "of the processor", "warm, s", "of the processor", "kernels kept", "added when warm"]
+    lines = [
+        [row.name, *_cells(row.cold), *_cells(row.best), f"{row.kept / 1e3:,.0f} kB", f"{row.added / 1e3:,.0f} kB"]
+        for row in rows
+    ]
+    return table(heads, lines)
+
+
+def _cells(time: Time) -> list[str]:
+    return [f"{time.wall:.3f}", "" if time.cpu is None else f"{time.cpu:.2f}"]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.start", description=__doc__.split("\n")[0])
+    parser.add_argument("--quick", action="store_true", help="one warm start of each, and no large crowd")
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
+    options = parser.parse_args()
+    started = list(STARTED.items())[: 3 if options.quick else None]
+    rows = [measure(name, start, 1 if options.quick else STARTS) for name, start in started]
+    if options.json:
+        report = [{**asdict(row), "best": asdict(row.best)} for row in rows]
+        print(json.dumps({"machine": machine(), "rows": report, "bars": [bar.to_dict() for bar in bars(rows)]}))
+        return
+    print(f"{described(machine())}\n\n{show(rows)}\n")
+    print("\n".join(bar.text for bar in bars(rows)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+"""Ctrl-C at any moment: while libraries load, kernels are compiled, or a run goes on and is recorded."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from cli.calling import LONGEST
+from sleepcast.simulator.recording import load_recording
+from small_worlds import write
+
+START = """
+import sys
+from sleepcast.__main__ import start
+print("up", flush=True)
+sys.exit(start())
+"""
+"""The program, which says when it begins: what Python itself does before is not ours."""
+
+
+def begin(*arguments: str | Path, caches: Path) -> subprocess.Popen[str]:
+    """The program with nothing in its caches, so that it compiles what it needs."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", START, *map(str, arguments)],
+        env={**os.environ, "XDG_CACHE_HOME": str(caches), "NUMBA_CACHE_DIR": ""},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "up\n"
+    return process
+
+
+def end(process: subprocess.Popen[str]) -> str:
+    """Press Ctrl-C; gives what was said on standard error, the exit status being that of Ctrl-C."""
+    process.send_signal(signal.SIGINT)
+    try:
+        out, err = process.communicate(timeout=LONGEST)
+    finally:
+        process.kill()
+    assert (process.returncode, out) == (130, ""), err
+    assert "Traceback" not in err
+    return err.strip()
+
+
+@pytest.mark.parametrize("delay", [0.1, 0.4, 0.8, 1.3, 2.0, 3.0, 5.0, 8.0])
+def test_a_run_that_compiles_its_kernels_ends_at_any_moment(delay: float, tmp_path: Path) -> None:
+    file = tmp_path / "run.mcap"
+    options = ("--robots", "40", "--seconds", "100000", "--record", file)
+    process = begin("run", "crowd", *options, caches=tmp_path)
+    time.sleep(delay)
+    said = end(process)
+    assert said in ("", "ended by Ctrl-C before anything had begun") or said.startswith("ended by Ctrl-C at ")
+    if file.exists():
+        recording = load_recording(file)
+        assert recording.complete
+        assert recording.states
+
+
+def test_a_run_says_where_it_ended_and_what_is_kept(tmp_path: Path) -> None:
+    file = tmp_path / "run.mcap"
+    options = ("--seconds", "100000", "--record", file)
+    process = begin("run", write(tmp_path).parent, *options, caches=tmp_path)
+    deadline = time.monotonic() + LONGEST
+    while not file.exists() or load_recording(file).seconds < 5.0:
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    said = end(process)
+    recording = load_recording(file)
+    assert recording.complete
+    assert said == f"ended by Ctrl-C at {recording.seconds:g} s of simulated time; {file} holds what came before"
+
+
+def test_a_verification_ends_as_well(tmp_path: Path) -> None:
+    file = tmp_path / "run.mcap"
+    process = begin("run", write(tmp_path).parent, "--seconds", "6000", "--record", file, caches=tmp_path)
+    process.communicate(timeout=LONGEST)
+    process = begin("replay", file, "--verify", caches=tmp_path)
+    time.sleep(0.5)
+    end(process)
+
+
+def test_whoever_ignores_ctrl_c_is_obeyed(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "sleepcast", "run", str(write(tmp_path).parent), "--seconds", "500", "--json"]
+    with subprocess.Popen(
+        ["sh", "-c", 'trap "" INT; echo up; exec "$@"', "sh", *command], stdout=subprocess.PIPE
+    ) as run:
+        assert run.stdout is not None
+        assert run.stdout.readline() == b"up\n"
+        while not select.select([run.stdout], [], [], 0.05)[0]:
+            run.send_signal(signal.SIGINT)
+        assert b'"seconds":500.0' in run.stdout.read().replace(b" ", b"")
+    assert run.returncode == 0

@@ -1,0 +1,318 @@
+"""Drawings: shapes of an SVG file stand in the world where and as large as they are drawn; no file does harm."""
+
+from __future__ import annotations
+
+import time
+from itertools import pairwise
+from math import cos, hypot, pi, radians, sin, sqrt
+from pathlib import Path
+
+import pytest
+
+from sleepcast.simulator import Area, Circle, SettingsError, Shape, Simulator, Wall, load
+from sleepcast.simulator.drawing import MAX_DEPTH, TOLERANCE, Drawing, read_drawing
+from sleepcast.simulator.svg_paths import Arc, Bezier, PathError, read_path
+from sleepcast.simulator.world import MAX_SOLIDS, Point
+from small_worlds import SCOUTS, write
+
+PAGE = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 60">\n%s\n</svg>\n'
+
+
+def drawing(folder: Path, inside: str, metre: float | None = 10.0, page: str = PAGE) -> Drawing:
+    """A page of 10 by 6 m, unless said otherwise."""
+    file = folder / "room.svg"
+    file.write_text(page % inside, encoding="utf-8")
+    return read_drawing(file, metre)
+
+
+def shapes(folder: Path, inside: str) -> tuple[Shape, ...]:
+    return drawing(folder, inside).shapes
+
+
+def outline(shape: Shape) -> tuple[Point, ...]:
+    """The one outline of an area."""
+    assert isinstance(shape, Area)
+    (only,) = shape.outlines
+    return only
+
+
+def close(points: tuple[Point, ...], wanted: list[Point]) -> bool:
+    return len(points) == len(wanted) and all(
+        hypot(x - a, y - b) < 1e-9 for (x, y), (a, b) in zip(points, wanted, strict=True)
+    )
+
+
+class TestElements:
+    def test_y_turns_up_and_the_pages_corner_is_the_worlds(self, tmp_path: Path) -> None:
+        (room,) = shapes(tmp_path, '<polygon id="desk" points="10,10 30,10 30,50"/>')
+        assert close(outline(room), [(1.0, 5.0), (3.0, 5.0), (3.0, 1.0)])
+        assert room.name == "desk"
+
+    def test_what_is_not_filled_is_a_wall(self, tmp_path: Path) -> None:
+        found = shapes(
+            tmp_path,
+            '<path fill="none" d="M 0 60 H 50 V 10 z m 60 0 l 10 0"/><line x1="0" y1="0" x2="100" y2="60"/>'
+            '<polyline style="fill:none" points="0 0, 10 0, 10 10"/><rect fill="none" width="20" height="10"/>',
+        )
+        assert all(isinstance(shape, Wall) for shape in found)
+        closed, loose, line, poly, rect = (shape.points for shape in found if isinstance(shape, Wall))
+        assert close(closed, [(0.0, 0.0), (5.0, 0.0), (5.0, 5.0), (0.0, 0.0)])
+        assert close(loose, [(6.0, 0.0), (7.0, 0.0)])
+        assert close(line, [(0.0, 6.0), (10.0, 0.0)])
+        assert close(poly, [(0.0, 6.0), (1.0, 6.0), (1.0, 5.0)])
+        assert close(rect, [(0.0, 6.0), (2.0, 6.0), (2.0, 5.0), (0.0, 5.0), (0.0, 6.0)])
+
+    def test_a_ring_is_one_area_with_a_hole(self, tmp_path: Path) -> None:
+        (ring,) = shapes(tmp_path, '<path d="M0 0h40v40h-40z M10 10h20v20h-20z"/>')
+        assert isinstance(ring, Area)
+        assert [len(each) for each in ring.outlines] == [4, 4]
+
+    def test_a_circle_stays_one_where_it_stays_round(self, tmp_path: Path) -> None:
+        found = shapes(
+            tmp_path,
+            '<circle id="pillar" cx="20" cy="20" r="5" transform="rotate(30 20 20) scale(2)"/>'
+            '<circle cx="20" cy="20" r="5" transform="skewX(20)"/><circle r="5" fill="none"/><circle r="0"/>',
+        )
+        pillar, skewed, line = found
+        assert isinstance(pillar, Circle)
+        turned = radians(30)
+        x, y = 20 + 20 * cos(turned) - 20 * sin(turned), 20 + 20 * sin(turned) + 20 * cos(turned)
+        assert (pillar.x, pillar.y, pillar.radius) == pytest.approx((x / 10, 6 - y / 10, 1.0))
+        assert pillar.name == "pillar"
+        assert isinstance(skewed, Area)
+        assert isinstance(line, Wall)
+        assert line.points[0] == line.points[-1]
+
+    def test_rectangles_have_round_corners(self, tmp_path: Path) -> None:
+        (desk,) = shapes(tmp_path, '<rect x="10" y="10" width="40" height="20" rx="5"/>')
+        points = outline(desk)
+        for x, y in points:
+            beyond = hypot(max(abs(x - 3.0) - 1.5, 0.0), max(abs(y - 4.0) - 0.5, 0.0))
+            assert beyond == pytest.approx(0.5, abs=1e-9) or beyond == 0.0
+        assert (min(x for x, _ in points), max(x for x, _ in points)) == pytest.approx((1.0, 5.0))
+        (round_,) = shapes(tmp_path, '<rect x="10" y="10" width="40" height="20" rx="99" ry="99"/>')
+        assert all(((x - 3) / 2) ** 2 + (y - 4) ** 2 == pytest.approx(1.0) for x, y in outline(round_))
+
+    def test_groups_pass_on_transform_fill_name_and_whether_they_are_seen(self, tmp_path: Path) -> None:
+        found = shapes(
+            tmp_path,
+            '<g id="hall" fill="none" transform="translate(10, 20) scale(2)"><g fill="inherit">'
+            '<path d="M0 0h5"/><path id="door" fill="red" d="M0 0h5v5z"/></g></g>'
+            '<g display="none"><rect width="5" height="5"/></g><rect visibility="hidden" width="5" height="5"/>'
+            "<defs><rect width='5' height='5'/></defs><text>not a wall</text><image href='http://nowhere.invalid/x'/>",
+        )
+        wall, door = found
+        assert isinstance(wall, Wall)
+        assert close(wall.points, [(1.0, 4.0), (2.0, 4.0)])
+        assert close(outline(door), [(1.0, 4.0), (2.0, 4.0), (2.0, 3.0)])
+        assert [shape.name for shape in found] == ["hall", "door"]
+
+    def test_classes_say_what_is_filled(self, tmp_path: Path) -> None:
+        sheet = "<style>/* .a{fill:red} */ .a, .b { fill: none } rect { fill: blue }</style>"
+        found = shapes(tmp_path, f'{sheet}<rect class="x b" width="5" height="5"/><rect width="5" height="5"/>')
+        assert [type(shape) for shape in found] == [Wall, Area]
+
+    def test_matrices_and_skews(self, tmp_path: Path) -> None:
+        for transform, wanted in [
+            ("matrix(1 2 3 4 5 6)", (1 * 7 + 3 * 8 + 5, 2 * 7 + 4 * 8 + 6)),
+            ("skewX(45)", (15, 8)),
+            ("skewY(45) translate(1)", (8, 16)),
+            ("rotate(90)", (-8, 7)),
+        ]:
+            (wall,) = shapes(tmp_path, f'<path fill="none" transform="{transform}" d="M0 0M7 8L7 8 0 0"/>')
+            assert isinstance(wall, Wall)
+            assert close(wall.points[:1], [(wanted[0] / 10, 6 - wanted[1] / 10)]), transform
+
+
+class TestCurves:
+    @pytest.mark.parametrize("scale", [0.01, 1.0, 100.0])
+    def test_a_circle_of_arcs_is_within_the_tolerance(self, tmp_path: Path, scale: float) -> None:
+        path = f'<path transform="scale({scale})" d="M0 30a30 30 0 1 1 60 0 30 30 0 01-60 0z"/>'
+        points = outline(shapes(tmp_path, path)[0])
+        centre, radius = (3.0 * scale, 6.0 - 3.0 * scale), 3.0 * scale
+        away = [hypot(x - centre[0], y - centre[1]) for x, y in points]
+        middles = [
+            hypot((x0 + x1) / 2 - centre[0], (y0 + y1) / 2 - centre[1]) for (x0, y0), (x1, y1) in pairwise(points)
+        ]
+        assert all(abs(each - radius) < 1e-9 * max(scale, 1.0) for each in away)
+        assert all(radius - each <= TOLERANCE + 1e-12 for each in middles)
+        assert len(points) < 4.0 * pi / sqrt(TOLERANCE / radius) + 10  # and no denser than that needs
+
+    @pytest.mark.parametrize(
+        "path", ["M0 0C40 0 0 60 100 60", "M0 0Q80 10 20 50T100 60", "M0 0c10-50 90 50 0 50s50 90 10 0"]
+    )
+    def test_bezier_curves_are_within_the_tolerance(self, path: str) -> None:
+        (line,) = read_path(path)
+        start = line.start
+        for curve in line.curves:
+            assert isinstance(curve, Bezier)
+            flat = [start, *curve.flat(0.01)]
+            fine = [start, *curve.flat(1e-7)]
+            assert max(min(away(point, a, b) for a, b in pairwise(flat)) for point in fine[::50]) <= 0.01
+            assert len(flat) > 5
+            start = curve.points[-1]
+
+    def test_small_letters_count_from_where_the_pen_is(self) -> None:
+        absolute = read_path("M10 10L20 10H30V40C40 40 50 50 60 50S70 60 80 60Q90 60 90 70T90 90A5 5 0 0 1 90 95Z")
+        relative = read_path("m10 10l10 0h10v30c10 0 20 10 30 10s10 10 20 10q10 0 10 10t0 20a5 5 0 0 1 0 5z")
+        assert absolute == relative
+
+    def test_smooth_curves_mirror_only_curves_of_their_own_sort(self) -> None:
+        (line,) = read_path("M0 0C0 10 10 10 10 0T20 0S30 10 40 0")
+        pulls = [curve.points[1] for curve in line.curves if isinstance(curve, Bezier)]
+        assert pulls == [10j, 10 + 0j, 20 + 0j]
+
+    def test_numbers_need_no_gaps(self) -> None:
+        assert read_path("M.5.5-1-1e0L1-.5") == read_path("M 0.5,0.5 L -1 -1 L 1,-0.5")
+        assert read_path("M0 0a5 5 0 0110 0") == read_path("M0 0 a 5 5 0 0 1 10 0")
+
+    def test_an_arc_too_small_for_its_ends_grows(self) -> None:
+        (line,) = read_path("M0 0A1 1 0 0 1 10 0")
+        (arc,) = line.curves
+        assert isinstance(arc, Arc)
+        assert (abs(arc.right), abs(arc.centre - 5)) == pytest.approx((5.0, 0.0))
+
+    def test_which_of_four_arcs(self) -> None:
+        for large, sweep, centre in ((0, 0, 3 - 4j), (0, 1, 3 + 4j), (1, 0, 3 + 4j), (1, 1, 3 - 4j)):
+            (line,) = read_path(f"M0 0A5 5 0 {large} {sweep} 6 0")
+            (arc,) = line.curves
+            assert isinstance(arc, Arc)
+            assert abs(arc.centre - centre) < 1e-12
+            assert (arc.sweep > 0) == bool(sweep)
+            assert (abs(arc.sweep) > pi) == bool(large)
+
+    def test_what_follows_a_closed_line_begins_where_it_began(self) -> None:
+        lines = read_path("M1 1h4v4zl2 2")
+        assert [(line.start, line.closed, len(line.curves)) for line in lines] == [
+            (1 + 1j, True, 2),
+            (1 + 1j, False, 1),
+        ]
+
+    @pytest.mark.parametrize(
+        ("path", "said"),
+        [
+            ("L 5 5", 'a path begins with M, not "L"'),
+            ("5 5", 'wanted a letter such as L at "5 5"'),
+            ("M 5", "wanted 2 numbers after M, at its end"),
+            ("M 5 nan", 'wanted 2 numbers after M, at "nan"'),
+            ("M 0 0 L 1 1 zz 3", 'wanted a letter such as L at "3"'),
+            ("M 0 0 B 1 1", 'wanted 2 numbers after L, at "B 1 1"'),
+            ("M 0 1e999", "1e999 is too far away"),
+            ("M 0 0 A 1 1 0 2 0 5 5", 'wanted 7 numbers after A, at "2 0 5 5"'),
+        ],
+    )
+    def test_what_is_no_path_is_told(self, path: str, said: str) -> None:
+        with pytest.raises(PathError) as caught:
+            read_path(path)
+        assert said in str(caught.value)
+
+
+def away(point: complex, start: complex, end: complex) -> float:
+    """From a point to a line, m."""
+    way = end - start
+    share = ((point - start) * way.conjugate()).real / abs(way) ** 2
+    return abs(start + min(max(share, 0.0), 1.0) * way - point)
+
+
+SIZED = '<svg xmlns="http://www.w3.org/2000/svg" %s>\n%%s\n</svg>'
+
+
+class TestScale:
+    @pytest.mark.parametrize(
+        ("page", "wanted"),
+        [
+            ('width="4m" height="3m" viewBox="0 0 4 3"', None),  # SVG has no metres
+            ('width="400" height="300"', None),
+            ('viewBox="0 0 400 300"', None),
+            ('width="4000mm" height="3000mm" viewBox="0 0 400 300"', (4.0, 3.0)),
+            ('width="400cm" viewBox="-7 9 800 600"', (4.0, 3.0)),
+            ('width="400cm" height="1000cm" viewBox="0 0 800 600"', (4.0, 3.0)),  # the page keeps its shape
+            ('width="100in" height="50in"', (2.54, 1.27)),
+        ],
+    )
+    def test_the_page_says_how_large_it_is(self, tmp_path: Path, page: str, wanted: Point | None) -> None:
+        if wanted is None:
+            with pytest.raises(SettingsError, match=r"room.svg:1: how large it is in the world it does not say"):
+                drawing(tmp_path, "", None, SIZED % page)
+        else:
+            assert drawing(tmp_path, "", None, SIZED % page).high == pytest.approx(wanted)
+
+    def test_a_page_need_not_begin_at_nought(self, tmp_path: Path) -> None:
+        found = drawing(
+            tmp_path, '<path fill="none" d="M-7 9h10"/>', None, SIZED % 'width="400cm" viewBox="-7 9 800 600"'
+        )
+        (wall,) = found.shapes
+        assert isinstance(wall, Wall)
+        assert close(wall.points, [(0.0, 3.0), (0.05, 3.0)])
+
+
+BOMB = '<!DOCTYPE svg [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]>\n' + PAGE
+OUTSIDE = '<!DOCTYPE svg [<!ENTITY a SYSTEM "file:///etc/passwd">]>\n' + PAGE
+MISTAKES = [
+    (PAGE, '<path id="p" d="M 0 0 L x"/>', 'room.svg:2: <path id="p">: wanted 2 numbers after L, at "x"'),
+    (PAGE, '<rect width="50%" height="5"/>', 'room.svg:2: <rect>: width="50%" is no length'),
+    (PAGE, '<rect width="1e999" height="5"/>', "room.svg:2: <rect>: 1e999 is too large"),
+    (PAGE, '\n<g transform="roll(5)"/>', "room.svg:3: <g>: transform: wanted matrix, translate"),
+    (PAGE, '<g transform="scale(1 2 3)"/>', "transform: scale takes 2 numbers"),
+    (PAGE, '<g transform="scale(1 NaN)"/>', 'scale: wanted numbers, not "1 NaN"'),
+    (PAGE, '<g transform="scale(1e9)"><g transform="scale(1e9)"/></g>', "transform: too large"),
+    (PAGE, '<use href="#a"/>', "room.svg:2: <use>: a drawing within the drawing"),
+    (PAGE, "<svg/>", "room.svg:2: <svg>: a drawing within the drawing"),
+    (PAGE, "<g>" * (MAX_DEPTH + 1), f"more than {MAX_DEPTH} groups in groups"),
+    (PAGE, "<g>", "room.svg:3: not XML: mismatched tag"),
+    (PAGE, "&a;", "room.svg:2: not XML: undefined entity"),
+    (BOMB, "&b;", 'room.svg:1: it declares an entity "a"'),
+    (OUTSIDE, "&a;", 'room.svg:1: it declares an entity "a"'),
+    ("<html>%s</html>", "", "room.svg:1: <html>: is no drawing: wanted an svg"),
+    ("%s", "", "room.svg:1: not XML: no element found"),
+    ("<svg>%s</svg>", "", "room.svg:1: <svg>: how large its page is it does not say"),
+    ('<svg viewBox="0 0 0 5">%s</svg>', "", "room.svg:1: <svg>: its page is empty"),
+    ('<svg viewBox="0 0 5">%s</svg>', "", 'room.svg:1: <svg>: viewBox: wanted 4 numbers, not "0 0 5"'),
+]
+
+
+class TestHostileFiles:
+    @pytest.mark.parametrize(("page", "inside", "said"), MISTAKES, ids=lambda value: str(value)[-30:])
+    def test_a_mistake_is_told_with_its_place(self, tmp_path: Path, page: str, inside: str, said: str) -> None:
+        with pytest.raises(SettingsError) as caught:
+            drawing(tmp_path, inside, page=page)
+        assert said in str(caught.value)
+
+    def test_a_document_type_is_passed_over(self, tmp_path: Path) -> None:
+        kind = '<!DOCTYPE svg PUBLIC "-//W3C//DTD SVG 1.1//EN" "http://nowhere.invalid/svg11.dtd">\n'
+        assert drawing(tmp_path, '<rect width="5" height="5"/>', page=kind + PAGE).shapes
+
+    def test_more_lines_than_fit_are_refused_before_they_are_made(self, tmp_path: Path) -> None:
+        arcs = "a9 9 0 1 1 1 0" * 10_000  # each of them 10,000 pieces: with a bound, none of it is kept
+        start = time.process_time()
+        with pytest.raises(SettingsError, match=rf"room.svg:2: more than {MAX_SOLIDS} lines: leave some out"):
+            drawing(tmp_path, f'<g transform="scale(1e6)"><path d="M0 0{arcs}"/></g>')
+        assert time.process_time() - start < 20.0
+
+    def test_numbers_of_a_million_digits_take_no_time(self, tmp_path: Path) -> None:
+        start = time.process_time()
+        with pytest.raises(SettingsError, match="too far away"):
+            drawing(tmp_path, f'<path d="M0 {"9" * 1_000_000}"/>')
+        with pytest.raises(SettingsError, match="numbers"):
+            drawing(tmp_path, f'<g transform="translate({"9 " * 100_000}x)"/>')
+        assert time.process_time() - start < 5.0
+
+
+class TestInScenarios:
+    def test_sonars_see_what_is_drawn(self, tmp_path: Path) -> None:
+        (tmp_path / "room.svg").write_text(PAGE % '<rect x="80" width="20" height="60"/>', encoding="utf-8")
+        file = write(
+            tmp_path,
+            ('width = "12m"\nheight = "12m"\n', ""),
+            ('edge = "wall"\n', '[world.drawing]\nfile = "room.svg"\nmetre = 10\nat = ["1m", "2m"]\n'),
+            ("count = 1\n", "count = 30\n"),
+            text=SCOUTS,
+        )
+        scenario = load(file)
+        assert (scenario.width, scenario.height) == (11.0, 8.0)
+        simulator = Simulator(scenario)
+        inside = (simulator.x > 9.0) & (simulator.y > 2.0)
+        assert not inside.any()
+        lone = Simulator(load(write(tmp_path, ("count = 30\n", "count = 1\n"), text=file.read_text(encoding="utf-8"))))
+        lone.place(0, 5.0, 5.0, 0.0)
+        assert lone.robots[0].sonar(0) == pytest.approx(9.0 - 5.0 - 0.17, abs=1e-5)

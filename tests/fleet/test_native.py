@@ -83,10 +83,9 @@ def test_what_people_write_becomes_native_code_and_is_used() -> None:
     kernels.settle()
     program = twins.views[0]._mind.rules["r"].program
     assert translatable(program)
-    rows = twins.fleet.rows()
-    twins.fleet.memory.begin(program, rows)
-    assert kernels.run(twins.fleet.memory, program, rows) is not None
-    assert not translatable(twins.views[0].evaluate("(SIN x)").recollection.program)
+    plan = kernels.plan(twins.views[0]._mind, twins.fleet.state)
+    assert plan is not None
+    assert [leg.kernel is not None for leg in plan.legs] == [True]
 
 
 def test_a_fault_of_one_robot_leaves_nothing_half_done() -> None:

@@ -167,8 +167,16 @@ FORMULAS: dict[str, Formula] = {
 """Every function of numbers by name."""
 
 _NEEDS = {
-    **{"MOD": "fmod", "WRAP": "fmod", "BEARING": "atan2", "ATAN2": "atan2", "^": "pow"},
-    **{name: name.lower() for name in ("EXP", "LOG", "SIN", "COS", "TAN")},
+    "MOD": "fmod",
+    "WRAP": "fmod",
+    "BEARING": "atan2",
+    "ATAN2": "atan2",
+    "^": "pow",
+    "EXP": "exp",
+    "LOG": "log",
+    "SIN": "sin",
+    "COS": "cos",
+    "TAN": "tan",
 }
 """The function of the C library that each needs, if it needs one."""
 COSTLY = frozenset(_NEEDS)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from sleepcast.fleet.columns import Column, FleetState, Rows
 from sleepcast.fleet.evaluation import Evaluation
-from sleepcast.fleet.meanings import Meaning, Name, Size, meaning, name_of
+from sleepcast.fleet.meanings import Name, Size, meaning, name_of
 from sleepcast.fleet.minds import Mind
 from sleepcast.fleet.native import LANES, THERE, TROUBLED, Kernel, Sink
 from sleepcast.language.machine import MAX_STEPS, Program
@@ -39,7 +39,7 @@ Rule: TypeAlias = tuple[Program, frozenset[tuple[Name, Program | bool | None]]]
 class Leg(NamedTuple):
     """Some rules of a sequence that are evaluated in one go: natively, or walked if there is no kernel."""
 
-    count: int
+    rules: int
     kernel: Kernel | None
 
 
@@ -74,7 +74,11 @@ class Plan:
 
 
 class Kernels:
-    """The native code of a fleet's programs. hot: see `HOT`; threads: that share the work where it is much, 1 or 2."""
+    """The native code of a fleet's programs.
+
+    hot: see `HOT`; with 0 nothing is ever walked that could be native, because all wait for the code. threads: that
+    share the work where there is much of it, 1 or 2.
+    """
 
     def __init__(self, hot: int = HOT, threads: int = 2) -> None:
         self._hot, self._threads = hot, threads
@@ -98,7 +102,7 @@ class Kernels:
             plan = self._plans.setdefault((mind.sequence, rules), Plan(mind.sequence, rules))
             self._of_mind[mind] = plan
         plan.rounds += 1
-        if plan.rounds == self._hot:
+        if plan.rounds == max(self._hot, 1):
             self._ask_for(plan, state)
         if plan.version != self._ready:
             plan.version = self._ready
@@ -115,6 +119,8 @@ class Kernels:
                 made = self._maker.submit(Kernel, [program for program, _ in piece], names, lanes(state))
                 self._rules[piece] = made
                 made.add_done_callback(self._count)
+        if self._hot == 0:
+            self.settle()
 
     def _count(self, made: Future[Kernel]) -> None:
         self._ready += 1
@@ -158,6 +164,7 @@ class Kernels:
         found = self._texts.get(program, 0)
         if isinstance(found, int):
             self._meet(program, found + 1, memory.state)
+            found = self._texts[program]
         if not isinstance(found, Future) or not found.done() or found.exception() or rows.size == 0:
             return None
         values, matched = np.empty(memory.state.count), memory.matched
@@ -173,7 +180,9 @@ class Kernels:
         if times < self._hot:
             self._texts[program] = times
         elif translatable(program):
-            self._texts[program] = self._maker.submit(Kernel, [program], {}, lanes(state), counted=False)
+            self._texts[program] = made = self._maker.submit(Kernel, [program], {}, lanes(state), counted=False)
+            if self._hot == 0:
+                made.result()
         else:
             self._texts[program] = None
 

@@ -46,7 +46,9 @@ def _agree(function: Callable[..., float], native: Callable[..., float], count: 
     """Whether both give the same bits wherever there is a finite result."""
     chance = Random(count)
     for _ in range(TRIALS):
-        numbers = [chance.uniform(-1.0, 1.0) * 10.0 ** chance.choice((-300, -8, -2, 0, 1, 2, 6, 15)) for _ in range(count)]
+        numbers = [
+            chance.uniform(-1.0, 1.0) * 10.0 ** chance.choice((-300, -8, -2, 0, 1, 2, 6, 15)) for _ in range(count)
+        ]
         try:
             wanted = function(*numbers)
         except (ArithmeticError, ValueError):

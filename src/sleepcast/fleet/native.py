@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from sleepcast.fleet.assembly import Assembly
 from sleepcast.fleet.columns import Column, FleetState, Rows
-from sleepcast.fleet.lowering import Columns, Lowering, enters
+from sleepcast.fleet.lowering import Columns, Lowering
 from sleepcast.fleet.meanings import Meaning, Size
 from sleepcast.language.machine import Program
 from sleepcast.language.parts import walk
@@ -31,7 +31,7 @@ from sleepcast.language.vocabulary import TICK, TIME_SLOT
 LANES = 8
 """Robots at a time: what the widest vectors hold; where they are narrower, LLVM takes several."""
 SPLIT = 2_000_000
-"""Robots times parts from which on two threads share the work: below, waiting for the other costs more than it saves."""
+"""Robots times parts from which on two threads share the work: below, waiting for the other costs more than that."""
 _HELPER = ThreadPoolExecutor(1, "sleepcast-native-half")
 
 ABSENT, THERE, TROUBLED = range(3)
@@ -90,7 +90,9 @@ class Writer:
         a.do(f"ret i64 {a.get(bad, 'i64')}")
         pointers = []
         for (sort, what), number in self.entries.items():
-            kind = {("tick", ""): "i64", ("time", TICK): "double", ("time", TIME_SLOT): "double"}.get((sort, what), "ptr")
+            kind = {("tick", ""): "i64", ("time", TICK): "double", ("time", TIME_SLOT): "double"}.get(
+                (sort, what), "ptr"
+            )
             pointers += [f"%q{number} = getelementptr i64, ptr %table, i64 {number}"]
             pointers += [f"%p{number} = load {kind}, ptr %q{number}"]
         start = "define i64 @round(i64 %start, i64 %stop, i64 %count, ptr %table) {\nentry:"
@@ -188,14 +190,13 @@ class Kernel:
         self.lanes, self.parts = lanes, sum(size.parts for size in sizes)
         self.steps = [size.steps for size in sizes]
         """Steps of each program at most."""
-        self._slots, self._acted, self._groups = (self._of(sort) for sort in ("slot", "acted", "group"))
+        self._slots = [what for sort, what in self._entries if sort == "slot" and isinstance(what, int)]
+        self._acted = [what for sort, what in self._entries if sort == "acted" and isinstance(what, int)]
+        self._groups = [what for sort, what in self._entries if sort == "group" and isinstance(what, str)]
         self._call = _compiled(text)
         self._bound: list[object] = []
         self._table = np.zeros(len(self._entries) + 1, np.int64)
         self._address = self._table.ctypes.data
-
-    def _of(self, sort: str) -> list[int | str]:
-        return [what for found, what in self._entries if found == sort]
 
     def run(
         self, state: FleetState, part: NDArray[np.uint8], start: int, stop: int, sinks: Sequence[Sink], threads: int = 2
@@ -249,13 +250,16 @@ def _array(
     state: FleetState, part: NDArray[np.uint8], sinks: Sequence[Sink], sort: str, what: int | str
 ) -> NDArray[np.generic] | None:
     """A column of the table, None for a group that nobody is in."""
-    if isinstance(what, int):
-        if sort == "slot":
-            return state.own(what)
-        return state.assigned(what) if sort == "acted" else getattr(sinks[what], sort)
-    if sort == "group":
-        return state.groups.get(what)
-    return {"part": part, "keys": state.keys, "draws": state.draws}[sort]
+    if isinstance(what, str):
+        found: dict[str, NDArray[np.generic] | None]
+        found = {"part": part, "keys": state.keys, "draws": state.draws, "group": state.groups.get(what)}
+        return found[sort]
+    if sort == "slot":
+        return state.own(what)
+    if sort == "acted":
+        return state.assigned(what)
+    sink = sinks[what]
+    return sink.value if sort == "value" else sink.fresh if sort == "fresh" else sink.steps
 
 
 def _one(state: FleetState, slot: int, start: int, stop: int) -> float | None:
@@ -305,7 +309,9 @@ def _compiled(text: str) -> Callable[[int, int, int, int], int]:
         engine = binding.create_mcjit_compiler(module, target)
         engine.finalize_object()
     address = engine.get_function_address("round")
-    function = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p)(address)
+    function = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p)(
+        address
+    )
 
     def call(start: int, stop: int, count: int, table: int) -> int:
         return int(function(start, stop, count, table)) if engine else 0  # the engine owns the code, so it must live on

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.fleet.columns import Mask, Rows
-from sleepcast.fleet.limits import FAILED, MAX_FAULTS_IN_ROW, TICK_STEPS
 from sleepcast.fleet.kernels import Plan
+from sleepcast.fleet.limits import FAILED, MAX_FAULTS_IN_ROW, TICK_STEPS
 from sleepcast.fleet.machine import walk_through
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.minds import Kept, Mind
@@ -91,7 +91,7 @@ class Rounds:
         memory, done = self._memory, 0
         self._used[rows.index] = 0
         for leg in plan.legs:
-            after = done + leg.count
+            after = done + leg.rules
             if leg.kernel is None:
                 before = memory.state.mind[rows.index].copy()
                 way = Way(plan.keys, rows, done, after)

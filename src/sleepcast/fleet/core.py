@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from sleepcast.channel.message import Kind, Message
 from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.fleet.acts import ACTS
+from sleepcast.fleet.attention import Attention
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.evaluation import Noted, fault_text
 from sleepcast.fleet.inbox import Inbox
@@ -95,6 +96,7 @@ class Core:
         self.memory = FleetMemory(self.state, self.minds, self.speech, ACTS, bodies, self.kernels)
         self.recall = Recall(self.memory)
         self.rounds = Rounds(self.memory)
+        self._attention = Attention(self.memory)
         self._inbox = Inbox(count)
         self._minds_used = 1
         self._measured: dict[int, Column] = {
@@ -175,7 +177,7 @@ class Core:
         thinking[rows.index] = True
         for message, index in self._inbox.take(thinking):
             self._obey(message, Rows.of(index), now)
-        idle = (state.column(SLEEPING, rows) > 0) | (state.column(FROZEN, rows) > 0)
+        idle = self._at_rest(rows)
         self.rounds.run(rows.take(~idle) if idle.any() else rows)
         self._hold(rows)
         self._tidy()
@@ -288,11 +290,20 @@ class Core:
                 body.release()
         self.speech.answer(message, rows, _always("stopped" if stopping else "released", nan, ""))
 
+    def _at_rest(self, rows: Rows) -> Mask:
+        """Which of these robots are asleep or frozen."""
+        sleeping, frozen = self.state.read(SLEEPING, rows), self.state.read(FROZEN, rows)
+        found: Mask = np.logical_or(np.greater(sleeping, 0.0), np.greater(frozen, 0.0))
+        return found if found.ndim else np.full(rows.size, found)
+
     def _hold(self, rows: Rows) -> None:
         """Sleeping and frozen robots keep their bodies still."""
         state = self.state
-        still = (state.column(SLEEPING, rows) > 0) | (state.column(FROZEN, rows) > 0)
-        changed = rows.take(still != state.still[rows.index])
+        still = self._at_rest(rows)
+        differs = still != state.still[rows.index]
+        if not differs.any():
+            return
+        changed = rows.take(differs)
         state.still[rows.index] = still
         for robot in changed.robots.tolist():
             body = self.bodies[robot]

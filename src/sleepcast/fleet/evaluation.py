@@ -164,7 +164,7 @@ class Evaluation:
         numbers = self.state.mind[rows.index]
         if (numbers == numbers[0]).all():
             return [(sort(int(numbers[0])), rows, None)]
-        unique, which = _distinct(numbers)
+        unique, which = distinct(numbers)
         sorts: dict[Sort, int] = {}
         codes = np.array([sorts.setdefault(sort(number), len(sorts)) for number in unique.tolist()])[which]
         if len(sorts) == 1:
@@ -221,9 +221,11 @@ class Evaluation:
         return self.minds[int(self.state.mind[robot])]
 
 
-def _distinct(numbers: NDArray[np.int32]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def distinct(numbers: NDArray[np.int32]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """The different numbers, ascending, and which of them each one is."""
-    highest = int(numbers.max())
+    lowest, highest = (int(numbers.min()), int(numbers.max())) if len(numbers) else (0, -1)
+    if lowest >= highest:
+        return np.arange(lowest, highest + 1), np.zeros(len(numbers), np.intp)
     if highest > 4 * len(numbers) + 1_024:
         unique, which = np.unique(numbers, return_inverse=True)
         return unique.astype(np.intp), which

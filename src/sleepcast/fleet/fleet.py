@@ -33,3 +33,8 @@ class Fleet(Core, Mapping[str, RobotView]):
         rows = self.rows().take(assigned)
         assigned[...] = False
         return rows.robots, self.state.column(slot, rows)
+
+    def reads(self) -> frozenset[int]:
+        """The slots of the variables that any active rule or waiting message may look at in the next tick."""
+        found = self._attention.slots(self._inbox.messages())
+        return frozenset(self.state.slots()) if found is None else found

@@ -51,7 +51,8 @@ class Tally:
 
     def ran(self, steps: int, rows: Rows) -> None:
         """Native code has evaluated the expression on these robots, without a fault. steps: at most, of one of them."""
-        self.most_steps = max(self.most_steps, steps)
+        if steps > self.most_steps:
+            self.most_steps = max(self.most_steps, int(self.steps[rows.index].max(initial=0)))
         self._counted += 1
         if self._counted == MOST_FRESH:
             self._add_fresh()

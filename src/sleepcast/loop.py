@@ -100,6 +100,8 @@ class Swarm:
         self.air: Channel = self.radio.endpoint(OPERATOR)
         """The operator's end of the radio."""
         self.actuators = tuple(actuator.name for actuator in simulator.model.actuators)
+        self.sonars = frozenset(self.vocabulary.first_sensor + row for row in simulator.echoing)
+        """The slots of the variables that nobody measures unless somebody asks for them."""
         self.desk: Desk | None = None
         self.witness: Witness | None = None
         self.mission = deque(_readable(order) for order in mission)
@@ -133,10 +135,10 @@ class Swarm:
         self.sense(self.fleet.rows([mind.place]))
         return mind.evaluate(text)
 
-    def sense(self, robots: Rows) -> None:
-        """Give these robots their readings of this moment."""
-        everybody = robots.size == len(self.fleet)
-        self.simulator.sense(None if everybody else robots.robots)
+    def sense(self, robots: Rows | None = None, *, echoes: bool = True) -> None:
+        """Give these robots (None: all) their readings of this moment. echoes: those of their sonars as well."""
+        some = None if robots is None or robots.size == len(self.fleet) else robots.robots
+        self.simulator.sense(some, echoes)
         self.fleet.look(self.now(), robots)
 
     def measures(self) -> dict[str, object]:
@@ -196,7 +198,7 @@ def _think(swarm: Swarm) -> None:
     """Let the robots think that have anything to think about, with their readings of this moment."""
     swarm.thought = swarm.fleet.restless()
     if swarm.thought.size:
-        swarm.sense(swarm.thought)
+        swarm.sense(swarm.thought, echoes=bool(swarm.sonars and swarm.sonars & swarm.fleet.reads()))
         swarm.fleet.think(swarm.simulator.tick, swarm.now(), swarm.thought)
 
 

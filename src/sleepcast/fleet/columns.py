@@ -163,16 +163,20 @@ class FleetState:
 
     def assign(self, slot: int, rows: Rows, values: Column | float) -> None:
         """Set a variable of these robots."""
+        if isinstance(values, float) and rows.size == self.count and slot < len(self._same):
+            self._same[slot], self._columns[slot] = values, None
+            return
+        self.own(slot)[rows.index] = values
+
+    def own(self, slot: int) -> Column:
+        """The column of a variable itself, made now if one number stood for all until now."""
         while slot >= len(self._same):
             self._same.append(nan)
             self._columns.append(None)
-        if isinstance(values, float) and rows.size == self.count:
-            self._same[slot], self._columns[slot] = values, None
-            return
         column = self._columns[slot]
         if column is None:
             column = self._columns[slot] = np.full(self.count, self._same[slot])
-        column[rows.index] = values
+        return column
 
     def share(self, slot: int, column: Column) -> None:
         """Let a variable be read from a column that somebody else keeps, as it is at that moment."""

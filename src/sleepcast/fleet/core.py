@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, nan
-from typing import Protocol, TypeAlias, runtime_checkable
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.names import Names
 from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.fleet.acts import ACTS
+from sleepcast.fleet.attention import Attention
+from sleepcast.fleet.bodies import Embodied
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.evaluation import Noted, fault_text
 from sleepcast.fleet.inbox import Inbox
@@ -36,8 +38,7 @@ from sleepcast.language.form import show
 from sleepcast.language.machine import Program
 from sleepcast.language.reader import read
 from sleepcast.language.review import Checked, check
-from sleepcast.language.vocabulary import FROZEN, SLEEPING, TICK, TIME_SLOT, Vocabulary, buffer_number
-from sleepcast.robot import Robot
+from sleepcast.language.vocabulary import TICK, TIME_SLOT, Vocabulary, buffer_number
 
 
 class FleetError(MisuseError):
@@ -59,17 +60,6 @@ class Outcome:
     steps: NDArray[np.int32]
     faults: list[Noted]
     printed: list[tuple[Index, str, Sequence[Column]]]
-
-
-@runtime_checkable
-class ManyBodies(Protocol):
-    """Bodies, by the robots' indices, of which many can be asked at once. See `Robot` for what each does."""
-
-    def stop(self, robots: Index, /) -> None: ...
-
-    def release(self, robots: Index, /) -> None: ...
-
-    def hold(self, robots: Index, still: Mask, /) -> None: ...
 
 
 class Core:
@@ -116,12 +106,12 @@ class Core:
         self.memory = FleetMemory(self.state, self.minds, self.speech, ACTS, bodies, self.kernels)
         self.recall = Recall(self.memory)
         self.rounds = Rounds(self.memory)
+        self._embodied = Embodied(self.state, bodies)
         self.told = Told(self.state, self.minds)
         """What the robots last told the operator of themselves."""
+        self._attention = Attention(self.memory)
         self._inbox = Inbox(count)
         self._minds_used = 1
-        self._held = False
-        """Whether any body is held still."""
         self._measured: dict[int, Column] = {
             vocabulary.first_sensor + i: np.full(count, -inf)
             for i, quantity in enumerate(vocabulary.sensors)
@@ -192,7 +182,9 @@ class Core:
         new = self._inbox.first_heard(message, self.rows(robots).robots)
         rows = Rows.of(new)
         if message.kind in (Kind.STOP, Kind.RELEASE):
-            self._stop(message, rows)
+            stopping = message.kind is Kind.STOP
+            (self._embodied.stop if stopping else self._embodied.release)(rows)
+            self.speech.answer(rows, Answers.alike(message.id, rows.size, "stopped" if stopping else "released"))
         elif message.kind in (Kind.COMMAND, Kind.ASK):
             self.state.lost[self._inbox.put(message, new)] += 1
 
@@ -237,9 +229,9 @@ class Core:
         expired(self.memory, rows, now)
         for message, some in self._inbox.take(rows):
             self._obey(message, some, now)
-        idle = self._still(rows)
-        self.rounds.run(rows if idle is None else rows.take(~idle))
-        self._hold(rows)
+        resting = self._embodied.resting(rows)
+        self.rounds.run(rows if resting is None else rows.take(~resting))
+        self._embodied.hold(rows)
         self._tidy()
 
     def _age(self, rows: Rows, now: float) -> None:
@@ -335,53 +327,6 @@ class Core:
             found = rehearse(program, rehearsal(self.memory, robot), command=message.id)
             answers = Answers.alike(message.id, 1, "answer", found.value, "; ".join(found.faults))
             self.speech.answer(self.rows([robot]), answers)
-
-    # ---- the bodies
-
-    def _stop(self, message: Message, rows: Rows) -> None:
-        stopping = message.kind is Kind.STOP
-        self.state.stopped[rows.index] = stopping
-        if isinstance(self.bodies, ManyBodies):
-            stop = self.bodies.stop if stopping else self.bodies.release
-            stop(rows.robots)
-        else:
-            self._stop_each(rows, stopping)
-        self.speech.answer(rows, Answers.alike(message.id, rows.size, "stopped" if stopping else "released"))
-
-    def _stop_each(self, rows: Rows, stopping: bool) -> None:
-        for robot in rows.robots.tolist():
-            body = self.bodies[robot]
-            if not isinstance(body, Robot):
-                self.state.held[robot] = stopping
-            elif stopping:
-                body.stop()
-            else:
-                body.release()
-
-    def _still(self, rows: Rows) -> Mask | None:
-        """Which of these robots sleep or are frozen, None if none of them."""
-        asleep, frozen = self.state.read(SLEEPING, rows), self.state.read(FROZEN, rows)
-        still = np.greater(asleep, 0.0) | np.greater(frozen, 0.0)
-        return np.broadcast_to(still, rows.size) if still.any() else None
-
-    def _hold(self, rows: Rows) -> None:
-        """Sleeping and frozen robots keep their bodies still."""
-        state, still = self.state, self._still(rows)
-        if still is None and not self._held:
-            return
-        now = np.zeros(rows.size, np.bool_) if still is None else still
-        changed = rows.take(now != state.still[rows.index])
-        if changed.size == 0:
-            return
-        state.still[rows.index] = now
-        self._held = bool(state.still.any())
-        if isinstance(self.bodies, ManyBodies):
-            self.bodies.hold(changed.robots, state.still[changed.index])
-            return
-        for robot in changed.robots.tolist():
-            body = self.bodies[robot]
-            if isinstance(body, Robot):
-                body.hold(bool(state.still[robot]))
 
 
 def _runs(mind: Mind) -> bool:

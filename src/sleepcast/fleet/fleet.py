@@ -76,3 +76,8 @@ class Fleet(Core, Mapping[str, RobotView]):
         if rows.size:
             assigned[rows.index] = False
         return rows.index, self.state.column(slot, rows)
+
+    def reads(self) -> frozenset[int]:
+        """The slots of the variables that any active rule or waiting message may look at in the next tick."""
+        found = self._attention.slots(self._inbox.messages())
+        return frozenset(self.state.slots()) if found is None else found

@@ -74,3 +74,7 @@ class Inbox:
         self._queue = left
         self.waiting[rows.index] = 0
         return taken
+
+    def messages(self) -> list[tuple[Message, Index]]:
+        """What waits, in the order in which it came, each message with its robots."""
+        return list(self._queue)

@@ -89,6 +89,11 @@ class Simulator:
         measured. The simulator's own table, up to date for those for whom `sense` was called in this tick."""
         return self.bodies.sensed
 
+    @property
+    def echoing(self) -> range:
+        """The rows of `sensed` that the sonars fill."""
+        return range(len(self.bodies.sensors), len(self.model.sensors))
+
     def sense(self, robots: NDArray[np.intp] | None = None, echoes: bool = True) -> None:
         """Bring `sensed` up to date for the robots with these indices (None: all), noise included; asked twice in a
         tick, it says the same. echoes: whether the sonars as well, which is most of the work. Changes no state."""

@@ -276,6 +276,7 @@ class Core:
         values = evaluate(memory, program, rows)
         steps = np.broadcast_to(np.asarray(memory.steps(rows), np.int32), rows.size)
         printed, memory.hosts, memory.printed = memory.printed, None, None
+        self.recall.weigh(memo)
         return Outcome(rows, memo, values, memory.matched[rows.index].copy(), steps, memory.noted, printed)
 
     def install(

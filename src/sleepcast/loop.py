@@ -34,7 +34,7 @@ from sleepcast.simulator import MissionError, Order, Simulator
 from sleepcast.units import NONE, UNITS
 
 MAX_MINDS = 1_000_000
-"""Robots of one run: what the bar of the simulator asks for; they and their minds take about a gigabyte."""
+"""Robots of one run: with their minds and the desk they take a good gigabyte, and a tick some tenths of a second."""
 LONGEST_CATCH_UP = 0.25
 """Seconds of real time that a paced run may lag behind before it lets them go: a hiccup, not a rest of work."""
 WINDOW = 1.0

@@ -46,6 +46,11 @@ class Cones:
         return self.radius + self.most + self.radius
 
     @property
+    def cell(self) -> float:
+        """The side of a cell of a grid that suits them: half the reach, and a little more for rounding, m."""
+        return 0.5000001 * self.reach
+
+    @property
     def axes(self) -> Floats:
         """Angles of the cones from the heading, rad, shape (count,)."""
         return np.arange(self.count, dtype=np.float64) * (2.0 * pi / self.count)

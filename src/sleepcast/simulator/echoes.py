@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.chance import key
-from sleepcast.simulator.cones import Cones, Ranges
+from sleepcast.simulator.cones import Cones, Ranges, View
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.grid import Floats, Whole
 from sleepcast.simulator.neighbours import Neighbours
@@ -71,7 +71,7 @@ class Echoes:
         if self.fires_in_order:
             self._machine.tell(self.readings[old], old, ear, self.sensed)
         else:
-            self._machine.tell(self._look(old, pose), old, ear, self.sensed)
+            self._machine.hear(self._view(pose), old, ear, self.sensed)
 
     def fire(self, tick: int, until: float, pose: tuple[Floats, Floats, Floats]) -> None:
         """Fire the sonars that are due before the time `until` (s) and keep what they read."""
@@ -79,7 +79,7 @@ class Echoes:
         if pause is None:
             return
         order, every, noise = np.array(self.ring.order), np.arange(len(self.due)), self._noise(tick)
-        seen = self._look(every, pose)
+        seen = self._machine.ranges(self._view(pose), every)
         if noise is not None:
             self._machine.disturb(seen, every, noise)
         np.clip(seen, self.ring.least, self.ring.most, out=seen)
@@ -95,11 +95,10 @@ class Echoes:
         if self.fires_in_order:
             yield from (self.readings, self.due, self.turn)
 
-    def _look(self, which: Whole, pose: tuple[Floats, Floats, Floats]) -> Ranges:
+    def _view(self, pose: tuple[Floats, Floats, Floats]) -> View:
         near = self._near
         listed = near.solids(self.cones.radius + self.cones.most)
-        points = near.points(pose[0], pose[1])
-        return self._machine.ranges(self.cones, near.grid, points, listed, near.world.solids, pose, which)
+        return View(self.cones, near.grid, near.points(pose[0], pose[1]), listed, near.world.solids, pose)
 
     def _noise(self, tick: int) -> Noise | None:
         """What disturbs the echoes of this tick."""

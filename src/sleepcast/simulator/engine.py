@@ -11,7 +11,7 @@ from typing import Protocol
 
 from sleepcast.errors import MisuseError
 from sleepcast.simulator import cones, contact, grid, noise
-from sleepcast.simulator.cones import Cones, Ranges
+from sleepcast.simulator.cones import Ranges, View
 from sleepcast.simulator.contact import Settled
 from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole
 from sleepcast.simulator.noise import Ear, Noise
@@ -28,17 +28,10 @@ class Machine(Protocol):
 
     def sort(self, grid: Grid, x: Floats, y: Floats, /) -> Sorted: ...
 
-    def ranges(
-        self,
-        cones: Cones,
-        grid: Grid,
-        points: Sorted,
-        listed: Listed,
-        solids: Floats,
-        pose: tuple[Floats, Floats, Floats],
-        which: Whole,
-        /,
-    ) -> Ranges: ...
+    def ranges(self, view: View, which: Whole, /) -> Ranges: ...
+
+    def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats, /) -> None:
+        """`ranges`, then `tell`."""
 
     def settle(
         self,
@@ -66,6 +59,9 @@ class NumPyMachine:
     settle = staticmethod(contact.settle)
     disturb = staticmethod(noise.disturb)
     tell = staticmethod(noise.tell)
+
+    def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats) -> None:
+        noise.tell(cones.ranges(view, which), which, ear, sensed)
 
 
 def choose(name: str | None = None, threads: int | None = None) -> Machine:

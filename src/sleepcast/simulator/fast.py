@@ -15,7 +15,7 @@ from math import cos, pi, sin
 import numpy as np
 
 from sleepcast.simulator import kernels, kernels_contact, kernels_sonar
-from sleepcast.simulator.cones import Cones, Ranges
+from sleepcast.simulator.cones import Ranges, View
 from sleepcast.simulator.contact import SKIN, Settled
 from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole
 from sleepcast.simulator.lanes import LANES
@@ -38,6 +38,7 @@ class NumbaMachine:
     def __init__(self, threads: int | None = None) -> None:
         self.threads = threads or len(os.sched_getaffinity(0))
         self._pool: ThreadPoolExecutor | None = None
+        self._kept: Ranges = np.empty(0, np.float32)
         self._walls: tuple[Listed, Walls] | None = None
 
     def sort(self, grid: Grid, x: Floats, y: Floats) -> Sorted:
@@ -46,16 +47,28 @@ class NumbaMachine:
         kernels.sort(x, y, grid.size, grid.across, grid.up, cells, start, order)
         return Sorted(order, start)
 
-    def ranges(
-        self,
-        cones: Cones,
-        grid: Grid,
-        points: Sorted,
-        listed: Listed,
-        solids: Floats,
-        pose: tuple[Floats, Floats, Floats],
-        which: Whole,
-    ) -> Ranges:
+    def ranges(self, view: View, which: Whole) -> Ranges:
+        squares, rank = self._squares(view, which)
+        seen = np.empty((len(which), view.cones.count), np.float32)
+        kernels.collect(squares, rank, which, seen)
+        return seen
+
+    def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats) -> None:
+        squares, rank = self._squares(view, which)
+        noise = ear.noise or Noise(0.0, 0.0, 0.0, 0, 0)
+        keys = np.uint64(noise.key), np.uint64(noise.dropout_key)
+
+        def work(first: int, last: int) -> None:
+            kernels.hear(
+                *(squares, rank, which[first:last], view.cones.count, ear.noise is not None),
+                *(noise.share, noise.dropout, *keys, ear.least, ear.most, ear.front, sensed),
+            )
+
+        self._share(len(which), work)
+
+    def _squares(self, view: View, which: Whole) -> tuple[Ranges, Whole]:
+        """The squared ranges that the robots `which` see, a row for each, and the number of each robot's row."""
+        cones, grid, points, listed, solids, pose = view
         robots, order = len(pose[0]), points.order
         if self._walls is None or self._walls[0] is not listed:
             self._walls = listed, walls_of(listed, solids)
@@ -66,7 +79,7 @@ class NumbaMachine:
         rows, rank = np.empty(robots, np.int64), np.empty(robots, np.int64)
         kernels.enlist(order, asked, rows, rank)
         axes = np.append(cones.axes, np.zeros(-cones.count % LANES))
-        squares = np.empty((len(which), len(axes)), np.float32)
+        squares = self._room(len(which), len(axes))
         lone = cones.lone(2.0 * pi / cones.count) if cones.count == FOLDED else np.inf
         graze = sin(cones.incidence) if cones.incidence < pi / 2 else 1.0
         x, y, cosines, sines = places
@@ -83,9 +96,7 @@ class NumbaMachine:
             )
 
         self._share_rows(see, grid, points.start)
-        seen = np.empty((len(which), cones.count), np.float32)
-        self._share(len(which), lambda first, last: kernels.collect(squares, rank, which, first, last, seen))
-        return seen
+        return squares, rank
 
     def settle(
         self,
@@ -115,21 +126,19 @@ class NumbaMachine:
         return settled
 
     def disturb(self, seen: Ranges, which: Whole, noise: Noise) -> None:
-        def work(first: int, last: int) -> None:
-            kernels.disturb(
-                *(seen, which, noise.share, noise.dropout, np.float32(noise.most)),
-                *(np.uint64(noise.key), np.uint64(noise.dropout_key), first, last),
-            )
-
-        self._share(len(which), work)
+        keys = np.uint64(noise.key), np.uint64(noise.dropout_key)
+        kernels.disturb(seen, which, noise.share, noise.dropout, np.float32(noise.most), *keys)
 
     def tell(self, seen: Ranges, which: Whole, ear: Ear, sensed: Floats) -> None:
         if ear.noise is not None:
             self.disturb(seen, which, ear.noise)
-        self._share(
-            len(which),
-            lambda first, last: kernels.tell(seen, which, ear.least, ear.most, ear.front, first, last, sensed),
-        )
+        kernels.tell(seen, which, ear.least, ear.most, ear.front, sensed)
+
+    def _room(self, rows: int, columns: int) -> Ranges:
+        """Room for numbers of this shape, the same again each time: fresh memory costs more than the work."""
+        if rows * columns > self._kept.size:
+            self._kept = np.empty(rows * columns, np.float32)
+        return self._kept[: rows * columns].reshape(rows, columns)
 
     def _share(self, count: int, work: Callable[[int, int], None]) -> None:
         """Let `work` be done for so many things, in stretches of numbers."""

@@ -42,8 +42,9 @@ def arrange(order, x, y, heading, first, last, into):
     """Put positions, and cosine and sine of the headings, into the rows of `into`, in the order of the cells."""
     for i in range(first, last):
         o = order[i]
-        into[0, i], into[1, i] = x[o], y[o]
-        into[3, i], into[2, i] = sine_cosine(heading[o])
+        into[0, i], into[1, i], into[2, i] = x[o], y[o], heading[o]
+    for i in range(first, last):
+        into[3, i], into[2, i] = sine_cosine(into[2, i])
 
 
 @compiled
@@ -57,15 +58,6 @@ def enlist(order, asked, rows, rank):
         count += asked[o]
 
 
-@compiled
-def collect(squares, rank, which, first, last, out):
-    """The roots of the rows that belong to the robots `which`."""
-    for q in range(first, last):
-        row = rank[which[q]]
-        for k in range(out.shape[1]):
-            out[q, k] = sqrt(squares[row, k])
-
-
 @inlined
 def mixed(counter, key):
     """See `chance.mix`."""
@@ -75,41 +67,65 @@ def mixed(counter, key):
     return bits ^ (bits >> U(31))
 
 
+@inlined
+def disturbed(seen, counter, share, dropout, most, key, dropout_key):
+    """A range with noise; see `noise.disturb`."""
+    lost = seen >= most
+    if share > 0.0:
+        bits = mixed(counter, key)
+        total = (bits & U(0xFFFF)) + ((bits >> U(16)) & U(0xFFFF)) + ((bits >> U(32)) & U(0xFFFF)) + (bits >> U(48))
+        seen *= F(1.0 + share * (float(np.int64(total) - MIDDLE) * SCALE))
+    if dropout > 0.0:
+        bits = mixed(counter, dropout_key)
+        lost |= float(bits >> U(11)) * 2.0**-53 < dropout
+    return most if lost else seen
+
+
 @compiled
-def disturb(seen, which, share, dropout, most, key, dropout_key, begin, end):
+def disturb(seen, which, share, dropout, most, key, dropout_key):
     """See `noise.disturb`."""
     sonars = U(seen.shape[1])
-    for row in range(begin, end):
-        first = U(which[row]) * sonars
+    for row in range(seen.shape[0]):
+        counter = U(which[row]) * sonars
         for k in range(seen.shape[1]):
-            lost = seen[row, k] >= most
-            if share > 0.0:
-                bits = mixed(first + U(k), key)
-                total = (bits & U(0xFFFF)) + ((bits >> U(16)) & U(0xFFFF)) + ((bits >> U(32)) & U(0xFFFF))
-                total += bits >> U(48)
-                seen[row, k] *= F(1.0 + share * (float(np.int64(total) - MIDDLE) * SCALE))
-            if dropout > 0.0:
-                bits = mixed(first + U(k), dropout_key)
-                lost = lost or float(bits >> U(11)) * 2.0**-53 < dropout
-            if lost:
-                seen[row, k] = most
+            seen[row, k] = disturbed(seen[row, k], counter + U(k), share, dropout, most, key, dropout_key)
+
+
+@compiled
+def collect(squares, rank, which, seen):
+    """The roots of the rows that belong to the robots `which`."""
+    for q in range(which.shape[0]):
+        row = rank[which[q]]
+        for k in range(seen.shape[1]):
+            seen[q, k] = sqrt(squares[row, k])
 
 
 @strict
-def tell(seen, which, least, most, front, first, last, sensed):
-    """See `noise.tell`, without noise, for the robots which[first:last]. front: numbers of the sonars in front."""
+def tell(seen, which, least, most, front, sensed):
+    """See `noise.tell`, without noise. front: numbers of the sonars in front."""
     sonars, shortest = seen.shape[1], F(least)
-    for begin in range(first, last, BLOCK):
-        end = min(begin + BLOCK, last)
-        for k in range(sonars):
-            for q in range(begin, end):
-                value = float(seen[q, k])
-                value = most if value > most else value
-                sensed[k, which[q]] = least if seen[q, k] <= shortest else value
-        for q in range(begin, end):
-            o = which[q]
-            nearest = sensed[front[0], o]
-            for k in front:
-                value = sensed[k, o]
-                nearest = value if (value < nearest) | (value != value) else nearest
-            sensed[sonars, o] = nearest
+    for k in range(sonars):
+        for q in range(which.shape[0]):
+            value = float(seen[q, k])
+            value = most if value > most else value
+            sensed[k, which[q]] = least if seen[q, k] <= shortest else value
+    for q in range(which.shape[0]):
+        o = which[q]
+        nearest = sensed[front[0], o]
+        for k in front:
+            value = sensed[k, o]
+            nearest = value if (value < nearest) | (value != value) else nearest
+        sensed[sonars, o] = nearest
+
+
+@strict
+def hear(squares, rank, which, sonars, noisy, share, dropout, key, dropout_key, least, most, front, sensed):
+    """All of these, for so many robots at a time that their ranges stay in the nearest cache."""
+    room = np.empty((BLOCK, sonars), F)
+    for begin in range(0, which.shape[0], BLOCK):
+        some = which[begin : begin + BLOCK]
+        seen = room[: some.shape[0]]
+        collect(squares, rank, some, seen)
+        if noisy:
+            disturb(seen, some, share, dropout, F(most), key, dropout_key)
+        tell(seen, some, least, most, front, sensed)

@@ -66,13 +66,13 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
         unit=scenario.length_unit or "m",
         radius=scenario.robots.geometry.radius,
         places=tuple(Place(place.title, place.x, place.y) for place in scenario.places),
-        obstacles=tuple(_outlines(shape) for shape in scenario.shapes),
+        obstacles=tuple(outlines(shape) for shape in scenario.shapes),
         lights=tuple(Place(light.title, light.x, light.y) for light in scenario.lights),
         commands=tuple(ReadyCommand(each.title, each.text.strip(), each.about) for each in scenario.commands),
     )
 
 
-def _outlines(shape: Shape) -> tuple[tuple[tuple[float, float], ...], ...]:
+def outlines(shape: Shape) -> tuple[tuple[tuple[float, float], ...], ...]:
     """A shape as the page draws it. A wall goes there and back; a circle has many corners."""
     if isinstance(shape, Circle):
         angles = (2.0 * pi * corner / ROUND for corner in range(ROUND))

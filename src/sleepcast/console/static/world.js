@@ -57,6 +57,12 @@ export class World extends EventTarget {
     this.repaint("ground", "trails", "robots");
   }
 
+  setObstacles(obstacles) {
+    if (!this.scene) return;
+    this.scene.obstacles = obstacles;
+    this.repaint("ground");
+  }
+
   // Time has jumped: nobody drove from where the trails end to where the robots are now.
   forgetTrails() {
     this.trails = new Trails();

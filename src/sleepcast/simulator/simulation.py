@@ -7,6 +7,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 
+import numpy as np
+
 from sleepcast.simulator.bodies import Bodies, Floats, Saying
 from sleepcast.simulator.body import Body, model_of
 from sleepcast.simulator.engine import Machine, choose
@@ -46,6 +48,8 @@ class Simulator:
         self.names = tuple(f"{scenario.robots.type}{i + 1}" for i in range(scenario.robots.count))
         self.robots = tuple(Body(self.bodies, self.model, i) for i in range(scenario.robots.count))
         self._senses = Senses(self.bodies)
+        self.pinged = np.full(scenario.robots.count, np.nan)
+        """The caste that each robot pinged last, NaN for none; whoever shows pings may set it back."""
         self._measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y)
 
     @property
@@ -88,6 +92,7 @@ class Simulator:
 
     def ping(self, number: int, caste: float) -> None:
         """Robot `number` sends a ping that carries `caste`; those in reach hear it in the next tick."""
+        self.pinged[number] = caste
         self._senses.ping(number, caste)
 
     def measured(self) -> dict[str, list[list[float]]]:

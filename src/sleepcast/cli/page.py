@@ -8,8 +8,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from math import cos, pi, sin
 
-import numpy as np
-
 from sleepcast.cli.headless import assemble, warm_up
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.recording import Wanted, recorded
@@ -23,8 +21,6 @@ from sleepcast.simulator import Area, Circle, Scenario, Shape, Wall
 
 ROUND = 32
 """Corners of a circle as it is drawn."""
-MOST_CASTE = 254.0
-"""What a byte can tell apart besides silence; a higher caste is shown as this one."""
 
 
 class SwarmOnPage:
@@ -59,15 +55,8 @@ class SwarmOnPage:
         return found.tobytes()
 
     def pings(self) -> bytes:
-        """A byte for each robot: 0, or the caste + 1 that it has pinged since this was last asked; empty for nobody."""
-        pinged = self._swarm.simulator.pinged
-        heard = ~np.isnan(pinged)
-        if not heard.any():
-            return b""
-        codes = np.zeros(len(pinged), np.uint8)
-        codes[heard] = np.clip(np.rint(pinged[heard]), 0.0, MOST_CASTE) + 1.0
-        pinged.fill(np.nan)
-        return codes.tobytes()
+        """Who has pinged since this was last asked, a byte for each robot; see `Simulator.pinged`."""
+        return self._swarm.simulator.pinged()
 
 
 def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:

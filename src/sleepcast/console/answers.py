@@ -10,7 +10,7 @@ import msgspec
 from sleepcast.console.explaining import ShownWhy
 from sleepcast.console.ledger import Row
 from sleepcast.console.names import ShownName
-from sleepcast.console.swarm import Scene
+from sleepcast.console.swarm import Outline, Scene
 
 
 class Said(msgspec.Struct, tag_field="type", tag=str.lower):
@@ -40,7 +40,7 @@ class Refused(Said):
 class Obstacles(Said):
     """What is solid now, where it is not as the scene says; in the same shape."""
 
-    obstacles: tuple[tuple[tuple[float, float], ...], ...]
+    obstacles: tuple[tuple[Outline, ...], ...]
 
 
 class ShownFinding(msgspec.Struct, frozen=True):

@@ -21,7 +21,7 @@ from sleepcast.console.driver import FRAME_PERIOD, Screen
 from sleepcast.console.explaining import shown_value
 from sleepcast.console.frames import pack
 from sleepcast.console.ledger import MOST_ROWS, Row
-from sleepcast.console.swarm import Scene
+from sleepcast.console.swarm import Outline, Scene
 from sleepcast.errors import MisuseError
 
 MOST_SAID = 20
@@ -30,7 +30,6 @@ STATES = ("stopped", "frozen", "sleeping", "marked")
 """The flags of a frame by bit, in words."""
 
 Kind = TypeVar("Kind")
-Outlines = tuple[tuple[tuple[float, float], ...], ...]
 _decode = msgspec.json.Decoder(dict[str, list[float | None]]).decode
 
 
@@ -84,7 +83,7 @@ class Film:
     values: Track[bytes] = field(default_factory=Track)
     rules: dict[str, Track[list[answers.ShownRule]]] = field(default_factory=dict)
     said: dict[str, Track[str]] = field(default_factory=dict)
-    obstacles: Track[Outlines] = field(default_factory=Track)
+    obstacles: Track[tuple[tuple[Outline, ...], ...]] = field(default_factory=Track)
 
     def marks_at(self, time: float) -> Marks:
         """The marks at `time`; before the first, nobody is in a group."""

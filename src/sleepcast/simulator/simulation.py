@@ -17,6 +17,9 @@ from sleepcast.simulator.motion import step
 from sleepcast.simulator.scenario import Scenario
 from sleepcast.simulator.senses import Senses
 
+MOST_CASTE = 254
+"""What a byte tells apart besides silence; a higher caste is shown as this one."""
+
 
 class Simulator:
     """A scenario brought to life; `seed` replaces the scenario's own. Equal seeds make equal runs, to the
@@ -48,8 +51,7 @@ class Simulator:
         self.names = tuple(f"{scenario.robots.type}{i + 1}" for i in range(scenario.robots.count))
         self.robots = tuple(Body(self.bodies, self.model, i) for i in range(scenario.robots.count))
         self._senses = Senses(self.bodies)
-        self.pinged = np.full(scenario.robots.count, np.nan)
-        """The caste that each robot pinged last, NaN for none; whoever shows pings may set it back."""
+        self._pinged = np.zeros(scenario.robots.count, np.uint8)
         self._measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y)
 
     @property
@@ -92,8 +94,15 @@ class Simulator:
 
     def ping(self, number: int, caste: float) -> None:
         """Robot `number` sends a ping that carries `caste`; those in reach hear it in the next tick."""
-        self.pinged[number] = caste
+        self._pinged[number] = round(max(0.0, min(MOST_CASTE, caste))) + 1
         self._senses.ping(number, caste)
+
+    def pinged(self) -> bytes:
+        """Who has pinged since this was last asked, to show it: a byte for each robot, 0 or its latest caste + 1; empty
+        if nobody has. Changes nothing of the run."""
+        found = self._pinged.tobytes() if self._pinged.any() else b""
+        self._pinged.fill(0)
+        return found
 
     def measured(self) -> dict[str, list[list[float]]]:
         """The scenario's own measures so far, each a list of [seconds, metres]."""

@@ -297,6 +297,7 @@ def test_no_argument_is_the_demo_of_bravo(monkeypatch: pytest.MonkeyPatch) -> No
             "record": None,
             "record_pictures": None,
             "record_readings": None,
+            "record_rotate": None,
         },
     )
 

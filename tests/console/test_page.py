@@ -422,6 +422,36 @@ def pointed_at(page: Page) -> list[float]:
     return [float(found) for found in re.findall(r"[\d.]+", page.locator("#place-text").inner_text())]
 
 
+RINGS = """
+async () => {
+  const { Pings } = await import("/static/pings.js");
+  const { View } = await import("/static/view.js");
+  const { palette } = await import("/static/shapes.js");
+  const view = new View();
+  view.resize(300, 100);
+  view.fit([0, 0, 30, 10]);
+  const pen = Object.assign(document.createElement("canvas"), { width: 300, height: 100 })
+    .getContext("2d", { willReadFrequently: true });
+  const frame = { count: 3, poses: new Float32Array([5, 5, 0, 15, 5, 0, 25, 5, 0]), pings: new Uint8Array([4, 0, 5]) };
+  const pings = new Pings();
+  pings.take(frame, 1000);
+  const alive = [1100, 1900].map((now) => {
+    pen.clearRect(0, 0, 300, 100);
+    const more = pings.draw(pen, view, frame, 5, palette(), now);
+    const thirds = [0, 100, 200].map((x) => pen.getImageData(x, 0, 100, 100).data.some((value) => value > 0));
+    return [more, ...thirds];
+  });
+  return alive;
+}
+"""
+
+
+def test_a_ping_is_a_short_ring_round_who_sent_it(rovers: Page) -> None:
+    assert rovers.evaluate(RINGS) == [[True, True, False, True], [False, False, False, False]]
+    rovers.emulate_media(reduced_motion="reduce")
+    assert rovers.evaluate(RINGS) == [[False] * 4] * 2
+
+
 def test_the_map_works_from_the_keyboard(rovers: Page) -> None:
     rovers.locator("#map").focus()
     rovers.keyboard.press("ArrowRight")

@@ -163,6 +163,20 @@ class TestFrames:
                     both += number(frame) in seen
                     assert seen.setdefault(number(frame), frame) == frame
 
+    def test_pings_are_in_the_frames_of_the_moment(self) -> None:
+        with Program("demo", "braitenberg", "--robots", "8", "--speed", "20") as vehicles, open_page(vehicles) as page:
+            assert not page.frame()[2]
+            page.ask("send", text="(WHEN (EQ myCaste 3) (RULE here (WHEN (PROB 0.5) (PING 3))))")
+            heard = [frame for frame in (page.frame() for _ in range(60)) if frame[2]]
+            while not heard:
+                heard = [frame for frame in (page.frame() for _ in range(60)) if frame[2]]
+            for frame in heard:
+                assert len(frame) == 32 + 15 * 8
+                codes = frame[-8:]
+                assert any(codes)
+                assert not any(codes[:4])  # the eyes were not asked to
+                assert set(codes[4:]) <= {0, 4}
+
 
 class TestBearing:
     def test_what_is_no_message_is_answered_and_survived(self, page: Page) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from sleepcast.cli.interrupts import Interrupts
-from sleepcast.cli.page import Address, scene_of
+from sleepcast.cli.page import Address, outlines, scene_of
 from sleepcast.cli.streams import announce
 from sleepcast.clock import WallClock
 from sleepcast.console import serve_desk
@@ -14,10 +14,12 @@ from sleepcast.console.ledger import Row
 from sleepcast.console.replay import Film, Marks, ReplayDesk, ReplayDriver, Track
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.foxglove import read_log, read_poses
+from sleepcast.simulator.packing import unpack
 from sleepcast.simulator.recorder import (
     ACCOUNTING,
     LOG,
     MARKS,
+    OBSTACLES,
     POSES,
     POSTED,
     READINGS,
@@ -25,6 +27,7 @@ from sleepcast.simulator.recorder import (
     AccountBody,
     MarksBody,
     RulesBody,
+    WorldChange,
 )
 from sleepcast.simulator.recording import Entry, NoRecordingError, Recording, decoded, entries
 
@@ -42,7 +45,9 @@ class Maker:
         self._rows: dict[str, Row] = {}
         scene = scene_of(replace(scenario, commands=()), tuple(simulator.names))
         units = {sensor.name: sensor.shown_as or sensor.unit for sensor in simulator.model.sensors}
-        self.film = Film(scene, recording.seconds, scenario.speed_up, units)
+        part = recording.part if recording.part > 1 or recording.following else 0
+        self.film = Film(scene, recording.seconds, scenario.speed_up, units, recording.began, part)
+        self._solids = dict(enumerate(scenario.shapes, 1))
         for posted in recording.posted:
             message = posted.message
             if message.id not in self._rows:
@@ -72,6 +77,8 @@ class Maker:
             self._account(time, decoded(AccountBody, data))
         elif entry.topic == RULES:
             self._keep(time, decoded(RulesBody, data))
+        elif entry.topic == OBSTACLES:
+            self._change(time, unpack(WorldChange, data))
         elif entry.topic == LOG:
             who, text = read_log(data)
             film.said.setdefault(who, Track()).add(time, text)
@@ -81,6 +88,13 @@ class Maker:
         if row is not None:
             counts = (found.matched, found.not_matched, found.fault, found.silent, found.predicted)
             self.film.rows.add(time, Row(row.id, row.kind, row.text, row.at, *counts))
+
+    def _change(self, time: float, found: WorldChange) -> None:
+        for number in found.gone:
+            self._solids.pop(number, None)
+        for name, shape in found.put.items():
+            self._solids[int(name)] = shape
+        self.film.obstacles.add(time, tuple(map(outlines, self._solids.values())))
 
     def _keep(self, time: float, found: RulesBody) -> None:
         rules = [ShownRule(rule.name, rule.text, rule.active, "", "") for rule in found.rules]

@@ -41,7 +41,7 @@ def warm_up(scenario: Scenario, threads: int | None) -> None:
     swarm, _ = assemble(replace(scenario, robots=few), None, mission=False, threads=threads)
     for _ in range(WARM_TICKS):
         swarm.step()
-        swarm.sense()
+        swarm.simulator.readings()
 
 
 @dataclass(frozen=True, slots=True)

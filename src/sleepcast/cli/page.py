@@ -52,6 +52,10 @@ class SwarmOnPage:
             found[column::3] = array("f", values.astype("<f4").tobytes())
         return found.tobytes()
 
+    def pings(self) -> bytes:
+        """Who has pinged since this was last asked, a byte for each robot; see `Simulator.pinged`."""
+        return self._swarm.simulator.pinged()
+
 
 def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
     """What the page draws under the robots, which have these names."""
@@ -64,13 +68,13 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
         unit=scenario.length_unit or "m",
         radius=scenario.robots.geometry.radius,
         places=tuple(Place(place.title, place.x, place.y) for place in scenario.places),
-        obstacles=tuple(_outlines(shape) for shape in scenario.shapes),
+        obstacles=tuple(outlines(shape) for shape in scenario.shapes),
         lights=tuple(Place(light.title, light.x, light.y) for light in scenario.lights),
         commands=tuple(ReadyCommand(each.title, each.text.strip(), each.about) for each in scenario.commands),
     )
 
 
-def _outlines(shape: Shape) -> tuple[tuple[tuple[float, float], ...], ...]:
+def outlines(shape: Shape) -> tuple[tuple[tuple[float, float], ...], ...]:
     """A shape as the page draws it. A wall goes there and back; a circle has many corners."""
     if isinstance(shape, Circle):
         angles = (2.0 * pi * corner / ROUND for corner in range(ROUND))

@@ -28,7 +28,9 @@ from sleepcast.simulator.recorder import (
     Recorder,
     RuleBody,
     RulesBody,
+    WorldChange,
 )
+from sleepcast.simulator.rotation import ONE_FILE, Rotation
 from sleepcast.station import Command, Station
 
 PICTURES_PER_SECOND = 10.0
@@ -41,12 +43,13 @@ PICTURES_PER_READING = 10
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What is to be recorded: into which file, and the simulated s between two pictures and between two readings (None:
-    as the scenario's speed suggests)."""
+    """What is to be recorded: into which file, the simulated s between two pictures and between two readings (None: as
+    the scenario's speed suggests), and when another file begins."""
 
     file: Path
     pictures: float | None = None
     readings: float | None = None
+    rotation: Rotation = ONE_FILE
 
 
 class Witness:
@@ -59,19 +62,26 @@ class Witness:
         self._groups = Groups()
         self._minds = np.full(len(swarm.minds), -1, np.int32)
         """Which mind each robot had when its rules were last looked at."""
-        self._rules: dict[int, list[tuple[str, str, bool]]] = {}
+        self._rules: dict[str, list[tuple[str, str, bool]]] = {}
         """The rules of robots that have any, as they were recorded last."""
         self._answers: dict[str, int] = {}
         self._unmarked = True
         """Whether groups or flags may have changed since they were recorded."""
         self._seen = -1
+        self._posted: list[tuple[int, Message]] = []
+        self._world_version = -1
+        self._solids = dict(enumerate(swarm.simulator.scenario.shapes, 1))
+        """The solid things that the recording knows, and which change of them was the last."""
+        self._changes: list[WorldChange] = []
+        self._look_at_world(swarm.simulator.tick + 1)
         self.picture()
         self.look()
 
     def posted(self, message: Message) -> None:
         """The operator's message goes on the air in this tick."""
-        now = self._swarm.now()
-        self._recorder.posted(now, self._swarm.simulator.tick, message)
+        now, tick = self._swarm.now(), self._swarm.simulator.tick
+        self._posted.append((tick, message))
+        self._recorder.posted(now, tick, message)
         self._recorder.log(now, message.sender, message.text or message.kind.name)
 
     def said(self, chorus: Chorus) -> None:
@@ -93,9 +103,12 @@ class Witness:
             if saying.time < now:
                 break
             self._recorder.log(now, simulator.names[saying.robot], saying.text)
+        self._look_at_world(simulator.tick)
         if simulator.tick % self._pictures == 0:
+            if self._recorder.full(now) and self._recorder.turn(now):
+                self._repeat(now)
             self.picture()
-        if simulator.tick % self._readings == 0:
+        if simulator.tick % self._readings == 0 and self._seen != simulator.tick:
             self.look()
 
     def picture(self) -> None:
@@ -121,6 +134,32 @@ class Witness:
         self._recorder.note(ACCOUNTING, now, body)
         self._recorder.log(now, command.id, account.sentence())
 
+    def _repeat(self, now: float) -> None:
+        """Begin a part of the recording with all that went before as far as it still counts."""
+        for tick, message in self._posted:
+            self._recorder.posted(now, tick, message)
+        for change in self._changes:
+            self._recorder.obstacles(now, change)
+        for name, rules in self._rules.items():
+            if rules:
+                self._note_rules(name, now)
+        self._answers.clear()  # accounts and marks come with the next picture
+        self._unmarked = True
+        self.look()
+
+    def _look_at_world(self, tick: int) -> None:
+        """Record which solid things have come, moved or gone before this tick."""
+        world = self._swarm.simulator.world
+        if self._world_version == world.version:
+            return
+        self._world_version = world.version
+        before, self._solids = self._solids, dict(world.shapes)
+        put = {str(number): shape for number, shape in self._solids.items() if before.get(number) != shape}
+        gone = tuple(number for number in before if number not in self._solids)
+        if put or gone:
+            self._changes.append(WorldChange(tick, put, gone))
+            self._recorder.obstacles(self._swarm.now(), self._changes[-1])
+
     def look(self) -> None:
         """Record readings, rules and the hash of the state."""
         simulator, now = self._swarm.simulator, self._swarm.now()
@@ -135,18 +174,23 @@ class Witness:
 
     def finish(self) -> None:
         """Record how it ended."""
-        if self._seen != self._swarm.simulator.tick:
+        simulator = self._swarm.simulator
+        if self._seen != simulator.tick:
             self.picture()
-            self.look()
+            if self._world_version == simulator.world.version:  # else the state is already that of the tick to come
+                self.look()
 
     def _look_at_rules(self, index: int, now: float) -> None:
         mind = self._swarm.fleet.at(index)
         rules = [(rule.name, rule.text, rule.active) for rule in mind.rules()]
-        if rules != self._rules.get(index, []):
-            self._rules[index] = rules
-            self._recorder.note(RULES, now, RulesBody(mind.name, [RuleBody(*rule) for rule in rules]))
+        if rules != self._rules.get(mind.name, []):
+            self._rules[mind.name] = rules
+            self._note_rules(mind.name, now)
             active = ", ".join(name for name, _, active in rules if active)
             self._recorder.log(now, mind.name, f"active rules: {active or 'none'}")
+
+    def _note_rules(self, name: str, now: float) -> None:
+        self._recorder.note(RULES, now, RulesBody(name, [RuleBody(*rule) for rule in self._rules[name]]))
 
 
 def _in_words(message: Message) -> str:
@@ -173,7 +217,14 @@ def recorded(swarm: Swarm, station: Station, wanted: Wanted) -> Iterator[Recorde
     Raises what Recorder raises.
     """
     simulator = swarm.simulator
-    with Recorder(wanted.file, simulator.scenario, simulator.seed, version=__version__, complain=complain) as recorder:
+    with Recorder(
+        wanted.file,
+        simulator.scenario,
+        simulator.seed,
+        version=__version__,
+        complain=complain,
+        rotation=wanted.rotation,
+    ) as recorder:
         witness = Witness(recorder, swarm, station, wanted)
         swarm.witness = witness
         try:

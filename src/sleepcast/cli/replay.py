@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import deque
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,9 @@ from sleepcast.cli.streams import put
 from sleepcast.cli.swarm import FASTEST, HOST, PORT, SLOWEST
 
 if TYPE_CHECKING:
+    from sleepcast.simulator.recorder import WorldChange
     from sleepcast.simulator.recording import Recording
+    from sleepcast.simulator.world import World
 
 
 @click.command("replay", short_help="Show a recording on the page, or check it.")
@@ -100,16 +103,16 @@ def _verify(interrupts: Interrupts, recording: Recording, *, quiet: bool) -> Ver
     warm_up(recording.scenario, None)
     swarm, _ = assemble(recording.scenario, recording.seed, mission=False)
     interrupts.defer()
-    waiting = iter(recording.posted)
-    due = next(waiting, None)
+    posted, changes = deque(recording.posted), deque(recording.obstacles)
     compared = 0
     with closing(steps(max(recording.states, default=0) + 1, recording.scenario.name, quiet=quiet)) as ticks:
         for tick in ticks:
             interrupts.check()
             if tick:
-                while due is not None and due.tick <= tick:
-                    swarm.post(due.message)
-                    due = next(waiting, None)
+                while changes and changes[0].tick <= tick:
+                    _change(swarm.simulator.world, changes.popleft())
+                while posted and posted[0].tick <= tick:
+                    swarm.post(posted.popleft().message)
                 swarm.step()
             wanted = recording.states.get(tick)
             if wanted is not None:
@@ -117,6 +120,13 @@ def _verify(interrupts: Interrupts, recording: Recording, *, quiet: bool) -> Ver
                 if swarm.simulator.state_hash() != wanted:
                     return Verdict(compared, tick)
     return Verdict(compared, None)
+
+
+def _change(world: World, change: WorldChange) -> None:
+    for number in change.gone:
+        world.remove(number)
+    for name, shape in change.put.items():
+        world.put(int(name), shape)
 
 
 def _to_dict(recording: Recording, verdict: Verdict | None) -> dict[str, object]:
@@ -128,6 +138,9 @@ def _to_dict(recording: Recording, verdict: Verdict | None) -> dict[str, object]
         "robots": scenario.robots.count,
         "tick": scenario.tick,
         "seconds": recording.seconds,
+        "part": recording.part,
+        "began": recording.began,
+        "following": recording.following or None,
         "version": recording.version,
         "complete": recording.complete,
         "state_hash": None if last is None else recording.states[last],
@@ -151,6 +164,9 @@ def _to_text(recording: Recording, verdict: Verdict | None) -> str:
         f"{scenario.name}, seed {recording.seed}: {scenario.robots.count} robots for {recording.seconds:g} s, "
         f"recorded by version {recording.version}"
     ]
+    if recording.part > 1 or recording.following:
+        following = f", goes on in {recording.following}" if recording.following else ""
+        lines.append(f"  part {recording.part}: from {recording.began:g} s on{following}")
     if not recording.complete:
         lines.append("  the file ends early: the recording was broken off, and this is what came before")
     lines += [f"  {topic}: {count}" for topic, count in sorted(recording.counts.items())]

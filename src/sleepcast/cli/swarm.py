@@ -44,6 +44,7 @@ class Options(TypedDict):
     record: Path | None
     record_pictures: float | None
     record_readings: float | None
+    record_rotate: str | None
 
 
 _PERIOD = click.FloatRange(0.001, 86_400.0)
@@ -66,6 +67,7 @@ _COMMON = (
     click.option("--record", metavar="FILE", type=click.Path(path_type=Path), help="Record the run into an MCAP file."),
     click.option("--record-pictures", metavar="S", type=_PERIOD, help="Record where robots are every S simulated s."),
     click.option("--record-readings", metavar="S", type=_PERIOD, help="Record what robots sense every S simulated s."),
+    click.option("--record-rotate", metavar="WHEN", help="Begin another file after 100MB, 10min, or 100MB,10min."),
 )
 
 
@@ -149,8 +151,10 @@ def _refuse_contradictions(headless: bool, options: Options) -> None:
     if not headless and (options["as_json"] or seconds is not None):
         option = "--json" if options["as_json"] else "--seconds"
         raise MisuseError(f"{option} is for runs without a page: add --headless")
-    if options["record"] is None and (options["record_pictures"] or options["record_readings"]):
+    if options["record"] is None and any(options[name] for name in ("record_pictures", "record_readings")):
         raise MisuseError("--record-pictures and --record-readings say how often to record: add --record FILE")
+    if options["record"] is None and options["record_rotate"]:
+        raise MisuseError("--record-rotate says when a recording goes on in another file: add --record FILE")
     if headless and options["speed"] is not None:
         raise MisuseError("--speed is for the page: without one, the run goes as fast as it can")
     if seconds is not None and not (isfinite(seconds) and 0.0 < seconds <= MAX_TIME):
@@ -162,8 +166,10 @@ def _wanted(options: Options) -> Wanted | None:
     if options["record"] is None:
         return None
     from sleepcast.cli.recording import Wanted
+    from sleepcast.simulator.rotation import ONE_FILE, read_rotation
 
-    return Wanted(options["record"], options["record_pictures"], options["record_readings"])
+    rotation = ONE_FILE if options["record_rotate"] is None else read_rotation(options["record_rotate"])
+    return Wanted(options["record"], options["record_pictures"], options["record_readings"], rotation)
 
 
 def _changes(options: Options) -> Changes:

@@ -10,7 +10,7 @@ import msgspec
 from sleepcast.console.explaining import ShownWhy
 from sleepcast.console.ledger import Row
 from sleepcast.console.names import ShownName
-from sleepcast.console.swarm import Scene
+from sleepcast.console.swarm import Outline, Scene
 
 
 class Said(msgspec.Struct, tag_field="type", tag=str.lower):
@@ -18,13 +18,16 @@ class Said(msgspec.Struct, tag_field="type", tag=str.lower):
 
 
 class Hello(Said):
-    """The first words: what there is to see, and the names that a text may use. recorded: how many s a recording is
-    long; 0 where the swarm lives."""
+    """The first words: what there is to see, and the names that a text may use. began, recorded: the time at which a
+    recording begins and ends, s; 0 where the swarm lives. part: of a recording in several files, from 1; 0 if there is
+    one."""
 
     scene: Scene
     count: int
     names: list[ShownName]
     recorded: float = 0.0
+    began: float = 0.0
+    part: int = 0
 
 
 class Refused(Said):
@@ -32,6 +35,12 @@ class Refused(Said):
 
     reason: str
     serial: int | None = None
+
+
+class Obstacles(Said):
+    """What is solid now, where it is not as the scene says; in the same shape."""
+
+    obstacles: tuple[tuple[Outline, ...], ...]
 
 
 class ShownFinding(msgspec.Struct, frozen=True):

@@ -100,5 +100,6 @@ class Driver(Screen):
             (not pace.paused, self.latched),
             swarm.poses(),
             (self.groups.look(minds), flags_of(minds)),
+            swarm.pings(),
         )
         self.show(frame)

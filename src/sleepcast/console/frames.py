@@ -1,11 +1,12 @@
 """Frames: the picture of the moving swarm, as bytes for the page. `static/frame.js` reads them.
 
-Everything is little endian. A frame of n robots has 32 + 14 n bytes:
+Everything is little endian. A frame of n robots has 32 + 14 n bytes, or 32 + 15 n if any of them has pinged:
 
     offset   type        meaning
     0        u8          1, the version of this layout
     1        u8          state: bit 0 time runs, bit 1 STOP is latched
-    2        u16         0
+    2        u8          1 if pings follow, else 0
+    3        u8          0
     4        u32         n
     8        u32         number of the frame; the page sends it back once the frame is drawn
     12       u32         tick, modulo 2^32
@@ -15,6 +16,7 @@ Everything is little endian. A frame of n robots has 32 + 14 n bytes:
     32       f32 x 3n    x (m), y (m), heading (rad, counter-clockwise from x) of each robot in turn
     32+12n   u8 x n      group: 0 for none, else the place of its newest group in the list of groups, from 1
     32+13n   u8 x n      flags: bit 0 stopped, 1 frozen, 2 sleeping, 3 marked and showing it
+    32+14n   u8 x n      pings: 0 for who has not pinged since the frame before, else the caste + 1
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ VERSION = 1
 MAX_GROUPS = 255
 """Groups that one byte can tell apart; robots of later ones are shown as in no group."""
 
-_HEADER = struct.Struct("<BBHIIIdff")
+_HEADER = struct.Struct("<BBBxIIIdff")
 _BITS = ((FROZEN, 2), (SLEEPING, 4))
 _MARK = 8
 
@@ -44,11 +46,15 @@ def pack(
     state: tuple[bool, bool],
     poses: bytes,
     marks: tuple[bytes, bytes],
+    pings: bytes = b"",
 ) -> bytes:
-    """A frame. speeds: wanted, reached. state: time runs, STOP is latched. marks: group and flags of each robot."""
+    """A frame. speeds: wanted, reached. state: time runs, STOP is latched. marks: group and flags of each robot. pings:
+    empty if there were none."""
     running, stopped = state
-    header = _HEADER.pack(VERSION, running | stopped << 1, 0, len(marks[0]), number, tick & 0xFFFFFFFF, time, *speeds)
-    return b"".join((header, poses, *marks))
+    header = _HEADER.pack(
+        VERSION, running | stopped << 1, bool(pings), len(marks[0]), number, tick & 0xFFFFFFFF, time, *speeds
+    )
+    return b"".join((header, poses, *marks, pings))
 
 
 def flags_of(minds: Minds) -> bytes:

@@ -21,7 +21,7 @@ from sleepcast.console.driver import FRAME_PERIOD, Screen
 from sleepcast.console.explaining import shown_value
 from sleepcast.console.frames import pack
 from sleepcast.console.ledger import MOST_ROWS, Row
-from sleepcast.console.swarm import Scene
+from sleepcast.console.swarm import Outline, Scene
 from sleepcast.errors import MisuseError
 
 MOST_SAID = 20
@@ -66,20 +66,24 @@ class Marks:
 
 @dataclass(slots=True)
 class Film:
-    """A recording as the page shows it. seconds: how long it is. speed: at which it is shown at first. poses: as in a
-    frame, with the tick. rows: every account as it came. values: JSON, for each sensor a list of
-    all robots, null for unknown; units: of the sensors, as people read them. rules, said: by robot."""
+    """A recording as the page shows it. began, seconds: when it begins and ends. speed: at which it is shown at first.
+    part: of a recording in several files, 0 if there is one. poses: as in a frame, with the tick. rows: every account
+    as it came. values: JSON, for each sensor a list of all robots, null for unknown; units: of the sensors, as people
+    read them. rules, said: by robot. obstacles: what is solid, as in a scene, from the first change on."""
 
     scene: Scene
     seconds: float
     speed: float
     units: dict[str, str]
+    began: float = 0.0
+    part: int = 0
     poses: Track[tuple[int, bytes]] = field(default_factory=Track)
     marks: Track[Marks] = field(default_factory=Track)
     rows: Track[Row] = field(default_factory=Track)
     values: Track[bytes] = field(default_factory=Track)
     rules: dict[str, Track[list[answers.ShownRule]]] = field(default_factory=dict)
     said: dict[str, Track[str]] = field(default_factory=dict)
+    obstacles: Track[tuple[tuple[Outline, ...], ...]] = field(default_factory=Track)
 
     def marks_at(self, time: float) -> Marks:
         """The marks at `time`; before the first, nobody is in a group."""
@@ -99,7 +103,7 @@ class ReplayDriver(Screen):
 
     def __init__(self, film: Film, clock: Clock) -> None:
         super().__init__()
-        self.time = 0.0
+        self.time = film.began
         self._film, self._clock = film, clock
         self._running, self._factor = True, film.speed
         self._wake = asyncio.Event()
@@ -126,7 +130,7 @@ class ReplayDriver(Screen):
         if running is not None:
             self._running = running
             if running and self.time >= self._film.seconds:
-                self.time = 0.0
+                self.time = self._film.began
         if factor is not None:
             self._factor = factor
         self._wake.set()
@@ -134,7 +138,7 @@ class ReplayDriver(Screen):
 
     def seek(self, time: float) -> None:
         """Go to `time` (s), or as near as there is something."""
-        self.time = min(time, self._film.seconds)
+        self.time = max(self._film.began, min(time, self._film.seconds))
         self.draw()
 
     def step(self) -> None:
@@ -164,7 +168,8 @@ class ReplayDesk:
 
     def hello(self) -> answers.Hello:
         """What a page needs first."""
-        return answers.Hello(self._film.scene, len(self._film.scene.names), [], self._film.seconds)
+        film = self._film
+        return answers.Hello(film.scene, len(film.scene.names), [], film.seconds, film.began, film.part)
 
     def seek(self, time: float) -> None:
         """Go to `time`, s."""
@@ -209,6 +214,9 @@ class ReplayDesk:
         film, time = self._film, self.driver.time
         yield self.commands()
         yield answers.Groups(_counted(film.marks_at(time)))
+        if film.obstacles.times:
+            changed = film.obstacles.at(time)
+            yield answers.Obstacles(film.scene.obstacles if changed is None else changed)
         yield answers.Safety(film.latched_at(time), "STOP held at this time of the recording.")
         if 0 <= watched < len(film.scene.names):
             yield self._robot(watched)

@@ -126,6 +126,9 @@ class Swarm(Protocol):
     def step(self) -> None:
         """One tick of everything: bodies, channel, minds, and the station's news of them."""
 
+    def pings(self) -> bytes:
+        """Who has pinged since this was last asked: as in a frame, empty for nobody."""
+
     def poses(self) -> bytes:
         """x (m), y (m) and heading (rad, counter-clockwise from x) of each robot in turn, float32, little endian."""
 

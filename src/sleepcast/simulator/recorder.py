@@ -8,10 +8,15 @@
     /sleepcast/marks      JSON                    groups and flags of the robots, whenever they may have changed
     /sleepcast/posted     JSON                    every message of the operator, and in which tick it went on the air
     /sleepcast/state      JSON                    the hash of the state, with its tick
+    /sleepcast/obstacles  JSON                    solid things that came, moved or went, and before which tick
 
 The metadata `sleepcast` says in which version of this format the file is and from which run; the attachment `scenario`
 is the scenario as `packing` writes it. With the posted messages that is all that a run depends on, so it can be
 repeated to the last bit. All times in the file are simulated ones, from 0.
+
+A long recording may be kept in parts (`rotation`). Each can be read by itself: its metadata say which part it is and
+from which time on, and it begins with all that went before as far as it still counts: every message that was posted,
+the solid things, accounts, rules, marks, a picture and readings. The metadata `following` at its end name the next.
 
 What is written gathers in memory and goes to the file in whole chunks: when `CHUNK` bytes have come together, and every
 `FLUSH_PERIOD` of real time, for which a thread sees. A process that is killed loses no more than that; a file that
@@ -23,6 +28,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable
+from dataclasses import dataclass
 from io import BytesIO, FileIO
 from pathlib import Path
 from threading import Event, RLock, Thread
@@ -39,7 +45,9 @@ from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.simulator import foxglove
 from sleepcast.simulator.foxglove import Level
 from sleepcast.simulator.packing import pack
+from sleepcast.simulator.rotation import MOST_PARTS, ONE_FILE, Rotation, part_file
 from sleepcast.simulator.scenario import Scenario
+from sleepcast.simulator.world import Shape
 
 FORMAT = 1
 """The version of this format; a file of a newer one is refused."""
@@ -47,12 +55,15 @@ CHUNK = 1_048_576
 """Bytes of messages that go to the file together; big enough to compress well, small enough to hold in memory."""
 FLUSH_PERIOD = 0.5
 """Seconds of real time after which everything lies in the file."""
+CHUNKS_PER_PART = 8
+"""At least, so that a part ends about where it should."""
 NANO = 1_000_000_000
 
 POSES, LOG, READINGS, ACCOUNTING, RULES = "/poses", "/log", "/readings", "/accounting", "/rules"
 MARKS, POSTED, STATE = "/sleepcast/marks", "/sleepcast/posted", "/sleepcast/state"
-ABOUT, SCENARIO = "sleepcast", "scenario"
-"""The names of the metadata and of the attachment."""
+OBSTACLES = "/sleepcast/obstacles"
+ABOUT, FOLLOWING, SCENARIO = "sleepcast", "following", "scenario"
+"""The names of the metadata at the start, of those at the end of a part that is not the last, and of the attachment."""
 _OBJECT = b'{"type":"object"}'
 
 
@@ -96,35 +107,44 @@ class RulesBody(msgspec.Struct):
     rules: list[RuleBody]
 
 
+@dataclass(frozen=True, slots=True)
+class WorldChange:
+    """What became of the solid things before the tick with this number, by their numbers in the world. put: those that
+    came or moved; gone: those that went."""
+
+    tick: int
+    put: dict[str, Shape]
+    gone: tuple[int, ...]
+
+
 class Recorder:
     """A run's recording in `file`, which must not be there yet; see the module for what is in it.
 
-    version: of the program. complain: is told once, in a sentence, when nothing more can be written; may be called from
-    another thread. Raises MisuseError for a file that is there already, RecordingError where none can be made.
+    version: of the program. complain: is told in a sentence when nothing more can be written, or no further part be
+    begun; may be called from another thread. rotation: when a part is full. Raises MisuseError for a file that is there
+    already, RecordingError where none can be made.
     """
 
     def __init__(
-        self, file: Path, scenario: Scenario, seed: int, *, version: str, complain: Callable[[str], None]
+        self,
+        file: Path,
+        scenario: Scenario,
+        seed: int,
+        *,
+        version: str,
+        complain: Callable[[str], None],
+        rotation: Rotation = ONE_FILE,
     ) -> None:
-        self.file, self.failed = file, False
-        self._complain = complain
-        self._output = _create(file)
-        self._buffer = _Buffer()
+        self.file, self.part, self.failed = file, 1, False
+        self._first, self._rotation, self._complain = file, rotation, complain
+        self._about = {"format": str(FORMAT), "version": version, "seed": str(seed)}
+        self._scenario = pack(scenario)
         self._lock = RLock()
         self._closing = Event()
         self._poses = foxglove.pose_frame(scenario.robots.count)
-        self._writer = Writer(self._buffer, CHUNK, CompressionType.LZ4)
-        self._writer.start("", f"sleepcast {version}")
-        about = {"format": str(FORMAT), "version": version, "seed": str(seed)}
-        self._writer.add_metadata(ABOUT, about)
-        self._writer.add_attachment(0, 0, SCENARIO, "application/json", pack(scenario))
-        self._channels = {
-            POSES: self._standard(POSES, foxglove.POSES, foxglove.POSES_SCHEMA),
-            LOG: self._standard(LOG, foxglove.LOG, foxglove.LOG_SCHEMA),
-        }
-        for topic in (READINGS, ACCOUNTING, RULES, MARKS, POSTED, STATE):
-            self._channels[topic] = self._own(topic)
-        self._save()
+        if rotation != ONE_FILE:
+            _refuse(part_file(file, 2))
+        self._begin(_create(file), 0.0)
         self._saver = Thread(target=self._keep_saving, name="recording", daemon=True)
         self._saver.start()
 
@@ -148,15 +168,37 @@ class Recorder:
         """Anything for one of the JSON channels, as msgspec writes it: bytes as base64, NaN as null."""
         self._write(topic, round(time * NANO), msgspec.json.encode(body))
 
+    def obstacles(self, time: float, change: WorldChange) -> None:
+        """Solid things have come, moved or gone."""
+        self._write(OBSTACLES, round(time * NANO), pack(change))
+
+    def full(self, time: float) -> bool:
+        """Whether it is time to turn to the next part."""
+        aged = time - self._began >= self._rotation.age
+        return (aged or self._buffer.tell() >= self._rotation.size) and self.part < MOST_PARTS and not self.failed
+
+    def turn(self, time: float) -> bool:
+        """End this part and begin the next one at `time`; whether there is one. If not, this one goes on to the end."""
+        file = part_file(self._first, self.part + 1)
+        try:
+            output = _create(file)
+        except SleepcastError as error:
+            self._rotation = ONE_FILE
+            self._complain(f"{error}. The recording goes on in {self.file}")
+            return False
+        with self._lock:
+            self._writer.add_metadata(FOLLOWING, {"file": file.name})
+            self._end()
+            self.file, self.part = file, self.part + 1
+            self._begin(output, time)
+        return True
+
     def close(self) -> None:
         """Write the rest and the index. Afterwards nothing can be recorded."""
         self._closing.set()
         self._saver.join()
         with self._lock:
-            if not self.failed:
-                self._writer.finish()  # type: ignore[no-untyped-call]  # the library forgot to say `-> None`
-                self._store()
-            self._output_closed()
+            self._end()
 
     def __enter__(self) -> Recorder:
         return self
@@ -165,6 +207,28 @@ class Recorder:
         self.close()
 
     # ---- down to the file
+
+    def _begin(self, output: FileIO, time: float) -> None:
+        """Write what every part begins with."""
+        self._output, self._buffer, self._began = output, _Buffer(), time
+        chunk = int(min(CHUNK, self._rotation.size / CHUNKS_PER_PART))
+        self._writer = Writer(self._buffer, chunk, CompressionType.LZ4)
+        self._writer.start("", f"sleepcast {self._about['version']}")
+        self._writer.add_metadata(ABOUT, self._about | {"part": str(self.part), "began": repr(time)})
+        self._writer.add_attachment(0, 0, SCENARIO, "application/json", self._scenario)
+        self._channels = {
+            POSES: self._standard(POSES, foxglove.POSES, foxglove.POSES_SCHEMA),
+            LOG: self._standard(LOG, foxglove.LOG, foxglove.LOG_SCHEMA),
+        }
+        for topic in (READINGS, ACCOUNTING, RULES, MARKS, POSTED, STATE, OBSTACLES):
+            self._channels[topic] = self._own(topic)
+        self._save()
+
+    def _end(self) -> None:
+        if not self.failed:
+            self._writer.finish()  # type: ignore[no-untyped-call]  # the library forgot to say `-> None`
+            self._store()
+        self._output_closed()
 
     def _standard(self, topic: str, name: str, schema: bytes) -> int:
         number = self._writer.register_schema(name, SchemaEncoding.Protobuf, schema)
@@ -245,6 +309,12 @@ class _Buffer(BytesIO):
         self.seek(0)
         self.truncate()
         return memoryview(data)
+
+
+def _refuse(file: Path) -> None:
+    """Say no if `file` is there already."""
+    if file.exists():
+        raise MisuseError(f"{file} is there already, and a recording replaces nothing: give another name")
 
 
 def _create(file: Path) -> FileIO:

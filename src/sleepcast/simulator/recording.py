@@ -22,7 +22,19 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from sleepcast.channel import Message
 from sleepcast.errors import MisuseError
 from sleepcast.simulator.packing import unpack
-from sleepcast.simulator.recorder import ABOUT, ACCOUNTING, FORMAT, NANO, POSTED, SCENARIO, STATE, RecordingError
+from sleepcast.simulator.recorder import (
+    ABOUT,
+    ACCOUNTING,
+    FOLLOWING,
+    FORMAT,
+    NANO,
+    OBSTACLES,
+    POSTED,
+    SCENARIO,
+    STATE,
+    RecordingError,
+    WorldChange,
+)
 from sleepcast.simulator.robot_settings import MAX_ROBOTS
 from sleepcast.simulator.scenario import Scenario
 
@@ -62,7 +74,9 @@ class Entry:
 class Recording:
     """What a run depended on and what it came to.
 
-    version: of the program that recorded it. posted: in order. states: hash of the state by tick. accounting: the last
+    version: of the program that recorded it. part, began: which part of a recording the file is, from 1, and the
+    simulated time at which it begins, s; following: the name of the next part's file, "" if this is the last. posted:
+    in order, those of earlier parts too; obstacles: likewise. states: hash of the state by tick. accounting: the last
     account of each command by its id. counts: messages by topic. seconds: simulated time of the last message. complete:
     whether the file was finished in good order.
     """
@@ -71,7 +85,11 @@ class Recording:
     version: str
     seed: int
     scenario: Scenario
+    part: int = 1
+    began: float = 0.0
+    following: str = ""
     posted: list[Posted] = field(default_factory=list)
+    obstacles: list[WorldChange] = field(default_factory=list)
     states: dict[int, str] = field(default_factory=dict)
     accounting: dict[str, dict[str, object]] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
@@ -95,13 +113,19 @@ def load_recording(file: Path) -> Recording:
             _take(found, entry)
         except (ValueError, KeyError, TypeError, RecursionError) as error:  # msgspec's ValidationError is a ValueError
             raise NoRecordingError(f"{file}: {entry.topic} at {entry.time:g} s holds something else: {error}") from None
-        if max(len(found.posted), len(found.states), len(found.accounting)) > MAX_MESSAGES:
+        kept = (found.posted, found.states, found.accounting, found.obstacles)
+        if max(len(each) for each in kept) > MAX_MESSAGES:
             raise NoRecordingError(f"{file} holds more than {MAX_MESSAGES} messages of an operator, or states")
     return found
 
 
 def _take(found: Recording, entry: Entry) -> None:
     """Keep what an entry says, if it is of a kind that is kept."""
+    if entry.topic == OBSTACLES:
+        change = unpack(WorldChange, entry.data)
+        if not all(name.isascii() and name.isdigit() and len(name) < 20 for name in change.put):
+            raise ValueError("a solid thing without a number")
+        found.obstacles.append(change)
     if entry.topic not in (POSTED, STATE, ACCOUNTING):
         return
     body = json.loads(entry.data)
@@ -127,6 +151,8 @@ def entries(file: Path, found: Recording) -> Iterator[Entry]:
     for record in _records(file):
         if isinstance(record, Channel):
             topics[record.id] = record.topic
+        elif isinstance(record, Metadata) and record.name == FOLLOWING:
+            found.following = record.metadata.get("file", "")
         elif isinstance(record, Footer):
             found.complete = True
         elif isinstance(record, Record) and (topic := topics.get(record.channel_id)) is not None:
@@ -143,7 +169,10 @@ def _start(file: Path) -> Recording:
             about = record.metadata
             _check_format(file, about)
         elif isinstance(record, Attachment) and record.name == SCENARIO and about is not None:
-            return Recording(file, about.get("version", "?"), _whole(about, "seed"), _scenario(file, record.data))
+            scenario, version = _scenario(file, record.data), about.get("version", "?")
+            return Recording(
+                file, version, _whole(about, "seed"), scenario, _whole(about, "part"), _time(about, "began")
+            )
         elif isinstance(record, Record):
             break
     raise NoRecordingError(f"{file} is no recording of sleepcast: make one with run SCENARIO --record FILE")
@@ -164,6 +193,17 @@ def _whole(about: dict[str, str], name: str) -> int:
     if not (text.isascii() and text.isdigit() and len(text) < 20):
         raise NoRecordingError(f'the recording says {name} "{text[:40]}", wanted a whole number')
     return int(text)
+
+
+def _time(about: dict[str, str], name: str) -> float:
+    text = about.get(name, "")
+    try:
+        found = float(text)
+    except ValueError:
+        found = -1.0
+    if not 0.0 <= found < float("inf"):
+        raise NoRecordingError(f'the recording says {name} "{text[:40]}", wanted seconds')
+    return found
 
 
 def _scenario(file: Path, data: bytes) -> Scenario:

@@ -20,6 +20,9 @@ from sleepcast.simulator.robots import Robots
 from sleepcast.simulator.scenario import Scenario
 from sleepcast.simulator.senses import Senses
 
+MOST_CASTE = 254
+"""What a byte tells apart besides silence; a higher caste is shown as this one."""
+
 
 class Simulator:
     """A scenario brought to life; `seed` replaces the scenario's own. Equal seeds make equal runs, to the
@@ -51,6 +54,7 @@ class Simulator:
         self.names = Names(prefix=scenario.robots.type, count=scenario.robots.count)
         self.robots = Robots(self.bodies, self.model)
         self._senses = Senses(self.bodies)
+        self._pinged = np.zeros(scenario.robots.count, np.uint8)
         self._measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y)
 
     @property
@@ -118,7 +122,15 @@ class Simulator:
 
     def pings(self, robots: NDArray[np.intp], castes: Floats) -> None:
         """The same for many robots. A robot that pings twice in a tick is heard once, the first time."""
+        self._pinged[robots] = np.rint(np.clip(castes, 0.0, MOST_CASTE)) + 1
         self._senses.ping(robots, castes)
+
+    def pinged(self) -> bytes:
+        """Who has pinged since this was last asked, to show it: a byte for each robot, 0 or its latest caste + 1; empty
+        if nobody has. Changes nothing of the run."""
+        found = self._pinged.tobytes() if self._pinged.any() else b""
+        self._pinged.fill(0)
+        return found
 
     def measured(self) -> dict[str, list[list[float]]]:
         """The scenario's own measures so far, each a list of [seconds, metres]."""

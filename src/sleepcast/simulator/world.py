@@ -112,6 +112,13 @@ class World:
         del self._shapes[number]
         self._changed()
 
+    def put(self, number: int, shape: Shape) -> None:
+        """Let the thing with this number be `shape`, whether there was one or not: a recorded run is repeated so."""
+        rows_of(shape)
+        self._shapes[number] = shape
+        self._next = max(self._next, number + 1)
+        self._changed()
+
     def clear(self) -> None:
         """Take everything away."""
         self._shapes.clear()

@@ -5,8 +5,9 @@ export const FLAG_NAMES = ["stopped", "frozen", "sleeping", "marked"]; // by bit
 
 const HEADER = 32;
 
-// One frame: {running, stopped, count, number, tick, time, wanted, achieved, poses, groups, flags}
-// with poses as x, y (m) and heading (rad) of every robot in turn, time in simulated seconds.
+// One frame: {running, stopped, count, number, tick, time, wanted, achieved, poses, groups, flags, pings}
+// with poses as x, y (m) and heading (rad) of every robot in turn, time in simulated seconds; pings is null where
+// nobody pinged, else a caste + 1 for each robot, 0 for who did not.
 export function decode(buffer) {
   const view = new DataView(buffer);
   const state = view.getUint8(1);
@@ -23,5 +24,6 @@ export function decode(buffer) {
     poses: new Float32Array(buffer, HEADER, 3 * count),
     groups: new Uint8Array(buffer, HEADER + 12 * count, count),
     flags: new Uint8Array(buffer, HEADER + 13 * count, count),
+    pings: view.getUint8(2) ? new Uint8Array(buffer, HEADER + 14 * count, count) : null,
   };
 }

@@ -33,7 +33,8 @@ wire.addEventListener("hello", ({ detail }) => {
   const scene = { ...detail.scene, count: detail.count, groups };
   document.body.classList.toggle("replay", detail.recorded > 0);
   find("recorded").hidden = detail.recorded === 0;
-  time.setRecorded(detail.recorded);
+  find("recorded").textContent = detail.part ? `recording, part ${detail.part}` : "recording";
+  time.setRecorded(detail.began, detail.recorded);
   find("title").textContent = scene.title;
   document.title = `${scene.title} · sleepcast`;
   for (const story of document.querySelectorAll(".story")) story.textContent = scene.story;
@@ -68,6 +69,8 @@ wire.addEventListener("groups", ({ detail }) => {
   if (world.scene) world.scene.groups = groups;
   drawLegend();
 });
+
+wire.addEventListener("obstacles", ({ detail }) => world.setObstacles(detail.obstacles));
 
 wire.addEventListener("robot", ({ detail }) => robot.show(detail));
 wire.addEventListener("safety", ({ detail }) => safety.show(detail));

@@ -39,11 +39,12 @@ export class Time {
     this.wire.tell("step");
   }
 
-  // How many seconds the recording is long that is shown; 0 where the swarm lives.
-  setRecorded(seconds) {
-    this.scrub.hidden = seconds === 0;
-    this.scrub.max = String(seconds);
-    this.scrub.step = String(seconds / SCRUB_STEPS);
+  // When the recording that is shown begins and ends, in seconds; it ends at 0 where the swarm lives.
+  setRecorded(began, ended) {
+    this.scrub.hidden = ended === 0;
+    this.scrub.min = String(began);
+    this.scrub.max = String(ended);
+    this.scrub.step = String((ended - began) / SCRUB_STEPS);
   }
 
   // Go where the slider stands, at most once a picture of the screen.

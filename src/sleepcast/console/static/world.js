@@ -5,6 +5,7 @@
 
 import { decode, FLAG_NAMES } from "./frame.js";
 import { drawGround, drawPlaces } from "./ground.js";
+import { Pings } from "./pings.js";
 import { palette, styleOf } from "./shapes.js";
 import { drawSwarm, sizeOf } from "./swarm.js";
 import { Trails } from "./trails.js";
@@ -26,6 +27,8 @@ export class World extends EventTarget {
     );
     this.view = new View();
     this.trails = new Trails();
+    this.pings = new Pings();
+    this.told = null; // the frame that was last said to be drawn
     this.showTrails = true;
     this.scene = null;
     this.frame = null;
@@ -57,6 +60,12 @@ export class World extends EventTarget {
     this.repaint("ground", "trails", "robots");
   }
 
+  setObstacles(obstacles) {
+    if (!this.scene) return;
+    this.scene.obstacles = obstacles;
+    this.repaint("ground");
+  }
+
   // Time has jumped: nobody drove from where the trails end to where the robots are now.
   forgetTrails() {
     this.trails = new Trails();
@@ -67,6 +76,7 @@ export class World extends EventTarget {
     this.frame = decode(buffer);
     this.styles = Uint8Array.from(this.frame.groups, styleOf);
     if (this.trails.sample(this.frame, performance.now())) this.repaint("trails");
+    this.pings.take(this.frame, performance.now());
     if (this.following && this.marks.chosen >= 0) this.centreChosen();
     this.repaint("robots");
   }
@@ -182,6 +192,9 @@ export class World extends EventTarget {
     const boxes = drawPlaces(pens.robots, view, scene.places, colours);
     drawSwarm(pens.robots, view, scene, frame, this.marks, colours, boxes, this.ratio);
     drawPlaces(pens.robots, view, scene.places, colours);
+    if (this.pings.draw(pens.robots, view, frame, sizeOf(view, scene), colours, performance.now())) this.repaint("robots");
+    if (frame === this.told) return;
+    this.told = frame;
     this.dispatchEvent(new CustomEvent("drawn", { detail: frame }));
   }
 

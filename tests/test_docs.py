@@ -165,7 +165,7 @@ def test_the_commands_of_the_tutorial_are_obeyed() -> None:
             account = desk.accounting(command.id)
             assert (findings, account.n_fault, account.n_silent) == ([], 0, 0), block.where
             assert account.n_matched > 0, block.where
-            rules = [rule for node in swarm.nodes for rule in node.rules()]
+            rules = [rule for node in swarm.minds.values() for rule in node.rules()]
             assert all(rule.active is (block.sort == "bravo") for rule in rules), block.where
 
 

@@ -53,10 +53,12 @@ HOUSE = {
     "node": room("language channel robot", late="numpy"),
     "fleet": room("language channel robot", "numpy", late="llvmlite"),
     "simulator": room("channel robot", "numpy msgspec mcap numba", late="yaml PIL"),
-    "loop": room("language channel node simulator robot"),
-    "station": room("language channel node", "msgspec"),
-    "console": room("language station", "starlette uvicorn msgspec"),
-    "cli": room("language channel robot node simulator loop station console", "click rich prompt_toolkit msgspec"),
+    "loop": room("language channel fleet simulator robot"),
+    "station": room("language channel", "msgspec numpy"),
+    "console": room("language station", "starlette uvicorn msgspec numpy"),
+    "cli": room(
+        "language channel robot node fleet simulator loop station console", "click rich prompt_toolkit msgspec numpy"
+    ),
     "__main__": room("cli"),
 }
 MESSAGES = frozenset({"msgspec", "typing_extensions"})  # msgspec takes the second where there is one
@@ -65,7 +67,7 @@ LIGHT = {  # what these rooms may load of the libraries when they are imported: 
     "robot": frozenset[str](),
     "channel": MESSAGES,
     "node": MESSAGES,
-    "station": MESSAGES,
+    "station": MESSAGES | {"numpy"},
 }
 
 

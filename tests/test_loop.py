@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from math import inf, isclose
 from pathlib import Path
 
 import pytest
 
+from sleepcast.fleet import RobotView
+from sleepcast.fleet.columns import Index
 from sleepcast.language.reader import ReadError
 from sleepcast.language.vocabulary import TICK, VocabularyError
 from sleepcast.loop import LONGEST_CATCH_UP, Pace, Swarm, step_swarm, vocabulary_of
-from sleepcast.node.node import Node
 from sleepcast.simulator import MissionError, Order, find_scenario, parse_mission
 from sleepcast.simulator.simulation import Simulator
 from sleepcast.station import Command, Station
-from sleepcast.station.minds import Telemetry
 from small_worlds import simulator
 
 
@@ -24,12 +24,13 @@ class Desk(Station):
 
     def __init__(self, swarm: Swarm) -> None:
         super().__init__(swarm.vocabulary, swarm.minds, swarm.post, swarm)
+        self.swarm = swarm
         self.samples: list[tuple[float, dict[str, list[float]]]] = []
 
-    def observe(self, now: float, rows: Iterable[Telemetry]) -> None:
-        told = list(rows)
-        self.samples.append((now, {row.name: list(row.values) for row in told}))
-        super().observe(now, told)
+    def observe_many(self, now: float, robots: Index) -> None:
+        told = map(self.swarm.fleet.at, robots.tolist())
+        self.samples.append((now, {row.name: row.values for row in told}))
+        super().observe_many(now, robots)
 
 
 Swarms = Callable[..., tuple[Swarm, Desk]]
@@ -53,7 +54,7 @@ def counts(desk: Desk, command: Command) -> tuple[int, int, int, int]:
     return found.n_matched, found.n_not_matched, found.n_fault, found.n_silent
 
 
-def value(node: Node, name: str) -> float:
+def value(node: RobotView, name: str) -> float:
     return dict(node.variables())[name]
 
 
@@ -75,7 +76,7 @@ class TestTick:
         swarm.step()
         after = swarm.simulator.x.tolist()
         swarm.step()
-        assert [value(node, "seen") for node in swarm.nodes] == after
+        assert [value(node, "seen") for node in swarm.minds.values()] == after
         assert swarm.simulator.x.tolist() != after
 
     def test_an_actuator_assigned_now_moves_the_body_in_the_next_tick(self, swarms: Swarms) -> None:
@@ -100,7 +101,7 @@ class TestTick:
         swarm, desk = swarms()
         desk.send("(RULE watch (> time 0s))", everybody=True)
         swarm.run(5)
-        node = swarm.nodes[0]
+        node = swarm.fleet.at(0)
         assert swarm.now() == 5.0
         assert (value(node, "time"), value(node, "tick")) == (5.0, 50.0)
 
@@ -110,7 +111,7 @@ class TestQuiet:
         swarm, desk = swarms()
         desk.send("(WHEN (= id 3) (RULE watch (> x 0m)))")
         swarm.run(5)
-        ticks = [node.values[TICK] for node in swarm.nodes]
+        ticks = [node.values[TICK] for node in swarm.minds.values()]
         assert ticks.pop(2) == 50.0
         assert set(ticks) == {1.0}
 
@@ -122,7 +123,7 @@ class TestQuiet:
         desk.send("(FORGET watch)", everybody=True)
         swarm.run(1)
         assert swarm.measures()["awake"] == 0
-        assert swarm.restless == set()
+        assert swarm.thought.size == 0
 
 
 class TestBodies:
@@ -183,7 +184,7 @@ class TestAir:
         swarm.simulator.bodies.y[:] = 500.0
         desk.send("(WHEN (= id 10) (TELL (WHEN (> battery 0%) (JOIN convoy))))")
         swarm.run(1)
-        assert [i for i, node in enumerate(swarm.nodes) if "convoy" in node.groups] == [7, 8, 10, 11]
+        assert [i for i, node in enumerate(swarm.minds.values()) if "convoy" in node.groups] == [7, 8, 10, 11]
 
     def test_pings_are_sensed_by_rules_in_reach(self, swarms: Swarms) -> None:
         swarm, desk = swarms(more='\n[pings]\nreach = "100m"\n')
@@ -191,18 +192,18 @@ class TestAir:
         swarm.simulator.bodies.y[:] = 500.0
         desk.send("(RULE hear (WHEN (AND pFlag (= pCaste 7)) (MARK)))", everybody=True)
         swarm.run(1)
-        assert not any(value(node, "marked") for node in swarm.nodes)
+        assert not any(value(node, "marked") for node in swarm.minds.values())
         desk.send("(WHEN (= id 10) (PING 7))")
         swarm.run(1)
-        assert [i for i, node in enumerate(swarm.nodes) if value(node, "marked")] == [7, 8, 10, 11]
+        assert [i for i, node in enumerate(swarm.minds.values()) if value(node, "marked")] == [7, 8, 10, 11]
 
     def test_delay_goes_both_ways(self, swarms: Swarms) -> None:
         swarm, desk = swarms(('delay = "0s"', 'delay = "0.5s"'))
         command = desk.send("(WHEN (< id 6) (MARK))")
         swarm.run(0.5)
-        assert not any(value(node, "marked") for node in swarm.nodes)
+        assert not any(value(node, "marked") for node in swarm.minds.values())
         swarm.run(0.2)
-        assert sum(value(node, "marked") for node in swarm.nodes) == 5
+        assert sum(value(node, "marked") for node in swarm.minds.values()) == 5
         assert counts(desk, command)[3] == 20
         swarm.run(0.5)
         assert counts(desk, command) == (5, 15, 0, 0)
@@ -212,7 +213,7 @@ class TestAir:
         command = desk.send("(WHEN (> battery 0%) (MARK))")
         swarm.run(1)
         matched, not_matched, fault, silent = counts(desk, command)
-        marked = sum(value(node, "marked") for node in swarm.nodes)
+        marked = sum(value(node, "marked") for node in swarm.minds.values())
         assert (not_matched, fault) == (0, 0)
         assert matched + silent == 500
         assert isclose(marked, 350, rel_tol=0.1)  # of those that answered, some answers are lost as well
@@ -253,7 +254,7 @@ class TestMission:
         swarm.run(3)
         sent = [(command.text, round(command.message.issued, 6)) for command in desk.commands()]
         assert sent == [("(JOIN all)", 1.0), ("(WHEN (IN all) (MARK))", 2.1)]
-        assert all(value(node, "marked") for node in swarm.nodes)
+        assert all(value(node, "marked") for node in swarm.minds.values())
 
     def test_an_order_that_is_no_expression_is_refused_at_once(self, swarms: Swarms) -> None:
         with pytest.raises(MissionError, match=r"^test\.sleep:2: .*never closed") as caught:
@@ -398,7 +399,7 @@ class TestVocabulary:
         assert swarm.vocabulary.sensors == model.sensors
         for named in (*model.sensors, *model.actuators, *model.functions):
             assert named.name.casefold() in swarm.vocabulary.bindings
-        assert all(node.vocabulary is swarm.vocabulary for node in swarm.nodes)
+        assert all(node.vocabulary is swarm.vocabulary for node in swarm.minds.values())
 
     def test_a_name_of_the_language_is_refused(self, tmp_path: Path) -> None:
         clash = simulator(tmp_path, ("stores.battery", "stores.tick"))

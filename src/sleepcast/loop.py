@@ -14,24 +14,27 @@ seed, time is the number of the tick, so a run repeats to the last bit however f
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from math import isinf, nan
+from math import isinf
 from typing import Protocol
 
 from sleepcast.channel import Channel, Message
+from sleepcast.channel.chorus import Chorus
 from sleepcast.channel.memory import OPERATOR, Radio
 from sleepcast.clock import Clock
 from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.fleet import Fleet, RobotView
+from sleepcast.fleet.columns import Index, Rows
+from sleepcast.fleet.view import Result
 from sleepcast.language.reader import read
 from sleepcast.language.vocabulary import Constant, HostFunction, Vocabulary
-from sleepcast.node.node import Node, Result
-from sleepcast.robot import RobotModel, Setpoint
+from sleepcast.robot import RobotModel
 from sleepcast.simulator import MissionError, Order, Simulator
 from sleepcast.units import NONE, UNITS
 
-MAX_MINDS = 10_000
-"""Robots whose minds are objects of their own; at more, a tick takes longer than a tick lasts."""
+MAX_MINDS = 1_000_000
+"""Robots of one run: what the bar of the simulator asks for; they and their minds take about a gigabyte."""
 LONGEST_CATCH_UP = 0.25
 """Seconds of real time that a paced run may lag behind before it lets them go: a hiccup, not a rest of work."""
 WINDOW = 1.0
@@ -47,8 +50,11 @@ class Desk(Protocol):
     def hear(self, message: Message) -> None:
         """Take in what a robot says."""
 
-    def observe(self, now: float, rows: Iterable[Node]) -> None:
-        """Take in telemetry of `now` (s)."""
+    def hear_many(self, chorus: Chorus) -> None:
+        """Take in what many robots say at once."""
+
+    def observe_many(self, now: float, robots: Index) -> None:
+        """Take in what these robots tell of themselves at `now` (s)."""
 
     def attend(self) -> None:
         """Do what is to be done at every tick."""
@@ -60,8 +66,8 @@ class Witness(Protocol):
     def posted(self, message: Message) -> None:
         """The operator's message goes on the air."""
 
-    def said(self, message: Message) -> None:
-        """A robot's message goes on the air."""
+    def said(self, chorus: Chorus) -> None:
+        """What robots say goes on the air."""
 
     def ticked(self) -> None:
         """A tick is over."""
@@ -70,7 +76,7 @@ class Witness(Protocol):
 class Swarm:
     """A simulator, a mind for each body, and the radio between them and the operator. It is the clock of them all.
 
-    nodes: by the robots' index; minds: the same by name. desk: where the operator sits, if anybody does; what it
+    fleet: all minds together; minds: each by its robot's name. desk: where the operator sits, if anybody does; what it
     sends goes through `post`. mission: orders that the desk is to send by itself. Raises MissionError for an order
     that is no expression, MisuseError for too many robots, VocabularyError where the scenario's names clash with the
     language's.
@@ -81,26 +87,29 @@ class Swarm:
             raise MisuseError(f"{len(simulator.names)} robots are too many: at most {MAX_MINDS} minds fit into one run")
         self.simulator = simulator
         self.vocabulary = vocabulary_of(simulator.model)
-        self.nodes = [
-            Node(name, self.vocabulary, number=i + 1, seed=simulator.seed, body=simulator.robots[i])
-            for i, name in enumerate(simulator.names)
-        ]
-        self.minds: Mapping[str, Node] = {node.name: node for node in self.nodes}
+        self.fleet = Fleet(
+            simulator.names,
+            self.vocabulary,
+            seed=simulator.seed,
+            bodies=simulator.robots,
+            sensed=simulator.sensed,
+        )
+        self.minds: Mapping[str, RobotView] = self.fleet
         scenario = simulator.scenario
         self.radio = Radio(scenario.radio, simulator.x, simulator.y, seed=simulator.seed, clock=self)
         self.air: Channel = self.radio.endpoint(OPERATOR)
         """The operator's end of the radio."""
         self.actuators = tuple(actuator.name for actuator in simulator.model.actuators)
+        self.sonars = frozenset(self.vocabulary.first_sensor + row for row in simulator.echoing)
+        """The slots of the variables that nobody measures unless somebody asks for them."""
         self.desk: Desk | None = None
         self.witness: Witness | None = None
         self.mission = deque(_readable(order) for order in mission)
         self.telemetry_ticks = max(1, round(scenario.telemetry / scenario.tick))
         """Ticks between two samples of a robot."""
         self.posted: deque[Message] = deque()
-        self.restless: set[int] = set()
-        """Indices of the robots that must think in the next tick even if they hear nothing."""
-        self.thought: list[int] = []
-        """Indices of the robots that thought in the last tick."""
+        self.thought = Rows.run(0, 0)
+        """The robots that thought in the last tick."""
 
     def now(self) -> float:
         """Simulated seconds since the start."""
@@ -122,25 +131,22 @@ class Swarm:
     def evaluate(self, name: str, text: str) -> Result:
         """Evaluate `text` on the robot called `name`, with its readings of this moment; what it says is sent in the
         next tick. Raises KeyError for no such robot, ReadError and CheckError for a text that it cannot run."""
-        index = self.minds[name].number - 1
-        self.sense([index])
-        found = self.nodes[index].evaluate(text)
-        self.restless.add(index)
-        return found
+        mind = self.minds[name]
+        self.sense(self.fleet.rows([mind.place]))
+        return mind.evaluate(text)
 
-    def sense(self, indices: Sequence[int] | None = None) -> None:
-        """Give the robots with these indices (None: all) their readings of this moment."""
-        now = self.now()
-        rows = self.simulator.readings(indices)
-        for index, row in zip(range(len(rows)) if indices is None else indices, rows, strict=True):
-            self.nodes[index].sense(row, now)
+    def sense(self, robots: Rows | None = None, *, echoes: bool = True) -> None:
+        """Give these robots (None: all) their readings of this moment. echoes: those of their sonars as well."""
+        some = None if robots is None or robots.size == len(self.fleet) else robots.robots
+        self.simulator.sense(some, echoes)
+        self.fleet.look(self.now(), robots)
 
     def measures(self) -> dict[str, object]:
         """What can be counted of the run so far."""
         return {
-            "awake": sum(node.awake for node in self.nodes),
-            "groups": _members(self.nodes),
-            "stopped": sum(node.stopped for node in self.nodes),
+            "awake": int(self.fleet.awake.sum()),
+            "groups": self.fleet.members(),
+            "stopped": int(self.fleet.state.stopped.sum()),
             "said": len(self.simulator.said),
             "radio": asdict(self.radio.counts),
             **self.simulator.measured(),
@@ -151,39 +157,31 @@ def step_swarm(swarm: Swarm) -> None:
     """One tick of the whole swarm: act, advance, deliver, sense, think, report."""
     _act(swarm)
     swarm.simulator.step()
-    heard = _deliver(swarm)
-    thinking = sorted({i for i in swarm.restless | heard if swarm.nodes[i].awake})
-    if thinking:
-        swarm.sense(thinking)
-    _think(swarm, thinking)
-    _report(swarm, heard)
+    _deliver(swarm)
+    _think(swarm)
+    _report(swarm)
     if swarm.witness is not None:
         swarm.witness.ticked()
 
 
 def _act(swarm: Swarm) -> None:
     """Assigned actuators move the bodies. What was assigned last holds, until DRIVE or the like says otherwise."""
-    for index in swarm.thought:
-        wanted = swarm.nodes[index].actuators()
-        if wanted:
-            setpoint = Setpoint(*[wanted.get(name, nan) for name in swarm.actuators])
-            swarm.simulator.robots[index].act(setpoint)
+    for actuator in swarm.actuators:
+        robots, values = swarm.fleet.actuators(actuator)
+        if values.size:
+            swarm.simulator.act(actuator, robots, values)
 
 
-def _deliver(swarm: Swarm) -> set[int]:
-    """Bring the robots what they hear in this tick; gives the indices of those that heard anything."""
+def _deliver(swarm: Swarm) -> None:
+    """Bring the robots what they hear in this tick."""
     _give_orders(swarm)
     while swarm.posted:
         message = swarm.posted.popleft()
         swarm.air.send(message)
         if swarm.witness is not None:
             swarm.witness.posted(message)
-    heard = swarm.radio.receive_all()
-    for index, messages in heard.items():
-        receive = swarm.nodes[index].receive
-        for message in messages:
-            receive(message)
-    return set(heard)
+    for message, robots in swarm.radio.receive_all():
+        swarm.fleet.receive(message, robots)
 
 
 def _give_orders(swarm: Swarm) -> None:
@@ -196,36 +194,34 @@ def _give_orders(swarm: Swarm) -> None:
             raise MissionError(f"{order.place}: {error}") from error
 
 
-def _think(swarm: Swarm, thinking: list[int]) -> None:
-    tick, now = swarm.simulator.tick, swarm.now()
-    for index in thinking:
-        swarm.nodes[index].think(tick, now)
-    swarm.thought = thinking
+def _think(swarm: Swarm) -> None:
+    """Let the robots think that have anything to think about, with their readings of this moment."""
+    swarm.thought = swarm.fleet.restless()
+    if swarm.thought.size:
+        swarm.sense(swarm.thought, echoes=bool(swarm.sonars and swarm.sonars & swarm.fleet.reads()))
+        swarm.fleet.think(swarm.simulator.tick, swarm.now(), swarm.thought)
 
 
-def _report(swarm: Swarm, heard: set[int]) -> None:
+def _report(swarm: Swarm) -> None:
     """Send what the robots say; let the desk hear what has come in; take a sample of every robot when it is time."""
-    spoke = sorted(heard.union(swarm.thought, swarm.restless))
-    for index in spoke:
-        node = swarm.nodes[index]
-        for message in node.outbox:
-            swarm.radio.send(index, message)
-            if swarm.witness is not None:
-                swarm.witness.said(message)
-        for caste in node.pings:
-            swarm.simulator.ping(index, caste)
-        node.outbox.clear()
-        node.pings.clear()
-    swarm.restless = {index for index in spoke if swarm.nodes[index].awake}
+    for chorus in swarm.fleet.said():
+        swarm.radio.send_all(chorus)
+        if swarm.witness is not None:
+            swarm.witness.said(chorus)
+    for robots, castes in swarm.fleet.pings():
+        swarm.simulator.pings(robots, castes)
     desk = swarm.desk
     if desk is None:
         return
-    for message in swarm.air.receive():
-        desk.hear(message)
+    for heard in swarm.radio.hear():
+        if isinstance(heard, Message):
+            desk.hear(heard)
+        else:
+            desk.hear_many(heard)
     if swarm.simulator.tick % swarm.telemetry_ticks == 0:
-        sampled = swarm.radio.samples().tolist()
-        swarm.sense(sampled)
-        desk.observe(swarm.now(), [swarm.nodes[i] for i in sampled])
+        sampled = swarm.radio.samples()
+        swarm.sense(swarm.fleet.rows(sampled))
+        desk.observe_many(swarm.now(), sampled)
     desk.attend()
 
 
@@ -293,12 +289,3 @@ def _readable(order: Order) -> Order:
     except SleepcastError as error:
         raise MissionError(f"{order.place}: {error}") from error
     return order
-
-
-def _members(nodes: Iterable[Node]) -> dict[str, int]:
-    """How many robots are in each group."""
-    counts: dict[str, int] = {}
-    for node in nodes:
-        for group in sorted(node.groups):
-            counts[group] = counts.get(group, 0) + 1
-    return dict(sorted(counts.items()))

@@ -9,13 +9,13 @@ import pytest
 
 from sleepcast.cli.page import SwarmOnPage
 from sleepcast.clock import ManualClock
-from sleepcast.console.desk import NO, UNKNOWN, YES, Desk
+from sleepcast.console.desk import Desk
 from sleepcast.console.driver import Driver
 from sleepcast.console.explaining import ShownStep
-from sleepcast.console.ledger import FAULT, MATCHED, MOST_ROWS, NOT_MATCHED, SILENT
+from sleepcast.console.ledger import MOST_ROWS
 from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.loop import Pace, Swarm
-from sleepcast.station import Station
+from sleepcast.station import FAULT, MATCHED, NO, NOT_MATCHED, SILENT, UNKNOWN, YES, Station
 from small_worlds import simulator
 
 FULL = "(WHEN (> battery 60%) (JOIN crew))"
@@ -137,12 +137,12 @@ class TestStop:
         assert sentence.endswith("and 17 more.")
         stand.run()
         assert safety(stand) == (True, "STOP: all 20 robots say that they are stopped.")
-        assert all(node.stopped for node in stand.swarm.nodes)
+        assert all(node.stopped for node in stand.swarm.minds.values())
         assert stand.desk.driver.frame[1] & 2
         stand.desk.release()
         assert safety(stand) == (False, "")
         stand.run()
-        assert not any(node.stopped for node in stand.swarm.nodes)
+        assert not any(node.stopped for node in stand.swarm.minds.values())
 
     def test_while_time_stands_still_it_says_that_nobody_has_heard_it(self, stand: Stand) -> None:
         stand.desk.driver.set_pace(running=False)

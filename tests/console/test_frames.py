@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import struct
 
+from sleepcast.channel import Kind, Message
 from sleepcast.console.frames import MAX_GROUPS, Groups, flags_of, pack
-from sleepcast.node.node import Node
+from sleepcast.fleet import Fleet
 from station.fleet import vocabulary
 
 
-def nodes(count: int, *texts: str) -> list[Node]:
-    names = vocabulary()
-    made = [Node(f"s{i}", names, number=i) for i in range(count)]
-    for text in texts:
-        for node in made:
-            node.evaluate(text)
-    return made
+def fleet(count: int) -> Fleet:
+    return Fleet([f"s{i}" for i in range(count)], vocabulary())
 
 
 def test_a_frame_is_laid_out_as_its_docstring_says() -> None:
@@ -33,32 +29,32 @@ def test_a_frame_is_laid_out_as_its_docstring_says() -> None:
 
 
 def test_flags_tell_stopped_frozen_sleeping_and_marked() -> None:
-    plain, frozen, sleeping, marked, stopped = nodes(5)
-    frozen.evaluate("(FREEZE)")
-    sleeping.evaluate("(SLEEP)")
-    marked.evaluate("(MARK)")
-    stopped.stopped = True
-    assert list(flags_of([plain, stopped, frozen, sleeping, marked])) == [0, 1, 2, 4, 8]
+    minds = fleet(5)
+    for robot, text in ((2, "(FREEZE)"), (3, "(SLEEP)"), (4, "(MARK)")):
+        minds.evaluate(text, [robot])
+    minds.receive(Message("desk", 1, 1, Kind.STOP, 0.0), [1])
+    assert list(flags_of(minds)) == [0, 1, 2, 4, 8]
 
 
 def test_a_robot_is_shown_in_its_newest_group_and_counted_in_all() -> None:
-    first, second, third = nodes(3)
+    minds = fleet(3)
     groups = Groups()
-    first.evaluate("(JOIN Bravo)")
-    assert list(groups.look([first, second, third])) == [1, 0, 0]
-    first.evaluate("(JOIN delta)")
-    second.evaluate("(JOIN delta)")
-    assert list(groups.look([first, second, third])) == [2, 2, 0]
+    minds.evaluate("(JOIN Bravo)", [0])
+    assert list(groups.look(minds)) == [1, 0, 0]
+    minds.evaluate("(JOIN delta)", [0, 1])
+    assert list(groups.look(minds)) == [2, 2, 0]
     assert (groups.names, groups.counts, groups.shown) == (["Bravo", "delta"], [1, 2], [0, 2])
-    first.evaluate("(LEAVE delta)")
-    assert list(groups.look([first, second, third])) == [1, 2, 0]
+    minds.evaluate("(LEAVE delta)", [0])
+    assert list(groups.look(minds)) == [1, 2, 0]
     assert (groups.counts, groups.shown) == ([1, 1], [1, 1])
+    assert groups.code({"bravo", "delta"}) == 2
 
 
 def test_more_groups_than_a_byte_can_tell_apart_are_shown_as_none() -> None:
+    minds = fleet(MAX_GROUPS + 10)
     groups = Groups()
     for k in range(MAX_GROUPS + 10):
-        (node,) = nodes(1, f"(JOIN g{k})")
-        code = groups.look([node])[0]
-        assert code == (k + 1 if k < MAX_GROUPS else 0)
+        minds.evaluate(f"(JOIN g{k})", [k])
+        codes = groups.look(minds)
+        assert codes[k] == (k + 1 if k < MAX_GROUPS else 0)
     assert len(groups.names) == MAX_GROUPS

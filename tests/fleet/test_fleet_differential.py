@@ -6,6 +6,7 @@ import math
 from random import Random
 from unittest.mock import patch
 
+import pytest
 from hypothesis import given, note, settings
 from hypothesis import strategies as st
 
@@ -14,6 +15,7 @@ from language.authors import Author
 from language.cases import SENSORS
 from sleepcast.channel.message import Kind
 from sleepcast.fleet import columns
+from sleepcast.fleet.kernels import Kernels, available
 
 EXAMPLES = max(1_000, settings().max_examples)
 ROBOTS = 4
@@ -46,12 +48,22 @@ def message(chance: Random, author: Author) -> str:
 @given(start=st.integers(0, 2**63), chunk=st.sampled_from([1, 3, columns.CHUNK]))
 def test_robots_of_a_fleet_do_what_nodes_do(start: int, chunk: int) -> None:
     with patch.object(columns, "CHUNK", chunk), patch.object(columns, "STRETCH", 2 * chunk):
-        do_the_same(Random(start))
+        do_the_same(Random(start), native=False)
 
 
-def do_the_same(chance: Random) -> None:
+@pytest.mark.skipif(not available(), reason="native code needs llvmlite, the extra `fast`")
+@settings(max_examples=EXAMPLES)
+@given(start=st.integers(0, 2**63), chunk=st.sampled_from([1, 3, columns.CHUNK]))
+def test_robots_of_a_fleet_with_native_code_do_what_nodes_do(start: int, chunk: int) -> None:
+    with patch.object(columns, "CHUNK", chunk), patch.object(columns, "STRETCH", 2 * chunk):
+        do_the_same(Random(start), native=True)
+
+
+def do_the_same(chance: Random, *, native: bool) -> None:
+    """native: everything becomes native code at once."""
     author = Author(chance, deepest=4)
     twins = Twins(ROBOTS, seed=chance.randrange(2**32), first=chance.randrange(1_000))
+    kernels = twins.fleet.kernels = twins.fleet.memory.kernels = Kernels(hot=1) if native else None
     for step in range(STEPS):
         if step % 3 == 0:
             twins.sense([[chance.choice(NUMBERS) for _ in SENSORS] for _ in range(ROBOTS)])
@@ -61,4 +73,6 @@ def do_the_same(chance: Random) -> None:
         twins.send(text, robots, kind)
         twins.think(chance.choice((1, 1, 3, 120)), some(chance))
         twins.compare()
+        if kernels is not None:
+            kernels.settle()
     twins.compare_reasons()

@@ -21,6 +21,7 @@ import numpy as np
 from language.reference import Reference
 from sleepcast.channel import message
 from sleepcast.fleet import Fleet, RobotView
+from sleepcast.fleet.kernels import Kernels, available
 from sleepcast.fleet.view import Result as FleetResult
 from sleepcast.language import (
     CheckError,
@@ -223,11 +224,13 @@ def state_of(mind: Node | RobotView) -> dict[str, object]:
 
 class FleetMachine:
     """A fleet whose first robot is the one of the cases; the others are in other states, and each has a node as its
-    twin, from which it must never differ. A text that only some of them can run is evaluated by those."""
+    twin, from which it must never differ. A text that only some of them can run is evaluated by those.
+
+    native: whatever can be native code is, from its first evaluation on."""
 
     checks = True
 
-    def __init__(self, setting: Setting) -> None:
+    def __init__(self, setting: Setting, *, native: bool = False) -> None:
         self.settings = [setting, *(other_setting(setting, which) for which in (1, 2))]
         self.twins = [NodeMachine(each) for each in self.settings]
         self.bodies = [Body() for _ in self.settings]
@@ -235,6 +238,7 @@ class FleetMachine:
         numbers = [each.number for each in self.settings]
         vocabulary = setting.vocabulary()
         self.fleet = Fleet(names, vocabulary, numbers=numbers, seed=setting.seed, bodies=self.bodies)
+        self.fleet.kernels = self.fleet.memory.kernels = Kernels(hot=0) if native else None
         self.robots = list(self.fleet.values())
         for view, twin in zip(self.robots, self.twins, strict=True):
             view.sense(twin.mind.values[vocabulary.first_sensor : vocabulary.first_actuator], 0.0)
@@ -303,6 +307,7 @@ MACHINES: dict[str, Callable[[Setting], Machine]] = {
     "node": NodeMachine,
     "node-compiled": partial(NodeMachine, compiled=True),
     "fleet": FleetMachine,
+    **({"fleet-native": partial(FleetMachine, native=True)} if available() else {}),
 }
 
 

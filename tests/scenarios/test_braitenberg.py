@@ -117,7 +117,7 @@ def test_a_run_repeats_between_processes() -> None:
 def test_eyes_sense_the_light_and_the_body_does_not() -> None:
     swarm, _ = start(1, RULES)
     swarm.run(5)
-    for node in swarm.nodes:
+    for node in swarm.minds.values():
         values = dict(node.variables())
         assert values["myCaste"] == (4.0 if node.number <= 20 else 3.0)
         assert (values["sFlag"] == 1.0) is (node.number <= 20)
@@ -128,4 +128,4 @@ def test_another_number_of_vehicles_keeps_the_castes_in_proportion() -> None:
     scenario = replace(SCENARIO, robots=replace(SCENARIO.robots, count=10))
     swarm, _ = assemble(scenario, 1, mission=True)
     swarm.run(3)
-    assert [dict(node.variables())["myCaste"] for node in swarm.nodes] == [4.0] * 5 + [3.0] * 5
+    assert [dict(node.variables())["myCaste"] for node in swarm.minds.values()] == [4.0] * 5 + [3.0] * 5

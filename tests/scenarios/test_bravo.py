@@ -29,7 +29,7 @@ def would_join(sim: Simulator) -> set[int]:
 
 
 def members(swarm: Swarm) -> set[int]:
-    return {i for i, node in enumerate(swarm.nodes) if "bravo" in node.groups}
+    return {i for i, node in enumerate(swarm.minds.values()) if "bravo" in node.groups}
 
 
 def with_desk(seed: int) -> tuple[Swarm, Station]:

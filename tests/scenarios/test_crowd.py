@@ -29,11 +29,11 @@ def swarm() -> Swarm:
 
 
 def known(swarm: Swarm, name: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    return np.array([dict(node.variables())[name] for node in swarm.nodes])
+    return np.array([dict(node.variables())[name] for node in swarm.minds.values()])
 
 
 def test_everybody_learned_ten_rules(swarm: Swarm) -> None:
-    for node in swarm.nodes:
+    for node in swarm.minds.values():
         rules = [rule.name for rule in node.rules() if rule.active]
         assert len(rules) == 10
         assert not [rule for rule in node.rules() if rule.last_fault]

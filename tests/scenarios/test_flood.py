@@ -40,7 +40,7 @@ def test_the_share_is_what_geometry_says() -> None:
 def test_every_member_that_heard_brings_its_water(ended: tuple[Swarm, Station]) -> None:
     swarm, _ = ended
     sim, school = swarm.simulator, swarm.simulator.scenario.places[0]
-    relief = [i for i, node in enumerate(swarm.nodes) if "relief" in node.groups]
+    relief = [i for i, node in enumerate(swarm.minds.values()) if "relief" in node.groups]
     assert abs(len(relief) - 300 * SHARE) < 5 * DEVIATION
     sent = [i for i in relief if sim.bodies.mode[i] == Mode.GOTO]
     assert len(sent) >= len(relief) - 1  # said twice, a command is missed by one in four hundred

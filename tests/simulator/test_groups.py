@@ -51,8 +51,8 @@ class TestGroups:
         swarm = Swarm(Simulator(small(tmp_path, more=GROUPS)))
         swarm.sense()
         text = "(AND (= caste TUG) (> 61m FAR) (= keep FAR))"
-        assert [node.evaluate(text).matched for node in swarm.nodes] == [True] * 5 + [False] * 15
-        assert isnan(swarm.nodes[7].evaluate("keep").value)
+        assert [node.evaluate(text).matched for node in swarm.minds.values()] == [True] * 5 + [False] * 15
+        assert isnan(swarm.fleet.at(7).evaluate("keep").value)
 
     def test_the_count_follows_from_them(self, tmp_path: Path) -> None:
         assert small(tmp_path, ("count = 20\n", ""), more=GROUPS).robots.count == 20

@@ -246,7 +246,7 @@ def test_the_journal_has_all_that_was_sent_heard_and_decided(fleet: Fleet) -> No
     sent = entries[1]
     assert (sent.subject, sent.text) == (command.id, HALF)
     assert sent.details["digest"] == hashlib.sha256(HALF.encode()).hexdigest()
-    assert sent.details["predicted"] == ["s6", "s7", "s8", "s9"]
+    assert list(sent.details["predicted"]) == ["s6", "s7", "s8", "s9"]
     assert entries[2].subject == command.id
     assert entries[2].details["outcome"] == "not matched"
     assert entries[5].details == {"silent": 10}

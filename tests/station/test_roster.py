@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import pytest
 
 from sleepcast.station import UnknownRobotError, roster
@@ -10,30 +12,25 @@ from station.fleet import Fleet
 
 
 def test_news_is_copied_so_that_it_stays_what_was_told(fleet: Fleet) -> None:
-    found = Roster()
-    node = fleet.minds["s3"]
-    found.observe(1.0, [node])
-    told = found["s3"].values
-    node.sense((0.0, 1.0, 1.0), 2.0)
-    assert told is not None
-    assert told is not node.values
-    assert told[node.vocabulary.first_sensor + 1] == 0.3
+    fleet.report()
+    fleet.minds["s3"].sense((0.0, 1.0, 1.0), 2.0)
+    assert "s3" in fleet.station.preview("(WHEN (< fuel 50%) (MARK))").yes
 
 
 def test_hearing_is_not_news() -> None:
     found = Roster(["s1"])
-    found.hear("s1", 5.0)
-    assert (found["s1"].heard, found["s1"].values) == (5.0, None)
+    place = found.hear("s1", 5.0)
+    assert place == 0
+    assert (found.heard[place], found.told[place]) == (5.0, -inf)
 
 
 def test_an_unknown_robot_is_named_with_what_might_be_meant() -> None:
     with pytest.raises(UnknownRobotError, match=r"did you mean scout12\?"):
-        Roster(["scout12", "other"])["skout12"]
+        Roster(["scout12", "other"]).place("skout12")
 
 
-def test_a_full_roster_takes_in_no_more_names(monkeypatch: pytest.MonkeyPatch, fleet: Fleet) -> None:
+def test_a_full_roster_takes_in_no_more_names(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(roster, "MAX_ROBOTS", 3)
     found = Roster(["a", "b", "c", "d"])
-    found.hear("e", 1.0)
-    found.observe(1.0, fleet.minds.values())
-    assert found.names() == ("a", "b", "c")
+    assert found.hear("e", 1.0) is None
+    assert list(found.names) == ["a", "b", "c"]

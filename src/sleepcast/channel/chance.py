@@ -22,10 +22,10 @@ def key(*what: object) -> int:
     return int.from_bytes(blake2b(repr(what).encode(), digest_size=8).digest(), "little")
 
 
-def uniform(key: int, counters: NDArray[np.uint64]) -> NDArray[np.float64]:
+def uniform(key: int | NDArray[np.uint64], counters: NDArray[np.uint64]) -> NDArray[np.float64]:
     """Numbers evenly from [0, 1), float64, one for each of `counters` (uint64, any shape), with 53 random
-    bits."""
-    bits = mix(counters * np.uint64(GOLDEN) + np.uint64(key))
+    bits. key: one for all of them, or one for each."""
+    bits = mix(counters * np.uint64(GOLDEN) + (np.uint64(key) if isinstance(key, int) else key))
     return (bits >> np.uint64(11)).astype(np.float64) * _UNIT
 
 

@@ -3,13 +3,16 @@ the seed.
 
 Parties have numbers: the robots 0 to n - 1, the operator `OPERATOR`. What happens to a copy of a message is
 a pure function of the seed, who sends what and when, and who receives it; neither the order of the calls nor
-what else is on the air changes it. A copy waits until its time has come, then it lies in its receiver's
-inbox.
+what else is on the air changes it. A copy waits until its time has come, then its receiver can have it.
+
+All copies of a message are one thing with an array of receivers, and so are the answers of many robots to the
+operator (a `Chorus`): a broadcast to a million robots and what comes back cost a few arrays, not millions of objects.
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import inf
 
@@ -17,20 +20,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.chance import key, uniform
+from sleepcast.channel.chorus import Chorus
 from sleepcast.channel.message import TO_OPERATOR, Message
 from sleepcast.clock import Clock
 from sleepcast.errors import MisuseError
 
 OPERATOR = -1
 """The operator's number among the parties."""
-MAX_WAITING = 1_000_000
-"""Copies on their way at one time: a thousand messages to a thousand robots. What is sent beyond is refused,
-counted."""
+MAX_WAITING = 16_000_000
+"""Copies on their way at one time: sixteen messages to a million robots, in a quarter of a gigabyte. What is sent
+beyond is refused, counted."""
 
 _Numbers = NDArray[np.int64]
 _Metres = NDArray[np.float64]
-_Copy = tuple[float, int, int, int, int, int, int, Message]
-"""When it is due, transmitter, epoch, sequence, repeat, receiver, copy; unique without the message itself."""
+_Seconds = NDArray[np.float64]
+Batch = tuple[Message, _Numbers]
+"""A message, and the robots that have it, ascending, each once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +79,39 @@ class RadioCounts:
     refused: int = 0
 
 
+@dataclass(slots=True)
+class _Launch:
+    """Copies on their way: of one message to some robots, or of what many robots say to the operator.
+
+    order: transmitter, epoch, sequence, repeat and copy; what is due at the same time arrives in this order.
+    due: s, for each copy, or for all alike. receivers: of a message; a chorus goes to the operator.
+    """
+
+    order: tuple[int, int, int, int, int]
+    what: Message | Chorus
+    receivers: _Numbers
+    due: _Seconds | float
+
+    @property
+    def size(self) -> int:
+        return len(self.receivers)
+
+    def take(self, which: NDArray[np.bool_] | slice) -> _Launch:
+        """Some of the copies."""
+        what = self.what.take(which) if isinstance(self.what, Chorus) else self.what
+        due = self.due if isinstance(self.due, float) else self.due[which]
+        return _Launch(self.order, what, self.receivers[which], due)
+
+    def split(self, now: float) -> tuple[_Launch | None, _Launch | None]:
+        """What is due by now, and what is not."""
+        if isinstance(self.due, float):
+            return (self, None) if self.due <= now else (None, self)
+        here = self.due <= now
+        if here.all():
+            return self, None
+        return (self.take(here), self.take(~here)) if here.any() else (None, self)
+
+
 class Radio:
     """The air between the robots at `x`, `y` and their operator; see the module.
 
@@ -86,8 +124,12 @@ class Radio:
         self.counts = RadioCounts()
         self._x, self._y, self._seed, self._clock = x, y, seed, clock
         self._robots: _Numbers = np.arange(len(x), dtype=np.int64)
-        self._waiting: list[_Copy] = []
-        self._inboxes: dict[int, list[Message]] = {}
+        self._waiting: list[_Launch] = []
+        self._on_the_way = 0
+        """Copies in all that waits."""
+        self._heard: list[Batch] = []
+        """What robots could have had already."""
+        self._for_operator: list[Message | Chorus] = []
         self._repeats: Counter[tuple[int, str]] = Counter()
         self._repeats_at = -inf
 
@@ -104,24 +146,53 @@ class Radio:
         self.counts.out_of_reach += len(meant) - len(found)
         repeat = self._repeat(transmitter, message, now)
         chance = (self._seed, transmitter, message.id, message.kind.value, now, repeat)
-        order = (transmitter, message.epoch, message.sequence, repeat)
-        self._launch(message, found, now, chance, order, copy=0)
-        if self.model.duplication:
-            twice = self._drawn(found, (*chance, "twice")) < self.model.duplication
-            self.counts.duplicated += int(np.count_nonzero(twice))
-            self._launch(message, found[twice], now, chance, order, copy=1)
+        first = (transmitter, message.epoch, message.sequence, repeat)
+        launch = _Launch((*first, 0), message, found, now)
+        self._launch(launch, _Fate(lambda what: key(*chance, *what), found))
+
+    def send_all(self, chorus: Chorus) -> None:
+        """The same for what many robots say at once; to the loss and delay of each it makes no difference."""
+        if chorus.kind not in TO_OPERATOR:
+            for robot, message in zip(chorus.robots.tolist(), chorus.messages(), strict=True):
+                self.send(robot, message)
+            return
+        now, near = self._clock.now(), self._near_operator()
+        self.counts.sent += len(chorus)
+        if near is not None:
+            meant = len(chorus)
+            chorus = chorus.take(near[chorus.robots])
+            self.counts.out_of_reach += meant - len(chorus)
+        if len(chorus):
+            operator = np.broadcast_to(np.int64(OPERATOR), len(chorus))
+            order = (int(chorus.robots[0]), chorus.epoch, int(chorus.sequences[0]), 0, 0)
+            about = (chorus.kind.value, now, 0)
+            fate = _Fate(
+                lambda what: np.array([key(self._seed, *each, *about, *what) for each in chorus.ids()], np.uint64),
+                operator,
+            )
+            self._launch(_Launch(order, chorus, operator, now), fate)
 
     def receive(self, number: int) -> list[Message]:
         """What party `number` has heard since it last asked, in the order of arrival."""
+        if number == OPERATOR:
+            return list(_single(self.hear()))
         self._deliver()
-        return self._inboxes.pop(number, [])
+        found = [message for message, robots in self._heard if number in robots]
+        left = [(message, robots[robots != number]) for message, robots in self._heard]
+        self._heard = [(message, robots) for message, robots in left if robots.size]
+        return found
 
-    def receive_all(self) -> dict[int, list[Message]]:
-        """What each robot has heard since it last asked; robots that heard nothing are not in it."""
+    def receive_all(self) -> list[Batch]:
+        """What the robots have heard since they were last asked: each robot finds its messages in their order. Of two
+        copies of a message that arrive together a robot gets both, in two batches."""
         self._deliver()
-        heard, self._inboxes = self._inboxes, {}
-        if OPERATOR in heard:
-            self._inboxes[OPERATOR] = heard.pop(OPERATOR)
+        heard, self._heard = self._heard, []
+        return heard
+
+    def hear(self) -> list[Message | Chorus]:
+        """What the operator has heard since it last asked, what many robots said at once in one piece."""
+        self._deliver()
+        heard, self._for_operator = self._for_operator, []
         return heard
 
     def samples(self) -> _Numbers:
@@ -167,50 +238,109 @@ class Radio:
         self._repeats[transmitter, message.id] = said + 1
         return said
 
-    def _launch(
-        self,
-        message: Message,
-        receivers: _Numbers,
-        now: float,
-        chance: tuple[object, ...],
-        order: tuple[int, int, int, int],
-        *,
-        copy: int,
-    ) -> None:
-        """Send one copy of `message` to each of `receivers` on its way, unless it is lost."""
-        model = self.model
+    def _launch(self, launch: _Launch, fate: _Fate) -> None:
+        """Send copies on their way, a second one of some."""
+        twice = None
+        if self.model.duplication:
+            twice = fate.drawn("twice") < self.model.duplication
+            self.counts.duplicated += int(np.count_nonzero(twice))
+        self._depart(launch, fate, copy=0)
+        if twice is not None and twice.any():
+            self._depart(launch, fate, copy=1, only=twice)
+
+    def _depart(self, launch: _Launch, fate: _Fate, *, copy: int, only: NDArray[np.bool_] | None = None) -> None:
+        """Send one copy to each receiver (or to `only` some of them), unless it is lost."""
+        model, now = self.model, self._clock.now()
+        kept = only
         if model.loss:
-            kept = receivers[self._drawn(receivers, (*chance, "lost", copy)) >= model.loss]
-            self.counts.lost += len(receivers) - len(kept)
-            receivers = kept
-        due = np.full(len(receivers), now + model.delay)
-        if model.jitter:
-            due += model.jitter * self._drawn(receivers, (*chance, "jitter", copy))
-        if model.reordering:
-            held = self._drawn(receivers, (*chance, "held back", copy)) < model.reordering
-            due[held] += model.held_back
-        room = MAX_WAITING - len(self._waiting)
-        self.counts.refused += max(0, len(receivers) - room)
-        for receiver, when in zip(receivers[:room].tolist(), due[:room].tolist(), strict=True):
-            self._waiting.append((when, *order, receiver, copy, message))
+            arrives = fate.drawn("lost", copy) >= model.loss
+            kept = arrives if only is None else only & arrives
+            self.counts.lost += int(np.count_nonzero(~arrives if only is None else only & ~arrives))
+        due: _Seconds | float = now + model.delay
+        if model.jitter or model.reordering:
+            due = np.full(launch.size, now + model.delay)
+            if model.jitter:
+                due += model.jitter * fate.drawn("jitter", copy)
+            if model.reordering:
+                due[fate.drawn("held back", copy) < model.reordering] += model.held_back
+        sent = _Launch((*launch.order[:4], copy), launch.what, launch.receivers, due)
+        if kept is not None:
+            sent = sent.take(kept)
+        room = MAX_WAITING - self._on_the_way
+        if sent.size > room:
+            self.counts.refused += sent.size - room
+            sent = sent.take(slice(0, room))
+        if sent.size:
+            self._on_the_way += sent.size
+            self._waiting.append(sent)
 
     def _drawn(self, receivers: _Numbers, what: tuple[object, ...]) -> NDArray[np.float64]:
         return uniform(key(*what), receivers.astype(np.uint64))
 
     def _deliver(self) -> None:
-        """Move every copy whose time has come into its receiver's inbox, in order of time, then of
-        sending."""
+        """Give every copy whose time has come to its receiver, in order of time, then of sending."""
         if not self._waiting:
             return
         now = self._clock.now()
-        due = [copy for copy in self._waiting if copy[0] <= now]
+        parts = [launch.split(now) for launch in self._waiting]
+        due = [here for here, _ in parts if here is not None]
         if not due:
             return
-        self._waiting = [copy for copy in self._waiting if copy[0] > now] if len(due) < len(self._waiting) else []
-        due.sort()
-        self.counts.delivered += len(due)
-        for copy in due:
-            self._inboxes.setdefault(copy[5], []).append(copy[7])
+        self._waiting = [later for _, later in parts if later is not None]
+        arrived = sum(launch.size for launch in due)
+        self._on_the_way -= arrived
+        self.counts.delivered += arrived
+        upward = [launch for launch in due if launch.receivers[0] == OPERATOR]
+        downward = [launch for launch in due if launch.receivers[0] != OPERATOR]
+        upward.sort(key=lambda launch: (float(np.min(launch.due)), launch.order))
+        self._for_operator += [launch.what for launch in upward]
+        self._heard += _batches(downward)
+
+
+@dataclass(frozen=True, slots=True)
+class _Fate:
+    """Where the chance of each copy comes from. keys: what a draw is for to its key, one for all copies or one each."""
+
+    keys: Callable[[tuple[object, ...]], int | NDArray[np.uint64]]
+    receivers: _Numbers
+
+    def drawn(self, *what: object) -> NDArray[np.float64]:
+        """For each copy a number evenly from [0, 1)."""
+        return uniform(self.keys(what), self.receivers.astype(np.uint64))
+
+
+def _single(heard: Iterable[Message | Chorus]) -> Iterable[Message]:
+    for each in heard:
+        if isinstance(each, Chorus):
+            yield from each.messages()
+        else:
+            yield each
+
+
+def _batches(launches: list[_Launch]) -> list[Batch]:
+    """Launches as batches in an order in which each robot finds its messages in theirs: of time, then of sending."""
+    if all(isinstance(launch.due, float) for launch in launches):
+        launches.sort(key=lambda launch: (launch.due, launch.order))
+        return [(launch.what, launch.receivers) for launch in launches if isinstance(launch.what, Message)]
+    launches.sort(key=lambda launch: launch.order)
+    sizes = [launch.size for launch in launches]
+    receivers = np.concatenate([launch.receivers for launch in launches])
+    numbers = np.repeat(np.arange(len(launches)), sizes)
+    dues = np.concatenate([np.broadcast_to(launch.due, launch.size) for launch in launches])
+    sort = np.lexsort((numbers, dues, receivers))
+    receivers, numbers = receivers[sort], numbers[sort]
+    starts = np.flatnonzero(np.diff(receivers, prepend=-1))
+    turns = np.arange(len(receivers)) - np.repeat(starts, np.diff(starts, append=len(receivers)))
+    """Whether it is a robot's first message of these, its second, ..."""
+    groups = turns * len(launches) + numbers
+    sort = np.argsort(groups, kind="stable")
+    ends = np.flatnonzero(np.diff(groups[sort], append=-1)) + 1
+    found: list[Batch] = []
+    for robots in np.split(sort, ends[:-1]):
+        message = launches[numbers[robots[0]]].what
+        if isinstance(message, Message):
+            found.append((message, receivers[robots]))
+    return found
 
 
 class Endpoint:

@@ -88,4 +88,9 @@ class Message(msgspec.Struct, frozen=True):
     @property
     def id(self) -> str:
         """The name of this message among all: `desk-3.17` is message 17 of the third life of `desk`."""
-        return f"{self.sender}-{self.epoch}.{self.sequence}"
+        return message_id(self.sender, self.epoch, self.sequence)
+
+
+def message_id(sender: str, epoch: int, sequence: int) -> str:
+    """See `Message.id`."""
+    return f"{sender}-{epoch}.{sequence}"

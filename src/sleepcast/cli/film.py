@@ -43,7 +43,7 @@ class Maker:
         simulator = Simulator(scenario, recording.seed)
         self._count, self._tick, self._bytes = len(simulator.names), scenario.tick, 0
         self._rows: dict[str, Row] = {}
-        scene = scene_of(replace(scenario, commands=()), simulator.names)
+        scene = scene_of(replace(scenario, commands=()), tuple(simulator.names))
         units = {sensor.name: sensor.shown_as or sensor.unit for sensor in simulator.model.sensors}
         part = recording.part if recording.part > 1 or recording.following else 0
         self.film = Film(scene, recording.seconds, scenario.speed_up, units, recording.began, part)

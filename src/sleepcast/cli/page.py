@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from math import cos, pi, sin
@@ -16,7 +15,6 @@ from sleepcast.clock import WallClock
 from sleepcast.console import Place, ReadyCommand, Scene, serve
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Pace, Swarm
-from sleepcast.node.node import Node
 from sleepcast.simulator import Area, Circle, Scenario, Shape, Wall
 
 ROUND = 32
@@ -28,8 +26,8 @@ class SwarmOnPage:
 
     def __init__(self, swarm: Swarm) -> None:
         self._swarm = swarm
-        self.scene = scene_of(swarm.simulator.scenario, swarm.simulator.names)
-        self.minds: Mapping[str, Node] = swarm.minds
+        self.scene = scene_of(swarm.simulator.scenario, tuple(swarm.simulator.names))
+        self.minds = swarm.fleet
         self.vocabulary: Vocabulary = swarm.vocabulary
 
     @property

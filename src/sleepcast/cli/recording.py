@@ -7,8 +7,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from sleepcast import __version__
 from sleepcast.channel import Kind, Message
+from sleepcast.channel.chorus import Chorus
 from sleepcast.cli.streams import complain
 from sleepcast.console.frames import Groups, flags_of
 from sleepcast.language import format_value
@@ -57,9 +60,10 @@ class Witness:
         self._pictures, self._readings = periods(swarm.simulator.scenario, wanted)
         self._sensors = [sensor.name for sensor in swarm.simulator.model.sensors]
         self._groups = Groups()
-        self._stirred = set(range(len(swarm.nodes)))
-        """Robots that thought since their rules were last looked at."""
-        self._rules: dict[str, list[tuple[str, str, bool]]] = {node.name: [] for node in swarm.nodes}
+        self._minds = np.full(len(swarm.minds), -1, np.int32)
+        """Which mind each robot had when its rules were last looked at."""
+        self._rules: dict[int, list[tuple[str, str, bool]]] = {}
+        """The rules of robots that have any, as they were recorded last."""
         self._answers: dict[str, int] = {}
         self._unmarked = True
         """Whether groups or flags may have changed since they were recorded."""
@@ -80,26 +84,19 @@ class Witness:
         self._recorder.posted(now, tick, message)
         self._recorder.log(now, message.sender, message.text or message.kind.name)
 
-    def said(self, message: Message) -> None:
-        """A robot's message goes on the air in this tick. Answers come to be seen in the account."""
+    def said(self, chorus: Chorus) -> None:
+        """What robots say goes on the air in this tick. Answers come to be seen in the account."""
         self._unmarked = True
-        if message.kind is Kind.REPORT:
-            values = message.body.get("values")
-            shown = (
-                [format_value(each) for each in values if isinstance(each, float)] if isinstance(values, list) else []
-            )
-            self._recorder.log(
-                self._swarm.now(), message.sender, " ".join([str(message.body.get("label", "")), *shown])
-            )
-        elif message.kind is not Kind.ANSWER:
-            self._recorder.log(self._swarm.now(), message.sender, f"{message.kind.value} {message.text}")
+        if chorus.kind is Kind.ANSWER:
+            return
+        for message in chorus.messages():
+            self._recorder.log(self._swarm.now(), message.sender, _in_words(message))
 
     def ticked(self) -> None:
         """A tick is over."""
         swarm = self._swarm
         simulator = swarm.simulator
-        if swarm.thought:
-            self._stirred.update(swarm.thought)
+        if swarm.thought.size:
             self._unmarked = True
         now = swarm.now()
         for saying in reversed(simulator.said):
@@ -118,7 +115,7 @@ class Witness:
         """Record where the robots are and, unless nobody thought or answered, in which groups, and their flags; the
         accounts that have changed."""
         simulator = self._swarm.simulator
-        now, minds = self._swarm.now(), self._swarm.nodes
+        now, minds = self._swarm.now(), self._swarm.fleet
         self._recorder.poses(now, simulator.x, simulator.y, simulator.bodies.heading)
         if self._unmarked:
             self._unmarked = False
@@ -133,7 +130,7 @@ class Witness:
     def _account(self, command: Command, now: float) -> None:
         account = self._station.accounting(command.id)
         counts = (account.n_matched, account.n_not_matched, account.n_fault, account.n_silent)
-        body = AccountBody(command.id, account.text, *counts, len(command.predicted))
+        body = AccountBody(command.id, account.text, *counts, len(command.expected))
         self._recorder.note(ACCOUNTING, now, body)
         self._recorder.log(now, command.id, account.sentence())
 
@@ -143,9 +140,9 @@ class Witness:
             self._recorder.posted(now, tick, message)
         for change in self._changes:
             self._recorder.obstacles(now, change)
-        for name, rules in self._rules.items():
+        for index, rules in self._rules.items():
             if rules:
-                self._note_rules(name, now)
+                self._note_rules(index, now)
         self._answers.clear()  # accounts and marks come with the next picture
         self._unmarked = True
         self.look()
@@ -170,9 +167,10 @@ class Witness:
         columns = zip(*simulator.readings(), strict=True)
         self._recorder.note(READINGS, now, dict(zip(self._sensors, columns, strict=True)))
         self._recorder.note(STATE, now, {"tick": simulator.tick, "hash": simulator.state_hash()})
-        for index in sorted(self._stirred):
+        minds = self._swarm.fleet.state.mind
+        for index in np.flatnonzero(minds != self._minds).tolist():
             self._look_at_rules(index, now)
-        self._stirred.clear()
+        self._minds[...] = minds
 
     def finish(self) -> None:
         """Record how it ended."""
@@ -183,16 +181,26 @@ class Witness:
                 self.look()
 
     def _look_at_rules(self, index: int, now: float) -> None:
-        node = self._swarm.nodes[index]
-        rules = [(rule.name, rule.text, rule.active) for rule in node.rules()]
-        if rules != self._rules[node.name]:
-            self._rules[node.name] = rules
-            self._note_rules(node.name, now)
+        mind = self._swarm.fleet.at(index)
+        rules = [(rule.name, rule.text, rule.active) for rule in mind.rules()]
+        if rules != self._rules.get(index, []):
+            self._rules[index] = rules
+            self._note_rules(index, now)
             active = ", ".join(name for name, _, active in rules if active)
-            self._recorder.log(now, node.name, f"active rules: {active or 'none'}")
+            self._recorder.log(now, mind.name, f"active rules: {active or 'none'}")
 
-    def _note_rules(self, name: str, now: float) -> None:
-        self._recorder.note(RULES, now, RulesBody(name, [RuleBody(*rule) for rule in self._rules[name]]))
+    def _note_rules(self, index: int, now: float) -> None:
+        body = RulesBody(self._swarm.simulator.names[index], [RuleBody(*rule) for rule in self._rules[index]])
+        self._recorder.note(RULES, now, body)
+
+
+def _in_words(message: Message) -> str:
+    """What a robot says, for the log."""
+    if message.kind is not Kind.REPORT:
+        return f"{message.kind.value} {message.text}"
+    values = message.body.get("values")
+    shown = [format_value(each) for each in values if isinstance(each, float)] if isinstance(values, list) else []
+    return " ".join([str(message.body.get("label", "")), *shown])
 
 
 def periods(scenario: Scenario, wanted: Wanted) -> tuple[int, int]:

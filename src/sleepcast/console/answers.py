@@ -91,7 +91,7 @@ class Explained(Said):
 
 
 class Answered(Said):
-    """What became of a command on each robot, a byte each (codes of `ledger`)."""
+    """What became of a command on each robot, a byte each (`station.SILENT` and the others)."""
 
     serial: int
     outcomes: bytes

@@ -21,12 +21,10 @@ from sleepcast.console.swarm import RobotMind, Rule, Swarm
 from sleepcast.errors import MisuseError
 from sleepcast.language import Checked, Finding, ReadError, Variable, format_value
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEEPING, SUPPORT, TIME_SLOT
-from sleepcast.station import Preview, Report, Station
+from sleepcast.station import NO, UNKNOWN, YES, Preview, Report, Station
 
 STOP_AGAIN = 0.5
 """Seconds in which one more STOP adds nothing to the one that holds; the station itself repeats it."""
-NO, YES, UNKNOWN = range(3)
-"""What one byte says of a robot in a preview."""
 MOST_REPORTS = 20
 """Reports of the watched robot that a page shows."""
 MOST_REASONS = 5
@@ -43,8 +41,7 @@ class Desk:
     def __init__(self, swarm: Swarm, station: Station, driver: Driver, clock: Clock) -> None:
         self.driver = driver
         self._swarm, self._station, self._clock = swarm, station, clock
-        self._ledger = Ledger(station, swarm.scene.names)
-        self._index = {name: index for index, name in enumerate(swarm.scene.names)}
+        self._ledger = Ledger(station, len(swarm.scene.names))
         self._stopped_at = -STOP_AGAIN
 
     def hello(self) -> answers.Hello:
@@ -73,23 +70,18 @@ class Desk:
     def _previewed(
         self, serial: int, checked: Checked, findings: list[answers.ShownFinding], found: Preview
     ) -> answers.Previewed:
-        lit = bytearray(len(self._index))
-        for names, code in ((found.yes, YES), (found.unknown, UNKNOWN)):
-            for name in names:
-                if name in self._index:  # whoever else speaks on the channel is on no map
-                    lit[self._index[name]] = code
         return answers.Previewed(
             serial,
             findings,
             checked.cost,
             True,
-            len(found.yes),
-            len(found.no),
-            len(found.unknown),
+            found.count(YES),
+            found.count(NO),
+            found.count(UNKNOWN),
             found.everybody,
             found.oldest,
             list(found.reasons.items())[:MOST_REASONS],
-            bytes(lit),
+            found.codes[: len(self._swarm.scene.names)].tobytes(),  # whoever else speaks on the channel is on no map
         )
 
     def names(self, serial: int) -> answers.Named:
@@ -149,7 +141,7 @@ class Desk:
         shown = zip(groups.names, groups.counts, groups.shown, strict=True)
         yield answers.Groups([answers.ShownGroup(*group) for group in shown])
         yield self._safety()
-        if 0 <= watched < len(self._index):
+        if 0 <= watched < len(self._swarm.scene.names):
             yield self._robot(watched)
 
     def _safety(self) -> answers.Safety:
@@ -164,7 +156,7 @@ class Desk:
         values = [self._show_value(name, value) for name, value in mind.variables() if name not in _LEFT_OUT]
         return answers.Robot(
             index,
-            self.driver.groups.code(mind),
+            self.driver.groups.code(mind.groups),
             [found.name if found is not None else key for found, key in declared],
             _states(mind),
             sorted(values, key=lambda value: _KINDS.index(value.kind)),

@@ -91,7 +91,7 @@ class Driver(Screen):
     def draw(self) -> None:
         """Make a new frame of what there is now, and tell those who wait for one."""
         swarm, pace = self.swarm, self.pace
-        minds = swarm.minds.values()
+        minds = swarm.minds
         frame = pack(
             self.number + 1,
             swarm.tick,

@@ -24,8 +24,10 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable
 
+import numpy as np
+
+from sleepcast.console.swarm import Minds
 from sleepcast.language.vocabulary import FROZEN, MARKED, MARKING, SLEEPING
-from sleepcast.station import Mind, Telemetry
 
 VERSION = 1
 MAX_GROUPS = 255
@@ -55,19 +57,14 @@ def pack(
     return b"".join((header, poses, *marks, pings))
 
 
-def flags_of(minds: Iterable[Telemetry]) -> bytes:
+def flags_of(minds: Minds) -> bytes:
     """The flags of each robot."""
-    found = bytearray()
-    for mind in minds:
-        values = mind.values
-        flags = 1 if mind.stopped else 0
-        for slot, bit in _BITS:
-            if values[slot] > 0.0:
-                flags |= bit
-        if values[MARKED] > 0.0 and values[MARKING] > 0.0:
-            flags |= _MARK
-        found.append(flags)
-    return bytes(found)
+    found = minds.stopped.astype(np.uint8)
+    for slot, bit in _BITS:
+        found |= np.where(minds.column(slot) > 0.0, np.uint8(bit), np.uint8(0))
+    shown = (minds.column(MARKED) > 0.0) & (minds.column(MARKING) > 0.0)
+    found |= np.where(shown, np.uint8(_MARK), np.uint8(0))
+    return found.tobytes()
 
 
 class Groups:
@@ -82,38 +79,26 @@ class Groups:
         self.counts: list[int] = []
         self.shown: list[int] = []
         self._codes: dict[str, int] = {}
-        self._code_of: dict[frozenset[str], int] = {frozenset(): 0}
 
-    def look(self, minds: Iterable[Mind]) -> bytes:
+    def look(self, minds: Minds) -> bytes:
         """The code of each robot's newest group (0: none), and the counts brought up to date."""
-        sets: dict[frozenset[str], int] = {}
-        codes = bytearray()
-        for mind in minds:
-            codes.append(self.code(mind))
-            sets[mind.groups] = sets.get(mind.groups, 0) + 1
-        self.counts = [0] * len(self.names)
-        self.shown = [0] * len(self.names)
-        for groups, count in sets.items():
-            for key in groups:
-                if key in self._codes:
-                    self.counts[self._codes[key] - 1] += count
-            if (code := self._code_of[groups]) > 0:
-                self.shown[code - 1] += count
-        return bytes(codes)
-
-    def code(self, mind: Mind) -> int:
-        """The number of a robot's newest group, 0 if it is in none."""
-        found = self._code_of.get(mind.groups)
-        return self._number(mind.groups, mind) if found is None else found
-
-    def _number(self, groups: frozenset[str], mind: Mind) -> int:
-        for key in sorted(groups):
-            if key not in self._codes and len(self.names) < MAX_GROUPS:
-                declared = mind.declared(key)
+        codes = np.zeros(len(minds), np.uint8)
+        counts = [0] * MAX_GROUPS
+        for key, members in minds.groups.items():
+            count = int(np.count_nonzero(members))
+            if key not in self._codes and count and len(self.names) < MAX_GROUPS:
+                declared = minds.declared(key)
                 self.names.append(declared.name if declared is not None else key)
                 self._codes[key] = len(self.names)
-        code = max((self._codes.get(key, 0) for key in groups), default=0)
-        if len(self._code_of) > 4 * MAX_GROUPS:  # sets come and go; the groups themselves stay numbered
-            self._code_of = {frozenset(): 0}
-        self._code_of[groups] = code
-        return code
+            if key in self._codes:
+                counts[self._codes[key] - 1] = count
+        for key, code in self._codes.items():
+            if counts[code - 1]:
+                codes[minds.groups[key]] = code
+        self.counts = counts[: len(self.names)]
+        self.shown = np.bincount(codes, minlength=len(self.names) + 1)[1:].tolist()
+        return codes.tobytes()
+
+    def code(self, groups: Iterable[str]) -> int:
+        """The number of the newest of these groups, 0 of none."""
+        return max((self._codes.get(key, 0) for key in groups), default=0)

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import msgspec
 
 from sleepcast.station import Accounting, Command, Station
 
 MOST_ROWS = 50
 """Commands that a page shows, the latest; the journal has them all."""
-SILENT, MATCHED, NOT_MATCHED, FAULT = range(4)
-"""What one byte says of a robot's answer."""
 NAMED = 3
 """Silent robots named in the sentence about STOP."""
 
@@ -31,10 +27,10 @@ class Row(msgspec.Struct, frozen=True):
 
 
 class Ledger:
-    """The rows of one station; a row is made anew only when another robot has answered."""
+    """The rows of one station; a row is made anew only when another robot has answered. count: of robots on the map."""
 
-    def __init__(self, station: Station, names: Sequence[str]) -> None:
-        self._station, self._names = station, names
+    def __init__(self, station: Station, count: int) -> None:
+        self._station, self._count = station, count
         self._rows: dict[str, tuple[int, Row]] = {}
 
     def rows(self) -> list[Row]:
@@ -49,12 +45,9 @@ class Ledger:
         return [row for _, row in kept.values()]
 
     def outcomes(self, command: str) -> bytes:
-        """For each robot, in the order of the scene's names, what its answer was. Raises NoSuchCommandError."""
-        found = self._station.accounting(command)
-        codes = dict.fromkeys(found.matched, MATCHED)
-        codes.update(dict.fromkeys(found.not_matched, NOT_MATCHED))
-        codes.update(dict.fromkeys(found.fault, FAULT))
-        return bytes(codes.get(name, SILENT) for name in self._names)
+        """For each robot, in the order of the scene's names, what its answer was, as `station.SILENT` and
+        the others. Raises NoSuchCommandError."""
+        return self._station.accounting(command).codes[: self._count].tobytes()
 
     def stop(self) -> Command | None:
         """The STOP that holds, None if none does."""
@@ -69,20 +62,20 @@ class Ledger:
         """What has become of a STOP: never more than what the robots themselves have said."""
         found = self._station.accounting(stop.id)
         total = found.n_matched + found.n_silent
-        if not found.silent:
+        if found.complete:
             return f"STOP: all {total:,} robots say that they are stopped."
         if paused:
             return (
                 f"STOP is on its way: {found.n_matched:,} of {total:,} robots say that they are stopped. Time stands "
                 "still, so nothing moves; the others hear it with the next tick."
             )
-        silent = ", ".join(_heard(name, found) for name in found.silent[:NAMED])
+        silent = ", ".join(_heard(name, found) for name in found.first_silent(NAMED))
         more = f" and {found.n_silent - NAMED:,} more" if found.n_silent > NAMED else ""
         return f"STOP: {found.n_matched:,} of {total:,} robots say that they are stopped; silent: {silent}{more}."
 
 
 def _heard(name: str, found: Accounting) -> str:
-    heard = found.last_heard[name]
+    heard = found.heard_at(name)
     return f"{name} (never heard)" if heard is None else f"{name} (last heard {found.now - heard:.0f} s ago)"
 
 
@@ -96,5 +89,5 @@ def _row(command: Command, found: Accounting) -> Row:
         found.n_not_matched,
         found.n_fault,
         found.n_silent,
-        len(command.predicted),
+        len(command.expected),
     )

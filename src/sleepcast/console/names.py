@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from sleepcast.console.explaining import shown_value
-from sleepcast.console.swarm import RobotMind, Swarm
+from sleepcast.console.swarm import Minds, Swarm
 from sleepcast.language import Constant, HostFunction, Variable
 from sleepcast.language.functions import FUNCTIONS
 from sleepcast.language.names import Group, Operator, UserVariable
@@ -26,7 +26,7 @@ class ShownName(msgspec.Struct, frozen=True):
 
 def names_of(swarm: Swarm) -> list[ShownName]:
     """Every name that means something to these robots now."""
-    minds = list(swarm.minds.values())
+    minds = swarm.minds
     found = [ShownName(f.name, "function", f.doc, usage=f.usage) for f in FUNCTIONS.values()]
     for binding in swarm.vocabulary.bindings.values():
         if isinstance(binding, HostFunction):
@@ -35,42 +35,33 @@ def names_of(swarm: Swarm) -> list[ShownName]:
             found.append(ShownName(binding.name, "constant", binding.doc, shown_value(binding.value, "")))
         elif not ACTIVE0 < binding.slot < ACTIVE0 + BUFFERS:  # sixty-three flags would bury the other names
             found.append(_variable(binding, minds))
-    return found + _learned(minds)
+    return found + [shown for name in minds.heard() if (shown := _learned(name, minds)) is not None]
 
 
-def _variable(variable: Variable, minds: Iterable[RobotMind]) -> ShownName:
+def _variable(variable: Variable, minds: Minds) -> ShownName:
     quantity = variable.quantity
-    values = _range((mind.values[variable.slot] for mind in minds), quantity.shown_as or quantity.unit)
+    values = _range(minds.column(variable.slot), quantity.shown_as or quantity.unit)
     return ShownName(variable.name, variable.kind.value, quantity.doc, values)
 
 
-def _learned(minds: list[RobotMind]) -> list[ShownName]:
-    """What robots have learned over the air; each name is described by the first robot that knows it."""
-    first: dict[str, RobotMind] = {}
-    for mind in minds:
-        for name in mind.heard():
-            first.setdefault(name, mind)
-    found = []
-    for name, mind in first.items():
-        declared = mind.declared(name.casefold())
-        if isinstance(declared, Operator):
-            usage = f"({' '.join((declared.name, *declared.parameters))})"
-            found.append(ShownName(declared.name, "operator", usage=usage))
-        elif isinstance(declared, UserVariable):
-            slot = declared.slot
-            values = (mind.values[slot] for mind in minds if slot < len(mind.values))
-            found.append(ShownName(declared.name, "user", range=_range(values, "")))
-        elif isinstance(declared, Group):
-            count = sum(declared.name.casefold() in mind.groups for mind in minds)
-            found.append(ShownName(declared.name, "group", range=f"{count} robots"))
-        elif declared is not None:
-            found.append(ShownName(declared.name, "rule"))
-    return found
+def _learned(name: str, minds: Minds) -> ShownName | None:
+    """What robots have learned over the air under this name."""
+    declared = minds.declared(name.casefold())
+    if isinstance(declared, Operator):
+        usage = f"({' '.join((declared.name, *declared.parameters))})"
+        return ShownName(declared.name, "operator", usage=usage)
+    if isinstance(declared, UserVariable):
+        return ShownName(declared.name, "user", range=_range(minds.column(declared.slot), ""))
+    if isinstance(declared, Group):
+        members = minds.groups.get(declared.name.casefold())
+        count = 0 if members is None else int(np.count_nonzero(members))
+        return ShownName(declared.name, "group", range=f"{count} robots")
+    return None if declared is None else ShownName(declared.name, "rule")
 
 
-def _range(values: Iterable[float], unit: str) -> str:
-    known = [value for value in values if value == value]
-    if not known:
+def _range(values: NDArray[np.float64], unit: str) -> str:
+    known = values[~np.isnan(values)]
+    if not known.size:
         return "unknown"
-    low, high = min(known), max(known)
+    low, high = float(known.min()), float(known.max())
     return shown_value(low, unit) if low == high else f"{shown_value(low, unit)} … {shown_value(high, unit)}"

@@ -9,8 +9,11 @@ from collections.abc import Iterable, Mapping
 from typing import Protocol
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from sleepcast.language import Vocabulary
+from sleepcast.language.names import Declared
 from sleepcast.station import Mind
 
 
@@ -80,13 +83,37 @@ class RobotMind(Mind, Protocol):
         """Every kept expression."""
 
 
+class Minds(Protocol):
+    """All minds: one by its name, and what the page asks of all of them, in the order of `scene.names`."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, name: str, /) -> RobotMind: ...
+
+    @property
+    def stopped(self) -> NDArray[np.bool_]: ...
+
+    @property
+    def groups(self) -> Mapping[str, NDArray[np.bool_]]:
+        """Who is in which group, by its key; the newest group last."""
+
+    def column(self, slot: int) -> NDArray[np.float64]:
+        """A variable of all robots in SI, NaN for unknown."""
+
+    def declared(self, key: str) -> Declared | None:
+        """What any robot has learned under this key."""
+
+    def heard(self) -> Iterable[str]:
+        """Every name that any robot has learned, as written."""
+
+
 class Swarm(Protocol):
-    """A swarm in its scene. minds: by name, in the order of `scene.names`. vocabulary: what they all know."""
+    """A swarm in its scene. vocabulary: what all minds know."""
 
     @property
     def scene(self) -> Scene: ...
     @property
-    def minds(self) -> Mapping[str, RobotMind]: ...
+    def minds(self) -> Minds: ...
     @property
     def vocabulary(self) -> Vocabulary: ...
     @property

@@ -9,6 +9,9 @@ rounds      which rules run in a tick                        tallies how each ru
 inbox       messages that wait                               speech  what robots say
 core        messages and readings in, a tick of all          limits  the bounds of one robot's mind
 kernels     which programs get native code, and when         native  native code, through LLVM
+lowering    parts as native code, with `formulas` of numbers and `assembly` below it
+meanings    what names stand for in one mind                 libm    the C library's functions
+attention   which variables robots look at
 fleet       the robots by name                               view    one robot, as a mind of its own
 """
 

@@ -10,6 +10,7 @@ from math import nan
 
 import numpy as np
 
+from sleepcast.channel.chorus import Told
 from sleepcast.channel.message import Kind
 from sleepcast.errors import SleepcastError
 from sleepcast.fleet.columns import Column, Mask, Rows
@@ -298,7 +299,7 @@ def _tell_text(memory: FleetMemory, part: Part, rows: Rows, mask: Mask, text: st
     except SleepcastError as error:
         memory.refuse_where(part, rows, mask, f"refused: {str(error).splitlines()[0]}", values)
         return
-    memory.speech.say(Kind.COMMAND, rows.take(mask), text=lambda place: text, lasts=TELL_SECONDS)
+    memory.speech.say(Kind.COMMAND, rows.take(mask), Told(text), lasts=TELL_SECONDS)
 
 
 def _ping(memory: FleetMemory, part: Part, rows: Rows, caste: Column | None = None) -> Column:

@@ -7,6 +7,7 @@ A variable's column is made when robots first differ in it; until then one numbe
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from math import nan
 from typing import TypeAlias
 
@@ -84,6 +85,13 @@ class Rows:
         place = int(np.searchsorted(self.index, robot))
         return place if place < self.size and self.index[place] == robot else None
 
+    def places(self, robots: Index) -> Index:
+        """Where robots, all of them among these, are among them."""
+        if isinstance(self.index, slice):
+            found: Index = robots - self.index.start
+            return found
+        return np.searchsorted(self.index, robots)
+
     def pieces(self, length: int) -> list[Rows]:
         """The same robots, so many neighbours at a time."""
         if isinstance(self.index, slice):
@@ -155,16 +163,46 @@ class FleetState:
 
     def assign(self, slot: int, rows: Rows, values: Column | float) -> None:
         """Set a variable of these robots."""
+        if isinstance(values, float) and rows.size == self.count and slot < len(self._same):
+            self._same[slot], self._columns[slot] = values, None
+            return
+        self.own(slot)[rows.index] = values
+
+    def own(self, slot: int) -> Column:
+        """The column of a variable itself, made now if one number stood for all until now."""
         while slot >= len(self._same):
             self._same.append(nan)
             self._columns.append(None)
-        if isinstance(values, float) and rows.size == self.count:
-            self._same[slot], self._columns[slot] = values, None
-            return
         column = self._columns[slot]
         if column is None:
             column = self._columns[slot] = np.full(self.count, self._same[slot])
-        column[rows.index] = values
+        return column
+
+    def share(self, slot: int, column: Column) -> None:
+        """Let a variable be read from a column that somebody else keeps, as it is at that moment."""
+        self._columns[slot] = column
+
+    def shadow(self) -> FleetState:
+        """A state that has variables and groups of its own, with nothing in them, and shares everything else."""
+        found = copy(self)
+        found._same, found._columns, found.groups = [nan] * len(self._same), [None] * len(self._same), {}
+        return found
+
+    def copy_from(self, other: FleetState, rows: Rows) -> None:
+        """Take over the variables and groups of these robots."""
+        for slot in other.slots():
+            values = other.read(slot, rows)
+            if isinstance(values, np.ndarray) or not self._is(slot, values):
+                self.assign(slot, rows, values)
+        for key, members in other.groups.items():
+            self.group(key)[rows.index] = members[rows.index]
+
+    def _is(self, slot: int, value: float) -> bool:
+        """Whether a variable is this number on all robots."""
+        if slot >= len(self._same) or self._columns[slot] is not None:
+            return False
+        same = self._same[slot]
+        return same == value or (same != same and value != value)
 
     def slots(self) -> range:
         """Every slot that has ever been used."""

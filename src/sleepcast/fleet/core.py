@@ -6,16 +6,21 @@ all robots at once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, nan
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.channel.chorus import Answers, Chorus
 from sleepcast.channel.message import Kind, Message
+from sleepcast.channel.names import Names
 from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.fleet.acts import ACTS
+from sleepcast.fleet.attention import Attention
+from sleepcast.fleet.bodies import Embodied
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.evaluation import Noted, fault_text
 from sleepcast.fleet.inbox import Inbox
@@ -23,21 +28,25 @@ from sleepcast.fleet.kernels import Kernels, available
 from sleepcast.fleet.limits import SPARE_MINDS
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory
-from sleepcast.fleet.minds import Minds, Named
+from sleepcast.fleet.minds import Mind, Minds, Named
 from sleepcast.fleet.recall import Memo, Recall, rehearsal
 from sleepcast.fleet.rounds import Rounds, expired
-from sleepcast.fleet.speech import Answered, Saying, Speech
+from sleepcast.fleet.speech import Speech
+from sleepcast.fleet.told import Told
 from sleepcast.language.explain import rehearse
 from sleepcast.language.form import show
 from sleepcast.language.machine import Program
 from sleepcast.language.reader import read
 from sleepcast.language.review import Checked, check
-from sleepcast.language.vocabulary import FROZEN, SLEEPING, TICK, TIME_SLOT, Vocabulary, buffer_number
-from sleepcast.robot import Robot
+from sleepcast.language.vocabulary import TICK, TIME_SLOT, Vocabulary, buffer_number
 
 
 class FleetError(MisuseError):
     """A fleet that cannot be made, or robots that are not in it."""
+
+
+Some: TypeAlias = Rows | Sequence[int] | Index | None
+"""Some robots by their indices; None is all of them."""
 
 
 @dataclass
@@ -58,9 +67,11 @@ class Core:
 
     names: of the robots. numbers: their `id` in expressions and in their chance, 1 upwards if none are given. seed:
     of the run. bodies: what the functions of the vocabulary are called on; those that are a `Robot` are stopped,
-    released and held still as well. native: whether rules that stay may become native code, where llvmlite is
-    installed; it makes no difference but in speed. Raises FleetError for a vocabulary with linked variables: what
-    lies in a host's own memory is no column.
+    released and held still as well, all at once if they are `ManyBodies`. native: whether rules that stay may become
+    native code, where llvmlite is installed; it makes no difference but in speed. sensed: where the bodies' sensor
+    values lie, if they lie side by side: SI, NaN for unknown, shape (sensors, robots), C order; they are read there and
+    never copied, but for sensors with a freshness limit (see `look`). Raises FleetError for a vocabulary with linked
+    variables: what lies in a host's own memory is no column.
     """
 
     def __init__(
@@ -72,6 +83,7 @@ class Core:
         seed: int = 0,
         bodies: Sequence[object | None] | None = None,
         native: bool = True,
+        sensed: NDArray[np.float64] | None = None,
     ) -> None:
         if vocabulary.linked:
             linked = ", ".join(sorted(vocabulary.linked))
@@ -79,15 +91,14 @@ class Core:
         count = len(names)
         numbers = range(1, count + 1) if numbers is None else numbers
         bodies = [None] * count if bodies is None else bodies
-        self.places = {name: place for place, name in enumerate(names)}
-        """The robots' indices by name."""
-        if count == 0 or not (len(self.places) == len(numbers) == len(bodies) == count):
+        self.names = names if isinstance(names, Names) else Names(names)
+        """The robots' names by index, and the other way round."""
+        if count == 0 or not (len(self.names) == len(numbers) == len(bodies) == count):
             raise FleetError(
                 f"a fleet needs at least one robot, names that differ, and a number and a body for each: got {count}"
-                f" names ({len(self.places)} different), {len(numbers)} numbers and {len(bodies)} bodies"
+                f" names ({len(self.names)} different), {len(numbers)} numbers and {len(bodies)} bodies"
             )
-        self.names, self.vocabulary, self.bodies = tuple(names), vocabulary, bodies
-        self.numbers = tuple(numbers)
+        self.vocabulary, self.bodies, self.numbers = vocabulary, bodies, numbers
         self.state = FleetState(vocabulary, numbers, seed)
         self.minds = Minds(vocabulary)
         self.speech = Speech(self.state, self.names)
@@ -95,6 +106,10 @@ class Core:
         self.memory = FleetMemory(self.state, self.minds, self.speech, ACTS, bodies, self.kernels)
         self.recall = Recall(self.memory)
         self.rounds = Rounds(self.memory)
+        self._embodied = Embodied(self.state, bodies)
+        self.told = Told(self.state, self.minds)
+        """What the robots last told the operator of themselves."""
+        self._attention = Attention(self.memory)
         self._inbox = Inbox(count)
         self._minds_used = 1
         self._measured: dict[int, Column] = {
@@ -102,17 +117,33 @@ class Core:
             for i, quantity in enumerate(vocabulary.sensors)
             if quantity.freshness < inf
         }
+        self._sensed = sensed
+        if sensed is not None:
+            self._share(sensed)
+
+    def _share(self, sensed: NDArray[np.float64]) -> None:
+        """Read the sensors where they lie. Raises FleetError for another shape."""
+        if sensed.shape != (len(self.vocabulary.sensors), len(self)):
+            sensors = len(self.vocabulary.sensors)
+            raise FleetError(f"a table of shape {sensed.shape} for {sensors} sensors of {len(self)} robots")
+        for slot, row in enumerate(sensed, self.vocabulary.first_sensor):
+            if slot not in self._measured:
+                self.state.share(slot, row)
 
     # ---- the robots
 
     def __len__(self) -> int:
         return len(self.names)
 
-    def rows(self, robots: Sequence[int] | Index | None = None) -> Rows:
+    def rows(self, robots: Some = None) -> Rows:
         """The robots with these indices (None: all). Raises FleetError for one that is not in the fleet."""
+        if isinstance(robots, Rows):
+            return robots
         if robots is None:
             return Rows.run(0, len(self))
-        index = np.unique(np.asarray(robots, np.intp))
+        index = np.asarray(robots, np.intp)
+        if not (index[1:] > index[:-1]).all():
+            index = np.unique(index)
         if index.size and not (index[0] >= 0 and index[-1] < len(self)):
             raise FleetError(f"the robots of this fleet are 0 to {len(self) - 1}, not {index[0]} to {index[-1]}")
         return Rows.of(index)
@@ -121,47 +152,72 @@ class Core:
     def awake(self) -> Mask:
         """Which robots have anything to do in the next tick: a message, or rules that run."""
         found = self._inbox.waiting > 0
-        found |= self.memory.where(self.rows(), lambda mind: bool(mind.running))
+        found |= self.memory.where(self.rows(), _runs)
         return found
+
+    def restless(self) -> Rows:
+        """The robots that are awake."""
+        everybody = self.rows()
+        if self._inbox.empty:
+            sorts = self.memory.divide(everybody, lambda number: _runs(self.minds[number]))
+            return next((rows for running, rows, _ in sorts if running), Rows.run(0, 0))
+        return everybody.take(self.awake)
 
     def waiting(self, robot: int) -> int:
         """Messages that wait for a robot's next tick."""
         return int(self._inbox.waiting[robot])
 
-    def said(self) -> list[Saying]:
+    def said(self) -> list[Chorus]:
         """Everything that has been said and lies in no outbox that was looked into; it will come into none."""
         return self.speech.take()
 
+    def pings(self) -> list[tuple[Index, Column]]:
+        """All pings that lie in no list that was looked into: robots, and their castes."""
+        return self.speech.take_pings()
+
     # ---- what comes in
 
-    def receive(self, message: Message, robots: Sequence[int] | Index | None = None) -> None:
+    def receive(self, message: Message, robots: Some = None) -> None:
         """Take a message on these robots: STOP and RELEASE at once, commands and questions into their queues."""
         new = self._inbox.first_heard(message, self.rows(robots).robots)
         rows = Rows.of(new)
         if message.kind in (Kind.STOP, Kind.RELEASE):
-            self._stop(message, rows)
+            stopping = message.kind is Kind.STOP
+            (self._embodied.stop if stopping else self._embodied.release)(rows)
+            self.speech.answer(rows, Answers.alike(message.id, rows.size, "stopped" if stopping else "released"))
         elif message.kind in (Kind.COMMAND, Kind.ASK):
             self.state.lost[self._inbox.put(message, new)] += 1
 
-    def sense(self, readings: NDArray[np.float64], now: float, robots: Sequence[int] | Index | None = None) -> None:
+    def sense(self, readings: NDArray[np.float64], now: float, robots: Some = None) -> None:
         """Take sensor values (SI; one row a robot, in the order of the vocabulary's sensors) at `now` (s).
 
-        What is not finite was not measured, so the last measurement stands. Raises FleetError for another shape.
+        What is not finite was not measured, so the last measurement stands. For a fleet without a shared table. Raises
+        FleetError for another shape.
         """
         rows = self.rows(robots)
         sensors = len(self.vocabulary.sensors)
         if readings.shape != (rows.size, sensors):
             raise FleetError(f"readings of shape {readings.shape} for {rows.size} robots with {sensors} sensors each")
         for i in range(sensors):
-            slot, column = self.vocabulary.first_sensor + i, readings[:, i]
-            known = np.isfinite(column)
-            some = rows if known.all() else rows.take(known)
-            if some.size:
-                self.state.assign(slot, some, column if some is rows else column[known])
-                if slot in self._measured:
-                    self._measured[slot][some.index] = now
+            self._measure(self.vocabulary.first_sensor + i, rows, readings[:, i], now)
 
-    def think(self, tick: int, now: float, robots: Sequence[int] | Index | None = None) -> None:
+    def look(self, now: float, robots: Some = None) -> None:
+        """Take note that the shared table is up to date for these robots at `now` (s)."""
+        if self._sensed is None or not self._measured:
+            return
+        rows = self.rows(robots)
+        for slot in self._measured:
+            self._measure(slot, rows, self._sensed[slot - self.vocabulary.first_sensor][rows.index], now)
+
+    def _measure(self, slot: int, rows: Rows, column: Column, now: float) -> None:
+        known = np.isfinite(column)
+        some = rows if known.all() else rows.take(known)
+        if some.size:
+            self.state.assign(slot, some, column if some is rows else column[known])
+            if slot in self._measured:
+                self._measured[slot][some.index] = now
+
+    def think(self, tick: int, now: float, robots: Some = None) -> None:
         """One tick of these robots: their waiting messages, then one round of active rules unless asleep or frozen."""
         state, rows = self.state, self.rows(robots)
         if rows.size == 0:
@@ -171,13 +227,11 @@ class Core:
         state.draws[rows.index] = 0
         self._age(rows, now)
         expired(self.memory, rows, now)
-        thinking = np.zeros(len(self), np.bool_)
-        thinking[rows.index] = True
-        for message, index in self._inbox.take(thinking):
-            self._obey(message, Rows.of(index), now)
-        idle = (state.column(SLEEPING, rows) > 0) | (state.column(FROZEN, rows) > 0)
-        self.rounds.run(rows.take(~idle) if idle.any() else rows)
-        self._hold(rows)
+        for message, some in self._inbox.take(rows):
+            self._obey(message, some, now)
+        resting = self._embodied.resting(rows)
+        self.rounds.run(rows if resting is None else rows.take(~resting))
+        self._embodied.hold(rows)
         self._tidy()
 
     def _age(self, rows: Rows, now: float) -> None:
@@ -198,7 +252,7 @@ class Core:
 
     # ---- evaluating
 
-    def evaluate(self, text: str, robots: Sequence[int] | Index | None = None) -> list[Outcome]:
+    def evaluate(self, text: str, robots: Some = None) -> list[Outcome]:
         """Check and evaluate one text on these robots, as if it were a message.
 
         Robots that have learned different things may take it differently: one outcome for each sort. Raises ReadError
@@ -231,7 +285,7 @@ class Core:
         *,
         priority: int = 0,
         protected: bool = True,
-        robots: Sequence[int] | Index | None = None,
+        robots: Some = None,
     ) -> None:
         """Give these robots an active rule of their own. protected: nobody can change it by radio.
 
@@ -249,7 +303,7 @@ class Core:
 
     def _obey(self, message: Message, rows: Rows, now: float) -> None:
         if now > message.deadline:
-            self.speech.answer(message, rows, lambda place: ("late", nan, ""))
+            self.speech.answer(rows, Answers.alike(message.id, rows.size, "late"))
             return
 
         def program(number: int) -> Program | str:
@@ -261,59 +315,34 @@ class Core:
 
         for found, some, _ in self.memory.divide(rows, program):
             if isinstance(found, str):
-                self.speech.answer(message, some, _always("fault", nan, found))
+                self.speech.answer(some, Answers.alike(message.id, some.size, "fault", fault=found))
             elif message.kind is Kind.ASK:
                 self._asked(message, found, some)
             else:
-                self.speech.answer(message, some, _came_of(self.run(found, some, message.id)))
+                self.speech.answer(some, _came_of(message, self.run(found, some, message.id)))
 
     def _asked(self, message: Message, program: Program, rows: Rows) -> None:
         """Answer a question, robot by robot: nothing is done, so there is nothing to do for all at once."""
         for robot in rows.robots.tolist():
             found = rehearse(program, rehearsal(self.memory, robot), command=message.id)
-            self.speech.answer(message, self.rows([robot]), _always("answer", found.value, "; ".join(found.faults)))
-
-    # ---- the bodies
-
-    def _stop(self, message: Message, rows: Rows) -> None:
-        stopping = message.kind is Kind.STOP
-        self.state.stopped[rows.index] = stopping
-        for robot in rows.robots.tolist():
-            body = self.bodies[robot]
-            if not isinstance(body, Robot):
-                self.state.held[robot] = stopping
-            elif stopping:
-                body.stop()
-            else:
-                body.release()
-        self.speech.answer(message, rows, _always("stopped" if stopping else "released", nan, ""))
-
-    def _hold(self, rows: Rows) -> None:
-        """Sleeping and frozen robots keep their bodies still."""
-        state = self.state
-        still = (state.column(SLEEPING, rows) > 0) | (state.column(FROZEN, rows) > 0)
-        changed = rows.take(still != state.still[rows.index])
-        state.still[rows.index] = still
-        for robot in changed.robots.tolist():
-            body = self.bodies[robot]
-            if isinstance(body, Robot):
-                body.hold(bool(state.still[robot]))
+            answers = Answers.alike(message.id, 1, "answer", found.value, "; ".join(found.faults))
+            self.speech.answer(self.rows([robot]), answers)
 
 
-def _always(outcome: str, value: float, fault: str) -> Callable[[int], Answered]:
-    return lambda place: (outcome, value, fault)
+def _runs(mind: Mind) -> bool:
+    """Whether a robot with this mind has something to do in every tick."""
+    return bool(mind.running)
 
 
-def _came_of(outcome: Outcome) -> Callable[[int], Answered]:
-    """The answers to a command: by place among the robots that evaluated it."""
-    first: dict[int, str] = {}
-    for noted in reversed(outcome.faults):
-        first.update(dict.fromkeys(noted.robots.tolist(), fault_text(noted)))
-    robots = outcome.rows.robots
+_SORTS = ("not matched", "matched", "fault")
 
-    def answer(place: int) -> Answered:
-        fault = first.get(int(robots[place]), "")
-        sort = "fault" if fault else "matched" if outcome.matched[place] else "not matched"
-        return sort, float(outcome.values[place]), fault
 
-    return answer
+def _came_of(message: Message, outcome: Outcome) -> Answers:
+    """The answers to a command, in the order of the robots that evaluated it."""
+    rows, faults = outcome.rows, [fault_text(noted) for noted in outcome.faults]
+    fault = np.zeros(rows.size, np.int32)
+    for number, noted in reversed(list(enumerate(outcome.faults, 1))):
+        fault[rows.places(noted.robots)] = number
+    sort = outcome.matched.view(np.uint8)
+    sort = np.where(fault > 0, np.uint8(2), sort) if faults else sort
+    return Answers(message.id, _SORTS, sort, outcome.values, tuple(faults), fault)

@@ -164,7 +164,7 @@ class Evaluation:
         numbers = self.state.mind[rows.index]
         if (numbers == numbers[0]).all():
             return [(sort(int(numbers[0])), rows, None)]
-        unique, which = np.unique(numbers, return_inverse=True)
+        unique, which = distinct(numbers)
         sorts: dict[Sort, int] = {}
         codes = np.array([sorts.setdefault(sort(number), len(sorts)) for number in unique.tolist()])[which]
         if len(sorts) == 1:
@@ -219,6 +219,19 @@ class Evaluation:
     def kept(self, robot: int) -> Mind:
         """The mind of one robot."""
         return self.minds[int(self.state.mind[robot])]
+
+
+def distinct(numbers: NDArray[np.int32]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The different numbers, ascending, and which of them each one is."""
+    lowest, highest = (int(numbers.min()), int(numbers.max())) if len(numbers) else (0, -1)
+    if lowest >= highest:
+        return np.arange(lowest, highest + 1), np.zeros(len(numbers), np.intp)
+    if highest > 4 * len(numbers) + 1_024:
+        unique, which = np.unique(numbers, return_inverse=True)
+        return unique.astype(np.intp), which
+    there = np.zeros(highest + 1, np.bool_)
+    there[numbers] = True
+    return np.flatnonzero(there), (np.cumsum(there) - 1)[numbers]
 
 
 def fault_text(noted: Noted) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.message import Message
-from sleepcast.fleet.columns import Index, Mask
+from sleepcast.fleet.columns import Index, Rows
 from sleepcast.fleet.limits import MAX_QUEUE, MAX_SEEN
 
 
@@ -54,14 +54,27 @@ class Inbox:
             self._queue.append((message, there))
         return robots[~room]
 
-    def take(self, thinking: Mask) -> list[tuple[Message, Index]]:
-        """The messages that wait on thinking robots, in the order in which they came, each with those robots."""
+    @property
+    def empty(self) -> bool:
+        """Whether nothing waits on anybody."""
+        return not self._queue
+
+    def take(self, rows: Rows) -> list[tuple[Message, Rows]]:
+        """The messages that wait on some robots, in the order in which they came, each with those robots."""
+        if not self._queue:
+            return []
+        thinking = np.zeros(self._count, np.bool_)
+        thinking[rows.index] = True
         taken, left = [], []
         for message, robots in self._queue:
             now = thinking[robots]
-            taken.append((message, robots[now]))
+            taken.append((message, Rows.of(robots[now])))
             if not now.all():
                 left.append((message, robots[~now]))
         self._queue = left
-        self.waiting[thinking] = 0
+        self.waiting[rows.index] = 0
         return taken
+
+    def messages(self) -> list[tuple[Message, Index]]:
+        """What waits, in the order in which it came, each message with its robots."""
+        return list(self._queue)

@@ -1,31 +1,196 @@
 """Kernels: which programs get native code, and when.
 
-Code is made in a thread of its own, if llvmlite is installed; until it is there, programs are walked. Which of the two
-has run makes no difference to anything but speed.
+The rules that robots of one mind run at every tick become one piece of code, in their order; so does a text that is
+evaluated again and again. Code is made in a thread of its own, if llvmlite is installed. Until it is there, and where
+a rule is not for native code at all, rules are walked - those that are new, while what was there before them keeps the
+code that it has. Which of the two has run makes no difference to anything but speed.
 """
 
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from typing import NamedTuple, TypeAlias
+from weakref import WeakKeyDictionary
 
-from sleepcast.fleet.columns import Column, Rows
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.fleet.columns import Column, FleetState, Rows
 from sleepcast.fleet.evaluation import Evaluation
-from sleepcast.fleet.native import ORDERED, Kernel
-from sleepcast.language.machine import Program
-from sleepcast.language.parts import Part, walk
-from sleepcast.language.vocabulary import Kind, Variable
+from sleepcast.fleet.meanings import Name, Size, meaning, name_of
+from sleepcast.fleet.minds import Mind
+from sleepcast.fleet.native import LANES, THERE, TROUBLED, Kernel, Sink
+from sleepcast.language.machine import MAX_STEPS, Program
+from sleepcast.language.parts import walk
 
 HOT = 4
-"""Walks of a program before native code is made for it: a command is heard once, a rule stays."""
+"""Walks of the same programs before native code is made of them: a command is heard once, a rule stays."""
 MAX_KERNELS = 512
-"""Programs that native code is kept for; when full, all are forgotten and made again as they are needed."""
-MAX_PARTS = 500
-"""Parts of a program at most that becomes native code: the optimiser's time grows faster than the program."""
+"""Pieces of native code that are kept; when full, all are forgotten and made again as they are needed."""
+MAX_PARTS = 1_500
+"""Parts of one piece at most: the optimiser's time grows faster than the program."""
 
-_OPS = frozenset({"const", "var", "local", "absent", "pure", "and", "or", "known", "cond", "clause", "if", "progn"})
-_MORE = frozenset({"let", "set_local", "set_user", "prob"})
-_PURE = frozenset({"+", "-", "*", "/", "ABS", "MIN", "MAX", "SQRT", "DIST", "CLAMP", "NOT"})
+Rule: TypeAlias = tuple[Program, frozenset[tuple[Name, Program | bool | None]]]
+"""A program and what the names in it mean."""
+
+
+class Leg(NamedTuple):
+    """Some rules of a sequence that are evaluated in one go: natively, or walked if there is no kernel."""
+
+    rules: int
+    kernel: Kernel | None
+
+
+class Plan:
+    """How the rules of a sequence are evaluated now. keys: of the rules; rounds: in which that was asked for.
+
+    steps: that the rules may use in a tick, at most.
+    """
+
+    def __init__(self, keys: tuple[str, ...], rules: tuple[Rule, ...]) -> None:
+        self.keys, self.rules = keys, rules
+        self.rounds, self.version = 0, -1
+        self.legs: tuple[Leg, ...] = ()
+        self.native = False
+        self.sizes = [Size(program, dict(names)) for program, names in rules]
+        self.steps = sum(size.steps for size in self.sizes)
+
+    def pieces(self) -> Iterator[tuple[Rule, ...]]:
+        """The rules that native code can be made of, as many at a time as make a piece."""
+        piece: list[Rule] = []
+        parts = 0
+        for rule, size in zip(self.rules, self.sizes, strict=True):
+            possible = not size.hopeless and size.parts <= MAX_PARTS and size.steps <= MAX_STEPS
+            if piece and (not possible or parts + size.parts > MAX_PARTS):
+                yield tuple(piece)
+                piece, parts = [], 0
+            if possible:
+                piece.append(rule)
+                parts += size.parts
+        if piece:
+            yield tuple(piece)
+
+
+class Kernels:
+    """The native code of a fleet's programs.
+
+    hot: see `HOT`; with 0 nothing is ever walked that could be native, because all wait for the code. threads: that
+    share the work where there is much of it, 1 or 2.
+    """
+
+    def __init__(self, hot: int = HOT, threads: int = 2) -> None:
+        self._hot, self._threads = hot, threads
+        self._plans: dict[tuple[tuple[str, ...], tuple[Rule, ...]], Plan] = {}
+        self._of_mind: WeakKeyDictionary[Mind, Plan] = WeakKeyDictionary()
+        self._rules: dict[tuple[Rule, ...], Future[Kernel]] = {}
+        self._texts: dict[Program, int | Future[Kernel] | None] = {}
+        self._maker = ThreadPoolExecutor(1, "sleepcast-native")
+        self._ready = 0
+        self._part: NDArray[np.uint8] = np.zeros(0, np.uint8)
+
+    # ---- rules
+
+    def plan(self, mind: Mind, state: FleetState) -> Plan | None:
+        """How the rules of a mind are evaluated in the round that begins; None if they are all walked."""
+        plan = self._of_mind.get(mind)
+        if plan is None:
+            rules = tuple((kept.program, frozenset(meaning([kept.program], mind).items())) for kept in mind.running)
+            if len(self._plans) >= MAX_KERNELS:
+                self._plans.clear()
+            plan = self._plans.setdefault((mind.sequence, rules), Plan(mind.sequence, rules))
+            self._of_mind[mind] = plan
+        plan.rounds += 1
+        if plan.rounds == max(self._hot, 1):
+            self._ask_for(plan, state)
+        if plan.version != self._ready:
+            plan.version = self._ready
+            plan.legs = tuple(self._legs(plan.rules))
+            plan.native = any(leg.kernel is not None for leg in plan.legs)
+        return plan if plan.native else None
+
+    def _ask_for(self, plan: Plan, state: FleetState) -> None:
+        if len(self._rules) >= MAX_KERNELS:
+            self._rules.clear()
+        for piece in plan.pieces():
+            if piece not in self._rules:
+                names = {name: meant for _, some in piece for name, meant in some}
+                made = self._maker.submit(Kernel, [program for program, _ in piece], names, lanes(state))
+                self._rules[piece] = made
+                made.add_done_callback(self._count)
+        if self._hot == 0:
+            self.settle()
+
+    def _count(self, made: Future[Kernel]) -> None:
+        self._ready += 1
+
+    def _legs(self, rules: tuple[Rule, ...]) -> Iterator[Leg]:
+        """From each place on the longest piece that there is code for; what lies between is walked."""
+        ready = {piece: found for piece, found in self._rules.items() if found.done() and not found.exception()}
+        lengths = sorted({len(piece) for piece in ready}, reverse=True)
+        place = walked = 0
+        while place < len(rules):
+            count = next((n for n in lengths if rules[place : place + n] in ready and place + n <= len(rules)), 0)
+            if count and walked:
+                yield Leg(walked, None)
+                walked = 0
+            if count:
+                yield Leg(count, ready[rules[place : place + count]].result())
+            walked += not count
+            place += count or 1
+        if walked:
+            yield Leg(walked, None)
+
+    def evaluate(self, kernel: Kernel, state: FleetState, rows: Rows, sinks: Sequence[Sink]) -> Rows:
+        """Let native code evaluate its programs on these robots; gives those that have to be walked."""
+        if len(self._part) != state.count:
+            self._part = np.zeros(state.count, np.uint8)
+        part, index = self._part, rows.index
+        if isinstance(index, slice):
+            start, stop = index.start, index.stop
+        else:
+            start, stop = int(index[0]), int(index[-1]) + 1
+            part[start:stop] = 0
+        part[index] = THERE
+        if not kernel.run(state, part, start, stop, sinks, self._threads):
+            return Rows.run(start, start)
+        return Rows.of(np.flatnonzero(part[start:stop] == TROUBLED) + start)
+
+    # ---- texts
+
+    def run(self, memory: Evaluation, program: Program, rows: Rows) -> tuple[Column, Rows] | None:
+        """Evaluate a text natively, if it can be done; gives the values, and the robots that have to be walked."""
+        found = self._texts.get(program, 0)
+        if isinstance(found, int):
+            self._meet(program, found + 1, memory.state)
+            found = self._texts[program]
+        if not isinstance(found, Future) or not found.done() or found.exception() or rows.size == 0:
+            return None
+        values, matched = np.empty(memory.state.count), memory.matched
+        matched[rows.index] = False
+        left = self.evaluate(found.result(), memory.state, rows, [Sink(values, matched.view(np.uint8), None)])
+        matched[left.index] = program.test is None
+        return values[rows.index], left
+
+    def _meet(self, program: Program, times: int, state: FleetState) -> None:
+        """A text has been walked once more."""
+        if len(self._texts) >= MAX_KERNELS and program not in self._texts:
+            self._texts.clear()
+        if times < self._hot:
+            self._texts[program] = times
+        elif translatable(program):
+            self._texts[program] = made = self._maker.submit(Kernel, [program], {}, lanes(state), counted=False)
+            if self._hot == 0:
+                made.result()
+        else:
+            self._texts[program] = None
+
+    def settle(self) -> None:
+        """Wait until all code that has been asked for is made."""
+        for found in (*self._rules.values(), *self._texts.values()):
+            if isinstance(found, Future):
+                found.result()
 
 
 def available() -> bool:
@@ -33,49 +198,14 @@ def available() -> bool:
     return importlib.util.find_spec("llvmlite") is not None
 
 
+def lanes(state: FleetState) -> int:
+    """Robots that native code takes at once in this fleet."""
+    return LANES if state.count >= LANES else 1
+
+
 def translatable(program: Program) -> bool:
-    """Whether a program is short enough and has nothing in it but what becomes native code."""
-    return program.size <= MAX_PARTS and all(map(_translatable, walk(program.root)))
-
-
-def _translatable(part: Part) -> bool:
-    if part.op == "pure":
-        return part.function.name in _PURE or (part.function.name in ORDERED and len(part.parts) > 0)
-    if part.op == "write":
-        return isinstance(part.data, Variable) and part.data.kind is Kind.ACTUATOR
-    return part.op in _OPS or part.op in _MORE
-
-
-class Kernels:
-    """The native code of a fleet's programs, made in a thread of its own. hot: see `HOT`."""
-
-    def __init__(self, hot: int = HOT) -> None:
-        self._hot = hot
-        self._kernels: dict[Program, int | Future[Kernel] | None] = {}
-        self._maker = ThreadPoolExecutor(1, "sleepcast-native")
-
-    def run(self, memory: Evaluation, program: Program, rows: Rows) -> Column | None:
-        """Evaluate a program natively, if it can be done for these robots."""
-        if not isinstance(rows.index, slice):
-            return None
-        found = self._kernels.get(program, 0)
-        if isinstance(found, Future):
-            return found.result().run(memory, rows) if found.done() else None
-        if found is not None:
-            self._meet(program, found + 1)
-        return None
-
-    def _meet(self, program: Program, times: int) -> None:
-        """A program has been walked once more."""
-        if len(self._kernels) >= MAX_KERNELS and program not in self._kernels:
-            self._kernels.clear()
-        if times < self._hot:
-            self._kernels[program] = times
-        else:
-            self._kernels[program] = self._maker.submit(Kernel, program) if translatable(program) else None
-
-    def settle(self) -> None:
-        """Wait until all code that has been asked for is made."""
-        for found in self._kernels.values():
-            if isinstance(found, Future):
-                found.result()
+    """Whether native code can be made of a text by itself: it names nothing that robots learn, and is short enough."""
+    if any(name_of(part) is not None for part in walk(program.root)):
+        return False
+    size = Size(program, {})
+    return not size.hopeless and size.parts <= MAX_PARTS

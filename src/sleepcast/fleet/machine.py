@@ -30,10 +30,17 @@ _CHANGING = frozenset({"set_user", "set_local", "write", "defvar", "store", "fet
 def evaluate(memory: FleetMemory, program: Program, rows: Rows) -> Column:
     """One evaluation of a program by these robots; what else came of it lies in the memory."""
     memory.begin(program, rows)
-    if memory.kernels is not None:
-        found = memory.kernels.run(memory, program, rows)
-        if found is not None:
-            return found
+    found = memory.kernels.run(memory, program, rows) if memory.kernels is not None else None
+    if found is None:
+        return walk_through(memory, program, rows)
+    values, left = found
+    if left.size:
+        values[np.isin(rows.robots, left.robots)] = walk_through(memory, program, left)
+    return values
+
+
+def walk_through(memory: FleetMemory, program: Program, rows: Rows) -> Column:
+    """What is evaluated, having begun, by walking."""
     with np.errstate(all="ignore"):  # what is unusual is looked for in the results
         pieces = [Sweep(memory, program, chunk).value(program.root, chunk) for chunk in rows.chunks()]
     values = pieces[0] if len(pieces) == 1 else np.concatenate(pieces) if pieces else np.empty(0)

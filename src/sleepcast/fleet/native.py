@@ -1,10 +1,10 @@
-"""Native code: a program becomes one loop over columns, through LLVM; the only module that knows llvmlite.
+"""Native code: several programs, one after the other, become one loop over robots, through LLVM; the only module that
+knows llvmlite.
 
-The loop follows every way for every robot and picks with masks, in 64-bit floats, without contraction and without
-fast-math, so each number is the one that NumPy and the one-robot machine give. Only what a loop can do without asking
-anybody is translated: numbers, variables, tests, choices, PROB, and assigning actuators and user variables. Whatever
-is out of the ordinary for any robot - a fault, an unknown for an actuator - is only noticed: then nothing has
-happened yet, and the chunk is walked as always.
+The loop takes as many robots at once as a vector has lanes. A robot's variables are read once and written once, in
+place, when all programs are done; so a robot that met anything out of the ordinary is left as it was, and walked.
+All is computed in 64-bit floats, without contraction and without fast-math, so each number is the one that NumPy and
+the one-robot machine give, whatever the lanes and however many threads.
 """
 
 from __future__ import annotations
@@ -12,351 +12,308 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
-from math import nan
-from typing import TYPE_CHECKING
+from operator import is_
+from threading import Lock
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.fleet.columns import Column, Rows, spread
-from sleepcast.fleet.evaluation import Evaluation
-from sleepcast.language.chance import GOLDEN, UNIT
+from sleepcast.fleet.assembly import Assembly
+from sleepcast.fleet.columns import Column, FleetState, Rows
+from sleepcast.fleet.lowering import Columns, Lowering
+from sleepcast.fleet.meanings import Meaning, Size
 from sleepcast.language.machine import Program
-from sleepcast.language.parts import Part, walk
-from sleepcast.language.vocabulary import TICK
+from sleepcast.language.parts import walk
+from sleepcast.language.rehearsal import FLAGS
+from sleepcast.language.vocabulary import TICK, TIME_SLOT
 
-if TYPE_CHECKING:
-    from llvmlite import ir
-
-
-SPLIT = 131_072
-"""Robots from which on two threads share the work: with fewer, waiting for the other costs more than it saves."""
+LANES = 8
+"""Robots at a time: what the widest vectors hold; where they are narrower, LLVM takes several."""
+SPLIT = 2_000_000
+"""Robots times parts from which on two threads share the work: below, waiting for the other costs more than that."""
 _HELPER = ThreadPoolExecutor(1, "sleepcast-native-half")
 
-ORDERED = {"<": "<", "<=": "<=", ">": ">", ">=": ">=", "=": "==", "EQ": "=="}
+ABSENT, THERE, TROUBLED = range(3)
+"""What a byte of `part` says of a robot: it takes no part, it does, it did not because it has to be walked."""
+
+_ELEMENTS = {
+    "slot": ("double", 8),
+    "value": ("double", 8),
+    "keys": ("i64", 8),
+    "draws": ("i32", 4),
+    "steps": ("i16", 2),
+    "part": ("i8", 1),
+    "group": ("i8", 1),
+    "acted": ("i8", 1),
+    "fresh": ("i8", 1),
+}
+"""The type and bytes of an element of each sort of column."""
+
+Entry: TypeAlias = tuple[str, int | str]
+"""One thing that the code finds by its table: a column by its sort and what of that sort, or `tick` or `time`."""
 
 
-class Lowering:
-    """Writes the body of one robot's turn of the loop. mask: which robots come to a part, as one truth each."""
+class Sink(NamedTuple):
+    """Where the results of one program go. fresh: one more where it matched. steps: None where nobody counts them."""
 
-    def __init__(
-        self, builder: ir.IRBuilder, load: Callable[[int], ir.Value], draws: Callable[[], Sequence[ir.Value]]
-    ) -> None:
-        from llvmlite import ir
-
-        self.ir, self.b, self._load, self._draws = ir, builder, load, draws
-        self.f64, self.i1, self.i32, self.i64 = ir.DoubleType(), ir.IntType(1), ir.IntType(32), ir.IntType(64)
-        self.yes, self.no = self.i1(1), self.i1(0)
-        self.values: dict[int, ir.Value] = {}
-        self.written: dict[int, ir.Value] = {}
-        self.assigned: set[int] = set()
-        self.locals: dict[int, ir.Value] = {}
-        self.trouble = self.matched = self.no
-        self.drawn: ir.Value | None = None
-
-    def number(self, value: float) -> ir.Value:
-        return self.ir.Constant(self.f64, value)
-
-    def slot(self, slot: int) -> ir.Value:
-        if slot not in self.values:
-            self.values[slot] = self._load(slot)
-        return self.values[slot]
-
-    def true(self, value: ir.Value) -> ir.Value:
-        return self.b.fcmp_ordered("!=", value, self.number(0.0))
-
-    def unknown(self, value: ir.Value) -> ir.Value:
-        return self.b.fcmp_unordered("uno", value, value)
-
-    def truth(self, part: Part, mask: ir.Value) -> ir.Value:
-        """Where a part is true."""
-        if part.op == "pure" and part.function.name in ORDERED and len(part.parts) == 2:
-            first, second = (self.value(each, mask) for each in part.parts)
-            return self.b.fcmp_ordered(ORDERED[part.function.name], first, second)
-        if part.op == "and" and not part.watch:
-            found = self.yes
-            for inside in part.parts:
-                found = self.b.and_(found, self.truth(inside, self.b.and_(mask, found)))
-            return found
-        return self.true(self.value(part, mask))
-
-    def value(self, part: Part, mask: ir.Value) -> ir.Value:
-        match part.op:
-            case "const":
-                return self.number(part.number)
-            case "absent":
-                return self.number(nan)
-            case "var":
-                return self.slot(part.slot)
-            case "local":
-                return self.locals[part.slot]
-            case "progn":
-                return self.last(part.parts, mask)
-            case "known":
-                known = self.b.not_(self.unknown(self.value(part.parts[0], mask)))
-                return self.b.select(known, self.number(1.0), self.number(0.0))
-            case "let":
-                count = int(part.number)
-                found = [self.value(each, mask) for each in part.parts[:count]]
-                self.locals.update({part.slot + i: value for i, value in enumerate(found)})
-                return self.last(part.parts[count:], mask)
-            case "set_local":
-                value = self.value(part.parts[0], mask)
-                self.locals[part.slot] = self.b.select(mask, value, self.locals[part.slot])
-                return value
-            case "set_user" | "write":
-                return self._assign(part, mask)
-            case "pure":
-                return self._pure(part, [self.value(each, mask) for each in part.parts], mask)
-            case _:
-                ways = {"and": self._and, "or": self._or, "cond": self._cond, "if": self._if, "prob": self._prob}
-                return ways[part.op](part, mask)
-
-    def last(self, parts: Sequence[Part], mask: ir.Value) -> ir.Value:
-        value = self.number(0.0)
-        for part in parts:
-            value = self.value(part, mask)
-        return value
-
-    def watched(self, part: Part, mask: ir.Value) -> None:
-        if part.watch:
-            self.matched = self.b.or_(self.matched, mask)
-
-    def in_trouble(self, truth: ir.Value, mask: ir.Value) -> None:
-        self.trouble = self.b.or_(self.trouble, self.b.and_(truth, mask))
-
-    def _assign(self, part: Part, mask: ir.Value) -> ir.Value:
-        value = self.value(part.parts[0], mask)
-        if part.op == "write":
-            self.in_trouble(self.unknown(value), mask)
-            self.assigned.add(part.slot)
-        self.values[part.slot] = self.b.select(mask, value, self.slot(part.slot))
-        self.written[part.slot] = self.b.or_(self.written.get(part.slot, self.no), mask)
-        return value
-
-    def _and(self, part: Part, mask: ir.Value) -> ir.Value:
-        found, holding = self.number(1.0), self.yes
-        for place, inside in enumerate(part.parts):
-            come = self.b.and_(mask, holding)
-            if part.watch == place:
-                self.watched(part, come)
-            value = self.value(inside, come)
-            found = self.b.select(holding, value, found)
-            holding = self.b.and_(holding, self.true(value))
-        if part.watch == len(part.parts):
-            self.watched(part, self.b.and_(mask, holding))
-        return found
-
-    def _or(self, part: Part, mask: ir.Value) -> ir.Value:
-        found, holds, unknown = self.number(0.0), self.no, self.no
-        for inside in part.parts:
-            open_rows = self.b.not_(holds)
-            value = self.value(inside, self.b.and_(mask, open_rows))
-            true = self.b.and_(open_rows, self.true(value))
-            found = self.b.select(true, value, found)
-            unknown = self.b.or_(unknown, self.b.and_(open_rows, self.unknown(value)))
-            holds = self.b.or_(holds, true)
-        return self.b.select(holds, found, self.b.select(unknown, self.number(nan), self.number(0.0)))
-
-    def _cond(self, part: Part, mask: ir.Value) -> ir.Value:
-        found, open_rows = self.number(0.0), mask
-        for clause in part.parts:
-            test, *body = clause.parts
-            value = self.number(0.0) if body else self.value(test, open_rows)
-            true = self.b.and_(open_rows, self.truth(test, open_rows) if body else self.true(value))
-            self.watched(clause, true)
-            found = self.b.select(true, self.last(body, true) if body else value, found)
-            open_rows = self.b.and_(open_rows, self.b.not_(true))
-        return found
-
-    def _if(self, part: Part, mask: ir.Value) -> ir.Value:
-        true = self.truth(part.parts[0], mask)
-        taken, other = self.b.and_(mask, true), self.b.and_(mask, self.b.not_(true))
-        self.watched(part, taken)
-        value = self.value(part.parts[1], taken)
-        return self.b.select(true, value, self.last(part.parts[2:], other))
-
-    def _prob(self, part: Part, mask: ir.Value) -> ir.Value:
-        chance = self.value(part.parts[0], mask)
-        known = self.b.not_(self.unknown(chance))
-        of_tick, first = self._draws()
-        drawn = first if self.drawn is None else self.drawn
-        golden, shift = self.i64(GOLDEN), self.i64(11)
-        word = mixed(self.b, self.b.add(of_tick, self.b.mul(self.b.zext(drawn, self.i64), golden)))
-        evenly = self.b.fmul(self.b.sitofp(self.b.lshr(word, shift), self.f64), self.number(UNIT))
-        self.drawn = self.b.add(drawn, self.b.zext(self.b.and_(mask, known), self.i32))
-        held = self.b.select(self.b.fcmp_ordered("<", evenly, chance), self.number(1.0), self.number(0.0))
-        return self.b.select(known, held, self.number(nan))
-
-    def _pure(self, part: Part, numbers: list[ir.Value], mask: ir.Value) -> ir.Value:
-        name, b = part.function.name, self.b
-        known = self.yes
-        for number in numbers:
-            known = b.and_(known, b.not_(self.unknown(number)))
-        if name in ORDERED or name == "NOT":
-            holds = self.yes
-            for first, second in pairwise(numbers):
-                holds = b.and_(holds, b.fcmp_ordered(ORDERED[name], first, second))
-            if name == "NOT":
-                holds = b.fcmp_ordered("==", numbers[0], self.number(0.0))
-            return b.select(known, b.select(holds, self.number(1.0), self.number(0.0)), self.number(nan))
-        found = self._compute(name, numbers)
-        self.in_trouble(b.and_(known, self.unknown(b.fsub(found, found))), mask)
-        return b.select(known, found, self.number(nan))
-
-    def _compute(self, name: str, a: list[ir.Value]) -> ir.Value:
-        """The function of known numbers; not finite where something is wrong."""
-        b = self.b
-        if name in ("+", "-", "*", "/"):
-            fold = {"+": b.fadd, "-": b.fsub, "*": b.fmul, "/": b.fdiv}[name]
-            if len(a) < 2:
-                one = {"-": b.fneg, "/": lambda x: b.fdiv(self.number(1.0), x)}.get(name, lambda x: x)
-                return one(a[0]) if a else self.number(1.0 if name == "*" else 0.0)
-            total = a[0]
-            for x in a[1:]:
-                total = fold(total, x)
-            return total
-        if name in ("MIN", "MAX"):
-            best = a[0]
-            for x in a[1:]:
-                best = b.select(b.fcmp_ordered("<" if name == "MIN" else ">", x, best), x, best)
-            return best
-        if name == "CLAMP":
-            value, low, high = a
-            above = b.select(b.fcmp_ordered(">", value, high), high, value)
-            found = b.select(b.fcmp_ordered("<", value, low), low, above)
-            return b.select(b.fcmp_ordered(">", low, high), self.number(nan), found)
-        if name == "DIST":
-            across, up = b.fsub(a[0], a[2]), b.fsub(a[1], a[3])
-            a = [b.fadd(b.fmul(across, across), b.fmul(up, up))]
-        intrinsic = b.module.declare_intrinsic("llvm.fabs" if name == "ABS" else "llvm.sqrt", [self.f64])
-        return b.call(intrinsic, a)
+    value: Column
+    fresh: NDArray[np.uint8]
+    steps: NDArray[np.uint16] | None
 
 
-def mixed(b: ir.IRBuilder, z: ir.Value) -> ir.Value:
-    """The finaliser of SplitMix64, see `language.chance.mix`."""
-    i64 = z.type
-    z = b.mul(b.xor(z, b.lshr(z, i64(30))), i64(0xBF58_476D_1CE4_E5B9))
-    z = b.mul(b.xor(z, b.lshr(z, i64(27))), i64(0x94D0_49BB_1331_11EB))
-    return b.xor(z, b.lshr(z, i64(31)))
+class Writer:
+    """Writes the text of one loop. counted: whether the steps of each program are kept."""
+
+    def __init__(self, programs: Sequence[Program], names: Meaning, lanes: int, counted: bool) -> None:
+        self.a = Assembly(lanes)
+        self.entries: dict[Entry, int] = {}
+        self._programs, self._names, self._counted = programs, names, counted
+        self._base = ""
+
+    def text(self) -> str:
+        """The module's text; `entries` then says what its table holds."""
+        a = self.a
+        place, bad = a.cell("i64", "%start"), a.cell("i64", "0")
+        head, body, done = a.label(), a.label(), a.label()
+        a.do(f"br label %{head}")
+        a.begin(head)
+        here = a.get(place, "i64")
+        a.do(f"br i1 {a.emit(f'icmp slt i64 {here}, %stop')}, label %{body}, label %{done}")
+        a.begin(body)
+        lanes = self._lanes(here)
+        with a.when(a.any(lanes)):
+            self._body(lanes, bad)
+        a.put(place, "i64", a.binary("add", "i64", here, str(a.lanes)))
+        a.do(f"br label %{head}")
+        a.begin(done)
+        a.do(f"ret i64 {a.get(bad, 'i64')}")
+        pointers = []
+        for (sort, what), number in self.entries.items():
+            kind = {("tick", ""): "i64", ("time", TICK): "double", ("time", TIME_SLOT): "double"}.get(
+                (sort, what), "ptr"
+            )
+            pointers += [f"%q{number} = getelementptr i64, ptr %table, i64 {number}"]
+            pointers += [f"%p{number} = load {kind}, ptr %q{number}"]
+        start = "define i64 @round(i64 %start, i64 %stop, i64 %count, ptr %table) {\nentry:"
+        return "\n".join([*a.outside.values(), start, *a.cells, *pointers, *a.lines, "}", ""])
+
+    def _lanes(self, here: str) -> str:
+        """The lanes that take part; the last ones reach back to robots that have had their turn, who do not."""
+        a = self.a
+        room = a.binary("sub", "i64", "%count", str(a.lanes))
+        late = a.emit(f"icmp sgt i64 {here}, {room}")
+        self._base = a.emit(f"select i1 {late}, i64 {room}, i64 {here}")
+        steps = a.each_lane("i64", [str(lane) for lane in range(a.lanes)])
+        index = a.binary("add", a.long, a.splat("i64", self._base), steps)
+        since = a.emit(f"icmp sge {a.long} {index}, {a.splat('i64', here)}")
+        until = a.emit(f"icmp slt {a.long} {index}, {a.splat('i64', '%stop')}")
+        there = a.emit(f"icmp eq {a.byte} {self._read('part', '', a.byte)}, {a.integer('i8', THERE)}")
+        return a.both(a.both(since, until), there)
+
+    def _body(self, lanes: str, bad: str) -> None:
+        a = self.a
+        columns = Columns(a, self._read)
+        for slot in _written(self._programs, self._names):
+            columns.written[slot] = (a.cell(a.real, self._read("slot", slot, a.real)), a.cell(a.truth, a.no))
+        low = Lowering(a, columns, self._names)
+        chancy = any(program.chancy for program in _all(self._programs, self._names))
+        if chancy:
+            low.drawn = a.cell(a.whole, self._read("draws", "", a.whole))
+        results = []
+        for program in self._programs:
+            value = a.cell(a.real, low.program(program, lanes))
+            results.append((value, low.matched, low.steps or a.cell(a.whole, a.integer("i32", program.cost))))
+        trouble = a.both(lanes, a.get(low.trouble, a.truth))
+        well = a.both(lanes, a.neither(trouble))
+        with a.when(a.any(trouble)):
+            part = self._read("part", "", a.byte)
+            a.put(self._at("part", ""), a.byte, a.select(trouble, a.integer("i8", TROUBLED), part, a.byte))
+            a.put(bad, "i64", "1")
+        for slot, (value, where) in columns.written.items():
+            self._keep("slot", slot, a.get(value, a.real), a.both(well, a.get(where, a.truth)))
+            if slot in columns.actuators:
+                self._keep("acted", slot, a.integer("i8", 1), a.both(well, a.get(where, a.truth)))
+        if chancy:
+            self._keep("draws", "", a.get(low.drawn, a.whole), well)
+        for number, (value, matched, steps) in enumerate(results):
+            self._keep("value", number, a.get(value, a.real), well)
+            self._count(number, a.both(well, a.get(matched, a.truth)))
+            if self._counted:
+                self._keep("steps", number, a.convert("trunc", a.whole, a.get(steps, a.whole), a.short), well)
+
+    def _count(self, number: int, matched: str) -> None:
+        a = self.a
+        with a.when(a.any(matched)):
+            more = a.convert("zext", a.truth, matched, a.byte)
+            a.put(self._at("fresh", number), a.byte, a.binary("add", a.byte, self._read("fresh", number, a.byte), more))
+
+    def _keep(self, sort: str, what: int | str, value: str, mask: str) -> None:
+        """Write what is new of a column; what is as it was costs no writing."""
+        a = self.a
+        kind = self._vector(sort)
+        old = self._read(sort, what, kind)
+        new, was = value, old
+        if kind == a.real:
+            new, was = (a.convert("bitcast", a.real, x, a.long) for x in (value, old))
+        whole = a.long if kind == a.real else kind
+        with a.when(a.any(a.both(mask, a.emit(f"icmp ne {whole} {new}, {was}")))):
+            a.put(self._at(sort, what), kind, a.select(mask, value, old, kind))
+
+    def _vector(self, sort: str) -> str:
+        return self.a.vector(_ELEMENTS[sort][0])
+
+    def _read(self, sort: str, what: int | str, kind: str) -> str:
+        """The lanes of a column, or one number in all of them."""
+        a = self.a
+        if sort == "tick":
+            return a.splat("i64", self._pointer(sort, what))
+        if sort == "slot" and what in (TICK, TIME_SLOT):
+            return a.splat("double", self._pointer("time", what))
+        return a.get(self._at(sort, what), kind)
+
+    def _at(self, sort: str, what: int | str) -> str:
+        return self.a.at(self._pointer(sort, what), _ELEMENTS[sort][0], self._base)
+
+    def _pointer(self, sort: str, what: int | str) -> str:
+        return f"%p{self.entries.setdefault((sort, what), len(self.entries))}"
 
 
 class Kernel:
-    """The native code of one program: reads columns, writes columns of its own, says whether it ran into trouble."""
+    """The native code of some programs in a row, on robots on which their names mean the same."""
 
-    def __init__(self, program: Program) -> None:
-        from llvmlite import ir
+    def __init__(self, programs: Sequence[Program], names: Meaning, lanes: int, *, counted: bool = True) -> None:
+        writer = Writer(programs, names, lanes, counted)
+        text = writer.text()
+        self._entries, self._count = list(writer.entries), len(programs)
+        sizes = [Size(program, names) for program in programs]
+        self.lanes, self.parts = lanes, sum(size.parts for size in sizes)
+        self.steps = [size.steps for size in sizes]
+        """Steps of each program at most."""
+        self._slots = [what for sort, what in self._entries if sort == "slot" and isinstance(what, int)]
+        self._acted = [what for sort, what in self._entries if sort == "acted" and isinstance(what, int)]
+        self._groups = [what for sort, what in self._entries if sort == "group" and isinstance(what, str)]
+        self._call = _compiled(text)
+        self._bound: list[object] = []
+        self._table = np.zeros(len(self._entries) + 1, np.int64)
+        self._address = self._table.ctypes.data
 
-        f64, i8, i32, i64 = ir.DoubleType(), ir.IntType(8), ir.IntType(32), ir.IntType(64)
-        reads, writes = _slots(program)
-        self.reads, self.writes = reads, writes
-        self.chancy = any(part.op == "prob" for part in walk(program.root))
-        pointers = [f64.as_pointer()] * (len(reads) + 1 + len(writes)) + [i8.as_pointer()] * (1 + len(writes))
-        chance = [i64.as_pointer(), i32.as_pointer(), i32.as_pointer()]
-        module = ir.Module("rule")
-        kind = ir.FunctionType(i64, [i64, i64, *pointers, *chance])
-        function = ir.Function(module, kind, "rule")
-        for argument in function.args[2:]:
-            argument.add_attribute("noalias")
-        count, tick, *rest = function.args
-        columns, rest = rest[: len(reads)], rest[len(reads) :]
-        out, new, rest = rest[0], rest[1 : 1 + len(writes)], rest[1 + len(writes) :]
-        matched, assigned, (keys, draws, drawn) = rest[0], rest[1 : 1 + len(writes)], rest[1 + len(writes) :]
-        entry, loop, done = (function.append_basic_block(name) for name in ("entry", "loop", "done"))
-        ir.IRBuilder(entry).branch(loop)
-        b = ir.IRBuilder(loop)
-        i, bad = b.phi(i64), b.phi(i64)
-        i.add_incoming(i64(0), entry)
-        bad.add_incoming(i64(0), entry)
-        places = dict(zip(reads, columns, strict=True))
+    def run(
+        self, state: FleetState, part: NDArray[np.uint8], start: int, stop: int, sinks: Sequence[Sink], threads: int = 2
+    ) -> bool:
+        """Evaluate the programs on those of the robots from `start` to `stop` for which `part` says `THERE`.
 
-        def chances() -> Sequence[ir.Value]:
-            of_tick = b.add(b.load(b.gep(keys, [i])), b.mul(tick, i64(GOLDEN)))
-            return mixed(b, of_tick), b.load(b.gep(draws, [i]))
+        sinks: for each program. Robots that have to be walked are `TROUBLED` then; gives whether there are any.
+        """
+        when = [_one(state, slot, start, stop) for slot in (TICK, TIME_SLOT)]
+        if None in when or state.count < self.lanes or not self._bind(state, part, sinks):
+            there = part[start:stop]
+            there[there == THERE] = TROUBLED
+            return True
+        reals = self._table.view(np.float64)
+        for number, (sort, what) in enumerate(self._entries):
+            if sort == "time":
+                reals[number] = when[what == TIME_SLOT]
+            elif sort == "tick":
+                self._table[number] = int(when[0] or 0.0)
+        size = stop - start
+        if threads == 1 or size * self.parts < SPLIT:
+            return bool(self._call(start, stop, state.count, self._address))
+        middle = start + size // 2 // self.lanes * self.lanes
+        other = _HELPER.submit(self._call, middle, stop, state.count, self._address)
+        return bool(self._call(start, middle, state.count, self._address) | other.result())
 
-        low = Lowering(b, lambda slot: b.load(b.gep(places[slot], [i])), chances)
-        low.matched = low.yes if program.test is None else low.no
-        value = low.value(program.root, low.yes)
-        b.store(value, b.gep(out, [i]))
-        b.store(b.zext(low.true(value) if program.test is program else low.matched, i8), b.gep(matched, [i]))
-        for slot, column, mask in zip(writes, new, assigned, strict=True):
-            b.store(low.values[slot], b.gep(column, [i]))
-            b.store(b.zext(low.written[slot], i8), b.gep(mask, [i]))
-        if low.drawn is not None:
-            b.store(low.drawn, b.gep(drawn, [i]))
-        self.actuators = frozenset(low.assigned)
-        following, worse = b.add(i, i64(1)), b.or_(bad, b.zext(low.trouble, i64))
-        i.add_incoming(following, loop)
-        bad.add_incoming(worse, loop)
-        b.cbranch(b.icmp_signed("<", following, count), loop, done)
-        ir.IRBuilder(done).ret(worse)
-        self._call = _compiled(str(module), len(pointers) + len(chance))
-
-    def run(self, memory: Evaluation, rows: Rows) -> Column | None:
-        """Evaluate a run of robots; None, and nothing has happened, if it is out of the ordinary for any of them."""
-        state, count = memory.state, rows.size
-        tick = state.read(TICK, rows)
-        if self.chancy and not isinstance(tick, float):
-            return None
-        inputs = [np.ascontiguousarray(spread(state.read(slot, rows), count)) for slot in self.reads]
-        out, new = np.empty(count), [np.empty(count) for _ in self.writes]
-        matched, masks = np.empty(count, np.bool_), [np.empty(count, np.bool_) for _ in self.writes]
-        keys, draws = state.keys[rows.index], state.draws[rows.index]
-        drawn = np.empty(count, np.int32) if self.chancy else draws
-        arrays = (*inputs, out, *new, matched, *masks, keys, draws, drawn)
-        if self._trouble(count, int(tick) if isinstance(tick, float) else 0, arrays):
-            return None
-        for slot, column, mask in zip(self.writes, new, masks, strict=True):
-            if mask.any():
-                state.assign(slot, rows, column)
-                if slot in self.actuators:
-                    state.assigned(slot)[rows.index] |= mask
-        memory.matched[rows.index] = matched
-        if self.chancy:
-            state.draws[rows.index] = drawn
-        return out
-
-    def _trouble(self, count: int, tick: int, arrays: Sequence[NDArray[np.generic]]) -> bool:
-        """Run the loop, many robots in two threads; gives whether it ran into trouble."""
-
-        def part(start: int, stop: int) -> int:
-            return self._call(stop - start, tick, *(array.ctypes.data + start * array.itemsize for array in arrays))
-
-        if count < SPLIT:
-            return bool(part(0, count))
-        other = _HELPER.submit(part, count // 2, count)
-        return bool(part(0, count // 2) | other.result())
+    def _bind(self, state: FleetState, part: NDArray[np.uint8], sinks: Sequence[Sink]) -> bool:
+        """Let the table hold the addresses of the columns as they are now; False if one is not as it should be."""
+        now: list[object] = [state.own(slot) for slot in self._slots]
+        now += [state.assigned(slot) for slot in self._acted]
+        now += [state.groups.get(key) for key in self._groups]
+        now += [*sinks, part, state.keys, state.draws]
+        if len(now) == len(self._bound) and all(map(is_, now, self._bound)):
+            return True
+        nobody = np.zeros(state.count, np.bool_)
+        arrays = []
+        for number, (sort, what) in enumerate(self._entries):
+            if sort in ("tick", "time"):
+                continue
+            array = _array(state, part, sinks, sort, what)
+            array = nobody if array is None else array
+            if not array.flags.c_contiguous or array.itemsize != _ELEMENTS[sort][1] or array.size != state.count:
+                return False
+            self._table[number] = array.ctypes.data
+            arrays.append(array)
+        self._bound, self._kept = now, arrays
+        return True
 
 
-def _slots(program: Program) -> tuple[list[int], list[int]]:
-    """The slots that a program reads or keeps as they are, and those that it assigns."""
-    parts = walk(program.root)
-    writes = sorted({part.slot for part in parts if part.op in ("write", "set_user")})
-    return sorted({part.slot for part in parts if part.op == "var"}.union(writes)), writes
+def _array(
+    state: FleetState, part: NDArray[np.uint8], sinks: Sequence[Sink], sort: str, what: int | str
+) -> NDArray[np.generic] | None:
+    """A column of the table, None for a group that nobody is in."""
+    if isinstance(what, str):
+        found: dict[str, NDArray[np.generic] | None]
+        found = {"part": part, "keys": state.keys, "draws": state.draws, "group": state.groups.get(what)}
+        return found[sort]
+    if sort == "slot":
+        return state.own(what)
+    if sort == "acted":
+        return state.assigned(what)
+    sink = sinks[what]
+    return sink.value if sort == "value" else sink.fresh if sort == "fresh" else sink.steps
 
 
-def _compiled(text: str, pointers: int) -> Callable[..., int]:
+def _one(state: FleetState, slot: int, start: int, stop: int) -> float | None:
+    """The value that a variable has on all of these robots; None if they differ in it."""
+    values = state.read(slot, Rows.run(start, stop))
+    if isinstance(values, float):
+        return values
+    return float(values[0]) if (values == values[0]).all() else None
+
+
+def _all(programs: Sequence[Program], names: Meaning) -> list[Program]:
+    """The programs, and those that they enter."""
+    return [*programs, *(found for found in names.values() if isinstance(found, Program))]
+
+
+def _written(programs: Sequence[Program], names: Meaning) -> list[int]:
+    """The slots that programs may assign."""
+    slots = set()
+    for program in _all(programs, names):
+        for part in walk(program.root):
+            if part.op in ("write", "set_user") and part.slot >= 0:
+                slots.add(part.slot)
+            elif part.op == "act" and part.name in FLAGS:
+                slots.add(FLAGS[part.name][0])
+    return sorted(slots)
+
+
+_ONE_AT_A_TIME = Lock()
+
+
+def _compiled(text: str) -> Callable[[int, int, int, int], int]:
     """The function in a module's text, optimised for this processor."""
     from llvmlite import binding
 
-    binding.initialize_native_target()
-    binding.initialize_native_asmprinter()
-    host = binding.get_host_cpu_features().flatten()
-    target = binding.Target.from_default_triple().create_target_machine(
-        cpu=binding.get_host_cpu_name(), features=host, opt=2, jit=True
+    with _ONE_AT_A_TIME:
+        binding.initialize_native_target()
+        binding.initialize_native_asmprinter()
+        host = binding.get_host_cpu_features().flatten()
+        target = binding.Target.from_default_triple().create_target_machine(
+            cpu=binding.get_host_cpu_name(), features=host, opt=2, jit=True
+        )
+        module = binding.parse_assembly(text)
+        tuning = binding.PipelineTuningOptions(speed_level=2)
+        tuning.loop_vectorization = tuning.slp_vectorization = False
+        passes = binding.create_pass_builder(target, tuning)
+        passes.getModulePassManager().run(module, passes)
+        engine = binding.create_mcjit_compiler(module, target)
+        engine.finalize_object()
+    address = engine.get_function_address("round")
+    function = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p)(
+        address
     )
-    module = binding.parse_assembly(text)
-    tuning = binding.PipelineTuningOptions(speed_level=2)
-    tuning.loop_vectorization = True
-    passes = binding.create_pass_builder(target, tuning)
-    passes.getModulePassManager().run(module, passes)
-    engine = binding.create_mcjit_compiler(module, target)
-    engine.finalize_object()
-    address = engine.get_function_address("rule")
-    function = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_int64] * 2, *[ctypes.c_void_p] * pointers)(address)
 
-    def call(*arguments: int) -> int:
-        return int(function(*arguments)) if engine else 0  # the engine owns the code, so it must live as long
+    def call(start: int, stop: int, count: int, table: int) -> int:
+        return int(function(start, stop, count, table)) if engine else 0  # the engine owns the code, so it must live on
 
     return call

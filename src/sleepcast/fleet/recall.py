@@ -76,7 +76,7 @@ class Recall:
         state, minds = self._memory.state, self._memory.minds
         mind, proven, unproven_since = state.mind[rows.index].copy(), None, None
         there = {number: minds[number] for number, _, _ in self._memory.divide(rows, lambda number: number)}
-        slots, groups = _reach(program, there.values())
+        slots, groups = reach(program, there.values())
         if slots is None:
             slots, groups = set(state.slots()), set(state.groups)
             proven, unproven_since = state.proven[rows.index].copy(), state.unproven_since[rows.index].copy()
@@ -158,7 +158,7 @@ def rehearsal(memory: FleetMemory, robot: int) -> Rehearsal:
     )
 
 
-def _reach(program: Program, minds: Iterable[Mind]) -> tuple[set[int] | None, set[str]]:
+def reach(program: Program, minds: Iterable[Mind]) -> tuple[set[int] | None, set[str]]:
     """The slots and groups that a program can look at, with all that it can enter in these minds; None for any."""
     slots: set[int] = set()
     groups: set[str] = set()

@@ -9,24 +9,31 @@ together.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.fleet.columns import Mask, Rows
+from sleepcast.fleet.kernels import Plan
 from sleepcast.fleet.limits import FAILED, MAX_FAULTS_IN_ROW, TICK_STEPS
-from sleepcast.fleet.machine import evaluate
+from sleepcast.fleet.machine import walk_through
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.minds import Kept, Mind
+from sleepcast.fleet.native import Kernel
 from sleepcast.fleet.tallies import Tally
 from sleepcast.language.machine import Program
 
 
 class Way:
-    """Robots that have the same rules before them. keys: of those rules, in order; done: how many are behind."""
+    """Robots that have the same rules before them. keys: of those rules, in order; done: how many are behind.
 
-    def __init__(self, keys: tuple[str, ...], rows: Rows) -> None:
-        self.keys, self.rows, self.done = keys, rows, 0
+    until: how many of the rules are walked now.
+    """
+
+    def __init__(self, keys: tuple[str, ...], rows: Rows, done: int = 0, until: int | None = None) -> None:
+        self.keys, self.rows, self.done = keys, rows, done
+        self.until = len(keys) if until is None else until
 
     @property
     def head(self) -> str:
@@ -44,12 +51,87 @@ class Rounds:
     def run(self, rows: Rows) -> None:
         """One round of each of these robots, which are awake."""
         self._memory.tallies.lost.clear()
-        self._used[rows.index] = 0
-        for stretch in rows.stretches():
-            ways = self._ways(stretch)
-            while ways:
-                ways = self._step(ways)
+        for stretch in self._run_natively(rows).stretches():
+            self._used[stretch.index] = 0
+            self._walk(self._ways(stretch))
         self._memory.tallies.lost.clear()
+
+    # ---- natively
+
+    def _run_natively(self, rows: Rows) -> Rows:
+        """The rounds of those robots for whose rules there is native code; gives the others."""
+        memory, kernels = self._memory, self._memory.kernels
+        if kernels is None or rows.size == 0:
+            return rows
+        left = []
+        for plan, some, _ in memory.divide(rows, lambda number: kernels.plan(memory.minds[number], memory.state)):
+            if plan is None or not self._affordable(plan):
+                left.append(some)
+                continue
+            if self.left_over:
+                behind = np.isin(some.robots, list(self.left_over))
+                left.append(some.take(behind))
+                some = some.take(~behind) if behind.any() else some
+            if some.size:
+                self._follow(plan, some)
+        if len(left) == 1:
+            return left[0]
+        return Rows.of(np.sort(np.concatenate([some.robots for some in left]))) if left else Rows.run(0, 0)
+
+    def _affordable(self, plan: Plan) -> bool:
+        """Whether the budget reaches for all rules of a plan, whatever their robots do."""
+        tallies = self._memory.tallies
+        expected = sum(
+            max(size.steps, tallies[key].most_steps) for key, size in zip(plan.keys, plan.sizes, strict=True)
+        )
+        return expected <= TICK_STEPS
+
+    def _follow(self, plan: Plan, rows: Rows) -> None:
+        """One round of robots that all have the rules of a plan, leg by leg."""
+        memory, done = self._memory, 0
+        self._used[rows.index] = 0
+        for leg in plan.legs:
+            after = done + leg.rules
+            if leg.kernel is None:
+                before = memory.state.mind[rows.index].copy()
+                way = Way(plan.keys, rows, done, after)
+                self._walk([way])
+                rows = self._unchanged(way, rows, before)
+            else:
+                left = self._evaluate_natively(plan.keys[done:after], leg.kernel, rows, last=after == len(plan.keys))
+                if left.size:
+                    self._walk([Way(plan.keys, left, done)])
+                    rows = rows.take(~np.isin(rows.robots, left.robots))
+            if rows.size == 0:
+                return
+            done = after
+
+    def _unchanged(self, way: Way, rows: Rows, before: NDArray[np.int32]) -> Rows:
+        """Those robots that walking has left as they were; the others, which have other rules now, walk on."""
+        memory = self._memory
+        changed = memory.state.mind[rows.index] != before
+        for lost in memory.tallies.lost.values():
+            changed |= lost[rows.index]
+        spent = np.ones(rows.size, np.bool_)
+        spent[np.isin(rows.robots, way.rows.robots)] = False
+        on = rows.take(changed & ~spent)
+        if on.size and way.until < len(way.keys):
+            self._walk([Way(way.keys, on, way.until)])
+        return rows.take(~(changed | spent)) if changed.any() or spent.any() else rows
+
+    def _evaluate_natively(self, keys: Sequence[str], kernel: Kernel, rows: Rows, *, last: bool) -> Rows:
+        """Evaluate rules natively; gives the robots that have to walk them. last: nothing comes after them."""
+        memory, kernels = self._memory, self._memory.kernels
+        if kernels is None:
+            return rows
+        tallies = [memory.tallies[key] for key in keys]
+        left = kernels.evaluate(kernel, memory.state, rows, [tally.sink for tally in tallies])
+        done = rows.take(~np.isin(rows.robots, left.robots)) if left.size else rows
+        for tally, steps in zip(tallies, kernel.steps, strict=True):
+            tally.ran(steps, done)
+            if not last:
+                self._used[done.index] += tally.steps[done.index]
+        return left
 
     # ---- which rules, in which order
 
@@ -73,7 +155,7 @@ class Rounds:
         for mind, some, mask in memory.divide(rows, lambda number: memory.minds[number]):
             tallies = [(kept.program.cost, memory.tallies[kept.key]) for kept in mind.running]
             if sum(max(cost, tally.most_steps) for cost, tally in tallies) > TICK_STEPS:
-                expected = sum(np.maximum(cost, tally.steps[some.index]) for cost, tally in tallies)
+                expected = sum(np.maximum(cost, tally.steps[some.index].astype(np.int32)) for cost, tally in tallies)
                 found[... if mask is None else mask] = expected > TICK_STEPS
         if self.left_over:
             found |= np.isin(rows.robots, list(self.left_over))
@@ -103,6 +185,10 @@ class Rounds:
 
     # ---- evaluating
 
+    def _walk(self, ways: list[Way]) -> None:
+        while ways:
+            ways = self._step(ways)
+
     def _step(self, ways: list[Way]) -> list[Way]:
         """Evaluate one rule on all robots that have it before them; gives the ways that go on."""
         key = _next(ways)
@@ -115,7 +201,7 @@ class Rounds:
         for way in there:
             way.done += 1
             self._spare(way)
-        return [way for way in ways if way.done < len(way.keys) and way.rows.size]
+        return [way for way in ways if way.done < way.until and way.rows.size]
 
     def _spare(self, way: Way) -> None:
         """Robots that have used up their budget leave the rest over."""
@@ -139,7 +225,8 @@ class Rounds:
             rows = rows.take(~lost)
         for program, some, _ in memory.divide(rows, active):
             if program is not None:
-                values = evaluate(memory, program, some)
+                memory.begin(program, some)
+                values = walk_through(memory, program, some)
                 steps = memory.steps(some)
                 self._used[some.index] += steps
                 self._tally(key, some, values, steps)
@@ -188,7 +275,7 @@ def _next(ways: list[Way]) -> str:
     """The rule to evaluate next: one that no way comes to later, if there is one, so that ways meet."""
     if len(ways) == 1:
         return ways[0].head
-    later = {key for way in ways for key in way.keys[way.done + 1 :]}
+    later = {key for way in ways for key in way.keys[way.done + 1 : way.until]}
     robots: Counter[str] = Counter()
     for way in ways:
         robots[way.head] += way.rows.size

@@ -6,34 +6,17 @@ read, robot by robot.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from math import inf
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.channel.chorus import Answers, Chorus, Reports, Words
 from sleepcast.channel.message import Kind, Message
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.limits import MAX_OUTBOX, REPORTS_A_SECOND
 from sleepcast.language.vocabulary import TIME_SLOT
-
-Body = dict[str, object]
-Answered = tuple[str, float, str]
-"""What came of a message on one robot: the sort of outcome, the value and the first fault, "" for none."""
-
-
-class Saying(NamedTuple):
-    """What some robots said at once. places: of the robots in what `body` and `text` were made for."""
-
-    kind: Kind
-    robots: Index
-    places: Index
-    sequences: NDArray[np.int32]
-    issued: Column
-    lasts: float
-    text: Callable[[int], str]
-    body: Callable[[int], Body]
 
 
 class Speech:
@@ -42,35 +25,30 @@ class Speech:
     def __init__(self, state: FleetState, names: Sequence[str]) -> None:
         self._state, self._names = state, names
         self.epoch = 0
-        self._sayings: list[Saying] = []
+        self._sayings: list[Chorus] = []
         self._outboxes: dict[int, list[Message]] = {}
-        self._pings: dict[int, list[float]] = {}
+        self._pings: list[tuple[Index, Column]] = []
+        self._pinged: NDArray[np.int16] | None = None
+        """Pings of each robot that nobody has taken yet; made when one first pings."""
+        self._ping_lists: dict[int, list[float]] = {}
 
-    def say(
-        self,
-        kind: Kind,
-        rows: Rows,
-        body: Callable[[int], Body] = lambda place: {},
-        text: Callable[[int], str] = lambda place: "",
-        lasts: float = inf,
-    ) -> None:
-        """Say something on each of these robots. body, text: of the robot at each place among them."""
+    def say(self, kind: Kind, rows: Rows, words: Words, *, places: Index | None = None, lasts: float = inf) -> None:
+        """Say something on each of these robots. places: where in `words` their own are, if not in their order."""
         if rows.size == 0:
             return
         state = self._state
+        places = np.arange(rows.size) if places is None else places
         if (state.said[rows.index] >= MAX_OUTBOX).any():
             self._count_again(rows)
         room = state.said[rows.index] < MAX_OUTBOX
         if not room.all():
             state.lost[rows.take(~room).index] += 1
-            rows, places = rows.take(room), np.flatnonzero(room)
-        else:
-            places = np.arange(rows.size)
+            rows, places = rows.take(room), places[room]
         state.said[rows.index] += 1
         state.sequence[rows.index] += 1
-        issued = state.column(TIME_SLOT, rows).copy()
+        issued, sequences = state.column(TIME_SLOT, rows).copy(), state.sequence[rows.index].copy()
         self._sayings.append(
-            Saying(kind, rows.robots, places, state.sequence[rows.index].copy(), issued, lasts, text, body)
+            Chorus(kind, self._names, self.epoch, rows.robots, places, sequences, issued, lasts, words)
         )
 
     def _count_again(self, rows: Rows) -> None:
@@ -82,17 +60,13 @@ class Speech:
     def report(self, rows: Rows, label: str, values: Sequence[Column] = ()) -> None:
         """REPORT on each of these robots."""
 
-        def body(place: int) -> Body:
-            found = [float(column[place]) for column in values]
-            return {"label": label, "values": [None if v != v else v for v in found]}
-
         heard = self._within_rate(rows)
+        words = Reports(label, tuple(values))
         if heard.all():
-            self.say(Kind.REPORT, rows, body)
+            self.say(Kind.REPORT, rows, words)
         else:
-            places = np.flatnonzero(heard)
             self._state.lost[rows.take(~heard).index] += 1
-            self.say(Kind.REPORT, rows.take(heard), lambda place: body(int(places[place])))
+            self.say(Kind.REPORT, rows.take(heard), words, places=np.flatnonzero(heard))
 
     def _within_rate(self, rows: Rows) -> Mask:
         """Which of the robots have not reported too much in this second of their clock; they have done so once more."""
@@ -103,35 +77,52 @@ class Speech:
         state.reported[rows.index] = before + 1
         return before < REPORTS_A_SECOND
 
-    def answer(self, message: Message, rows: Rows, outcome: Callable[[int], Answered]) -> None:
+    def answer(self, rows: Rows, answers: Answers) -> None:
         """Answer a message on each of these robots."""
-
-        def body(place: int) -> Body:
-            sort, value, fault = outcome(place)
-            known = None if value != value else value
-            return {"command": message.id, "outcome": sort, "value": known, "fault": fault or None}
-
-        self.say(Kind.ANSWER, rows, body)
+        self.say(Kind.ANSWER, rows, answers)
 
     def ping(self, rows: Rows, castes: Column) -> None:
         """PING on each of these robots."""
-        for robot, caste in zip(rows.robots.tolist(), castes.tolist(), strict=True):
-            pings = self.pings(robot)
-            if len(pings) < MAX_OUTBOX:
-                pings.append(caste)
-            else:
-                self._state.lost[robot] += 1
+        if self._pinged is None:
+            self._pinged = np.zeros(self._state.count, np.int16)
+        room = self._pinged[rows.index] < MAX_OUTBOX
+        if not room.all():
+            room = self._count_pings(rows)
+            self._state.lost[rows.take(~room).index] += 1
+            rows, castes = rows.take(room), castes[room]
+        self._pinged[rows.index] += 1
+        self._pings.append((rows.robots, castes))
+
+    def _count_pings(self, rows: Rows) -> Mask:
+        """Which of these robots have room for a ping, whose lists may have been emptied since."""
+        counts = np.array([len(self.pings(robot)) for robot in rows.robots.tolist()], np.int16)
+        if self._pinged is not None:
+            self._pinged[rows.index] = counts
+        room: Mask = counts < MAX_OUTBOX
+        return room
 
     def pings(self, robot: int) -> list[float]:
         """The castes of a robot's pings; whoever sends them clears the list."""
-        return self._pings.setdefault(robot, [])
+        for robots, castes in self._pings:
+            for place, caste in zip(robots.tolist(), castes.tolist(), strict=True):
+                self._ping_lists.setdefault(place, []).append(caste)
+        self._pings.clear()
+        return self._ping_lists.setdefault(robot, [])
+
+    def take_pings(self) -> list[tuple[Index, Column]]:
+        """The pings that are in no list yet: robots and castes. They will not come into one."""
+        taken, self._pings = self._pings, []
+        for robots, _ in taken:
+            if self._pinged is not None:
+                self._pinged[robots] -= 1
+        return taken
 
     def outbox(self, robot: int) -> list[Message]:
         """What a robot has to say; whoever sends it clears the list."""
         self._deliver_all()
         return self._outboxes.setdefault(robot, [])
 
-    def take(self) -> list[Saying]:
+    def take(self) -> list[Chorus]:
         """What is in no outbox yet; it will not come into one."""
         taken, self._sayings = self._sayings, []
         for saying in taken:
@@ -140,28 +131,6 @@ class Speech:
 
     def _deliver_all(self) -> None:
         for saying in self._sayings:
-            self._deliver(saying)
+            for robot, message in zip(saying.robots.tolist(), saying.messages(), strict=True):
+                self._outboxes.setdefault(robot, []).append(message)
         self._sayings.clear()
-
-    def _deliver(self, saying: Saying) -> None:
-        told = zip(
-            saying.robots.tolist(),
-            saying.places.tolist(),
-            saying.sequences.tolist(),
-            saying.issued.tolist(),
-            strict=True,
-        )
-        for robot, place, sequence, issued in told:
-            self._outboxes.setdefault(robot, []).append(
-                Message(
-                    self._names[robot],
-                    self.epoch,
-                    sequence,
-                    saying.kind,
-                    issued,
-                    issued + saying.lasts,
-                    saying.text(place),
-                    False,
-                    saying.body(place),
-                )
-            )

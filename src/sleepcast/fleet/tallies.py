@@ -10,22 +10,54 @@ from numpy.typing import NDArray
 
 from sleepcast.fleet.columns import Column, FleetState, Mask, Rows
 from sleepcast.fleet.minds import Effect
+from sleepcast.fleet.native import Sink
 from sleepcast.language.vocabulary import ACTIVE0, buffer_number
+
+MOST_FRESH = 255
+"""Evaluations by native code until their matches, counted in single bytes, are added to the others."""
 
 
 class Tally:
-    """One key's columns: last value, steps of the last evaluation, firings, faults in a row; texts of last faults."""
+    """One key's columns: last value, steps of the last evaluation, firings, faults in a row; texts of last faults.
+
+    sink: those that native code writes.
+    """
 
     def __init__(self, count: int) -> None:
         self.last_value: Column = np.full(count, nan)
-        self.steps: NDArray[np.int32] = np.zeros(count, np.int32)
+        self.steps: NDArray[np.uint16] = np.zeros(count, np.uint16)
         self.most_steps = 0
         """No robot has used more steps in an evaluation."""
-        self.firings: NDArray[np.int32] = np.zeros(count, np.int32)
+        self._firings: NDArray[np.int32] = np.zeros(count, np.int32)
+        self._fresh: NDArray[np.uint8] = np.zeros(count, np.uint8)
+        self._counted = 0
         self.in_row: NDArray[np.int8] = np.zeros(count, np.int8)
         self.faulted = False
         """Whether any evaluation has ever had a fault: until then nothing has to be counted."""
         self.last_fault: dict[int, str] = {}
+        self.sink = Sink(self.last_value, self._fresh, self.steps)
+
+    @property
+    def firings(self) -> NDArray[np.int32]:
+        """How often each robot has matched."""
+        if self._counted:
+            self._add_fresh()
+        return self._firings
+
+    def _add_fresh(self) -> None:
+        self._firings += self._fresh
+        self._fresh[...] = 0
+        self._counted = 0
+
+    def ran(self, steps: int, rows: Rows) -> None:
+        """Native code has evaluated the expression on these robots, without a fault. steps: at most, of one of them."""
+        if steps > self.most_steps:
+            self.most_steps = max(self.most_steps, int(self.steps[rows.index].max(initial=0)))
+        self._counted += 1
+        if self._counted == MOST_FRESH:
+            self._add_fresh()
+        if self.faulted and self.in_row[rows.index].any():
+            self.in_row[rows.index] = 0
 
     def renew(self, rows: Rows) -> None:
         """The expression is another one now: nothing is known of its last evaluation."""

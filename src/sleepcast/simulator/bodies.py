@@ -1,10 +1,11 @@
 """Bodies: the state of all simulated robots as arrays, one column for each robot.
 
-What a robot can sense lies in one table (`sensed`), a row for each sensor of the model, so that a reading is a column;
-`x`, `y`, `heading`, `speed` and the stores are rows of it under a name. A body on wheels senses where its encoders
-believe it to be, so there the real pose lies apart. What a body was last asked to do lies beside it; the readings of
-sonars have a table of their own (`echoes`). Everything is float64, SI, and changed in place; chance comes from the seed
-and the robot's number alone.
+What robots sense lies in one table (`sensed`), a row for each sensor of the model, so that a reading is a column.
+What a body knows of itself without looking (`known`: where its encoders believe it to be, its speed, its stores and so
+on) lies in the same memory, unless sensors are noisy; sonars and noise are brought up to date when somebody looks
+(`sense`). A body on wheels may be wrong about its pose, so there the real one lies apart. What a body was last asked to
+do lies beside it. Everything is float64, SI, and changed in place; chance comes from the seed and the robot's number
+alone.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.chance import GOLDEN, key, mix, uniform
-from sleepcast.errors import MisuseError
+from sleepcast.errors import MisuseError, did_you_mean
 from sleepcast.simulator.areas import inside
 from sleepcast.simulator.bumpers import Bumpers
 from sleepcast.simulator.echoes import Echoes
@@ -32,6 +33,7 @@ from sleepcast.simulator.world import Area, World
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Whole = NDArray[np.intp]
 
 MAX_REDRAWS = 200
 """Until every robot has found a start outside of solid areas: enough where one place in ten is open."""
@@ -61,7 +63,8 @@ class Bodies:
 
     Arrays of shape (count,) unless said otherwise. x, y: m in the world's frame; heading: rad, -pi..pi,
     counter-clockwise from the x axis: where the body really is. encoder_x, encoder_y, encoder_heading: where it
-    believes to be; the same arrays without wheels. speed: m/s along the heading. left, right: of the wheels, m/s.
+    believes to be; the same arrays without wheels. sensed: shape (sensors, count), NaN for what was never measured.
+    known: the first rows of it, without noise. speed: m/s along the heading. left, right: of the wheels, m/s.
     bumper: the part that touches something, from 1 in front counter-clockwise, or 0; hit_x, hit_y: from the body to
     what it touches, m, or 0. stores: shape (stores, count). mode: a
     `Mode`; wanted_speed, wanted_turn: what DRIVE asked for, m/s and rad/s; target_x, target_y: where GOTO
@@ -78,27 +81,30 @@ class Bodies:
         self.tick = 0
         self.said: deque[Saying] = deque(maxlen=MAX_SAYINGS)
         self.sensors = sensors_of(scenario)
-        self.sensed: Floats = np.full((len(self.sensors), self.count), np.nan)
+        ring = robots.ring
+        own, all_ = len(self.sensors), len(self.sensors) + (ring.count + 1 if ring else 0)
+        self.sensed: Floats = np.full((all_, self.count), np.nan)
+        self.known: Floats = np.full((own, self.count), np.nan) if scenario.noise else self.sensed[:own]
         self.numbers = np.arange(self.count, dtype=np.uint64)
         self.chance = mix(self.numbers * np.uint64(GOLDEN) + np.uint64(key(seed, "bodies")))
         """A key for each robot, uint64."""
-        self.encoder_x: Floats = self.sensed[0]
-        self.encoder_y: Floats = self.sensed[1]
-        self.encoder_heading: Floats = self.sensed[2]
-        apart = np.empty((3, self.count)) if robots.wheels else self.sensed
+        self.encoder_x: Floats = self.known[0]
+        self.encoder_y: Floats = self.known[1]
+        self.encoder_heading: Floats = self.known[2]
+        apart = np.empty((3, self.count)) if robots.wheels else self.known
         self.x: Floats = apart[0]
         self.y: Floats = apart[1]
         self.heading: Floats = apart[2]
-        self.speed: Floats = self.sensed[3]
-        self.stores: Floats = self.sensed[4 : 4 + len(robots.stores)]
+        self.speed: Floats = self.known[3]
+        self.stores: Floats = self.known[4 : 4 + len(robots.stores)]
         self.left, self.right = np.zeros(self.count), np.zeros(self.count)
         self.hit_x, self.hit_y = np.zeros(self.count), np.zeros(self.count)
         names = [sensor.name for sensor in self.sensors]
-        self.bumper: Floats = self.sensed[names.index("bumper")] if robots.bumpers else np.zeros(self.count)
-        size, ring = (scenario.width, scenario.height), robots.ring
+        self.bumper: Floats = self.known[names.index("bumper")] if robots.bumpers else np.zeros(self.count)
+        size = (scenario.width, scenario.height)
         self.contact = Bumpers(robots, size, scenario.tick, self.world, machine) if robots.bumpers else None
         self.echoes = (
-            Echoes(ring, robots.geometry.radius, self.count, size, self.world, seed, machine) if ring else None
+            Echoes(ring, robots.geometry.radius, self.sensed[own:], size, self.world, seed, machine) if ring else None
         )
         self._start()
         self.mode = np.full(self.count, Mode.WANDER if robots.wanders else Mode.DRIVE, np.int8)
@@ -130,32 +136,48 @@ class Bodies:
         if self.echoes:
             self.echoes.forget()
 
+    def act(self, actuator: str, which: Whole | slice, values: Floats) -> None:
+        """Let these bodies drive with `values` of one actuator and what was wanted of the other; see `Body.act`."""
+        wanted = {"drive_speed": self.wanted_speed, "drive_turn": self.wanted_turn}
+        if actuator not in wanted:
+            raise MisuseError(f'no actuator "{actuator}"{did_you_mean(actuator, wanted)}: wanted {" or ".join(wanted)}')
+        asked = ~self.stopped[which]
+        robots = np.arange(self.count)[which][asked]
+        self.mode[robots] = Mode.DRIVE
+        named = ~np.isnan(values[asked])
+        wanted[actuator][robots[named]] = values[asked][named]
+
+    def sense(self, which: Whole | None = None, echoes: bool = True) -> None:
+        """Bring the table up to date for the robots with these indices (None: all): noise, and what their sonars hear
+        if `echoes`. Asked twice in one tick, the answer is the same."""
+        if self.scenario.noise:
+            self._disturb(slice(None) if which is None else which)
+        if echoes and self.echoes:
+            self.echoes.sense(which, self.tick, (self.x, self.y, self.heading))
+
     def echo(self, numbers: Sequence[int] | None = None) -> Floats:
         """What the sonars of these robots (None: all) read, m, shape (robots, sonars). Only for robots with sonars."""
         assert self.echoes
-        which = np.arange(self.count) if numbers is None else np.asarray(numbers, np.int64)
-        read = self.echoes.sense(which, self.tick, (self.x, self.y, self.heading))
-        # The limits come back as they were written, whatever became of them in single precision.
-        least, most = self.echoes.ring.least, self.echoes.ring.most
-        return np.where(read <= np.float32(least), least, np.minimum(read.astype(np.float64), most))
+        which = None if numbers is None else np.asarray(numbers, np.int64)
+        self.echoes.sense(which, self.tick, (self.x, self.y, self.heading))
+        return self.sensed[len(self.sensors) : -1, slice(None) if which is None else which].T
 
     def readings(self, numbers: Sequence[int] | None = None) -> list[list[float]]:
         """What the robots with these indices (None: all) sense now: for each one value per sensor, in SI, NaN
-        where it measured nothing. Asked twice in one tick, the answer is the same, noise included."""
-        which = slice(None) if numbers is None else np.asarray(numbers, np.int64)
-        sensed = self.sensed[:, which].T
-        if self.scenario.noise:
-            sensed = sensed.copy()
-            for column, sensor in enumerate(self.sensors):
-                deviation = self.scenario.noise.get(sensor.name, 0.0)
-                if deviation:
-                    noisy = sensed[:, column] + deviation * self._normal(sensor.name, self.numbers[which])
-                    sensed[:, column] = np.clip(noisy, sensor.low, sensor.high)
-        if self.echoes:
-            heard = self.echo(numbers)
-            sensed = np.hstack((sensed, heard, heard[:, self.echoes.front].min(axis=1, keepdims=True)))
-        rows: list[list[float]] = sensed.tolist()
+        where it measured nothing."""
+        which = None if numbers is None else np.asarray(numbers, np.int64)
+        self.sense(which)
+        rows: list[list[float]] = self.sensed[:, slice(None) if which is None else which].T.tolist()
         return rows
+
+    def _disturb(self, which: Whole | slice) -> None:
+        """Put what these bodies know into the table, with noise."""
+        self.sensed[: len(self.known), which] = self.known[:, which]
+        for row, sensor in enumerate(self.sensors):
+            deviation = self.scenario.noise.get(sensor.name, 0.0)
+            if deviation:
+                noisy = self.known[row, which] + deviation * self._normal(sensor.name, self.numbers[which])
+                self.sensed[row, which] = np.clip(noisy, sensor.low, sensor.high)
 
     def _normal(self, name: str, numbers: NDArray[np.uint64]) -> Floats:
         """Standard normal noise of one sensor at this tick (Box and Muller's method)."""
@@ -177,7 +199,7 @@ class Bodies:
         return digest.hexdigest()
 
     def _state(self) -> Iterable[NDArray[np.generic]]:
-        yield self.sensed
+        yield self.known
         yield from (self.wanted_speed, self.wanted_turn, self.target_x, self.target_y, self.swing, self.roaming)
         yield from (self.mode, self.stopped, self.held)
         if self.scenario.robots.wheels:
@@ -197,15 +219,16 @@ class Bodies:
         self.encoder_x[:], self.encoder_y[:], self.encoder_heading[:] = self.x, self.y, self.heading
         self.speed[:] = robots.wander.speed if robots.wanders else 0.0
         self.left[:] = self.right[:] = self.speed
+        self.bumper[:] = 0.0
         for row, store in zip(self.stores, robots.stores, strict=True):
             carried = self.drawn(f"{store.name} carried") < store.share
             row[:] = np.where(carried, _spread((store.low, store.high), self.drawn(store.name)), 0.0)
         first = 4 + len(robots.stores)
         for place in self.scenario.places:
-            self.sensed[first], self.sensed[first + 1] = place.x, place.y
+            self.known[first], self.known[first + 1] = place.x, place.y
             first += 2
         for quantity in value_quantities(robots.groups):
-            self.sensed[first] = values_of(robots.groups, self.count, quantity.name)
+            self.known[first] = values_of(robots.groups, self.count, quantity.name)
             first += 1
 
     def _places(self, attempt: int | None = None) -> tuple[Floats, Floats]:

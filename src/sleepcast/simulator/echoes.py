@@ -31,23 +31,26 @@ FRONT = pi / 2
 
 
 class Echoes:
-    """The sonars of `count` robots in a world of `size` (width and height, m).
+    """The sonars of many robots in a world of `size` (width and height, m).
 
-    readings: m, shape (count, sonars), float32; NaN for a sonar that has not fired yet. due: when each robot's next
-    sonar fires, s; turn: its place in the firing order.
+    sensed: where the robots find what their sonars read, and in the last row the least of those in front: m, shape
+    (sonars + 1, robots); brought up to date by `sense`. readings: the same without that row, shape (robots, sonars),
+    float32; NaN for a sonar that has not fired yet. due: when each robot's next sonar fires, s; turn: its place in the
+    firing order.
     """
 
     def __init__(
         self,
         ring: Ring,
         radius: float,
-        count: int,
+        sensed: Floats,
         size: tuple[float, float],
         world: World,
         seed: int,
         machine: Machine,
     ) -> None:
-        self.ring, self.world, self.machine = ring, world, machine
+        self.ring, self.world, self.machine, self.sensed = ring, world, machine, sensed
+        count = sensed.shape[1]
         self.cones = Cones(ring.count, ring.beam / 2.0, ring.most, ring.incidence, radius)
         self.readings: Ranges = np.full((count, ring.count), np.nan, np.float32)
         self.due: Floats = np.zeros(count)
@@ -70,17 +73,27 @@ class Echoes:
         self._fresh[:] = False
         self._points = None
 
-    def sense(self, which: Whole, tick: int, pose: tuple[Floats, Floats, Floats]) -> Ranges:
-        """The readings of the robots with indices `which` at this tick, shape (len(which), sonars). pose: where all
+    def sense(self, which: Whole | None, tick: int, pose: tuple[Floats, Floats, Floats]) -> None:
+        """Bring the readings of the robots with indices `which` (None: all) up to date for this tick. pose: where all
         bodies really are: x, y in m and heading in rad."""
+        if not self.fires_in_order and self._version != self.world.version:
+            self.forget()
+        old = np.flatnonzero(~self._fresh) if which is None else which[~self._fresh[which]]
+        if not len(old):
+            return
         if not self.fires_in_order:
-            if self._version != self.world.version:
-                self.forget()
-            old = which[~self._fresh[which]]
-            if len(old):
-                self.readings[old] = self._look(old, tick, pose)
-                self._fresh[old] = True
-        return self.readings[which]
+            self.readings[old] = self._look(old, tick, pose)
+        self._fresh[old] = True
+        self._tell(old)
+
+    def _tell(self, which: Whole) -> None:
+        """Put readings into the table. The limits come back as they were written, whatever became of them in single
+        precision."""
+        least, most = self.ring.least, self.ring.most
+        read = self.readings[which].T
+        told = np.where(read <= np.float32(least), least, np.minimum(read.astype(np.float64), most))
+        self.sensed[:-1, which] = told
+        self.sensed[-1, which] = told[self.front].min(axis=0)
 
     def fire(self, tick: int, until: float, pose: tuple[Floats, Floats, Floats]) -> None:
         """Fire the sonars that are due before the time `until` (s) and keep what they read."""

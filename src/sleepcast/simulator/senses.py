@@ -31,18 +31,19 @@ class Senses:
         names = [sensor.name for sensor in bodies.sensors]
         if scenario.lights:
             first = names.index(LIGHT_NAMES[0])
-            self._seen: Floats = bodies.sensed[first : first + len(LIGHT_NAMES)]
+            self._seen: Floats = bodies.known[first : first + len(LIGHT_NAMES)]
             self._sees = np.flatnonzero(seeing(scenario.robots.groups, bodies.count))
             self._look()
         self._ears = None
         if scenario.pings is not None:
             first = names.index(PING_NAMES[0])
-            self._ears = _Ears(bodies, scenario.pings, bodies.sensed[first : first + len(PING_NAMES)])
+            self._ears = _Ears(bodies, scenario.pings, bodies.known[first : first + len(PING_NAMES)])
 
-    def ping(self, number: int, caste: float) -> None:
-        """Robot `number` pings with `caste`. A body pings once in a tick: a second time is not heard."""
+    def ping(self, robots: NDArray[np.intp], castes: Floats) -> None:
+        """The robots with these indices ping, each with its caste. A body pings once in a tick: a second time is not
+        heard."""
         if self._ears is not None:
-            self._ears.sent.setdefault(number, caste)
+            self._ears.send(robots, castes)
 
     def step(self) -> None:
         """Sense what there is after everything has moved."""
@@ -76,19 +77,27 @@ class _Ears:
 
     def __init__(self, bodies: Bodies, model: PingModel, presented: Floats) -> None:
         self._bodies, self._model, self._presented = bodies, model, presented
-        self.sent: dict[int, float] = {}
-        """Castes of the pings sent since the last step, by their senders' indices."""
+        self._sent = np.zeros(bodies.count, bool)
+        """Who has pinged since the last step, and below with which caste."""
+        self._castes: Floats = np.zeros(bodies.count)
         self._waiting: Floats = np.zeros((model.queue, 3, bodies.count))
         """Range, bearing and caste of the pings that wait on each robot, the oldest first."""
         self._length = np.zeros(bodies.count, np.int64)
         self._presented[0] = 0.0
 
+    def send(self, robots: NDArray[np.intp], castes: Floats) -> None:
+        robots, first = np.unique(robots, return_index=True)
+        new = ~self._sent[robots]
+        self._sent[robots[new]] = True
+        self._castes[robots[new]] = castes[first[new]]
+
     def step(self) -> None:
         """Clear what was presented, take in what was sent, present the oldest that waits."""
         self._presented[0] = 0.0
-        if self.sent:
-            self._hear()
-            self.sent.clear()
+        senders = np.flatnonzero(self._sent)
+        if senders.size:
+            self._hear(senders, self._castes[senders])
+            self._sent[senders] = False
         having = np.flatnonzero(self._length)
         if having.size:
             self._presented[0, having] = 1.0
@@ -98,11 +107,10 @@ class _Ears:
     def state(self) -> Iterator[NDArray[np.generic]]:
         yield self._length
         yield np.where(np.arange(self._model.queue)[:, None, None] < self._length, self._waiting, 0.0)
-        yield np.array(sorted(self.sent.items()), np.float64)
+        senders = np.flatnonzero(self._sent)
+        yield np.stack((senders.astype(np.float64), self._castes[senders]), axis=-1)
 
-    def _hear(self) -> None:
-        senders = np.array(sorted(self.sent))
-        castes = np.array([self.sent[number] for number in senders.tolist()])
+    def _hear(self, senders: NDArray[np.intp], castes: Floats) -> None:
         width = max(1, MAX_PAIRS // senders.size)
         for first in range(0, self._bodies.count, width):
             self._hear_block(senders, castes, np.arange(first, min(first + width, self._bodies.count)))

@@ -8,12 +8,15 @@ from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from sleepcast.channel.names import Names
 from sleepcast.simulator.bodies import Bodies, Floats, Saying
-from sleepcast.simulator.body import Body, model_of
+from sleepcast.simulator.body import model_of
 from sleepcast.simulator.engine import Machine, choose
 from sleepcast.simulator.measures import Measuring
 from sleepcast.simulator.motion import step
+from sleepcast.simulator.robots import Robots
 from sleepcast.simulator.scenario import Scenario
 from sleepcast.simulator.senses import Senses
 
@@ -48,8 +51,8 @@ class Simulator:
         self.world = self.bodies.world
         """The solid things, which may be changed between ticks."""
         self.model = model_of(scenario, self.bodies)
-        self.names = tuple(f"{scenario.robots.type}{i + 1}" for i in range(scenario.robots.count))
-        self.robots = tuple(Body(self.bodies, self.model, i) for i in range(scenario.robots.count))
+        self.names = Names(prefix=scenario.robots.type, count=scenario.robots.count)
+        self.robots = Robots(self.bodies, self.model)
         self._senses = Senses(self.bodies)
         self._pinged = np.zeros(scenario.robots.count, np.uint8)
         self._measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y)
@@ -84,6 +87,27 @@ class Simulator:
         self._senses.step()
         self._measuring.observe(self.tick, self.time)
 
+    @property
+    def sensed(self) -> Floats:
+        """What the robots sense, in the order of `model.sensors`: SI, shape (sensors, robots); NaN for what was never
+        measured. The simulator's own table, up to date for those for whom `sense` was called in this tick."""
+        return self.bodies.sensed
+
+    @property
+    def echoing(self) -> range:
+        """The rows of `sensed` that the sonars fill."""
+        return range(len(self.bodies.sensors), len(self.model.sensors))
+
+    def sense(self, robots: NDArray[np.intp] | None = None, echoes: bool = True) -> None:
+        """Bring `sensed` up to date for the robots with these indices (None: all), noise included; asked twice in a
+        tick, it says the same. echoes: whether the sonars as well, which is most of the work. Changes no state."""
+        self.bodies.sense(robots, echoes)
+
+    def act(self, actuator: str, robots: NDArray[np.intp] | slice, values: Floats) -> None:
+        """Ask these bodies to move: set their actuator of this name to `values` (SI), one for each, as `Body.act` does.
+        Stopped bodies do nothing; NaN leaves the value as it was. Raises MisuseError for no such actuator."""
+        self.bodies.act(actuator, robots, values)
+
     def readings(self, numbers: Sequence[int] | None = None) -> list[list[float]]:
         """What the robots with these indices (None: all) sense; see `Bodies.readings`."""
         return self.bodies.readings(numbers)
@@ -94,8 +118,12 @@ class Simulator:
 
     def ping(self, number: int, caste: float) -> None:
         """Robot `number` sends a ping that carries `caste`; those in reach hear it in the next tick."""
-        self._pinged[number] = round(max(0.0, min(MOST_CASTE, caste))) + 1
-        self._senses.ping(number, caste)
+        self.pings(np.array([number]), np.array([caste]))
+
+    def pings(self, robots: NDArray[np.intp], castes: Floats) -> None:
+        """The same for many robots. A robot that pings twice in a tick is heard once, the first time."""
+        self._pinged[robots] = 1.0 + np.clip(np.nan_to_num(castes, nan=MOST_CASTE), 0.0, MOST_CASTE)
+        self._senses.ping(robots, castes)
 
     def pinged(self) -> bytes:
         """Who has pinged since this was last asked, to show it: a byte for each robot, 0 or its latest caste + 1; empty

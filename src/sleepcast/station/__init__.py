@@ -1,6 +1,15 @@
 """The operator's desk, without a page: check, preview, send, stop, and a truthful account of what became of it."""
 
-from sleepcast.station.accounting import Accounting, Answer, Command, Outcome
+from sleepcast.station.accounting import (
+    FAULT,
+    MATCHED,
+    NOT_MATCHED,
+    SILENT,
+    Accounting,
+    Answer,
+    Command,
+    Outcome,
+)
 from sleepcast.station.desk import (
     DEADLINE,
     AddressError,
@@ -11,12 +20,19 @@ from sleepcast.station.desk import (
     Station,
 )
 from sleepcast.station.journal import Entry, Event, Journal, MemoryJournal
-from sleepcast.station.minds import FleetNames, Mind, Minds, Telemetry
-from sleepcast.station.preview import Preview
-from sleepcast.station.roster import Row, UnknownRobotError
+from sleepcast.station.minds import FleetNames, ManyMinds, Mind, Minds, Telemetry
+from sleepcast.station.preview import NO, UNKNOWN, YES, Preview
+from sleepcast.station.roster import UnknownRobotError
 
 __all__ = [
     "DEADLINE",
+    "FAULT",
+    "MATCHED",
+    "NO",
+    "NOT_MATCHED",
+    "SILENT",
+    "UNKNOWN",
+    "YES",
     "Accounting",
     "AddressError",
     "Answer",
@@ -25,6 +41,7 @@ __all__ = [
     "Event",
     "FleetNames",
     "Journal",
+    "ManyMinds",
     "MemoryJournal",
     "Mind",
     "Minds",
@@ -33,7 +50,6 @@ __all__ = [
     "Outcome",
     "Preview",
     "Report",
-    "Row",
     "SortError",
     "Station",
     "Telemetry",

@@ -6,13 +6,23 @@ is silent, with the time at which it was last heard.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from enum import StrEnum
-from math import inf
+from functools import cached_property
+from math import inf, nan
 from sys import float_info
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
+from sleepcast.channel.chorus import Answers as Said
+from sleepcast.channel.names import Names
+from sleepcast.station.roster import Index, Seconds
+
+Number = TypeVar("Number", bound=np.generic)
 
 
 class Outcome(StrEnum):
@@ -59,19 +69,117 @@ def answer_from(body: Mapping[str, object], now: float) -> Answer | None:
     return Answer(outcome, now, known, fault if isinstance(fault, str) else None)
 
 
-@dataclass(eq=False)
+OUTCOMES = tuple(Outcome)
+SILENT, MATCHED, NOT_MATCHED, FAULT = range(len(OUTCOMES) + 1)
+"""What a robot's code in a column of outcomes means: nothing heard, or one of `OUTCOMES` in their order."""
+
+
+class Answers(Mapping[str, Answer]):
+    """The first answer of each robot, by name, kept as columns by the robots' places on the roster (`names`)."""
+
+    def __init__(self, names: Names) -> None:
+        self.names = names
+        self._outcome: NDArray[np.uint8] = np.zeros(len(names), np.uint8)
+        self._heard: Seconds = np.empty(0)
+        self._value: Seconds = np.empty(0)
+        """As long as the roster from the first answer on."""
+        self._fault: NDArray[np.int32] | None = None
+        """Which of the texts of faults, from 1; made when a robot first says one."""
+        self._faults: list[str] = []
+        self._count = 0
+
+    def add(self, robot: int, answer: Answer) -> None:
+        """What one robot answers."""
+        some = np.array([robot])
+        fault = (answer.fault,) if answer.fault else ()
+        value = nan if answer.value is None else answer.value
+        code = OUTCOMES.index(answer.outcome) + 1
+        self._take(some, np.array([code], np.uint8), np.array([value]), fault, np.array([bool(fault)]), answer.heard)
+
+    def take(self, robots: Index, places: Index, said: Said, now: float) -> None:
+        """What many robots answer, each at its place in what was `said`; what cannot be understood is left out."""
+        codes = [_code(SAID.get(word)) for word in said.sorts]
+        sort = said.sort[places]
+        faults = (*said.faults, LATE)
+        fault = said.fault[places]
+        if "late" in said.sorts:
+            fault = np.where(sort == said.sorts.index("late"), np.int32(len(faults)), fault)
+        self._take(robots, np.array(codes, np.uint8)[sort], said.value[places], faults, fault, now)
+
+    def _take(
+        self,
+        robots: Index,
+        codes: NDArray[np.uint8],
+        values: Seconds,
+        faults: Sequence[str],
+        fault: NDArray[np.int32] | NDArray[np.bool_],
+        now: float,
+    ) -> None:
+        """Keep the answers of those of whom there is none yet. fault: which of `faults`, from 1, or 0."""
+        self._make_room()
+        new = (self._outcome[robots] == 0) & (codes > 0)
+        if not new.all():
+            robots, codes, values, fault = robots[new], codes[new], values[new], fault[new]
+        self._count += len(robots)
+        self._outcome[robots] = codes
+        self._heard[robots], self._value[robots] = now, values
+        if fault.any():
+            if self._fault is None:
+                self._fault = np.zeros(len(self._outcome), np.int32)
+            self._fault[robots] = np.where(fault > 0, fault + len(self._faults), 0)
+            self._faults += faults
+
+    def _make_room(self) -> None:
+        """Robots may have enrolled since the command was sent, and before the first answer there are no columns."""
+        self._outcome = _longer(self._outcome, len(self.names))
+        self._heard, self._value = _longer(self._heard, len(self.names)), _longer(self._value, len(self.names))
+        if self._fault is not None:
+            self._fault = _longer(self._fault, len(self.names))
+
+    @property
+    def codes(self) -> NDArray[np.uint8]:
+        """The outcome of each robot by its place, as `SILENT` and the others."""
+        return self._outcome
+
+    def fault(self, place: int) -> str | None:
+        """What the robot at a place said that went wrong."""
+        number = 0 if self._fault is None else int(self._fault[place])
+        return self._faults[number - 1] if number else None
+
+    def __getitem__(self, name: str) -> Answer:
+        place = self.names.place(name)
+        if place is None or place >= len(self._outcome) or not self._outcome[place]:
+            raise KeyError(name)
+        value = float(self._value[place])
+        outcome = OUTCOMES[self._outcome[place] - 1]
+        return Answer(outcome, float(self._heard[place]), None if value != value else value, self.fault(place))
+
+    def __iter__(self) -> Iterator[str]:
+        return (self.names[place] for place in np.flatnonzero(self._outcome).tolist())
+
+    def __len__(self) -> int:
+        return self._count
+
+
+def _longer(column: NDArray[Number], length: int) -> NDArray[Number]:
+    return column if len(column) == length else np.append(column, np.zeros(length - len(column), column.dtype))
+
+
+def _code(outcome: Outcome | None) -> int:
+    return 0 if outcome is None else OUTCOMES.index(outcome) + 1
+
+
 class Command:
     """A message that the desk sent and keeps account of.
 
-    addressed: the roster when it went out. predicted: the robots of which the desk was certain that they would obey.
-    answers: by robot, the first answer of each.
+    addressed: how many robots, from the first on, were on the roster when it went out. expected: the places of those
+    of which the desk was certain that they would obey. answers: by robot, the first answer of each.
     """
 
-    message: Message
-    addressed: tuple[str, ...]
-    predicted: frozenset[str] = frozenset()
-    answers: dict[str, Answer] = field(default_factory=dict)
-    last_sent: float = -inf
+    def __init__(self, message: Message, names: Names, expected: Index | None = None, last_sent: float = -inf) -> None:
+        self.message, self.addressed, self.last_sent = message, len(names), last_sent
+        self.expected: Index = np.empty(0, np.intp) if expected is None else expected
+        self.answers = Answers(names)
 
     @property
     def id(self) -> str:
@@ -86,47 +194,101 @@ class Command:
         """The expression; `STOP` or `RELEASE` for these two."""
         return self.message.text or self.message.kind.name
 
-    def silent(self) -> list[str]:
-        """The addressed robots that have not answered."""
-        return [name for name in self.addressed if name not in self.answers]
+    @property
+    def predicted(self) -> frozenset[str]:
+        """The names of those who were expected to obey."""
+        return frozenset(self.answers.names[place] for place in self.expected.tolist())
+
+    @property
+    def n_silent(self) -> int:
+        """How many of the addressed robots have not answered."""
+        return self.addressed - int(np.count_nonzero(self.answers.codes[: self.addressed]))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class Accounting:
     """What became of one command, names in the order of the roster. For a STOP, matched means that the robot says it
-    is stopped; for a RELEASE, that it is not stopped any more. last_heard: of each silent robot, the s of the desk's
-    clock at which it last said anything, None if it never did. faults: of each robot with a fault, what it said."""
+    is stopped; for a RELEASE, that it is not stopped any more.
+
+    codes: by place, as in `Answers.codes`; addressed: so many of them, from the first on, count as silent.
+    heard: when each was last heard (s of the desk's clock, -inf: never).
+    """
 
     command: str
     text: str
     now: float
-    matched: tuple[str, ...]
-    not_matched: tuple[str, ...]
-    fault: tuple[str, ...]
-    silent: tuple[str, ...]
-    last_heard: Mapping[str, float | None]
-    faults: Mapping[str, str]
+    codes: NDArray[np.uint8]
+    addressed: int
+    heard: Seconds
+    answers: Answers
+
+    @cached_property
+    def counts(self) -> list[int]:
+        """How many robots there are of each code."""
+        found: list[int] = np.bincount(self.codes, minlength=len(OUTCOMES) + 1).tolist()
+        return found
 
     @property
     def n_matched(self) -> int:
-        return len(self.matched)
+        return self.counts[MATCHED]
 
     @property
     def n_not_matched(self) -> int:
-        return len(self.not_matched)
+        return self.counts[NOT_MATCHED]
 
     @property
     def n_fault(self) -> int:
-        return len(self.fault)
+        return self.counts[FAULT]
+
+    @cached_property
+    def n_silent(self) -> int:
+        return self.addressed - int(np.count_nonzero(self.codes[: self.addressed]))
+
+    @cached_property
+    def matched(self) -> tuple[str, ...]:
+        return self._named(MATCHED)
+
+    @cached_property
+    def not_matched(self) -> tuple[str, ...]:
+        return self._named(NOT_MATCHED)
+
+    @cached_property
+    def fault(self) -> tuple[str, ...]:
+        return self._named(FAULT)
+
+    @cached_property
+    def silent(self) -> tuple[str, ...]:
+        return self._named(SILENT)
 
     @property
-    def n_silent(self) -> int:
-        return len(self.silent)
+    def last_heard(self) -> dict[str, float | None]:
+        """Of each silent robot, the s of the desk's clock at which it last said anything, None if it never did."""
+        return {name: self.heard_at(name) for name in self.silent}
+
+    @property
+    def faults(self) -> dict[str, str]:
+        """Of each robot with a fault, what it said."""
+        return {name: self.answers[name].fault or "" for name in self.fault}
+
+    def first_silent(self, most: int) -> list[str]:
+        """The first silent robots, so many at most."""
+        places = np.flatnonzero(self.codes[: self.addressed] == 0)[:most]
+        return [self.answers.names[place] for place in places.tolist()]
+
+    def heard_at(self, name: str) -> float | None:
+        """When a robot was last heard, None for never."""
+        place = self.answers.names.place(name)
+        heard = -inf if place is None or place >= len(self.heard) else float(self.heard[place])
+        return heard if heard > -inf else None
+
+    def _named(self, code: int) -> tuple[str, ...]:
+        codes = self.codes if code else self.codes[: self.addressed]
+        return tuple(self.answers.names[place] for place in np.flatnonzero(codes == code).tolist())
 
     @property
     def complete(self) -> bool:
         """Whether every robot has been heard from."""
-        return not self.silent
+        return not self.n_silent
 
     def sentence(self) -> str:
         """The account for a person: `matched 29, did not match 970, fault 0, silent 1: r12 last heard 8 s ago`."""
@@ -134,11 +296,11 @@ class Accounting:
             f"matched {self.n_matched}, did not match {self.n_not_matched}, "
             f"fault {self.n_fault}, silent {self.n_silent}"
         )
-        if not self.silent:
+        if self.complete:
             return counts
-        shown = [f"{name} {self._ago(name)}" for name in self.silent[:SHOWN]]
-        if len(self.silent) > SHOWN:
-            shown.append(f"and {len(self.silent) - SHOWN} more")
+        shown = [f"{name} {self._ago(name)}" for name in self.first_silent(SHOWN)]
+        if self.n_silent > SHOWN:
+            shown.append(f"and {self.n_silent - SHOWN} more")
         return f"{counts}: {', '.join(shown)}"
 
     def to_dict(self) -> dict[str, object]:
@@ -152,7 +314,7 @@ class Accounting:
         }
 
     def _ago(self, name: str) -> str:
-        heard = self.last_heard[name]
+        heard = self.heard_at(name)
         return "never heard" if heard is None else f"last heard {self.now - heard:.0f} s ago"
 
 
@@ -160,22 +322,7 @@ SHOWN = 5
 """Silent robots named in a sentence; more are counted."""
 
 
-def account(command: Command, now: float, heard: Mapping[str, float]) -> Accounting:
-    """The account of `command` at `now`. heard: when each robot was last heard (-inf: never)."""
-    by_outcome: dict[Outcome, list[str]] = {outcome: [] for outcome in Outcome}
-    for name in dict.fromkeys((*command.addressed, *command.answers)):
-        answer = command.answers.get(name)
-        if answer is not None:
-            by_outcome[answer.outcome].append(name)
-    silent = command.silent()
-    return Accounting(
-        command.id,
-        command.text,
-        now,
-        tuple(by_outcome[Outcome.MATCHED]),
-        tuple(by_outcome[Outcome.NOT_MATCHED]),
-        tuple(by_outcome[Outcome.FAULT]),
-        tuple(silent),
-        {name: heard[name] if heard.get(name, -inf) > -inf else None for name in silent},
-        {name: command.answers[name].fault or "" for name in by_outcome[Outcome.FAULT]},
-    )
+def account(command: Command, now: float, heard: Seconds) -> Accounting:
+    """The account of `command` at `now`. heard: when each robot was last heard (-inf: never), by place."""
+    answers = command.answers
+    return Accounting(command.id, command.text, now, answers.codes.copy(), command.addressed, heard.copy(), answers)

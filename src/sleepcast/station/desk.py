@@ -18,18 +18,21 @@ from dataclasses import dataclass
 from math import inf
 from threading import RLock
 
+import numpy as np
+
 from sleepcast.channel import Kind, Message
+from sleepcast.channel.chorus import Answers, Chorus
 from sleepcast.clock import Clock
 from sleepcast.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.language import Checked, Explanation, check
 from sleepcast.language.machine import Program
 from sleepcast.language.parts import walk
 from sleepcast.language.vocabulary import Vocabulary
-from sleepcast.station.accounting import Accounting, Answer, Command, Outcome, account, answer_from
+from sleepcast.station.accounting import Accounting, Command, account, answer_from
 from sleepcast.station.journal import Event, Journal, MemoryJournal
-from sleepcast.station.minds import FleetNames, Minds, Telemetry
-from sleepcast.station.preview import Preview, is_for_everybody, preview
-from sleepcast.station.roster import Roster
+from sleepcast.station.minds import FleetNames, ManyMinds, Mask, Minds, Telemetry, ToldByMany
+from sleepcast.station.preview import YES, Preview, Rows, is_for_everybody, preview
+from sleepcast.station.roster import Index, Roster, Some
 
 DEADLINE = 5.0
 """Seconds for which a one-shot command is good unless it says otherwise: time for repairs on a bad radio, too short
@@ -42,8 +45,14 @@ REPEAT_AFTER = 0.5
 """Seconds between two sendings of a STOP or RELEASE while somebody is not accounted for."""
 MAX_COMMANDS = 1_000
 """Commands whose answers are kept; the journal has them all."""
+MAX_ANSWERS = 16_000_000
+"""Answers that are kept, of all commands together: with more robots, of fewer commands; a third of a gigabyte."""
 MAX_REPORTS = 1_000
 """Latest reports that are kept for the page."""
+
+
+MANY = "robots"
+"""Who spoke, in the journal, where many said the same sort of thing at once."""
 
 
 class AddressError(MisuseError):
@@ -74,8 +83,9 @@ class Report:
 class Station:
     """One operator's desk; see the module for who may call what.
 
-    vocabulary, minds: the names and the minds of the fleet (a dictionary of nodes by name will do); `minds` is looked
-    into, never changed. outbox: takes what is sent. operator, epoch: who sends, and which life of that sender this is.
+    vocabulary, minds: the names and the minds of the fleet (see `station.minds`); `minds` is looked into, never
+    changed. Minds that answer for many tell by `observe_many`, others by `observe`. outbox: takes what is sent.
+    operator, epoch: who sends, and which life of that sender this is.
     """
 
     def __init__(
@@ -95,7 +105,9 @@ class Station:
         self.reports: deque[Report] = deque(maxlen=MAX_REPORTS)
         """What robots said unasked, the latest last."""
         self._vocabulary, self._minds, self._outbox, self._clock = vocabulary, minds, outbox, clock
-        self._roster = Roster(minds)
+        self._roster = Roster(minds.names if isinstance(minds, ManyMinds) else minds)
+        self._rows = Rows(minds)
+        self._told: ToldByMany | None = minds.told if isinstance(minds, ManyMinds) else None
         self._commands: dict[str, Command] = {}
         self._latch: Command | None = None
         """The last STOP or RELEASE."""
@@ -110,10 +122,11 @@ class Station:
 
     def preview(self, text: str) -> Preview:
         """Who would obey `text` now. Raises ReadError, and CheckError for a text that no robot could run."""
-        program = self._program(text)
-        with self._lock:
-            rows = list(self._roster)
-        return preview(program, rows, self._minds, self._clock.now(), self.stale_after)
+        return self._preview(self._program(text))
+
+    def _preview(self, program: Program) -> Preview:
+        told = self._rows if self._told is None else self._told
+        return preview(program, self._roster, told, self._clock.now(), self.stale_after)
 
     def _program(self, text: str) -> Program:
         return self.check(text).required()
@@ -137,10 +150,8 @@ class Station:
         except SleepcastError as error:
             self._note(Event.REFUSED, text=text, details={"reason": str(error)})
             raise
-        with self._lock:
-            rows = list(self._roster)
-        expected = preview(program, rows, self._minds, self._clock.now(), self.stale_after)
-        return self._broadcast(Kind.COMMAND, text, standing, seconds, frozenset(expected.yes))
+        expected = np.flatnonzero(self._preview(program).codes == YES)
+        return self._broadcast(Kind.COMMAND, text, standing, seconds, expected)
 
     def stop(self) -> Command:
         """Stop every body at once, whatever it is doing; it stays stopped until `release`."""
@@ -156,10 +167,10 @@ class Station:
             now, latest = self._clock.now(), self._latch
             if latest is None or now - latest.last_sent < REPEAT_AFTER:
                 return
-            silent = latest.silent()
+            silent = latest.n_silent
             if silent:
                 latest.last_sent = now
-                self._note(Event.REPEATED, subject=latest.id, text=latest.text, details={"silent": len(silent)})
+                self._note(Event.REPEATED, subject=latest.id, text=latest.text, details={"silent": silent})
                 self._outbox(latest.message)
 
     def _settle_address(self, program: Program, everybody: bool) -> None:
@@ -179,7 +190,7 @@ class Station:
         text: str = "",
         standing: bool = False,
         seconds: float = inf,
-        predicted: frozenset[str] = frozenset(),
+        expected: Index | None = None,
     ) -> Command:
         with self._lock:
             self._sequence += 1
@@ -187,18 +198,19 @@ class Station:
             message = Message(
                 self.operator, self.epoch, self._sequence, kind, now, now + seconds, text=text, standing=standing
             )
-            command = Command(message, self._roster.names(), predicted, last_sent=now)
+            command = Command(message, self._roster.names, expected, last_sent=now)
             self._commands[message.id] = command
             if kind is not Kind.COMMAND:
                 self._latch = command
-            while len(self._commands) > MAX_COMMANDS:
+            most = max(1, min(MAX_COMMANDS, MAX_ANSWERS // max(1, len(self._roster))))
+            while len(self._commands) > most:
                 del self._commands[next(iter(self._commands))]
             details = {
                 "kind": kind.value,
                 "standing": standing,
                 "deadline": message.deadline,
                 "digest": hashlib.sha256(text.encode()).hexdigest(),
-                "predicted": sorted(predicted),
+                "predicted": Some(self._roster.names, command.expected),
             }
             self._note(Event.SENT, subject=message.id, text=text, details=details)
             self._outbox(message)
@@ -210,35 +222,71 @@ class Station:
         """Take in what a robot says: an ANSWER to a command, a REPORT, or anything that shows that it is there."""
         with self._lock:
             now = self._clock.now()
-            self._roster.hear(message.sender, now)
+            place = self._roster.hear(message.sender, now)
             if message.kind is Kind.REPORT:
                 self.reports.append(Report(message.sender, now, message.body))
             elif message.kind is Kind.ANSWER:
-                self._take_answer(message, now)
+                command = self._commands.get(str(message.body.get("command")))
+                answer = answer_from(message.body, now)
+                if command is not None and answer is not None and place is not None:
+                    command.answers.add(place, answer)
             else:
                 return
             details = {"kind": message.kind.value, **message.body}
             subject = message.body.get("command", "")
             self._note(Event.HEARD, message.sender, subject=str(subject), details=details)
 
-    def _take_answer(self, message: Message, now: float) -> None:
-        command = self._commands.get(str(message.body.get("command")))
-        answer = answer_from(message.body, now)
-        if command is not None and answer is not None:
-            command.answers.setdefault(message.sender, answer)
+    def hear_many(self, chorus: Chorus) -> None:
+        """Take in what many robots say at once; their places are those of the roster. Reports are heard one by one, as
+        many as are kept; answers are one entry in the journal."""
+        said = chorus.words
+        if not isinstance(said, Answers):
+            for message in chorus.take(slice(-MAX_REPORTS, None)).messages():
+                self.hear(message)
+        with self._lock:
+            now = self._clock.now()
+            self._roster.heard[chorus.robots] = now
+            if isinstance(said, Answers):
+                command = self._commands.get(said.command)
+                if command is not None:
+                    command.answers.take(chorus.robots, chorus.places, said, now)
+                counts = np.bincount(said.sort[chorus.places], minlength=len(said.sorts)).tolist()
+                found = {word: count for word, count in zip(said.sorts, counts, strict=True) if count}
+                details = {"kind": chorus.kind.value, "robots": len(chorus), "outcomes": found}
+                self._note(Event.HEARD, MANY, subject=said.command, details=details)
 
     def observe(self, now: float, rows: Iterable[Telemetry]) -> None:
         """Take in telemetry of `now` (s of the desk's clock): what robots tell of themselves. Nodes are such rows."""
         with self._lock:
-            told = list(rows)
-            self._roster.observe(now, told)
-            latest = self._latch
-            if latest is None or now < latest.message.issued:
-                return
-            wanted = latest.kind is Kind.STOP
-            for row in told:
-                if row.stopped is wanted and row.name not in latest.answers:
-                    latest.answers[row.name] = Answer(Outcome.MATCHED, now)
+            told, stopped = [], []
+            for row in rows:
+                place = self._roster.enrol(row.name)
+                if place is not None:
+                    self._rows.take(place, row)
+                    told.append(place)
+                    stopped.append(row.stopped)
+            robots = np.array(told, np.intp)
+            self._roster.observe(robots, now)
+            self._settle_latch(robots, np.array(stopped, np.bool_), now)
+
+    def observe_many(self, now: float, robots: Index) -> None:
+        """The same of these robots, whose minds answer for many. Raises MisuseError for minds that do not."""
+        if self._told is None:
+            raise MisuseError("these minds tell one by one: give their rows to observe")
+        with self._lock:
+            self._told.take(robots)
+            self._roster.observe(robots, now)
+            if self._latch is not None:
+                self._settle_latch(robots, self._told.stopped(robots), now)
+
+    def _settle_latch(self, robots: Index, stopped: Mask, now: float) -> None:
+        """Robots that tell that they are stopped, or not, account for a STOP or RELEASE that was sent before."""
+        latest = self._latch
+        if latest is None or now < latest.message.issued:
+            return
+        there = robots[stopped == (latest.kind is Kind.STOP)]
+        said = Answers.alike(latest.id, len(there), "stopped")
+        latest.answers.take(there, np.arange(len(there)), said, now)
 
     # ---- afterwards
 
@@ -246,7 +294,8 @@ class Station:
     def roster(self) -> dict[str, float | None]:
         """Every robot by name, with the time at which it was last heard (s of the desk's clock), None if never."""
         with self._lock:
-            return {row.robot: row.heard if row.heard > -inf else None for row in self._roster}
+            heard = self._roster.heard.tolist()
+            return {name: at if at > -inf else None for name, at in zip(self._roster.names, heard, strict=False)}
 
     def commands(self) -> list[Command]:
         """What was sent, oldest first."""
@@ -259,7 +308,7 @@ class Station:
             found = self._commands.get(command)
             if found is None:
                 raise _no_such_command(command, self._commands)
-            return account(found, self._clock.now(), {row.robot: row.heard for row in self._roster})
+            return account(found, self._clock.now(), self._roster.heard)
 
     def why(self, robot: str, command: str | None = None) -> Explanation:
         """How `robot` evaluated a command (None: its last one): the tree of values and the first test that failed.
@@ -268,11 +317,11 @@ class Station:
         """
         with self._lock:
             known = command is None or command in self._commands
-            row = self._roster[robot]
+            self._roster.place(robot)
             commands = list(self._commands)
         if command is not None and not known:
             raise _no_such_command(command, commands)
-        mind = self._minds.get(row.robot)
+        mind = self._minds.get(robot)
         if mind is None:
             raise NoExplanationError(f"{robot} cannot be asked from here: only its radio is known, not its mind")
         try:

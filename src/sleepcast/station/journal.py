@@ -23,7 +23,8 @@ class Event(StrEnum):
     REFUSED = "refused"
     """The desk did not send; details: reason."""
     HEARD = "heard"
-    """A robot spoke; details: kind and what it said."""
+    """A robot spoke; details: kind and what it said. Many answered at once: how many robots, and how many of them with
+    which outcome."""
     REPEATED = "repeated"
     """The desk sent a message again; details: silent (how many robots were not accounted for)."""
 

@@ -1,20 +1,27 @@
 """Minds: what the desk may ask about the robots' minds, and the names that the fleet knows between them.
 
-The desk never touches a mind, it only asks; a dictionary of nodes by name is a `Minds`, and so is anything that
-answers for many robots at once.
+The desk never touches a mind, it only asks. A dictionary of nodes by name will do; minds that answer for many robots at
+once (`ManyMinds`) spare it asking a million times.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from copy import copy
-from typing import Protocol
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
 
 from sleepcast.language.explain import Explanation
+from sleepcast.language.machine import Program
 from sleepcast.language.names import Declared
 from sleepcast.language.operations import Entered
 from sleepcast.language.parts import Part
 from sleepcast.language.vocabulary import Vocabulary
+
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
 
 
 class Telemetry(Protocol):
@@ -56,6 +63,45 @@ Minds = Mapping[str, Mind]
 """The minds of a fleet by the robots' names."""
 
 
+Judged = tuple[Mask, NDArray[np.uint8], list[str]]
+"""What a test says of some robots: where it holds; where that cannot be said, which of the reasons, listed last, is why
+(from 1; 0 where it can be said)."""
+
+
+class Told(Protocol):
+    """What robots told of themselves when they last did, by their places."""
+
+    def judge(self, test: Program, robots: Index) -> Judged:
+        """What a test says of these robots, all of which have told of themselves."""
+
+
+class ToldByMany(Told, Protocol):
+    """The same of minds that tell all at once."""
+
+    def take(self, robots: Index) -> None:
+        """These robots tell of themselves now."""
+
+    def stopped(self, robots: Index) -> Mask:
+        """Which of these robots were stopped when they last told."""
+
+
+@runtime_checkable
+class ManyMinds(Protocol):
+    """Minds, in the order of the roster, that answer for many robots at once."""
+
+    @property
+    def names(self) -> Iterable[str]: ...
+
+    @property
+    def told(self) -> ToldByMany: ...
+
+    def declared(self, key: str) -> Declared | None:
+        """What any robot has learned under this key, or None."""
+
+    def heard(self) -> Iterable[str]:
+        """Every name that any robot has learned, as written."""
+
+
 class FleetNames:
     """The names that a fleet knows: its vocabulary, and what any of its minds has learned (a `Names` for the checker).
 
@@ -70,6 +116,8 @@ class FleetNames:
 
     def declared(self, key: str) -> Declared | None:
         """What the first mind that knows `key` has learned under it, or None."""
+        if isinstance(self._minds, ManyMinds):
+            return self._minds.declared(key)
         for mind in self._minds.values():
             found = mind.declared(key)
             if found is not None:
@@ -78,4 +126,6 @@ class FleetNames:
 
     def heard(self) -> Iterable[str]:
         """Every name that some mind has learned, each once."""
+        if isinstance(self._minds, ManyMinds):
+            return self._minds.heard()
         return {name: None for mind in self._minds.values() for name in mind.heard()}

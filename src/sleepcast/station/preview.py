@@ -8,39 +8,77 @@ certain no.
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import nan
+
+import numpy as np
+from numpy.typing import NDArray
 
 from sleepcast.language.machine import Program, evaluate
 from sleepcast.language.names import Operator
 from sleepcast.language.operations import Entered
 from sleepcast.language.parts import Part, acts, walk
+from sleepcast.language.undecided import CHANCE, DEED, asks, does, holds
 from sleepcast.language.vocabulary import Variable
-from sleepcast.station.minds import Mind, Minds
-from sleepcast.station.roster import Row
+from sleepcast.station.minds import Index, Judged, Mind, Minds, Telemetry, Told
+from sleepcast.station.roster import Roster
 
 NEVER_HEARD = "it has told nothing of itself yet"
 STALE = "its last news is too old"
+MAX_REASONS = 200
+"""Different reasons told apart in one preview, so that one fits a byte; the rest counts as the last of them."""
 
 
-@dataclass(frozen=True, slots=True)
+NO, YES, UNKNOWN = range(3)
+
+
+@dataclass(frozen=True, eq=False)
 class Preview:
-    """Names of the robots that would obey (`yes`), would not (`no`), and of which the desk cannot say (`unknown`, each
-    with the reason). everybody: the command has no test, or one that is true whatever the robot. oldest: the age in s
-    of the oldest news that a yes or no rests on (0 if none does)."""
+    """Who would obey: certainly (`yes`), certainly not (`no`), and of whom the desk cannot say (`unknown`).
 
-    yes: tuple[str, ...]
-    no: tuple[str, ...]
-    unknown: Mapping[str, str]
+    codes: NO, YES or UNKNOWN of each robot by its place, uint8. reason: why a robot is unknown, uint8, which of
+    `listed` from 1. names: of the robots, by place. everybody: the command has no test, or one that is true whatever
+    the robot. oldest: the age in s of the oldest news that a yes or no rests on (0 if none does).
+    """
+
+    codes: NDArray[np.uint8]
+    reason: NDArray[np.uint8]
+    listed: tuple[str, ...]
+    names: Sequence[str]
     everybody: bool
     oldest: float
+
+    def count(self, code: int) -> int:
+        """How many robots there are of this code."""
+        return int(np.count_nonzero(self.codes == code))
+
+    @cached_property
+    def yes(self) -> tuple[str, ...]:
+        """The robots that would obey."""
+        return self._named(YES)
+
+    @cached_property
+    def no(self) -> tuple[str, ...]:
+        """The robots that would not."""
+        return self._named(NO)
+
+    @cached_property
+    def unknown(self) -> Mapping[str, str]:
+        """The robots of which the desk cannot say, each with the reason."""
+        places = np.flatnonzero(self.codes == UNKNOWN).tolist()
+        return {self.names[place]: self.listed[self.reason[place] - 1] for place in places}
 
     @property
     def reasons(self) -> dict[str, int]:
         """Why robots are unknown, and how many for each reason, the most frequent first."""
-        return dict(Counter(self.unknown.values()).most_common())
+        counts = np.bincount(self.reason[self.codes == UNKNOWN], minlength=len(self.listed) + 1)[1:].tolist()
+        found = [(reason, count) for reason, count in zip(self.listed, counts, strict=True) if count]
+        return dict(sorted(found, key=lambda each: -each[1]))
+
+    def _named(self, code: int) -> tuple[str, ...]:
+        return tuple(self.names[place] for place in np.flatnonzero(self.codes == code).tolist())
 
 
 class Undecided(Exception):
@@ -62,7 +100,7 @@ class DeskMemory:
         return nan
 
     def draw(self) -> float:
-        raise Undecided("its test depends on chance")
+        raise Undecided(CHANCE)
 
     def read(self, part: Part) -> float:
         """A linked variable: known only if the robot told it with the others."""
@@ -85,16 +123,16 @@ class DeskMemory:
 
     def _asked(self, part: Part) -> Mind:
         if self.mind is None:
-            raise Undecided(f"its test depends on what the robot holds as {part.name}")
+            raise Undecided(holds(part.name))
         return self.mind
 
     def _quiet(self, program: Entered | None, part: Part) -> Entered | None:
         if program is not None and acts(program.root):
-            raise Undecided(f"its test evaluates {part.name}, which does something")
+            raise Undecided(does(part.name))
         return program
 
     def host(self, part: Part, *arguments: float) -> float:
-        raise Undecided(f"its test asks the robot itself: {part.name.upper()}")
+        raise Undecided(asks(part.name))
 
     def write(self, part: Part, value: float) -> float:
         raise self._deed(part)
@@ -112,38 +150,60 @@ class DeskMemory:
         raise self._deed(part)
 
     def _deed(self, part: Part) -> Undecided:
-        return Undecided("its test does something itself")
+        return Undecided(DEED)
 
 
-def preview(program: Program, rows: Iterable[Row], minds: Minds, now: float, stale_after: float) -> Preview:
-    """Who would obey `program`. rows: the roster; news older than `stale_after` s at `now` decide nothing."""
-    everybody = is_for_everybody(program)
-    obstacle = _obstacle(program)
-    test = program.test
-    memory = DeskMemory()
-    yes: list[str] = []
-    no: list[str] = []
-    unknown: dict[str, str] = {}
-    oldest = now
-    for row in rows:
-        if row.values is None:
-            unknown[row.robot] = NEVER_HEARD
-        elif now - row.told > stale_after:
-            unknown[row.robot] = STALE
-        elif test is None:
-            yes.append(row.robot)
-        elif obstacle:
-            unknown[row.robot] = obstacle
-        else:
-            memory.values, memory.groups, memory.mind = row.values, row.groups, minds.get(row.robot)
+class Rows:
+    """What robots told one by one (a `Told`). minds: theirs, as far as they can be asked."""
+
+    def __init__(self, minds: Minds) -> None:
+        self._minds = minds
+        self._rows: dict[int, tuple[str, list[float], frozenset[str]]] = {}
+
+    def take(self, place: int, news: Telemetry) -> None:
+        """What the robot at a place tells now; its numbers are copied."""
+        self._rows[place] = (news.name, list(news.values), news.groups)
+
+    def judge(self, test: Program, robots: Index) -> Judged:
+        memory = DeskMemory()
+        yes, reason = np.zeros(len(robots), np.bool_), np.zeros(len(robots), np.uint8)
+        reasons: dict[str, int] = {}
+        for at, place in enumerate(robots.tolist()):
+            name, memory.values, memory.groups = self._rows[place]
+            memory.mind = self._minds.get(name)
             try:
                 value = evaluate(test, memory)
-            except Undecided as reason:
-                unknown[row.robot] = str(reason)
-                continue
-            (yes if value < 0.0 or value > 0.0 else no).append(row.robot)
-            oldest = min(oldest, row.told)
-    return Preview(tuple(yes), tuple(no), unknown, everybody, now - oldest)
+            except Undecided as why:
+                if len(reasons) < MAX_REASONS:
+                    reasons.setdefault(str(why), len(reasons) + 1)
+                reason[at] = reasons.get(str(why), MAX_REASONS)
+            else:
+                yes[at] = value < 0.0 or value > 0.0
+        return yes, reason, list(reasons)
+
+
+def preview(program: Program, roster: Roster, told: Told, now: float, stale_after: float) -> Preview:
+    """Who would obey `program`. told: news of the roster; older than `stale_after` s at `now` it decides nothing."""
+    count = len(roster)
+    times = roster.told[:count].copy()
+    fresh = now - times <= stale_after
+    codes, reason = np.full(count, UNKNOWN, np.uint8), np.where(np.isfinite(times), np.uint8(2), np.uint8(1))
+    listed, oldest = [NEVER_HEARD, STALE], now
+    obstacle, test = _obstacle(program), program.test
+    if test is None:
+        codes[fresh] = YES
+    elif obstacle:
+        reason[fresh] = len(listed) + 1
+        listed.append(obstacle)
+    else:
+        robots = np.flatnonzero(fresh)
+        yes, why, reasons = told.judge(test, robots)
+        known = why == 0
+        codes[robots] = np.where(known, yes, UNKNOWN)
+        reason[robots] = why + np.uint8(len(listed))
+        listed += reasons
+        oldest = float(np.min(times[robots][known], initial=now))
+    return Preview(codes, reason, tuple(listed), roster.names, is_for_everybody(program), now - oldest)
 
 
 _DEEDS = frozenset({"set_user", "write", "defvar", "store", "act"})
@@ -156,7 +216,7 @@ def _obstacle(program: Program) -> str:
     if test is None:
         return ""
     if any(part.op in _DEEDS for part in walk(test.root)):
-        return "its test does something itself"
+        return DEED
     for part in walk(program.root):
         if part.form is test.form:
             break

@@ -1,16 +1,25 @@
-"""The roster: which robots there are, when each was last heard, and what it said of itself then."""
+"""The roster: which robots there are, when each was last heard, and when it last told anything of itself.
+
+A robot has a place, in the order of enrolment; what is known of many robots lies side by side, by place.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from math import inf
+from typing import overload
 
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.channel.names import Names
 from sleepcast.errors import MisuseError, did_you_mean
-from sleepcast.station.minds import Telemetry
 
 MAX_ROBOTS = 1_000_000
 """Robots on one roster; names beyond it are not taken in, so that a forger cannot fill the memory with names."""
+
+Index = NDArray[np.intp]
+Seconds = NDArray[np.float64]
 
 
 class UnknownRobotError(MisuseError):
@@ -21,61 +30,72 @@ class UnknownRobotError(MisuseError):
         super().__init__(f'there is no robot "{name}" among the {len(names)} on the roster{did_you_mean(name, names)}')
 
 
-@dataclass(slots=True)
-class Row:
-    """The latest news of one robot. told: when it last sent telemetry, heard: when it last sent anything (s of the
-    desk's clock, -inf: never). values, groups, stopped: as of `told`."""
-
-    robot: str
-    heard: float = -inf
-    told: float = -inf
-    values: list[float] | None = None
-    groups: frozenset[str] = frozenset()
-    stopped: bool = False
-
-
 class Roster:
-    """Robots by name, in the order in which they were enrolled."""
+    """Robots by name, in the order in which they were enrolled.
+
+    heard: when each last sent anything, told: when it last told of itself; s of the desk's clock, -inf for never, by
+    place, with room for robots that are still to come.
+    """
 
     def __init__(self, names: Iterable[str] = ()) -> None:
-        self._rows: dict[str, Row] = {}
-        for name in names:
-            self.enrol(name)
+        self.names = names.copy() if isinstance(names, Names) else Names()
+        self.heard: Seconds = np.full(len(self.names), -inf)
+        self.told: Seconds = np.full(len(self.names), -inf)
+        if not isinstance(names, Names):
+            for name in names:
+                self.enrol(name)
 
     def __len__(self) -> int:
-        return len(self._rows)
+        return len(self.names)
 
-    def __iter__(self) -> Iterator[Row]:
-        return iter(self._rows.values())
+    def place(self, name: str) -> int:
+        """The place of a robot. Raises UnknownRobotError."""
+        found = self.names.place(name)
+        if found is None:
+            raise UnknownRobotError(name, self.names)
+        return found
 
-    def __getitem__(self, name: str) -> Row:
-        """The row of a robot. Raises UnknownRobotError."""
-        row = self._rows.get(name)
-        if row is None:
-            raise UnknownRobotError(name, self._rows)
-        return row
+    def enrol(self, name: str) -> int | None:
+        """The place of a robot, a new one if need be; None if the roster is full."""
+        place = self.names.place(name)
+        if place is None and len(self.names) < MAX_ROBOTS:
+            place = self.names.add(name)
+            if place >= len(self.heard):
+                self.heard, self.told = _longer(self.heard), _longer(self.told)
+        return place
 
-    def names(self) -> tuple[str, ...]:
-        """Every robot's name."""
-        return tuple(self._rows)
+    def hear(self, name: str, now: float) -> int | None:
+        """Note that a robot has said something at `now`; gives its place."""
+        place = self.enrol(name)
+        if place is not None:
+            self.heard[place] = now
+        return place
 
-    def enrol(self, name: str) -> Row | None:
-        """The row of a robot, a new one if need be; None if the roster is full."""
-        row = self._rows.get(name)
-        if row is None and len(self._rows) < MAX_ROBOTS:
-            row = self._rows[name] = Row(name)
-        return row
+    def observe(self, robots: Index | slice, now: float) -> None:
+        """Note that these robots have told of themselves at `now`."""
+        self.heard[robots] = self.told[robots] = now
 
-    def hear(self, name: str, now: float) -> None:
-        """Note that a robot has said something at `now`."""
-        row = self.enrol(name)
-        if row is not None:
-            row.heard = now
 
-    def observe(self, now: float, told: Iterable[Telemetry]) -> None:
-        """Take in what robots tell of themselves at `now`; their numbers are copied."""
-        for news in told:
-            row = self.enrol(news.name)
-            if row is not None:
-                row.heard = row.told = now
-                row.values, row.groups, row.stopped = list(news.values), news.groups, news.stopped
+class Some(Sequence[str]):
+    """Robots by their places, named only when somebody looks."""
+
+    def __init__(self, names: Names, places: Index) -> None:
+        self._names, self._places = names, places
+
+    def __len__(self) -> int:
+        return len(self._places)
+
+    @overload
+    def __getitem__(self, at: int) -> str: ...
+
+    @overload
+    def __getitem__(self, at: slice) -> tuple[str, ...]: ...
+
+    def __getitem__(self, at: int | slice) -> str | tuple[str, ...]:
+        if isinstance(at, slice):
+            return tuple(self._names[place] for place in self._places[at].tolist())
+        return self._names[int(self._places[at])]
+
+
+def _longer(column: Seconds) -> Seconds:
+    return np.concatenate((column, np.full(max(16, len(column)), -inf)))

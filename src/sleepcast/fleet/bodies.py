@@ -1,0 +1,82 @@
+"""Bodies: what a fleet asks of its robots' bodies by itself - to stop, to be let go, to keep still while a robot sleeps
+or is frozen - of many at once where they can be asked so."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from sleepcast.fleet.columns import FleetState, Index, Mask, Rows
+from sleepcast.language.vocabulary import FROZEN, SLEEPING
+from sleepcast.robot import Robot
+
+
+@runtime_checkable
+class ManyBodies(Protocol):
+    """Bodies, by the robots' indices, of which many can be asked at once. See `Robot` for what each does."""
+
+    def stop(self, robots: Index, /) -> None: ...
+
+    def release(self, robots: Index, /) -> None: ...
+
+    def hold(self, robots: Index, still: Mask, /) -> None: ...
+
+
+class Embodied:
+    """The bodies of a fleet's robots. bodies: `ManyBodies`, or one by one what may be a `Robot`."""
+
+    def __init__(self, state: FleetState, bodies: Sequence[object | None]) -> None:
+        self._state, self._bodies = state, bodies
+        self._any_still = False
+        """Whether any body is held still."""
+
+    def stop(self, rows: Rows) -> None:
+        """Stop these robots; where the body has no latch of its own, functions that act are refused instead."""
+        self._state.stopped[rows.index] = True
+        if isinstance(self._bodies, ManyBodies):
+            self._bodies.stop(rows.robots)
+            return
+        for robot in rows.robots.tolist():
+            body = self._bodies[robot]
+            if isinstance(body, Robot):
+                body.stop()
+            else:
+                self._state.held[robot] = True
+
+    def release(self, rows: Rows) -> None:
+        """End `stop` for these robots."""
+        self._state.stopped[rows.index] = self._state.held[rows.index] = False
+        if isinstance(self._bodies, ManyBodies):
+            self._bodies.release(rows.robots)
+            return
+        for body in map(self._bodies.__getitem__, rows.robots.tolist()):
+            if isinstance(body, Robot):
+                body.release()
+
+    def resting(self, rows: Rows) -> Mask | None:
+        """Which of these robots sleep or are frozen, None if none of them."""
+        asleep, frozen = self._state.read(SLEEPING, rows), self._state.read(FROZEN, rows)
+        found = np.greater(asleep, 0.0) | np.greater(frozen, 0.0)
+        return np.broadcast_to(found, rows.size) if found.any() else None
+
+    def hold(self, rows: Rows) -> None:
+        """Robots that rest keep their bodies still, others do not."""
+        state, resting = self._state, self.resting(rows)
+        if resting is None and not self._any_still:
+            return
+        now = np.zeros(rows.size, np.bool_) if resting is None else resting
+        changed = rows.take(now != state.still[rows.index])
+        if changed.size == 0:
+            return
+        state.still[rows.index] = now
+        self._any_still = bool(state.still.any())
+        still = state.still[changed.index]
+        if isinstance(self._bodies, ManyBodies):
+            self._bodies.hold(changed.robots, still)
+            return
+        for robot, one in zip(changed.robots.tolist(), still.tolist(), strict=True):
+            body = self._bodies[robot]
+            if isinstance(body, Robot):
+                body.hold(one)

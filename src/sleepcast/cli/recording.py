@@ -14,6 +14,7 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.chorus import Chorus
 from sleepcast.cli.streams import complain
 from sleepcast.console.frames import Groups, flags_of
+from sleepcast.console.ledger import values_in_words
 from sleepcast.language import format_value
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Scenario
@@ -130,7 +131,8 @@ class Witness:
     def _account(self, command: Command, now: float) -> None:
         account = self._station.accounting(command.id)
         counts = (account.n_matched, account.n_not_matched, account.n_fault, account.n_silent)
-        body = AccountBody(command.id, account.text, *counts, len(command.expected))
+        values = values_in_words(command, account, self._swarm.vocabulary)
+        body = AccountBody(command.id, account.text, *counts, len(command.expected), values)
         self._recorder.note(ACCOUNTING, now, body)
         self._recorder.log(now, command.id, account.sentence())
 

@@ -11,7 +11,7 @@ import argparse
 import importlib
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from itertools import count
 from statistics import median
@@ -20,13 +20,14 @@ from time import perf_counter
 import numpy as np
 
 from benchmarks.fleet import rules
-from sleepcast.fleet.kernels import available
-from sleepcast.fleet.native import Kernel
+from sleepcast.fleet.kernels import Kernels, available
 
 LATENCY_BAR = 0.030
 """Seconds from the text of a new rule until 100,000 running robots have all evaluated it."""
 PREDICATE_BAR = 1.5e-9
 """Seconds a robot for the Bravo predicate."""
+CROWD_BARS = {100: 1e-6, 1_000: 200e-9, 100_000: 25e-9}
+"""Seconds a robot for a tick of the ten rules of the scenario `crowd`, by robots."""
 WARM = 8
 """Ticks before a tick of native code is timed: rules are walked until their code is there."""
 NATIVE_TICK = "a tick of ten rules, native"
@@ -162,6 +163,37 @@ def ten_rules(robots: int, turns: int) -> tuple[list[Row], list[Row]]:
     return rows(robots, ticking, base, absent), latency
 
 
+def crowd(turns: int, sizes: Sequence[int]) -> list[Row]:
+    """Ticks of fleets with the rules of the scenario `crowd`, walked and native; the ratio is to walking."""
+    found = []
+    for robots in sizes:
+        contenders: dict[str, Callable[[], object]] = {"walked": Crowd(robots, native=False).tick}
+        if available():
+            contenders["native"] = Crowd(robots, native=True).tick
+        times = in_turns(contenders, turns)
+        found += [
+            Row(f"{robots:,} robots, {name}", robots, taken, taken / times["walked"]) for name, taken in times.items()
+        ]
+    return found
+
+
+class Crowd:
+    """A fleet that runs the rules of `crowd`."""
+
+    def __init__(self, robots: int, *, native: bool) -> None:
+        self._ticks = count(1)
+        self.fleet = rules.crowd(robots, native=native)
+        for _ in range(WARM):
+            self.tick()
+            if self.fleet.kernels is not None:
+                self.fleet.kernels.settle()
+
+    def tick(self) -> None:
+        number = next(self._ticks)
+        self.fleet.think(number, number / 10)
+        self.fleet.said()
+
+
 def native_predicate(robots: int, turns: int, base: float) -> Row:
     """The Bravo predicate as native code alone: values and truths of all robots, nothing kept."""
     name = "sleepcast, native code alone"
@@ -169,8 +201,9 @@ def native_predicate(robots: int, turns: int, base: float) -> Row:
         return Row(name, robots, None, None)
     fleet = rules.fleet(rules.columns(robots))
     (outcome,) = fleet.evaluate(rules.BRAVO)
-    kernel = Kernel(outcome.memo.program)
-    taken = in_turns({name: lambda: kernel.run(fleet.memory, fleet.rows())}, turns)[name]
+    program, rows = outcome.memo.program, fleet.rows()
+    kernels = Kernels(hot=0)
+    taken = in_turns({name: lambda: kernels.run(fleet.memory, program, rows)}, turns)[name]
     return Row(name, robots, taken, taken / base)
 
 
@@ -190,14 +223,21 @@ def main() -> None:
         Bar("Bravo predicate, seconds a robot", best / million, PREDICATE_BAR, best / million <= PREDICATE_BAR),
         Bar("new rule, text to all evaluated, seconds", late, LATENCY_BAR, late <= LATENCY_BAR),
     ]
+    crowds = crowd(turns, (100, 1_000, 5_000) if given.quick else (100, 1_000, 10_000, 100_000))
+    for row in crowds:
+        if row.name.endswith("native") and row.robots in CROWD_BARS and row.seconds is not None:
+            wanted, taken = CROWD_BARS[row.robots], row.seconds / row.robots
+            bars.append(Bar(f"rules of crowd, {row.robots:,} robots, seconds a robot", taken, wanted, taken <= wanted))
     if given.json:
         tables: dict[str, list[Row] | list[Bar]]
-        tables = {"predicate": predicates, "ticks": ticks, "latency": latency, "bars": bars}
+        tables = {"predicate": predicates, "ticks": ticks, "latency": latency, "crowd": crowds, "bars": bars}
         json.dump({name: [asdict(row) for row in table] for name, table in tables.items()}, sys.stdout, indent=2)
         return
     for title, table in (("the Bravo predicate", predicates), ("ten rules", ticks), ("a new rule", latency)):
         print(f"\n{title}, {table[0].robots:,} robots; the last column is the ratio to NumPy by hand")
         print("\n".join(row.text for row in table))
+    print("\nthe rules of the scenario crowd; the last column is the ratio to walking")
+    print("\n".join(row.text for row in crowds))
     print()
     for bar in bars:
         print(f"{bar.name}: {bar.value:.3g}, wanted at most {bar.wanted:.3g}: {'met' if bar.met else 'not met'}")

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+import sleepcast
 from sleepcast.channel.message import Kind, Message
 from sleepcast.fleet import Fleet
 from sleepcast.language import Vocabulary
 from sleepcast.units import Quantity
 
 Columns: TypeAlias = dict[str, NDArray[np.float64]]
+CROWD = Path(sleepcast.__file__).parent / "scenarios" / "crowd" / "crowd.sleep"
 NAMES = ("fuel", "ordnance", "x", "y", "near1", "near2", "near3")
 BRAVO = "(AND (< (DIST x y 3 4) 5) (> fuel 0.5) (> ordnance 0.7))"
 RULES = (
@@ -45,6 +48,24 @@ def fleet(sensed: Columns, *, native: bool = False) -> Fleet:
     vocabulary = Vocabulary("bench", tuple(map(Quantity, NAMES)), (Quantity("throttle"), Quantity("lamp")))
     made = Fleet([f"r{i}" for i in range(count)], vocabulary, seed=1, native=native)
     made.sense(np.stack([sensed[name] for name in NAMES], axis=1), 0.0)
+    return made
+
+
+def crowd(robots: int, *, native: bool) -> Fleet:
+    """Scouts, at one per 4 m2, that have heard the message of the scenario `crowd`."""
+    source = np.random.default_rng(4)
+    side = 2.0 * robots**0.5
+    ranges = source.uniform(0.15, 6.5, (17, robots))
+    places = source.uniform(0.0, side, (2, robots))
+    heading, bumper = source.uniform(-np.pi, np.pi, robots), (source.random(robots) < 0.02) * 3.0
+    sensors = (
+        *(Quantity(name, "m") for name in ("x", "y", "front_range", *(f"sonar{i}" for i in range(16)))),
+        *(Quantity("heading", "rad"), Quantity("bumper"), Quantity("battery", low=0, high=1, shown_as="%")),
+    )
+    vocabulary = Vocabulary("scout", sensors, (Quantity("drive_speed", "m/s"), Quantity("drive_turn", "rad/s")))
+    made = Fleet([f"r{i}" for i in range(robots)], vocabulary, seed=1, native=native)
+    made.sense(np.stack([*places, *ranges, heading, bumper, np.full(robots, 0.9)], axis=1), 0.0)
+    made.receive(command(1, CROWD.read_text(encoding="utf-8").partition("@0s")[2]))
     return made
 
 

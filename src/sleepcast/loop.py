@@ -34,7 +34,7 @@ from sleepcast.simulator import MissionError, Order, Simulator
 from sleepcast.units import NONE, UNITS
 
 MAX_MINDS = 1_000_000
-"""Robots of one run: what the bar of the simulator asks for; they and their minds take about a gigabyte."""
+"""Robots of one run: with their minds and the desk they take a good gigabyte, and a tick some tenths of a second."""
 LONGEST_CATCH_UP = 0.25
 """Seconds of real time that a paced run may lag behind before it lets them go: a hiccup, not a rest of work."""
 WINDOW = 1.0
@@ -274,7 +274,7 @@ class Pace:
 def vocabulary_of(model: RobotModel) -> Vocabulary:
     """The names that robots of this model know. Raises VocabularyError for names that clash."""
     functions = (
-        HostFunction(f.name, f.call, f.dimensions, f.least, f.arguments, f.result, f.acts, f.labelled, f.doc)
+        HostFunction(f.name, f.call, f.dimensions, f.least, f.arguments, f.result, f.acts, f.labelled, f.doc, f.many)
         for f in model.functions
     )
     constants = (Constant(c.name, c.value, UNITS[c.unit].dimension if c.unit else NONE, c.doc) for c in model.constants)

@@ -51,7 +51,8 @@ class BodyFunction:
 
     The arguments are SI numbers, or one text if the function is `labelled`; the result is a number or None
     (done). dimensions: of each number, None where any will do; `least` of them must be given. result: dimension
-    of the value. acts: whether calling it does something to the world.
+    of the value. acts: whether calling it does something to the world. many: the name of the method that does the same
+    for many bodies at once (their indices, then a column for each argument), where they are kept so that there is one.
     """
 
     name: str
@@ -63,6 +64,7 @@ class BodyFunction:
     acts: bool = True
     labelled: bool = False
     doc: str = ""
+    many: str = ""
 
 
 @dataclass(frozen=True, slots=True)

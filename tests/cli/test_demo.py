@@ -134,7 +134,7 @@ def test_the_outcome_for_people(capsys: pytest.CaptureFixture[str]) -> None:
         (["run", "bravo", "--seconds", "nan"], "--seconds must be more than 0"),
         (["run", "bravo", "--seconds", "1e99"], "--seconds must be more than 0"),
         (["run", "bravo", "--robots", "0"], "--robots"),
-        (["run", "bravo", "--robots", "10001"], "--robots 10001 is too many"),
+        (["run", "bravo", "--robots", "1000001"], "--robots 1000001 is too many"),
         (["run", "bravo", "--density", "-4"], "--density must be from 1e-06 to 1e+07 square metres, not -4"),
         (["run", "bravo", "--seed", "-1"], "--seed"),
         (["run", "brvo"], "did you mean bravo?"),

@@ -77,7 +77,7 @@ def sensed(chance: Random, robots: int = ROBOTS) -> list[list[float]]:
 
 def forced(twins: Twins) -> Kernels:
     """Let the fleet of the twins make native code of everything at once."""
-    made = twins.fleet.kernels = twins.fleet.memory.kernels = Kernels(hot=1)
+    made = twins.fleet.kernels = twins.fleet.memory.kernels = Kernels(hot=0)
     return made
 
 
@@ -125,6 +125,38 @@ def test_every_function_of_numbers_gives_the_same_bits() -> None:
             twins.think()
             made.settle()
         twins.compare()
+
+
+FORMS = (
+    "(GAUSS x (ABS y))", "(GAUSS 0 1)", "(GAUSS 1 x)", "(GAUSS UNKNOWN 1)", "(RANDOM x y)", "(RANDOM 1 UNKNOWN)",
+    "(PROB x)", "(PROB UNKNOWN)", "(DICE (x 1) (0.3 (RANDOM 0 1)) (y 2))", "(DICE (0.1 UNKNOWN) (fuel (SETQ v1 3)))",
+    "(DOTIMES (i 5) (SETQ v1 (+ v1 (* i (RANDOM 0 1)))))", "(LET ((a x) (b y)) (DOTIMES (i 3) (SETQ a (+ a b i))) a)",
+    "(IF (IN bravo) (MARK) (UNMARK))", "(SETQ marking x)", "(AND x (SETQ v1 1) (OR y 3) (SETQ v1 2))", "(/= x y 1)",
+    "(OR x UNKNOWN y)", "(COND (x) ((> y 0) (RANDOM 0 1) 5) (UNKNOWN 3) (1 (PROB 0.5)))", "(twice (RANDOM x 2))",
+    "(LET ((a E2)) (IF (> a 0.5) (twice a) E2))", "(WHEN (> x 0) (DEFVAR v1 7) (DEFVAR v9 x))", "(SLEEP)",
+    "(PROGN (SETQ lamp x) (SETQ throttle (/ 1 y)) (SETQ lamp (SQRT fuel)))", "(MOD x y)", "(WRAP (* 100 x))",
+    "(IF (< x 1) (SETQ active3 1) 4)", "(IF UNKNOWN 1)", "(CLAMP x y 2)", "(DOTIMES (i 0) (TELL 1))",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("lanes", [1, native.LANES])
+def test_every_form_gives_the_same_and_draws_as_often(lanes: int) -> None:
+    chance = Random(11)
+    with patch.object(kernels, "LANES", lanes):
+        for form in FORMS:
+            twins = Twins(2 * ROBOTS, seed=3)
+            forced(twins)
+            twins.do("(PROGN (DEFVAR v1 0.5) (DEFVAR v2 1) (DEFUN twice (a) (* 2 a)) (SETQQ E2 (RANDOM 0 1)))")
+            twins.sense(sensed(chance, 2 * ROBOTS))
+            twins.do("(WHEN (> x 0) (JOIN bravo))")
+            twins.do(f"(RULE r (PROGN (SETQ v2 {form}) (SETQ v2 (RANDOM 0 1))))")
+            for _ in range(3):
+                twins.sense(sensed(chance, 2 * ROBOTS))
+                twins.think()
+                twins.compare()
+            assert any(
+                leg.kernel for leg in twins.fleet.memory.kernels.plan(twins.views[0]._mind, twins.fleet.state).legs
+            )
 
 
 def test_what_people_write_becomes_native_code_and_is_used() -> None:

@@ -10,8 +10,9 @@ from math import sqrt
 import numpy as np
 import pytest
 
+from sleepcast import loop
 from sleepcast.errors import MisuseError
-from sleepcast.loop import MAX_MINDS, Swarm
+from sleepcast.loop import Swarm
 from sleepcast.simulator import Changes, Simulator, Wall, choose, find_scenario
 from sleepcast.station import Station
 
@@ -78,9 +79,10 @@ class TestChanges:
         assert not scenario.shapes
         assert scenario.fenced
 
-    def test_more_robots_than_minds_are_refused(self) -> None:
-        simulator = Simulator(find_scenario("crowd", Changes(robots=MAX_MINDS + 1, walls=False)))
-        with pytest.raises(MisuseError, match=f"at most {MAX_MINDS} minds"):
+    def test_more_robots_than_minds_are_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(loop, "MAX_MINDS", 9)
+        simulator = Simulator(find_scenario("crowd", Changes(robots=10, walls=False)))
+        with pytest.raises(MisuseError, match=r"10 robots are too many: at most 9 minds"):
             Swarm(simulator)
 
 

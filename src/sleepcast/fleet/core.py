@@ -37,7 +37,6 @@ from sleepcast.language.explain import rehearse
 from sleepcast.language.form import show
 from sleepcast.language.machine import Program
 from sleepcast.language.reader import read
-from sleepcast.language.review import Checked, check
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Vocabulary, buffer_number
 
 
@@ -258,15 +257,11 @@ class Core:
         Robots that have learned different things may take it differently: one outcome for each sort. Raises ReadError
         and CheckError, before anything is evaluated, if any of them cannot run it.
         """
-        sorts: dict[int, Checked] = {}
 
-        def checked(number: int) -> int:
-            sorts[number] = check(text, Named(self.vocabulary, self.minds[number]))
-            return number
+        def program(number: int) -> Program:
+            return self.minds.library.program(text, lambda: [read(text)], Named(self.vocabulary, self.minds[number]))
 
-        found = self.memory.divide(self.rows(robots), checked)
-        programs = [(sorts[number].required(), rows) for number, rows, _ in found]
-        return [self.run(program, rows) for program, rows in programs]
+        return [self.run(found, rows) for found, rows, _ in self.memory.divide(self.rows(robots), program)]
 
     def run(self, program: Program, rows: Rows, command: str = "") -> Outcome:
         """Evaluate a program on these robots, and remember how to explain it."""
@@ -276,6 +271,7 @@ class Core:
         values = evaluate(memory, program, rows)
         steps = np.broadcast_to(np.asarray(memory.steps(rows), np.int32), rows.size)
         printed, memory.hosts, memory.printed = memory.printed, None, None
+        self.recall.weigh(memo)
         return Outcome(rows, memo, values, memory.matched[rows.index].copy(), steps, memory.noted, printed)
 
     def install(

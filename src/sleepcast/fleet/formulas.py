@@ -13,6 +13,7 @@ from itertools import combinations, pairwise
 
 from sleepcast.fleet import libm
 from sleepcast.fleet.assembly import Assembly
+from sleepcast.language import chance
 from sleepcast.language.functions import TWO_PI
 from sleepcast.language.parts import Part
 
@@ -32,6 +33,11 @@ def is_known(part: Part) -> bool:
     if name in TRUTHS:
         return name != "/=" or len(part.parts) <= MOST_DIFFERENT
     return name in FORMULAS and _NEEDS.get(name, name) in {name, *libm.addresses()}
+
+
+def has_logarithm() -> bool:
+    """Whether there is native code for what needs a logarithm."""
+    return "log" in libm.addresses()
 
 
 def holds(a: Assembly, name: str, numbers: Sequence[str]) -> str:
@@ -75,6 +81,42 @@ def _each(a: Assembly, name: str, count: int) -> str:
         lines += [f"%v{lane} = phi {a.real} [ {value}, %{before} ], [ {result}, %in{lane} ]"]
         before, value = f"after{lane}", f"%v{lane}"
     return "\n".join([*lines, f"ret {a.real} {value}", "}"])
+
+
+def quantile(a: Assembly, u: str, mask: str) -> str:
+    """The standard normal quantile of `u` in [0, 1), see `language.chance.normal`."""
+    u = a.select(a.compare("oeq", u, a.zero), a.number(2.0**-54), u)
+    q = a.binary("fsub", a.real, u, a.number(0.5))
+    centre = a.compare("ole", a.intrinsic("fabs", q), a.number(0.425))
+    r = a.binary("fsub", a.real, a.number(0.180625), a.binary("fmul", a.real, q, q))
+    top = a.binary("fmul", a.real, q, _polynomial(a, chance.CENTRE_TOP, r))
+    found = a.cell(a.real, a.binary("fdiv", a.real, top, _polynomial(a, chance.CENTRE_BOTTOM, r)))
+    outside = a.both(mask, a.neither(centre))
+    with a.when(a.any(outside)):
+        a.put(found, a.real, a.select(outside, _tail(a, u, q, outside), a.get(found, a.real)))
+    return a.get(found, a.real)
+
+
+def _tail(a: Assembly, u: str, q: str, mask: str) -> str:
+    low = a.compare("olt", q, a.zero)
+    near = a.select(low, u, a.binary("fsub", a.real, a.one, u))
+    r = a.intrinsic("sqrt", a.emit(f"fneg {a.real} {each(a, 'log', [near], mask)}"))
+    sizes = []
+    for shift, top, bottom in (
+        (1.6, chance.MIDDLE_TOP, chance.MIDDLE_BOTTOM),
+        (5.0, chance.TAIL_TOP, chance.TAIL_BOTTOM),
+    ):
+        x = a.binary("fsub", a.real, r, a.number(shift))
+        sizes.append(a.binary("fdiv", a.real, _polynomial(a, top, x), _polynomial(a, bottom, x)))
+    size = a.select(a.compare("ole", r, a.number(5.0)), *sizes)
+    return a.select(low, a.emit(f"fneg {a.real} {size}"), size)
+
+
+def _polynomial(a: Assembly, coefficients: Sequence[float], x: str) -> str:
+    total = a.number(coefficients[0])
+    for c in coefficients[1:]:
+        total = a.binary("fadd", a.real, a.binary("fmul", a.real, total, x), a.number(c))
+    return total
 
 
 def _fold(operation: str, empty: float, a: Assembly, numbers: Sequence[str], mask: str) -> str:

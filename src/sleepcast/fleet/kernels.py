@@ -168,7 +168,6 @@ class Kernels:
         if not isinstance(found, Future) or not found.done() or found.exception() or rows.size == 0:
             return None
         values, matched = np.empty(memory.state.count), memory.matched
-        matched[rows.index] = False
         left = self.evaluate(found.result(), memory.state, rows, [Sink(values, matched.view(np.uint8), None)])
         matched[left.index] = program.test is None
         return values[rows.index], left

@@ -320,6 +320,19 @@ class Lowering:
         self._in_trouble(a.both(known, self._unknown(a.binary("fsub", a.real, found, found))), mask)
         return a.select(known, found, a.nan)
 
+    def _gauss(self, part: Part, mask: str) -> str:
+        a = self.a
+        if not formulas.has_logarithm():
+            return self._give_up(mask)
+        mean, deviation = (self.value(each, mask) for each in part.parts)
+        known = a.compare("ord", mean, deviation)
+        self._in_trouble(a.compare("olt", deviation, a.zero), a.both(mask, known))
+        come = a.both(mask, known)
+        out = a.binary("fmul", a.real, deviation, formulas.quantile(a, self._draw(come), come))
+        found = a.binary("fadd", a.real, mean, out)
+        self._in_trouble(a.both(known, self._unknown(a.binary("fsub", a.real, found, found))), mask)
+        return a.select(known, found, a.nan)
+
     def _dice(self, part: Part, mask: str) -> str:
         a = self.a
         drawn, total, found, still = self._draw(mask), a.zero, a.zero, mask
@@ -335,7 +348,7 @@ class Lowering:
 
 def weight(part: Part) -> int:
     """About how much a part costs, of the measure of `LIGHT`."""
-    heavy = {"prob", "random", "dice", "dotimes", "fetch", "call", "in"}
+    heavy = {"prob", "random", "gauss", "dice", "dotimes", "fetch", "call", "in"}
     found = 0
     for inside in walk(part):
         costly = inside.op in heavy or (inside.op == "pure" and inside.function.name in formulas.COSTLY)

@@ -24,7 +24,7 @@ Meaning: TypeAlias = Mapping[Name, Program | bool | None]
 _EVERYWHERE = frozenset(
     {"const", "var", "local", "absent", "and", "or", "known", "cond", "clause", "if", "progn", "let"}
 )
-_NATIVE = _EVERYWHERE | {"dotimes", "set_user", "set_local", "in", "prob", "dice", "random", "pure"}
+_NATIVE = _EVERYWHERE | {"dotimes", "set_user", "set_local", "in", "prob", "dice", "random", "gauss", "pure"}
 _ONE_WAY = frozenset({"and", "or", "if", "cond", "clause", "dice"})
 """Parts of which only the first is evaluated whatever it gives."""
 

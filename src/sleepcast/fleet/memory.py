@@ -11,6 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from sleepcast.fleet.bodies import ManyBodies
 from sleepcast.fleet.chance import draws
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.evaluation import Evaluation, by_the_living
@@ -21,7 +22,7 @@ from sleepcast.language.machine import Program
 from sleepcast.language.names import UserVariable
 from sleepcast.language.parts import Label, Part, host_of, written
 from sleepcast.language.rehearsal import FLAGS
-from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, Kind, Variable
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, HostFunction, Kind, Variable
 
 Act = Callable[..., Column]
 """How one act is carried out: (memory, part, rows, *arguments) to its values."""
@@ -31,11 +32,15 @@ Found: TypeAlias = list[tuple[Program | None, Rows, Mask | None]]
 """Programs, each with the robots that have it and where they are among the rows (None: everywhere)."""
 
 
+Given: TypeAlias = tuple[Rows, Column | list[float | str]]
+
+
 class FleetMemory(Evaluation):
     """See the module. bodies: what the functions of the vocabulary are called on, by robot.
 
-    printed: what is reported, if it is a list. hosts: if it is a dictionary, what the robots' own functions gave: a
-    number, or why they failed. script: what they gave when it is all done again. kernels: native code, if there is any.
+    printed: what is reported, if it is a list. hosts: if it is a list, what the robots' own functions gave: robots, and
+    for each of them a number, or why it failed. script: what they gave when it is all done again. kernels: native code,
+    if there is any.
     """
 
     def __init__(
@@ -50,7 +55,7 @@ class FleetMemory(Evaluation):
         super().__init__(state, minds)
         self.speech, self.bodies, self.vocabulary, self._acts = speech, bodies, minds.vocabulary, acts
         self.printed: list[tuple[Index, str, Sequence[Column]]] | None = None
-        self.hosts: dict[int, list[float | str]] | None = None
+        self.hosts: list[Given] | None = None
         self.script: Iterator[float | str] | None = None
         self.kernels = kernels
 
@@ -183,7 +188,7 @@ class FleetMemory(Evaluation):
 
     @by_the_living
     def host(self, part: Part, rows: Rows, *arguments: Column) -> Column:
-        """Call a function of the robots' own software, robot by robot; whatever it raises is a fault."""
+        """Call a function of the robots' own software; whatever it raises is a fault."""
         function = host_of(part)
         unknown = np.zeros(rows.size, np.bool_)
         for argument in arguments:
@@ -200,39 +205,34 @@ class FleetMemory(Evaluation):
             self.refuse(part, known.take(held), f"the robot is stopped: {function.name} waits for RELEASE")
             known = known.take(~held)
             unknown[~unknown] = held
-        label = (part.data.text,) if isinstance(part.data, Label) else ()
-        columns = [argument[~unknown].tolist() for argument in arguments]
-        found = np.full(known.size, nan)
-        for place, robot in enumerate(known.robots.tolist()):
-            given = self._call(robot, function.name, lambda body, a: function.call(body, *label, *a), columns, place)
-            if isinstance(given, str):
-                self.refuse(part, Rows(np.array([robot]), 1, rows.first), given)
-            else:
-                found[place] = given
-        values[~unknown] = found
+        columns = [argument[~unknown] for argument in arguments]
+        given = self._ask(function, part, known, columns)
+        if self.hosts is not None:
+            self.hosts.append((known, given))
+        if isinstance(given, list):
+            for robot, why in zip(known.robots.tolist(), given, strict=True):
+                if isinstance(why, str):
+                    self.refuse(part, Rows(np.array([robot]), 1, rows.first), why)
+            given = np.array([nan if isinstance(one, str) else one for one in given])
+        values[~unknown] = given
         return self.answer(values)
 
-    def _call(
-        self,
-        robot: int,
-        name: str,
-        call: Callable[[object | None, list[float]], float | None],
-        columns: Sequence[list[float]],
-        place: int,
-    ) -> float | str:
-        """What one robot's own function gives: a number, NaN if it is not finite, or why it failed."""
+    def _ask(
+        self, function: HostFunction, part: Part, rows: Rows, columns: Sequence[Column]
+    ) -> Column | list[float | str]:
+        """What the robots' own function gives each of them: a number, NaN if it is not finite, or why it failed."""
         if self.script is not None:
-            return next(self.script)
-        given: float | str
-        try:
-            result = call(self.bodies[robot], [column[place] for column in columns])
-            given = 1.0 if result is None else float(result)
-            given = given if np.isfinite(given) else nan
-        except Exception as error:
-            given = f"{name} failed: {type(error).__name__}: {error}"
-        if self.hosts is not None:
-            self.hosts.setdefault(robot, []).append(given)
-        return given
+            return [next(self.script) for _ in range(rows.size)]
+        many = getattr(self.bodies, function.many) if function.many and isinstance(self.bodies, ManyBodies) else None
+        if many is not None:
+            found = many(rows.robots, *columns)
+            return np.broadcast_to(1.0, rows.size) if found is None else np.where(np.isfinite(found), found, nan)
+        label = (part.data.text,) if isinstance(part.data, Label) else ()
+        lists = [column.tolist() for column in columns]
+        return [
+            _call(function, self.bodies[robot], (*label, *(values[place] for values in lists)))
+            for place, robot in enumerate(rows.robots.tolist())
+        ]
 
     @by_the_living
     def act(self, part: Part, rows: Rows, *arguments: Column) -> Column:
@@ -250,3 +250,13 @@ class FleetMemory(Evaluation):
     def store(self, part: Part, rows: Rows, values: Column) -> Column:
         """SETQQ, RULE, and SETQ of a buffer."""
         return self.answer(self._acts["store"](self, part, rows, values))
+
+
+def _call(function: HostFunction, body: object | None, arguments: tuple[str | float, ...]) -> float | str:
+    """What one robot's own function gives: a number, NaN if it is not finite, or why it failed."""
+    try:
+        result = function.call(body, *arguments)
+        given = 1.0 if result is None else float(result)
+    except Exception as error:
+        return f"{function.name} failed: {type(error).__name__}: {error}"
+    return given if np.isfinite(given) else nan

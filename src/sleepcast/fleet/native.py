@@ -137,10 +137,23 @@ class Writer:
         if chancy:
             self._keep("draws", "", a.get(low.drawn, a.whole), well)
         for number, (value, matched, steps) in enumerate(results):
+            if not self._counted:
+                self._give("value", a.get(value, a.real), well)
+                self._give("fresh", a.convert("zext", a.truth, a.get(matched, a.truth), a.byte), well)
+                continue
             self._keep("value", number, a.get(value, a.real), well)
             self._count(number, a.both(well, a.get(matched, a.truth)))
-            if self._counted:
-                self._keep("steps", number, a.convert("trunc", a.whole, a.get(steps, a.whole), a.short), well)
+            self._keep("steps", number, a.convert("trunc", a.whole, a.get(steps, a.whole), a.short), well)
+
+    def _give(self, sort: str, value: str, mask: str) -> None:
+        """Write a column that nobody has written yet."""
+        a = self.a
+        kind = self._vector(sort)
+        place = self._at(sort, 0)
+        some = a.cell(kind, value)
+        with a.when(a.any(a.neither(mask))):
+            a.put(some, kind, a.select(mask, value, a.get(place, kind), kind))
+        a.put(place, kind, a.get(some, kind))
 
     def _count(self, number: int, matched: str) -> None:
         a = self.a

@@ -8,7 +8,7 @@ which gives the very same values.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,7 +18,7 @@ from sleepcast.fleet.acts import ACTS
 from sleepcast.fleet.columns import Column, FleetState, Mask, Rows
 from sleepcast.fleet.limits import MAX_RECOLLECTIONS, MEMO_BYTES, RECALL_BYTES, RECALL_LEAST
 from sleepcast.fleet.machine import evaluate
-from sleepcast.fleet.memory import FleetMemory
+from sleepcast.fleet.memory import FleetMemory, Given
 from sleepcast.fleet.minds import Mind, Minds
 from sleepcast.fleet.speech import Speech
 from sleepcast.language.chance import draw
@@ -49,14 +49,27 @@ class Memo:
     draws: NDArray[np.int32]
     columns: dict[int, Column | float]
     groups: dict[str, Mask]
-    hosts: dict[int, list[float | str]] = field(default_factory=dict)
+    hosts: list[Given] = field(default_factory=list)
 
     @property
     def bytes(self) -> int:
         """About how much memory it takes."""
         arrays: Iterable[object] = (self.rows.index, self.mind, self.proven, self.unproven_since, self.draws)
         kept = (*arrays, *self.columns.values(), *self.groups.values())
-        return MEMO_BYTES + sum(array.nbytes for array in kept if isinstance(array, np.ndarray))
+        return MEMO_BYTES + self.host_bytes + sum(array.nbytes for array in kept if isinstance(array, np.ndarray))
+
+    @property
+    def host_bytes(self) -> int:
+        """As much of it is what the robots' own functions gave."""
+        return sum(8 * len(given) for _, given in self.hosts if len(given) and not _alike(given))
+
+    def given(self, robot: int) -> Iterator[float | str]:
+        """What a robot's own functions gave it, in their order."""
+        for rows, given in self.hosts:
+            place = rows.place(robot)
+            if place is not None:
+                found = given[place]
+                yield found if isinstance(found, str) else float(found)
 
     def place(self, robot: int) -> int | None:
         """Where a robot is among those of the command."""
@@ -101,9 +114,17 @@ class Recall:
         if len(self._memos) == MAX_RECOLLECTIONS:
             self._drop()
         self._memos.append(memo)
-        while len(self._memos) > 1 and self._bytes > max(RECALL_BYTES * state.count, RECALL_LEAST):
-            self._drop()
+        self._bound()
         return memo
+
+    def weigh(self, memo: Memo) -> None:
+        """Count what the evaluation of the last memo has added to it."""
+        self._bytes += memo.host_bytes
+        self._bound()
+
+    def _bound(self) -> None:
+        while len(self._memos) > 1 and self._bytes > max(RECALL_BYTES * self._memory.state.count, RECALL_LEAST):
+            self._drop()
 
     def _drop(self) -> None:
         self._bytes -= self._memos.popleft().bytes
@@ -114,6 +135,11 @@ class Recall:
             if (command is None or memo.command == command) and memo.place(robot) is not None:
                 return memo
         return None
+
+
+def _alike(given: Column | list[float | str]) -> bool:
+    """Whether one number stands for all."""
+    return isinstance(given, np.ndarray) and given.strides == (0,)
 
 
 def recollect(memo: Memo, robot: int, vocabulary: Vocabulary, keys: NDArray[np.uint64]) -> Recollection:
@@ -135,7 +161,7 @@ def recollect(memo: Memo, robot: int, vocabulary: Vocabulary, keys: NDArray[np.u
         state.proven[0] = minds.add(memo.minds[int(memo.proven[place])])
         state.unproven_since[0] = memo.unproven_since[place]
     memory = FleetMemory(state, minds, Speech(state, ["again"]), ACTS, [None])
-    memory.answers, memory.script = [], iter(memo.hosts.get(robot, ()))
+    memory.answers, memory.script = [], memo.given(robot)
     before, groups = state.row(0), state.groups_of(0)
     evaluate(memory, memo.program, alone)
     time, tick = before[TIME_SLOT], int(before[TICK])

@@ -39,14 +39,14 @@ def normal(u: float) -> float:
     q = u - 0.5
     if abs(q) <= 0.425:
         r = 0.180625 - q * q
-        return q * _polynomial(_CENTRE_TOP, r) / _polynomial(_CENTRE_BOTTOM, r)
+        return q * _polynomial(CENTRE_TOP, r) / _polynomial(CENTRE_BOTTOM, r)
     r = math.sqrt(-math.log(u if q < 0 else 1.0 - u))
     if r <= 5.0:
         r -= 1.6
-        size = _polynomial(_MIDDLE_TOP, r) / _polynomial(_MIDDLE_BOTTOM, r)
+        size = _polynomial(MIDDLE_TOP, r) / _polynomial(MIDDLE_BOTTOM, r)
     else:
         r -= 5.0
-        size = _polynomial(_TAIL_TOP, r) / _polynomial(_TAIL_BOTTOM, r)
+        size = _polynomial(TAIL_TOP, r) / _polynomial(TAIL_BOTTOM, r)
     return -size if q < 0 else size
 
 
@@ -57,7 +57,8 @@ def _polynomial(coefficients: tuple[float, ...], x: float) -> float:
     return total
 
 
-_CENTRE_TOP = (
+# The coefficients of AS 241, numerator and denominator, highest power first: near 1/2, further out, and in the tails.
+CENTRE_TOP = (
     2509.0809287301226727,
     33430.575583588128105,
     67265.770927008700853,
@@ -67,7 +68,7 @@ _CENTRE_TOP = (
     133.14166789178437745,
     3.387132872796366608,
 )
-_CENTRE_BOTTOM = (
+CENTRE_BOTTOM = (
     5226.495278852545925,
     28729.085735721942674,
     39307.89580009271061,
@@ -77,7 +78,7 @@ _CENTRE_BOTTOM = (
     42.313330701600911252,
     1.0,
 )
-_MIDDLE_TOP = (
+MIDDLE_TOP = (
     7.7454501427834140764e-4,
     0.0227238449892691845833,
     0.24178072517745061177,
@@ -87,7 +88,7 @@ _MIDDLE_TOP = (
     4.6303378461565452959,
     1.42343711074968357734,
 )
-_MIDDLE_BOTTOM = (
+MIDDLE_BOTTOM = (
     1.05075007164441684324e-9,
     5.475938084995344946e-4,
     0.0151986665636164571966,
@@ -97,7 +98,7 @@ _MIDDLE_BOTTOM = (
     2.05319162663775882187,
     1.0,
 )
-_TAIL_TOP = (
+TAIL_TOP = (
     2.01033439929228813265e-7,
     2.71155556874348757815e-5,
     0.0012426609473880784386,
@@ -107,7 +108,7 @@ _TAIL_TOP = (
     5.4637849111641143699,
     6.6579046435011037772,
 )
-_TAIL_BOTTOM = (
+TAIL_BOTTOM = (
     2.04426310338993978564e-15,
     1.4215117583164458887e-7,
     1.8463183175100546818e-5,

@@ -69,6 +69,7 @@ class HostFunction:
     dimensions: one for each argument, None where any will do; `least` arguments must be given. result: dimension of
     the value. acts: whether it does something to the world (then an unknown argument never reaches it). labelled:
     whether its only argument is a text in quotes. `call(body, *arguments)` returns a float or None (which counts as 1).
+    many: the name of the method that does the same for many bodies at once, where they are kept so that there is one.
     """
 
     name: str
@@ -80,6 +81,7 @@ class HostFunction:
     acts: bool = True
     labelled: bool = False
     doc: str = ""
+    many: str = ""
 
     @property
     def usage(self) -> str:

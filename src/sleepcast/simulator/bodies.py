@@ -23,10 +23,12 @@ from numpy.typing import NDArray
 from sleepcast.channel.chance import GOLDEN, key, mix, uniform
 from sleepcast.errors import MisuseError, did_you_mean
 from sleepcast.simulator.areas import inside
-from sleepcast.simulator.bumpers import Bumpers
+from sleepcast.simulator.bumpers import Bumpers, least_cell
+from sleepcast.simulator.cones import Cones
 from sleepcast.simulator.echoes import Echoes
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.groups import value_quantities, values_of
+from sleepcast.simulator.neighbours import Neighbours
 from sleepcast.simulator.scenario import Scenario
 from sleepcast.simulator.sensors import sensors_of
 from sleepcast.simulator.world import Area, World
@@ -101,11 +103,12 @@ class Bodies:
         self.hit_x, self.hit_y = np.zeros(self.count), np.zeros(self.count)
         names = [sensor.name for sensor in self.sensors]
         self.bumper: Floats = self.known[names.index("bumper")] if robots.bumpers else np.zeros(self.count)
+        cones = Cones(ring.count, ring.beam / 2.0, ring.most, ring.incidence, robots.geometry.radius) if ring else None
         size = (scenario.width, scenario.height)
-        self.contact = Bumpers(robots, size, scenario.tick, self.world, machine) if robots.bumpers else None
-        self.echoes = (
-            Echoes(ring, robots.geometry.radius, self.sensed[own:], size, self.world, seed, machine) if ring else None
-        )
+        cell = cones.cell if cones else least_cell(robots, size, scenario.tick)
+        self.near = Neighbours(size, cell, self.count, self.world, machine)
+        self.contact = Bumpers(robots, scenario.tick, self.near, machine) if robots.bumpers else None
+        self.echoes = Echoes(ring, cones, self.sensed[own:], self.near, seed, machine) if ring and cones else None
         self._start()
         self.mode = np.full(self.count, Mode.WANDER if robots.wanders else Mode.DRIVE, np.int8)
         self.wanted_speed, self.wanted_turn = np.zeros(self.count), np.zeros(self.count)
@@ -124,6 +127,12 @@ class Bodies:
         wheels = self.scenario.robots.wheels
         return wheels is not None and bool(wheels.slip_left or wheels.slip_right or wheels.slip_noise)
 
+    def forget(self) -> None:
+        """Bodies have moved: what is known of who is near whom, and what was heard, is no longer so."""
+        self.near.forget()
+        if self.echoes:
+            self.echoes.forget()
+
     def place(self, number: int, x: float, y: float, heading: float) -> None:
         """Put a body somewhere, at rest, and let it know: both its real and its believed pose (m, rad)."""
         for across, up, towards in (
@@ -133,8 +142,7 @@ class Bodies:
             across[number], up[number], towards[number] = x, y, heading
         for still in (self.speed, self.left, self.right, self.bumper, self.hit_x, self.hit_y):
             still[number] = 0.0
-        if self.echoes:
-            self.echoes.forget()
+        self.forget()
 
     def act(self, actuator: str, which: Whole | slice, values: Floats) -> None:
         """Let these bodies drive with `values` of one actuator and what was wanted of the other; see `Body.act`."""

@@ -117,11 +117,16 @@ FUNCTIONS = (
         (SPEED, RATE),
         arguments="speed turn_rate",
         doc="Drives on at this speed and turn rate.",
+        many="drive",
     ),
-    BodyFunction("GOTO", Body.go_to, (LENGTH, LENGTH), arguments="x y", doc="Drives to a point and stays there."),
-    BodyFunction("WANDER", Body.wander, doc="Roams by itself again."),
-    BodyFunction("ST", Body.halt, doc="Comes to rest."),
-    BodyFunction("TUMBLE", Body.tumble, result=NONE, doc="Turns by 67 degrees, left or right by chance."),
+    BodyFunction(
+        "GOTO", Body.go_to, (LENGTH, LENGTH), arguments="x y", doc="Drives to a point and stays there.", many="go_to"
+    ),
+    BodyFunction("WANDER", Body.wander, doc="Roams by itself again.", many="wander"),
+    BodyFunction("ST", Body.halt, doc="Comes to rest.", many="halt"),
+    BodyFunction(
+        "TUMBLE", Body.tumble, result=NONE, doc="Turns by 67 degrees, left or right by chance.", many="tumble"
+    ),
     BodyFunction("TK", Body.say, arguments='"text"', labelled=True, doc="Says the text aloud."),
 )
 WHEEL_FUNCTIONS = (
@@ -131,6 +136,7 @@ WHEEL_FUNCTIONS = (
         (SPEED, SPEED),
         arguments="right left",
         doc="Turns the right and the left wheel at these speeds.",
+        many="turn_wheels",
     ),
 )
 SONAR_FUNCTIONS = (
@@ -142,6 +148,7 @@ SONAR_FUNCTIONS = (
         result=LENGTH,
         acts=False,
         doc="Distance to the nearest thing before this sonar; 0 is in front, then counter-clockwise.",
+        many="sonar",
     ),
     BodyFunction(
         "NEAREST",
@@ -151,6 +158,7 @@ SONAR_FUNCTIONS = (
         result=LENGTH,
         acts=False,
         doc="Distance to the nearest thing between two angles, counter-clockwise from the heading.",
+        many="nearest",
     ),
 )
 

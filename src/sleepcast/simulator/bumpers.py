@@ -13,36 +13,30 @@ import numpy as np
 from sleepcast.errors import MisuseError
 from sleepcast.simulator.contact import SKIN, Settled
 from sleepcast.simulator.engine import Machine
-from sleepcast.simulator.grid import Floats, Listed, distance, grid_over, list_solids, pairs, sort, spread
+from sleepcast.simulator.grid import Floats, distance, pairs, sort, spread
+from sleepcast.simulator.neighbours import Neighbours
 from sleepcast.simulator.robot_settings import RobotSpec
-from sleepcast.simulator.world import World
 
 MAX_ATTEMPTS = 1_000
 """Times that bodies which overlap at the start are put elsewhere: a world that is not full needs a few dozen."""
 CELL = 3.0
-"""Least side of a cell in radii of a body: about one body fits in. Where robots are rare, cells are larger."""
+"""Side of a cell in radii of a body, if nothing else asks for more: about one body fits in."""
 
 
 class Bumpers:
-    """What lets the bodies of `robots` touch each other and the solids of `world`. size: of the world, m."""
+    """What lets the bodies of `robots` touch each other and the solids of the world."""
 
-    def __init__(
-        self, robots: RobotSpec, size: tuple[float, float], tick: float, world: World, machine: Machine
-    ) -> None:
+    def __init__(self, robots: RobotSpec, tick: float, near: Neighbours, machine: Machine) -> None:
         self.parts, self.radius = robots.bumpers, robots.geometry.radius
-        self.world, self.machine = world, machine
-        self._reach = self.radius + SKIN + 2.0 * robots.limits.speed * tick
-        """How far away a solid may be that a body can touch in one tick, slip included, m."""
-        each = sqrt(size[0] * size[1] / robots.count)  # the side of a square for one robot
-        self._grid = grid_over(*size, max(CELL * self.radius, self._reach, each), robots.count)
-        self._listed: Listed | None = None
-        self._version = -1
+        self._near, self._machine = near, machine
+        self._reach = reach(robots, tick)
 
     def settle(self, x: Floats, y: Floats, across: Floats, up: Floats) -> Settled:
         """How far bodies at x, y (m) get on their way `across` and `up` (m)."""
-        points = self.machine.sort(self._grid, x, y)
-        return self.machine.settle(
-            self._grid, points, self._solids(), self.world.solids, self.radius, (x, y), (across, up)
+        near = self._near
+        listed = near.solids(self._reach)
+        return self._machine.settle(
+            near.grid, near.points(x, y), listed, near.world.solids, self.radius, (x, y), (across, up)
         )
 
     def part_of(self, settled: Settled, heading: Floats) -> Floats:
@@ -69,16 +63,22 @@ class Bumpers:
 
     def _overlapping(self, x: Floats, y: Floats) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
         every = np.arange(len(x))
-        i, j = pairs(self._grid, sort(self._grid, x, y), x, y, 2.0 * self.radius + SKIN, every)
-        listed, solids = self._solids(), self.world.solids
-        cell = self._grid.cells_of(x, y)
+        grid = self._near.grid
+        i, j = pairs(grid, sort(grid, x, y), x, y, 2.0 * self.radius + SKIN, every)
+        listed, solids = self._near.solids(self._reach), self._near.world.solids
+        cell = grid.cells_of(x, y)
         k, item = spread(every, listed.start[cell], listed.start[cell + 1])
         lines = solids[listed.items[item]]
         inside = distance(x[k], y[k], *lines[:, :4].T) < self.radius + lines[:, 4] + SKIN
         return np.unique(np.concatenate((i[i > j], k[inside])))
 
-    def _solids(self) -> Listed:
-        if self._listed is None or self._version != self.world.version:
-            self._listed = list_solids(self._grid, self.world, self._reach)
-            self._version = self.world.version
-        return self._listed
+
+def reach(robots: RobotSpec, tick: float) -> float:
+    """How far away a solid may be that a body can touch in one tick, slip included, m."""
+    return robots.geometry.radius + SKIN + 2.0 * robots.limits.speed * tick
+
+
+def least_cell(robots: RobotSpec, size: tuple[float, float], tick: float) -> float:
+    """The side of a cell for bodies that only touch, m; larger where they are rare."""
+    each = sqrt(size[0] * size[1] / robots.count)  # the side of a square for one robot
+    return max(CELL * robots.geometry.radius, reach(robots, tick), each)

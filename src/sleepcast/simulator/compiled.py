@@ -1,8 +1,8 @@
 """How kernels are compiled, and where their code is kept: a folder of the user's, since an installed package may not be
 written to.
 
-Contractions to fused multiply-adds are not allowed (they would differ between processors), nor may numbers be infinite
-or unknown. Compiled functions let other threads run.
+Contractions to fused multiply-adds are not allowed (they would differ between processors), nor, but for `strict` ones,
+may numbers be infinite or unknown. Compiled functions let other threads run.
 """
 
 from __future__ import annotations
@@ -10,27 +10,35 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Callable
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.extending import overload, register_jitable
+
+from sleepcast.simulator import formulas
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 FASTMATH = {"nnan", "ninf", "nsz"}
+SOURCES = ("kernels*.py", "compiled.py", "lanes.py", "formulas.py", "noise.py")
 
 
 def cache_folder() -> Path:
-    """The user's cache folder, or one among the temporary files where that cannot be written."""
+    """The user's cache folder, or one among the temporary files where that cannot be written. Another one for each
+    state of the sources: numba itself would not notice a change in what a kernel takes from another module."""
     caches = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    folder = Path(caches) / "sleepcast" / "kernels"
+    sources = sorted(source for names in SOURCES for source in Path(__file__).parent.glob(names))
+    state = sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:12]
+    folder = Path(caches) / "sleepcast" / "kernels" / state
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
         writable = False
     else:
         writable = os.access(folder, os.W_OK)
-    return folder if writable else Path(tempfile.gettempdir()) / f"sleepcast-kernels-{os.getuid()}"
+    return folder if writable else Path(tempfile.gettempdir()) / f"sleepcast-kernels-{os.getuid()}-{state}"
 
 
 _settings: Any = numba.config
@@ -44,7 +52,21 @@ def compiled(function: Kernel) -> Kernel:
     return cast(Kernel, make(function))
 
 
+def strict(function: Kernel) -> Kernel:
+    """A kernel that computes the same bits as NumPy, infinite and signed numbers included."""
+    return cast(Kernel, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+
+
 def inlined(function: Kernel) -> Kernel:
     """A small function that becomes part of the kernels that call it."""
     make = numba.njit(fastmath=FASTMATH, cache=True, nogil=True, error_model="numpy", inline="always")
     return cast(Kernel, make(function))
+
+
+@overload(formulas.either)
+def _either_of_numbers(condition, yes, no):  # type: ignore[no-untyped-def]  # numba wants it without types
+    return lambda condition, yes, no: yes if condition else no
+
+
+for formula in (formulas.sine_cosine, formulas.arc_tangent, formulas.wrap):
+    register_jitable(formula)

@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from math import cos, hypot, inf, pi, sin, tan
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,11 @@ class Cones:
         return self.radius + self.most + self.radius
 
     @property
+    def cell(self) -> float:
+        """The side of a cell of a grid that suits them: half the reach, and a little more for rounding, m."""
+        return 0.5000001 * self.reach
+
+    @property
     def axes(self) -> Floats:
         """Angles of the cones from the heading, rad, shape (count,)."""
         return np.arange(self.count, dtype=np.float64) * (2.0 * pi / self.count)
@@ -72,21 +78,22 @@ class Cones:
         return max(most, 2.0 * self.radius) + self.most / 1_000
 
 
-def ranges(
-    cones: Cones,
-    grid: Grid,
-    points: Sorted,
-    listed: Listed,
-    solids: Floats,
-    pose: tuple[Floats, Floats, Floats],
-    which: Whole,
-) -> Ranges:
-    """What the cones of the robots with indices `which` see: m from the rim, shape (len(which), count), float32;
-    `most` where there is nothing.
+class View(NamedTuple):
+    """What there is to see. pose: x, y in m and heading in rad of all robots; points: these positions, sorted in
+    `grid`; listed: the `solids` that come within `radius` + `most` of each of its cells."""
 
-    points: the positions of `pose` (x, y in m, heading in rad; of all robots), sorted in `grid`. listed: the `solids`
-    that come within `radius` + `most` of each of its cells.
-    """
+    cones: Cones
+    grid: Grid
+    points: Sorted
+    listed: Listed
+    solids: Floats
+    pose: tuple[Floats, Floats, Floats]
+
+
+def ranges(view: View, which: Whole) -> Ranges:
+    """What the cones of the robots with indices `which` see: m from the rim, shape (len(which), count), float32;
+    `most` where there is nothing."""
+    cones, grid, points, listed, solids, pose = view
     found = np.full((len(which), cones.count), cones.most, np.float32)
     place = np.empty(len(pose[0]), np.int64)
     for begin in range(0, len(which), AT_ONCE):

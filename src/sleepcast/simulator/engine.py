@@ -11,34 +11,27 @@ from typing import Protocol
 
 from sleepcast.errors import MisuseError
 from sleepcast.simulator import cones, contact, grid, noise
-from sleepcast.simulator.cones import Cones, Ranges
+from sleepcast.simulator.cones import Ranges, View
 from sleepcast.simulator.contact import Settled
 from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole
-from sleepcast.simulator.noise import Noise
+from sleepcast.simulator.noise import Ear, Noise
 
 MAX_THREADS = 64
 """Threads of one machine: more cores than this share one memory badly."""
 
 
 class Machine(Protocol):
-    """See `grid.sort`, `cones.ranges`, `contact.settle` and `noise.disturb` for what each does."""
+    """See `grid.sort`, `cones.ranges`, `contact.settle`, `noise.disturb` and `noise.tell` for what each does."""
 
     @property
     def name(self) -> str: ...
 
     def sort(self, grid: Grid, x: Floats, y: Floats, /) -> Sorted: ...
 
-    def ranges(
-        self,
-        cones: Cones,
-        grid: Grid,
-        points: Sorted,
-        listed: Listed,
-        solids: Floats,
-        pose: tuple[Floats, Floats, Floats],
-        which: Whole,
-        /,
-    ) -> Ranges: ...
+    def ranges(self, view: View, which: Whole, /) -> Ranges: ...
+
+    def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats, /) -> None:
+        """`ranges`, then `tell`."""
 
     def settle(
         self,
@@ -54,6 +47,8 @@ class Machine(Protocol):
 
     def disturb(self, seen: Ranges, which: Whole, noise: Noise, /) -> None: ...
 
+    def tell(self, seen: Ranges, which: Whole, ear: Ear, sensed: Floats, /) -> None: ...
+
 
 class NumPyMachine:
     """Everything in NumPy, on one thread."""
@@ -63,6 +58,10 @@ class NumPyMachine:
     ranges = staticmethod(cones.ranges)
     settle = staticmethod(contact.settle)
     disturb = staticmethod(noise.disturb)
+    tell = staticmethod(noise.tell)
+
+    def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats) -> None:
+        noise.tell(cones.ranges(view, which), which, ear, sensed)
 
 
 def choose(name: str | None = None, threads: int | None = None) -> Machine:

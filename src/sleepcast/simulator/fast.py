@@ -1,7 +1,7 @@
-"""The machine of compiled kernels: NumPy's arrays in and out, `kernels` in between, on one or more threads.
+"""The machine of compiled kernels: NumPy's arrays in and out, kernels in between, on one or more threads.
 
-Threads share the rows of cells, each with about as many robots; below `ALONE` robots one does everything, because
-waking another one takes longer.
+Threads share the rows of cells, each with about as many robots, or the robots by number; below `ALONE` robots one does
+everything, because waking another one takes longer.
 """
 
 from __future__ import annotations
@@ -10,17 +10,19 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
-from math import cos, inf, pi, sin
+from math import cos, pi, sin
 
 import numpy as np
 
-from sleepcast.simulator import kernels
-from sleepcast.simulator.cones import Cones, Ranges
+from sleepcast.simulator import kernels, kernels_contact, kernels_sonar
+from sleepcast.simulator.cones import Ranges, View
 from sleepcast.simulator.contact import SKIN, Settled
 from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole
-from sleepcast.simulator.noise import Noise
+from sleepcast.simulator.lanes import LANES
+from sleepcast.simulator.noise import Ear, Noise
+from sleepcast.simulator.walls import Walls, walls_of
 
-ALONE = 4_000
+ALONE = 5_000
 """Robots up to which one thread is faster than several."""
 STRETCHES = 4
 """Stretches of rows for each thread: when one thread is done early it takes over some of the rest."""
@@ -35,7 +37,9 @@ class NumbaMachine:
 
     def __init__(self, threads: int | None = None) -> None:
         self.threads = threads or len(os.sched_getaffinity(0))
-        self._pool = ThreadPoolExecutor(self.threads, "kernels") if self.threads > 1 else None
+        self._pool: ThreadPoolExecutor | None = None
+        self._kept: Ranges = np.empty(0, np.float32)
+        self._walls: tuple[Listed, Walls] | None = None
 
     def sort(self, grid: Grid, x: Floats, y: Floats) -> Sorted:
         cells, order = np.empty(len(x), np.int64), np.empty(len(x), np.int64)
@@ -43,36 +47,56 @@ class NumbaMachine:
         kernels.sort(x, y, grid.size, grid.across, grid.up, cells, start, order)
         return Sorted(order, start)
 
-    def ranges(
-        self,
-        cones: Cones,
-        grid: Grid,
-        points: Sorted,
-        listed: Listed,
-        solids: Floats,
-        pose: tuple[Floats, Floats, Floats],
-        which: Whole,
-    ) -> Ranges:
-        x, y, heading = (values[points.order] for values in pose)
-        asked = np.full(len(x), -1, np.int64)
-        asked[which] = np.arange(len(which))
-        found = np.empty((len(which), cones.count), np.float32)
-        apart = 2.0 * pi / cones.count
-        lone = cones.lone(apart) if cones.count == FOLDED else inf
-        lone = lone if lone < inf else -1.0
-        graze = sin(cones.incidence) if cones.incidence < pi / 2 else 1.0
-        cosines, sines, axis_cos, axis_sin = np.cos(heading), np.sin(heading), np.cos(cones.axes), np.sin(cones.axes)
-        lines = _with_lengths(solids)
+    def ranges(self, view: View, which: Whole) -> Ranges:
+        squares, rank = self._squares(view, which)
+        seen = np.empty((len(which), view.cones.count), np.float32)
+        kernels.collect(squares, rank, which, seen)
+        return seen
 
-        def stretch(first: int, last: int) -> None:
-            kernels.see(
-                *(x, y, cosines, sines, *points, asked, grid.size, grid.across, grid.up, lines, *listed),
-                *(cones.radius, cones.most, cos(cones.half), sin(cones.half), graze, cones.grazing, lone),
-                *(axis_cos, axis_sin, first, last, found),
+    def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats) -> None:
+        squares, rank = self._squares(view, which)
+        noise = ear.noise or Noise(0.0, 0.0, 0.0, 0, 0)
+        keys = np.uint64(noise.key), np.uint64(noise.dropout_key)
+
+        def work(first: int, last: int) -> None:
+            kernels.hear(
+                *(squares, rank, which[first:last], view.cones.count, ear.noise is not None),
+                *(noise.share, noise.dropout, *keys, ear.least, ear.most, ear.front, sensed),
             )
 
-        self._share(stretch, grid, points.start)
-        return found
+        self._share(len(which), work)
+
+    def _squares(self, view: View, which: Whole) -> tuple[Ranges, Whole]:
+        """The squared ranges that the robots `which` see, a row for each, and the number of each robot's row."""
+        cones, grid, points, listed, solids, pose = view
+        robots, order = len(pose[0]), points.order
+        if self._walls is None or self._walls[0] is not listed:
+            self._walls = listed, walls_of(listed, solids)
+        places = np.zeros((4, robots + LANES))
+        self._share(robots, lambda first, last: kernels.arrange(order, *pose, first, last, places))
+        asked = np.zeros(robots, bool)
+        asked[which] = True
+        rows, rank = np.empty(robots, np.int64), np.empty(robots, np.int64)
+        kernels.enlist(order, asked, rows, rank)
+        axes = np.append(cones.axes, np.zeros(-cones.count % LANES))
+        squares = self._room(len(which), len(axes))
+        lone = cones.lone(2.0 * pi / cones.count) if cones.count == FOLDED else np.inf
+        graze = sin(cones.incidence) if cones.incidence < pi / 2 else 1.0
+        x, y, cosines, sines = places
+        radii = np.full(robots, cones.radius)
+        walls = self._walls[1]
+
+        def see(first: int, last: int) -> None:
+            kernels_sonar.see(
+                *(x, y, cosines, sines, radii, rows, points.start, grid.size, grid.across, grid.up),
+                *(walls.solids, walls.start, walls.items, walls.news),
+                *(cones.radius, cones.radius, cones.reach, cones.most, cos(cones.half), sin(cones.half)),
+                *(graze, cones.grazing, lone if lone < np.inf else -1.0, False),
+                *(np.cos(axes), np.sin(axes), first, last, squares),
+            )
+
+        self._share_rows(see, grid, points.start)
+        return squares, rank
 
     def settle(
         self,
@@ -92,38 +116,47 @@ class NumbaMachine:
         ways = (x, y, across, up, *points, grid.size, grid.across, grid.up)
 
         def at_old(first: int, last: int) -> None:
-            kernels.stop_at_old(*ways, solids, *listed, radius, SKIN, reach, first, last, *stopped)
+            kernels_contact.stop_at_old(*ways, solids, *listed, radius, SKIN, reach, first, last, *stopped)
 
         def at_ways(first: int, last: int) -> None:
-            kernels.stop_at_ways(*ways, radius, SKIN, reach, first, last, *stopped, *settled)
+            kernels_contact.stop_at_ways(*ways, radius, SKIN, reach, first, last, *stopped, *settled)
 
-        self._share(at_old, grid, points.start)
-        self._share(at_ways, grid, points.start)
+        self._share_rows(at_old, grid, points.start)
+        self._share_rows(at_ways, grid, points.start)
         return settled
 
     def disturb(self, seen: Ranges, which: Whole, noise: Noise) -> None:
-        kernels.disturb(
-            *(seen, which, noise.share, noise.dropout, np.float32(noise.most)),
-            *(np.uint64(noise.key), np.uint64(noise.dropout_key)),
-        )
+        keys = np.uint64(noise.key), np.uint64(noise.dropout_key)
+        kernels.disturb(seen, which, noise.share, noise.dropout, np.float32(noise.most), *keys)
 
-    def _share(self, work: Callable[[int, int], None], grid: Grid, start: Whole) -> None:
+    def tell(self, seen: Ranges, which: Whole, ear: Ear, sensed: Floats) -> None:
+        if ear.noise is not None:
+            self.disturb(seen, which, ear.noise)
+        kernels.tell(seen, which, ear.least, ear.most, ear.front, sensed)
+
+    def _room(self, rows: int, columns: int) -> Ranges:
+        """Room for numbers of this shape, the same again each time: fresh memory costs more than the work."""
+        if rows * columns > self._kept.size:
+            self._kept = np.empty(rows * columns, np.float32)
+        return self._kept[: rows * columns].reshape(rows, columns)
+
+    def _share(self, count: int, work: Callable[[int, int], None]) -> None:
+        """Let `work` be done for so many things, in stretches of numbers."""
+        self._do(work, np.linspace(0, count, self.threads + 1).astype(int).tolist(), count)
+
+    def _share_rows(self, work: Callable[[int, int], None], grid: Grid, start: Whole) -> None:
         """Let `work` be done for all rows of cells, in stretches of about as many robots."""
         count = int(start[-1])
-        if self._pool is None or count <= ALONE:
-            work(0, grid.up)
-            return
         ends = start[grid.across :: grid.across]  # robots up to and with each row
         shares = np.arange(1, self.threads * STRETCHES) * (count / (self.threads * STRETCHES))
-        borders = [0, *(np.searchsorted(ends, shares) + 1).tolist(), grid.up]
+        self._do(work, [0, *(np.searchsorted(ends, shares) + 1).tolist(), grid.up], count)
+
+    def _do(self, work: Callable[[int, int], None], borders: list[int], count: int) -> None:
+        if self.threads == 1 or count <= ALONE:
+            work(borders[0], borders[-1])
+            return
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(self.threads, "kernels")
         jobs = [self._pool.submit(work, *pair) for pair in pairwise(borders) if pair[0] < pair[1]]
         for job in jobs:
             job.result()
-
-
-def _with_lengths(solids: Floats) -> Floats:
-    """As the kernel wants them: x, y, unit vector to the other end, length, radius; shape (6, n)."""
-    ex, ey = solids[:, 2] - solids[:, 0], solids[:, 3] - solids[:, 1]
-    length = np.sqrt(ex * ex + ey * ey)
-    whole = np.where(length > 0.0, length, 1.0)
-    return np.ascontiguousarray(np.stack((solids[:, 0], solids[:, 1], ex / whole, ey / whole, length, solids[:, 4])))

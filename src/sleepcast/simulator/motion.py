@@ -27,6 +27,7 @@ _UNIT_SPREAD = sqrt(12.0)
 def step(bodies: Bodies) -> None:
     """Move all bodies through the tick `bodies.tick`, and count it."""
     tick = bodies.scenario.tick
+    bodies.forget()
     speed, turn = _wanted(bodies, tick)
     moves = ~(bodies.held | _empty(bodies))
     _tumble(bodies, moves, turn, tick)
@@ -37,8 +38,8 @@ def step(bodies: Bodies) -> None:
     seen, real = roll(bodies, wheels, speed, turn, tick) if wheels else _glide(bodies, speed, turn, tick)
     _move(bodies, seen, real, tick)
     bodies.tick += 1
+    bodies.near.forget()
     if bodies.echoes:
-        bodies.echoes.forget()
         bodies.echoes.fire(bodies.tick, bodies.time, (bodies.x, bodies.y, bodies.heading))
 
 

@@ -1,4 +1,4 @@
-"""Noise of sonars: the same numbers from every machine, for a robot whoever else is asked.
+"""From ranges to readings: noise, losses and limits, the same from every machine, for a robot whoever else is asked.
 
 A draw hashes a key and a counter (robot and sonar) to 64 bits. Noise is the sum of their four quarters, less its mean:
 Irwin and Hall's distribution, close to normal up to two deviations and never beyond three and a half, and whole
@@ -8,6 +8,7 @@ numbers to the last step.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import sqrt
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.chance import GOLDEN, mix
-from sleepcast.simulator.grid import Whole
+from sleepcast.simulator.grid import Floats, Whole
 
 QUARTER = 65_536
 MIDDLE = 2 * QUARTER - 2
@@ -35,6 +36,23 @@ class Noise(NamedTuple):
     dropout_key: int
 
 
+@dataclass(frozen=True, slots=True)
+class Ear:
+    """How ranges become readings. least, most: m, what is nearer or farther reads as these. front: numbers of the
+    sonars in front. noise: None where readings are undisturbed, or disturbed already."""
+
+    least: float
+    most: float
+    front: Whole
+    noise: Noise | None
+
+
+def deviates(bits: NDArray[np.uint64]) -> Floats:
+    """Numbers with mean 0 and standard deviation 1 from 64 random bits each."""
+    total = sum((bits >> np.uint64(shift)) & np.uint64(QUARTER - 1) for shift in (0, 16, 32, 48))
+    return (np.asarray(total).astype(np.int64) - MIDDLE).astype(np.float64) * SCALE
+
+
 def disturb(seen: NDArray[np.float32], which: Whole, noise: Noise) -> None:
     """Disturb the ranges `seen` (m, shape (robots, sonars)) of the robots with these indices, in place."""
     sonars = np.arange(seen.shape[1], dtype=np.uint64)
@@ -42,10 +60,20 @@ def disturb(seen: NDArray[np.float32], which: Whole, noise: Noise) -> None:
     nothing = seen >= np.float32(noise.most)
     if noise.share:
         bits = mix(counters * np.uint64(GOLDEN) + np.uint64(noise.key))
-        total = sum((bits >> np.uint64(shift)) & np.uint64(QUARTER - 1) for shift in (0, 16, 32, 48))
-        deviates = (np.asarray(total).astype(np.int64) - MIDDLE).astype(np.float64) * SCALE
-        seen *= (1.0 + noise.share * deviates).astype(np.float32)
+        seen *= (1.0 + noise.share * deviates(bits)).astype(np.float32)
     if noise.dropout:
         bits = mix(counters * np.uint64(GOLDEN) + np.uint64(noise.dropout_key))
         nothing |= (bits >> np.uint64(11)).astype(np.float64) * 2.0**-53 < noise.dropout
     seen[nothing] = np.float32(noise.most)
+
+
+def tell(seen: NDArray[np.float32], which: Whole, ear: Ear, sensed: Floats) -> None:
+    """Put what the ranges `seen` (changed on the way) of the robots with these indices read as into their columns of
+    `sensed`, shape (sonars + 1, robots): m, and in the last row the least of those in front; NaN stays NaN. The limits
+    are as they were written, whatever became of them in single precision."""
+    if ear.noise is not None:
+        disturb(seen, which, ear.noise)
+    read = seen.T
+    told = np.where(read <= np.float32(ear.least), ear.least, np.minimum(read.astype(np.float64), ear.most))
+    sensed[:-1, which] = told
+    sensed[-1, which] = told[ear.front].min(axis=0)

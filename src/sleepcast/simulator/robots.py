@@ -6,9 +6,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import overload
 
+import numpy as np
+
 from sleepcast.robot import RobotModel
-from sleepcast.simulator.bodies import Bodies, Flags, Mode, Whole
-from sleepcast.simulator.body import Body
+from sleepcast.simulator.bodies import TURN, Bodies, Flags, Floats, Mode, Whole
+from sleepcast.simulator.body import TUMBLE, Body
 
 
 class Robots(Sequence[Body]):
@@ -33,12 +35,8 @@ class Robots(Sequence[Body]):
 
     def stop(self, robots: Whole) -> None:
         """See `Robot.stop`."""
-        bodies = self._bodies
-        moving = robots[~bodies.stopped[robots]]
-        bodies.mode[moving] = Mode.DRIVE
-        bodies.wanted_speed[moving] = bodies.wanted_turn[moving] = 0.0
-        bodies.swing[robots] = 0.0
-        bodies.stopped[robots] = True
+        self.halt(robots)
+        self._bodies.stopped[robots] = True
 
     def release(self, robots: Whole) -> None:
         """See `Robot.release`."""
@@ -47,3 +45,57 @@ class Robots(Sequence[Body]):
     def hold(self, robots: Whole, still: Flags) -> None:
         """See `Robot.hold`; still: for each of them."""
         self._bodies.held[robots] = still
+
+    # ---- what expressions may ask, as of `Body`; a column for each argument
+
+    def drive(self, robots: Whole, speed: Floats, turn_rate: Floats) -> None:
+        bodies, free = self._bodies, ~self._bodies.stopped[robots]
+        moving = robots[free]
+        bodies.mode[moving] = Mode.DRIVE
+        bodies.wanted_speed[moving], bodies.wanted_turn[moving] = speed[free], turn_rate[free]
+
+    def go_to(self, robots: Whole, x: Floats, y: Floats) -> None:
+        bodies, free = self._bodies, ~self._bodies.stopped[robots]
+        moving = robots[free]
+        left, bottom, right, top = bodies.fence
+        bodies.mode[moving] = Mode.GOTO
+        bodies.target_x[moving] = np.clip(x[free], left, right)
+        bodies.target_y[moving] = np.clip(y[free], bottom, top)
+
+    def wander(self, robots: Whole) -> None:
+        self._bodies.mode[robots[~self._bodies.stopped[robots]]] = Mode.WANDER
+
+    def halt(self, robots: Whole) -> None:
+        at_rest = np.zeros(len(robots))
+        self.drive(robots, at_rest, at_rest)
+        self._bodies.swing[robots] = 0.0
+
+    def tumble(self, robots: Whole) -> Floats:
+        bodies = self._bodies
+        drawn = bodies.drawn(f"tumble {bodies.tick}", bodies.numbers[robots])
+        sides = np.where(drawn < 0.5, 1.0, -1.0)
+        free = ~bodies.stopped[robots]
+        bodies.swing[robots[free]] = sides[free] * TUMBLE
+        return sides
+
+    def turn_wheels(self, robots: Whole, right: Floats, left: Floats) -> None:
+        wheels = self._bodies.scenario.robots.wheels
+        assert wheels
+        self.drive(robots, (right + left) / 2.0, (right - left) / wheels.track)
+
+    def sonar(self, robots: Whole, which: Floats) -> Floats:
+        if not self._bodies.echoes:
+            return np.array([self[i].sonar(one) for i, one in zip(robots.tolist(), which.tolist(), strict=True)])
+        ranges = self._bodies.echo(robots.tolist())
+        found: Floats = ranges[np.arange(len(robots)), np.trunc(which).astype(np.int64) % ranges.shape[1]]
+        return found
+
+    def nearest(self, robots: Whole, first: Floats, last: Floats) -> Floats:
+        echoes = self._bodies.echoes
+        if not echoes:
+            ends = zip(robots.tolist(), first.tolist(), last.tolist(), strict=True)
+            return np.array([self[i].nearest(*angles) for i, *angles in ends])
+        wide = np.where(last - first >= TURN, last - first, np.mod(last - first, TURN))
+        there = np.mod(echoes.cones.axes - first[:, None], TURN) <= wide[:, None]
+        found: Floats = np.where(there, self._bodies.echo(robots.tolist()), echoes.ring.most).min(axis=1)
+        return found

@@ -1,0 +1,77 @@
+"""Sixteen at a time: `keep` packs the points in reach out of sixteen, with one vector instruction where the processor
+has it (AVX-512) and LLVM knows how to say it, else one by one; the outcome is the same.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from llvmlite import binding, ir
+from numba.core import types
+from numba.extending import intrinsic
+
+from sleepcast.simulator.compiled import FASTMATH, inlined
+
+LANES = 16
+COMPRESS = "llvm.experimental.vector.compress"
+KNOWN_BY = (19, 22)
+"""Versions of LLVM, first and last tried, that know COMPRESS."""
+
+
+@inlined
+def _keep_one_by_one(cx, cy, first, px, py, limit, bx, by, bj, n):
+    for lane in range(LANES):
+        j = first + np.uint64(lane)
+        dx, dy = cx[j] - px, cy[j] - py
+        bx[n], by[n], bj[n] = dx, dy, np.int32(j)
+        n += np.uint64(dx * dx + dy * dy < limit)
+    return n
+
+
+@intrinsic
+def _keep_at_once(typing, cx, cy, first, px, py, limit, bx, by, bj, n):
+    """The same in LLVM's words."""
+    single, short = ir.FloatType(), ir.IntType(32)
+    singles, shorts = ir.VectorType(single, LANES), ir.VectorType(short, LANES)
+    bits = ir.VectorType(ir.IntType(1), LANES)
+    flags = tuple(sorted(FASTMATH))
+
+    def generate(context, build, signature, arguments):
+        _, _, first, px, py, limit, _, _, _, n = arguments
+
+        def place(number, index, vector):
+            array = context.make_array(signature.args[number])(context, build, arguments[number])
+            return build.bitcast(build.gep(array.data, [index]), vector.as_pointer())
+
+        def every(value, vector):
+            one = build.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(short, 0))
+            return build.shuffle_vector(one, ir.Constant(vector, ir.Undefined), ir.Constant(shorts, [0] * LANES))
+
+        dx = build.fsub(build.load(place(0, first, singles), align=4), every(px, singles), flags=flags)
+        dy = build.fsub(build.load(place(1, first, singles), align=4), every(py, singles), flags=flags)
+        square = build.fadd(build.fmul(dx, dx, flags=flags), build.fmul(dy, dy, flags=flags), flags=flags)
+        kept = build.fcmp_ordered("<", square, every(limit, singles), flags=flags)
+        number = build.add(every(build.trunc(first, short), shorts), ir.Constant(shorts, list(range(LANES))))
+        for target, value, vector, name in (
+            *((6, dx, singles, "v16f32"), (7, dy, singles, "v16f32"), (8, number, shorts, "v16i32")),
+        ):
+            shape = ir.FunctionType(vector, [vector, bits, vector])
+            name = f"{COMPRESS}.{name}"
+            compress = build.module.globals.get(name) or ir.Function(build.module, shape, name)
+            packed = build.call(compress, [value, kept, ir.Constant(vector, ir.Undefined)])
+            build.store(packed, place(target, n, vector), align=4)
+        count = build.ctpop(build.bitcast(kept, ir.IntType(LANES)))
+        return build.add(n, build.zext(count, ir.IntType(64)))
+
+    long, real = types.uint64, types.float32
+    return long(cx, cy, long, real, real, real, bx, by, bj, long), generate
+
+
+def at_once() -> bool:
+    """Whether this processor and this LLVM can."""
+    known = KNOWN_BY[0] <= binding.llvm_version_info[0] <= KNOWN_BY[1]
+    return known and bool(binding.get_host_cpu_features().get("avx512f"))
+
+
+keep = _keep_at_once if at_once() else _keep_one_by_one
+"""Put dx, dy and the number of those of the points cx, cy (float32) from `first` on that are in reach of px, py into
+bx, by, bj from `n` on; gives the new n. limit: the square of the reach. Room for LANES more must be there."""

@@ -1,0 +1,80 @@
+"""Walls as the compiled sonar wants them: for each cell, round solids first, then pieces of walls by direction and by
+line, two pieces of one line at a time, so that what pieces have in common is worked out once.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.simulator.grid import Floats, Listed, Whole
+
+SAME_LINE, NEW_LINE, NEW_DIRECTION, ROUND = 0, 1, 2, 3
+"""What listed solids have in common with those before them."""
+SAME_ANGLE, SAME_HEIGHT = 1e-9, 1e-7
+"""rad and m by which pieces may differ that are taken as parts of one line."""
+
+
+class Walls(NamedTuple):
+    """solids: as columns unit vector along the line (x, y), how far the line passes the origin on its right, where the
+    piece begins and ends along it, radius; of round ones x, y, 0, 0, 0, radius; the last is a piece of nothing. m,
+    shape (6, n + 1). start: where each cell's entries begin, shape (cells + 1,). items: the one or two solids of each
+    entry, shape (entries, 2). news: SAME_LINE and so on for each entry."""
+
+    solids: Floats
+    start: Whole
+    items: NDArray[np.int32]
+    news: NDArray[np.int8]
+
+
+def walls_of(listed: Listed, solids: Floats) -> Walls:
+    """The `listed` rows of `solids` (see `world.World.solids`)."""
+    columns, direction, line = _columns(solids)
+    cell = np.repeat(np.arange(len(listed.start) - 1), np.diff(listed.start))
+    items = listed.items[np.lexsort((listed.items, line[listed.items], direction[listed.items], cell))]
+    if not len(items):
+        return Walls(columns, listed.start, np.empty((0, 2), np.int32), np.empty(0, np.int8))
+    other_cell = _changes(cell)
+    other_direction = other_cell | _changes(direction[items])
+    other_line = other_direction | _changes(line[items]) | (direction[items] < 0)
+    # Every second piece of a run on one line goes with the one before it.
+    places = np.arange(len(items))
+    first = (places - np.maximum.accumulate(np.where(other_line, places, 0))) % 2 == 0
+    paired = np.append(~first[1:], False)[first]
+    following = np.append(items[1:], 0)[first]
+    news = np.where(other_direction, NEW_DIRECTION, np.where(other_line, NEW_LINE, SAME_LINE))[first]
+    news[direction[items[first]] < 0] = ROUND
+    start = np.zeros(len(listed.start), np.int64)
+    np.cumsum(np.bincount(cell[first], minlength=len(start) - 1), out=start[1:])
+    entries = np.stack((items[first], np.where(paired, following, len(solids))), axis=1)
+    return Walls(columns, start, entries.astype(np.int32), news.astype(np.int8))
+
+
+def _columns(solids: Floats) -> tuple[Floats, Whole, Whole]:
+    """The solids as columns, and the number of each one's direction (-1 for round ones) and line."""
+    x0, y0, x1, y1, radius = solids.T
+    ex, ey = x1 - x0, y1 - y0
+    length = np.sqrt(ex * ex + ey * ey)
+    round_ = radius > 0.0
+    length[round_] = 1.0
+    back = (ex < -SAME_ANGLE * length) | ((np.abs(ex) <= SAME_ANGLE * length) & (ey < 0.0))
+    ex, ey = np.where(back, -ex, ex) / length, np.where(back, -ey, ey) / length
+    _, first, direction = np.unique(
+        np.round(np.stack((ex, ey)) / SAME_ANGLE), axis=1, return_index=True, return_inverse=True
+    )
+    direction = np.where(round_, -1, direction.reshape(-1))
+    ex, ey = ex[first[direction]], ey[first[direction]]
+    height = y0 * ex - x0 * ey
+    begin, end = x0 * ex + y0 * ey, x1 * ex + y1 * ey
+    _, line = np.unique(np.stack((direction, np.round(height / SAME_HEIGHT))), axis=1, return_inverse=True)
+    columns = np.stack((ex, ey, height, np.minimum(begin, end), np.maximum(begin, end), radius))
+    columns[:, round_] = np.stack((x0, y0, 0.0 * x0, 0.0 * x0, 0.0 * x0, radius))[:, round_]
+    nothing = np.array([[1.0, 0.0, 0.0, 1e8, -1e8, 0.0]]).T
+    return np.concatenate((columns, nothing), axis=1), direction, line.reshape(-1)
+
+
+def _changes(values: Whole) -> NDArray[np.bool_]:
+    """Where a value differs from the one before it; the first one always does."""
+    return np.append(True, values[1:] != values[:-1])

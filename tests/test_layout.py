@@ -52,7 +52,7 @@ HOUSE = {
     "robot": room(),
     "node": room("language channel robot", late="numpy"),
     "fleet": room("language channel robot", "numpy", late="llvmlite"),
-    "simulator": room("channel robot", "numpy msgspec mcap numba", late="yaml PIL"),
+    "simulator": room("channel robot", "numpy msgspec mcap numba llvmlite", late="yaml PIL"),
     "loop": room("language channel fleet simulator robot"),
     "station": room("language channel", "msgspec numpy"),
     "console": room("language station", "starlette uvicorn msgspec numpy"),

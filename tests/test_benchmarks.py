@@ -89,7 +89,9 @@ def test_the_start_benchmark_sees_kernels_kept_and_used_again() -> None:
     assert value["kept"] == bravo["kept"] == 0
     assert crowd["kept"] > 0
     assert crowd["added"] == 0
-    assert all(row["best"]["wall"] < row["cold"]["wall"] for row in (value, crowd))
+    # On the clock, other work may well make one start longer than another; the processor's time tells.
+    times = [(row["best"]["cpu"], row["cold"]["cpu"]) for row in (value, crowd)]
+    assert all(best < cold for best, cold in times if cold is not None)
 
 
 def test_the_rivals_benchmark_names_everybody() -> None:

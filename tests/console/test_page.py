@@ -333,6 +333,46 @@ def test_what_is_for_everybody_must_be_meant(rovers: Page) -> None:
     expect(box).not_to_be_checked()  # meant once is not meant for ever
 
 
+def test_a_question_is_asked_from_the_keyboard_and_changes_nothing(rovers: Page) -> None:
+    before = rovers.locator("#commands tr").count()
+    type_in(rovers, "(PROGN (JOIN asked) battery)")
+    previewed(rovers, "20")
+    expect(rovers.locator("#everybody")).to_be_visible()
+    rovers.keyboard.press("Tab")
+    expect(rovers.locator("#sort")).to_be_focused()
+    rovers.keyboard.press("a")
+    expect(rovers.locator("#sort")).to_have_value("ask")
+    expect(rovers.locator("#everybody")).to_be_hidden()  # nobody is ordered to do anything
+    expect(rovers.locator("#preview .asked")).to_be_visible()
+    expect(rovers.locator("#legend .lit")).to_have_count(0)
+    rovers.keyboard.press("Tab")
+    expect(rovers.locator("#send")).to_be_focused()
+    expect(rovers.locator("#send")).to_have_text(re.compile("^Ask"))
+    rovers.keyboard.press("Enter")
+    expect(rovers.locator("#commands tr")).to_have_count(before + 1)
+    row = rovers.locator("#commands tr").first
+    expect(row.locator(".silent")).to_have_text("0")
+    expect(row.locator(".sort")).to_have_text("ask")
+    expect(row.locator(".values")).to_have_text(re.compile(r"^20 values: min 0\.[\d]+, mean 0\.\d+, max 0\.\d+$"))
+    expect(rovers.locator("#sort")).to_have_value("once")  # the next one is no question unless it is said to be
+    assert "asked" not in rovers.locator("#legend").inner_text()
+    type_in(rovers, "battery")
+    rovers.locator("#sort").select_option("ask")
+    values = send(rovers).locator(".values")
+    expect(values).to_have_text(re.compile(r"^20 values: min [\d.]+ %, mean [\d.]+ %, max [\d.]+ %$"))
+
+
+def test_a_standing_command_says_so_and_one_that_cannot_stand_is_refused(rovers: Page) -> None:
+    type_in(rovers, "(WHEN (> battery 60%) (JOIN crew))")
+    rovers.locator("#sort").select_option("standing")
+    rovers.locator("#text").press("Enter")
+    expect(rovers.locator("#findings")).to_contain_text("send it as a one-shot command")
+    type_in(rovers, "(WHEN (> battery 60%) (RULE watch (WHEN (< battery 1%) (ST))))")
+    row = send(rovers)
+    expect(row.locator(".sort")).to_have_text("standing")
+    expect(rovers.locator("#sort")).to_have_value("once")
+
+
 def test_names_are_completed_with_the_values_of_the_fleet(rovers: Page) -> None:
     rovers.locator("#text").fill("")
     rovers.locator("#text").press_sequentially("(WHEN (> batt")

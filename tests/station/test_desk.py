@@ -22,6 +22,7 @@ from sleepcast.station import (
     Station,
     UnknownRobotError,
 )
+from sleepcast.station.accounting import Spread
 from sleepcast.station.desk import MAX_COMMANDS, MAX_REPORTS, REPEAT_AFTER
 from station.fleet import Fleet, vocabulary
 
@@ -66,6 +67,28 @@ def test_a_standing_command_has_none(fleet: Fleet) -> None:
     ).message
     assert message.standing
     assert message.deadline == inf
+
+
+def test_a_question_changes_nothing_and_its_values_are_counted(fleet: Fleet) -> None:
+    command = fleet.station.ask("(PROGN (JOIN bravo) (+ fuel 0))")
+    assert (command.kind, command.message.deadline) == (Kind.ASK, DEADLINE)
+    assert fleet.station.accounting(command.id).values is None
+    fleet.deliver()
+    account = fleet.station.accounting(command.id)
+    assert (account.n_matched, account.n_silent) == (len(fleet.minds), 0)
+    assert account.values == Spread(10, 0.0, pytest.approx(0.45), 0.9)
+    assert not any(mind.groups for mind in fleet.minds.values())
+
+
+def test_a_question_that_goes_wrong_is_a_fault_and_one_without_an_answer_has_no_value(fleet: Fleet) -> None:
+    wrong, unknown = fleet.station.ask("(/ fuel 0)"), fleet.station.ask("(+ fuel nowhere)")
+    fleet.deliver()
+    assert fleet.station.accounting(wrong.id).n_fault == len(fleet.minds)
+    assert fleet.station.accounting(wrong.id).values is None
+    assert fleet.station.accounting(unknown.id).n_matched == len(fleet.minds)
+    assert fleet.station.accounting(unknown.id).values is None
+    with pytest.raises(ReadError):
+        fleet.station.ask("(fuel")
 
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, 3601.0, inf])

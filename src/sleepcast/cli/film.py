@@ -51,8 +51,8 @@ class Maker:
         for posted in recording.posted:
             message = posted.message
             if message.id not in self._rows:
-                row = Row(message.id, message.kind.value, message.text.strip(), message.issued, 0, 0, 0, self._count, 0)
-                self._rows[message.id] = row
+                about = (message.id, message.kind.value, message.text.strip(), message.issued)
+                self._rows[message.id] = Row(*about, 0, 0, 0, self._count, 0, message.standing)
         self._waiting = list(self._rows.values())
 
     def take(self, entry: Entry) -> None:
@@ -87,7 +87,7 @@ class Maker:
         row = self._rows.get(found.command)
         if row is not None:
             counts = (found.matched, found.not_matched, found.fault, found.silent, found.predicted)
-            self.film.rows.add(time, Row(row.id, row.kind, row.text, row.at, *counts))
+            self.film.rows.add(time, Row(row.id, row.kind, row.text, row.at, *counts, row.standing, found.values))
 
     def _change(self, time: float, found: WorldChange) -> None:
         for number in found.gone:

@@ -14,6 +14,7 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.chorus import Chorus
 from sleepcast.cli.streams import complain
 from sleepcast.console.frames import Groups, flags_of
+from sleepcast.console.ledger import values_in_words
 from sleepcast.language import format_value
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Scenario
@@ -62,7 +63,7 @@ class Witness:
         self._groups = Groups()
         self._minds = np.full(len(swarm.minds), -1, np.int32)
         """Which mind each robot had when its rules were last looked at."""
-        self._rules: dict[str, list[tuple[str, str, bool]]] = {}
+        self._rules: dict[int, list[tuple[str, str, bool]]] = {}
         """The rules of robots that have any, as they were recorded last."""
         self._answers: dict[str, int] = {}
         self._unmarked = True
@@ -130,7 +131,8 @@ class Witness:
     def _account(self, command: Command, now: float) -> None:
         account = self._station.accounting(command.id)
         counts = (account.n_matched, account.n_not_matched, account.n_fault, account.n_silent)
-        body = AccountBody(command.id, account.text, *counts, len(command.expected))
+        values = values_in_words(command, account, self._swarm.vocabulary)
+        body = AccountBody(command.id, account.text, *counts, len(command.expected), values)
         self._recorder.note(ACCOUNTING, now, body)
         self._recorder.log(now, command.id, account.sentence())
 
@@ -140,9 +142,9 @@ class Witness:
             self._recorder.posted(now, tick, message)
         for change in self._changes:
             self._recorder.obstacles(now, change)
-        for name, rules in self._rules.items():
+        for index, rules in self._rules.items():
             if rules:
-                self._note_rules(name, now)
+                self._note_rules(index, now)
         self._answers.clear()  # accounts and marks come with the next picture
         self._unmarked = True
         self.look()
@@ -183,14 +185,15 @@ class Witness:
     def _look_at_rules(self, index: int, now: float) -> None:
         mind = self._swarm.fleet.at(index)
         rules = [(rule.name, rule.text, rule.active) for rule in mind.rules()]
-        if rules != self._rules.get(mind.name, []):
-            self._rules[mind.name] = rules
-            self._note_rules(mind.name, now)
+        if rules != self._rules.get(index, []):
+            self._rules[index] = rules
+            self._note_rules(index, now)
             active = ", ".join(name for name, _, active in rules if active)
             self._recorder.log(now, mind.name, f"active rules: {active or 'none'}")
 
-    def _note_rules(self, name: str, now: float) -> None:
-        self._recorder.note(RULES, now, RulesBody(name, [RuleBody(*rule) for rule in self._rules[name]]))
+    def _note_rules(self, index: int, now: float) -> None:
+        body = RulesBody(self._swarm.simulator.names[index], [RuleBody(*rule) for rule in self._rules[index]])
+        self._recorder.note(RULES, now, body)
 
 
 def _in_words(message: Message) -> str:

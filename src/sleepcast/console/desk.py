@@ -16,6 +16,7 @@ from sleepcast.console import answers
 from sleepcast.console.driver import Driver
 from sleepcast.console.explaining import show_why, shown_value, unit_of
 from sleepcast.console.ledger import Ledger
+from sleepcast.console.messages import Sort
 from sleepcast.console.names import names_of
 from sleepcast.console.swarm import RobotMind, Rule, Swarm
 from sleepcast.errors import MisuseError
@@ -41,7 +42,7 @@ class Desk:
     def __init__(self, swarm: Swarm, station: Station, driver: Driver, clock: Clock) -> None:
         self.driver = driver
         self._swarm, self._station, self._clock = swarm, station, clock
-        self._ledger = Ledger(station, len(swarm.scene.names))
+        self._ledger = Ledger(station, len(swarm.scene.names), swarm.vocabulary)
         self._stopped_at = -STOP_AGAIN
 
     def hello(self) -> answers.Hello:
@@ -90,9 +91,11 @@ class Desk:
 
     # ---- sending
 
-    def send(self, serial: int, text: str, everybody: bool) -> answers.Sent:
+    def send(self, serial: int, text: str, everybody: bool, sort: Sort = "once") -> answers.Sent:
         """Broadcast `text`."""
-        return answers.Sent(serial, self._station.send(text, everybody=everybody).id)
+        if sort == "ask":
+            return answers.Sent(serial, self._station.ask(text).id)
+        return answers.Sent(serial, self._station.send(text, standing=sort == "standing", everybody=everybody).id)
 
     def stop(self) -> None:
         """Stop every body. While a STOP holds that was given a moment ago, one more changes nothing."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
+from sleepcast.console.explaining import shown_value, unit_of
+from sleepcast.language import Vocabulary
 from sleepcast.station import Accounting, Command, Station
 
 MOST_ROWS = 50
@@ -13,7 +15,8 @@ NAMED = 3
 
 
 class Row(msgspec.Struct, frozen=True):
-    """One command. at: when it was sent, in simulated s. kind: command, stop or release. Then counts of robots."""
+    """One command. at: when it was sent, in simulated s. kind: command, ask, stop or release. Then counts of robots.
+    standing: whether it has no deadline. values: what was answered to a question, in words."""
 
     id: str
     kind: str
@@ -24,13 +27,15 @@ class Row(msgspec.Struct, frozen=True):
     fault: int
     silent: int
     predicted: int
+    standing: bool = False
+    values: str = ""
 
 
 class Ledger:
     """The rows of one station; a row is made anew only when another robot has answered. count: of robots on the map."""
 
-    def __init__(self, station: Station, count: int) -> None:
-        self._station, self._count = station, count
+    def __init__(self, station: Station, count: int, vocabulary: Vocabulary) -> None:
+        self._station, self._count, self._vocabulary = station, count, vocabulary
         self._rows: dict[str, tuple[int, Row]] = {}
 
     def rows(self) -> list[Row]:
@@ -39,10 +44,25 @@ class Ledger:
         for command in self._station.commands()[-MOST_ROWS:]:
             known = self._rows.get(command.id)
             if known is None or known[0] != len(command.answers):
-                known = (len(command.answers), _row(command, self._station.accounting(command.id)))
+                known = (len(command.answers), self._row(command, self._station.accounting(command.id)))
             kept[command.id] = known
         self._rows = kept
         return [row for _, row in kept.values()]
+
+    def _row(self, command: Command, found: Accounting) -> Row:
+        return Row(
+            command.id,
+            command.kind.value,
+            command.text.strip(),
+            command.message.issued,
+            found.n_matched,
+            found.n_not_matched,
+            found.n_fault,
+            found.n_silent,
+            len(command.expected),
+            command.message.standing,
+            values_in_words(command, found, self._vocabulary),
+        )
 
     def outcomes(self, command: str) -> bytes:
         """For each robot, in the order of the scene's names, what its answer was, as `station.SILENT` and
@@ -79,15 +99,12 @@ def _heard(name: str, found: Accounting) -> str:
     return f"{name} (never heard)" if heard is None else f"{name} (last heard {found.now - heard:.0f} s ago)"
 
 
-def _row(command: Command, found: Accounting) -> Row:
-    return Row(
-        command.id,
-        command.kind.value,
-        command.text.strip(),
-        command.message.issued,
-        found.n_matched,
-        found.n_not_matched,
-        found.n_fault,
-        found.n_silent,
-        len(command.expected),
-    )
+def values_in_words(command: Command, account: Accounting, vocabulary: Vocabulary) -> str:
+    """What was answered to a question, as people read it; "" for what is none."""
+    if command.kind != "ask":
+        return ""
+    found, unit = account.values, unit_of(command.text.strip(), vocabulary)
+    if found is None:
+        return "no value yet"
+    least, mean, greatest = (shown_value(each, unit) for each in (found.least, found.mean, found.greatest))
+    return f"{found.count:,} values: min {least}, mean {mean}, max {greatest}"

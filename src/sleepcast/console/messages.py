@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 from msgspec import Meta
@@ -22,6 +22,7 @@ MIN_FACTOR = 0.01
 Serial = Annotated[int, Meta(ge=1, le=2**53 - 1)]
 Text = Annotated[str, Meta(max_length=16_384)]
 Id = Annotated[str, Meta(max_length=160)]
+Sort = Literal["once", "standing", "ask"]
 Index = Annotated[int, Meta(ge=-1, le=10_000_000)]
 
 
@@ -37,11 +38,13 @@ class Preview(Message):
 
 
 class Send(Message):
-    """Broadcast a text. everybody: the sender has said that all robots are meant."""
+    """Broadcast a text. everybody: the sender has said that all robots are meant. sort: to be done once and soon,
+    without a deadline, or a question, to which each robot answers with the value."""
 
     serial: Serial
     text: Text
     everybody: bool = False
+    sort: Sort = "once"
 
 
 class Names(Message):

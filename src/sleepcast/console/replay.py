@@ -21,6 +21,7 @@ from sleepcast.console.driver import FRAME_PERIOD, Screen
 from sleepcast.console.explaining import shown_value
 from sleepcast.console.frames import pack
 from sleepcast.console.ledger import MOST_ROWS, Row
+from sleepcast.console.messages import Sort
 from sleepcast.console.swarm import Outline, Scene
 from sleepcast.errors import MisuseError
 
@@ -189,7 +190,7 @@ class ReplayDesk:
         """Refused."""
         self._refuse()
 
-    def send(self, serial: int, text: str, everybody: bool) -> NoReturn:
+    def send(self, serial: int, text: str, everybody: bool, sort: Sort) -> NoReturn:
         """Refused."""
         self._refuse()
 

@@ -117,8 +117,8 @@ class Session:
                 desk.release()
             case messages.Preview(serial, text):
                 await self._reply(serial, lambda: desk.preview(serial, text))
-            case messages.Send(serial, text, everybody):
-                await self._reply(serial, lambda: desk.send(serial, text, everybody))
+            case messages.Send(serial, text, everybody, sort):
+                await self._reply(serial, lambda: desk.send(serial, text, everybody, sort))
             case messages.Names(serial):
                 await self._reply(serial, lambda: desk.names(serial))
             case messages.Why(serial, robot, command):

@@ -80,8 +80,9 @@ class MarksBody(msgspec.Struct):
     names: list[str]
 
 
-class AccountBody(msgspec.Struct):
-    """What had become of a command, in counts of robots. predicted: to obey, when it was sent."""
+class AccountBody(msgspec.Struct, omit_defaults=True):
+    """What had become of a command, in counts of robots. predicted: to obey, when it was sent. values: what was said to
+    a question, in words."""
 
     command: str
     text: str
@@ -90,6 +91,7 @@ class AccountBody(msgspec.Struct):
     fault: int
     silent: int
     predicted: int
+    values: str = ""
 
 
 class RuleBody(msgspec.Struct):

@@ -37,12 +37,15 @@ SAID: Mapping[str, Outcome] = {
     "matched": Outcome.MATCHED,
     "not matched": Outcome.NOT_MATCHED,
     "fault": Outcome.FAULT,
+    "answer": Outcome.MATCHED,
     "late": Outcome.FAULT,
     "stopped": Outcome.MATCHED,
     "released": Outcome.MATCHED,
 }
 """What an outcome counts as, by the word that a robot uses. Late: it heard the command past its deadline and did
 nothing, which nobody should take for a decision of its own."""
+ANSWER = "answer"
+"""What a robot says to a question. If something went wrong on the way to its value, it counts as a fault."""
 LATE = "heard after its deadline, so not evaluated"
 
 
@@ -65,6 +68,8 @@ def answer_from(body: Mapping[str, object], now: float) -> Answer | None:
     value, fault = body.get("value"), body.get("fault")
     if said == "late":
         fault = LATE
+    elif said == ANSWER and fault:
+        outcome = Outcome.FAULT
     known = float(value) if isinstance(value, int | float) and abs(value) <= float_info.max else None
     return Answer(outcome, now, known, fault if isinstance(fault, str) else None)
 
@@ -98,13 +103,15 @@ class Answers(Mapping[str, Answer]):
 
     def take(self, robots: Index, places: Index, said: Said, now: float) -> None:
         """What many robots answer, each at its place in what was `said`; what cannot be understood is left out."""
-        codes = [_code(SAID.get(word)) for word in said.sorts]
         sort = said.sort[places]
+        codes = np.array([_code(SAID.get(word)) for word in said.sorts], np.uint8)[sort]
         faults = (*said.faults, LATE)
         fault = said.fault[places]
         if "late" in said.sorts:
             fault = np.where(sort == said.sorts.index("late"), np.int32(len(faults)), fault)
-        self._take(robots, np.array(codes, np.uint8)[sort], said.value[places], faults, fault, now)
+        if ANSWER in said.sorts:
+            codes[(sort == said.sorts.index(ANSWER)) & (fault > 0)] = FAULT
+        self._take(robots, codes, said.value[places], faults, fault, now)
 
     def _take(
         self,
@@ -140,6 +147,12 @@ class Answers(Mapping[str, Answer]):
     def codes(self) -> NDArray[np.uint8]:
         """The outcome of each robot by its place, as `SILENT` and the others."""
         return self._outcome
+
+    @property
+    def known(self) -> Seconds:
+        """The known values that were answered, in the robots' order."""
+        found = self._value[self._outcome[: len(self._value)] > 0]
+        return found[~np.isnan(found)]
 
     def fault(self, place: int) -> str | None:
         """What the robot at a place said that went wrong."""
@@ -205,10 +218,20 @@ class Command:
         return self.addressed - int(np.count_nonzero(self.answers.codes[: self.addressed]))
 
 
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """So many values, the least, their mean, and the greatest of them."""
+
+    count: int
+    least: float
+    mean: float
+    greatest: float
+
+
 @dataclass(frozen=True, eq=False)
 class Accounting:
     """What became of one command, names in the order of the roster. For a STOP, matched means that the robot says it
-    is stopped; for a RELEASE, that it is not stopped any more.
+    is stopped; for a RELEASE, that it is not stopped any more; for a question, that it has answered.
 
     codes: by place, as in `Answers.codes`; addressed: so many of them, from the first on, count as silent.
     heard: when each was last heard (s of the desk's clock, -inf: never).
@@ -269,6 +292,14 @@ class Accounting:
     def faults(self) -> dict[str, str]:
         """Of each robot with a fault, what it said."""
         return {name: self.answers[name].fault or "" for name in self.fault}
+
+    @cached_property
+    def values(self) -> Spread | None:
+        """What was answered, in SI; None if nobody knew a value."""
+        known = self.answers.known
+        if not len(known):
+            return None
+        return Spread(len(known), float(known.min()), float(known.mean()), float(known.max()))
 
     def first_silent(self, most: int) -> list[str]:
         """The first silent robots, so many at most."""

@@ -153,6 +153,18 @@ class Station:
         expected = np.flatnonzero(self._preview(program).codes == YES)
         return self._broadcast(Kind.COMMAND, text, standing, seconds, expected)
 
+    def ask(self, text: str) -> Command:
+        """Ask every robot for the value of an expression; nothing changes on it, whatever the expression does.
+
+        Who answers is accounted for as who matched. Raises ReadError and CheckError for a text that no robot could run.
+        """
+        try:
+            self._program(text)
+        except SleepcastError as error:
+            self._note(Event.REFUSED, text=text, details={"reason": str(error)})
+            raise
+        return self._broadcast(Kind.ASK, text, seconds=DEADLINE)
+
     def stop(self) -> Command:
         """Stop every body at once, whatever it is doing; it stays stopped until `release`."""
         return self._broadcast(Kind.STOP)
@@ -200,7 +212,7 @@ class Station:
             )
             command = Command(message, self._roster.names, expected, last_sent=now)
             self._commands[message.id] = command
-            if kind is not Kind.COMMAND:
+            if kind in (Kind.STOP, Kind.RELEASE):
                 self._latch = command
             most = max(1, min(MAX_COMMANDS, MAX_ANSWERS // max(1, len(self._roster))))
             while len(self._commands) > most:

@@ -46,6 +46,7 @@ export class Accounting extends EventTarget {
         cell.textContent = row[outcome].toLocaleString("en");
         cell.classList.toggle("none", row[outcome] === 0);
       });
+      if (row.kind === "ask") entry.line.querySelector(".values").textContent = row.values;
     }
     this.root.querySelector("#no-commands").hidden = rows.length > 0;
     this.root.querySelector("#account").hidden = rows.length === 0;
@@ -66,8 +67,9 @@ export class Accounting extends EventTarget {
     const code = Object.assign(document.createElement("code"), { textContent: row.text.replace(/\s+/g, " ") });
     text.title = row.text;
     text.className = "text";
-    text.append(time, code);
+    text.append(time, ...sortOf(row), code);
     for (const outcome of OUTCOMES) line.insertCell().className = `count ${outcome.replace("_", "-")}`;
+    if (row.kind === "ask") line.insertCell().className = "values";
     for (const cell of line.cells) cell.setAttribute("role", "cell");
     return line;
   }
@@ -87,7 +89,8 @@ export class Accounting extends EventTarget {
   changed() {
     const row = this.get(this.chosen);
     if (row) {
-      const counts = `matched ${row.matched}, not matched ${row.not_matched}, fault ${row.fault}, silent ${row.silent}`;
+      const first = row.kind === "ask" ? `${row.values}; answered` : "matched";
+      const counts = `${first} ${row.matched}, not matched ${row.not_matched}, fault ${row.fault}, silent ${row.silent}`;
       this.root.querySelector("#counts").textContent = counts;
     }
     this.dispatchEvent(new CustomEvent("choose", { detail: row ?? null }));
@@ -110,6 +113,12 @@ export class Accounting extends EventTarget {
     const { outcomes } = await this.wire.ask("outcomes", { command: this.chosen });
     return Uint8Array.from(bytes(outcomes), (code) => (code === MATCHED ? 1 : 0));
   }
+}
+
+// What is said of a command that is not simply done once.
+function sortOf(row) {
+  const sort = row.kind === "ask" ? "ask" : row.standing ? "standing" : "";
+  return sort ? [Object.assign(document.createElement("span"), { className: "sort", textContent: sort })] : [];
 }
 
 // Bytes from the base64 text that JSON carries.

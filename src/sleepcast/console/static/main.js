@@ -116,7 +116,7 @@ async function lightChosen() {
   try {
     const marks = await accounting.lit();
     const row = accounting.get(id);
-    if (id === accounting.chosen && row) light(marks, { stop: "stopped", release: "released" }[row.kind] ?? "matched");
+    if (id === accounting.chosen && row) light(marks, { stop: "stopped", release: "released", ask: "answered" }[row.kind] ?? "matched");
   } catch {
     // No connection: the lights stay as they were, and the page says that they are old.
   }

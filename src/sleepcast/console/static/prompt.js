@@ -40,6 +40,7 @@ export class Prompt extends EventTarget {
     this.completions.addEventListener("take", (event) => this.complete(event.detail));
     this.find("send").addEventListener("click", () => this.send());
     this.find("everybody-yes").addEventListener("change", () => this.showSend());
+    this.find("sort").addEventListener("change", () => this.sorted());
     this.find("search-text").addEventListener("input", () => this.searched());
     this.find("search-text").addEventListener("keydown", (event) => this.searchKey(event));
     this.find("search-text").addEventListener("blur", () => this.endSearch(false));
@@ -95,6 +96,26 @@ export class Prompt extends EventTarget {
     });
   }
 
+  // ---- the sort of command
+
+  get sort() {
+    return this.find("sort").value;
+  }
+
+  // Another sort was chosen: a question changes nothing, so there is nobody who would obey.
+  sorted() {
+    this.find("sort").dataset.sort = this.sort;
+    this.find("send-text").textContent = this.sort === "ask" ? "Ask" : "Send";
+    this.find("preview").classList.toggle("asking", this.sort === "ask");
+    this.showPreview();
+    this.showSend();
+    this.tellPreview();
+  }
+
+  tellPreview() {
+    this.dispatchEvent(new CustomEvent("preview", { detail: this.sort === "ask" ? null : this.preview }));
+  }
+
   // ---- checking and previewing
 
   changed() {
@@ -126,7 +147,7 @@ export class Prompt extends EventTarget {
     this.showFindings(answer.findings);
     this.showPreview();
     this.showSend();
-    this.dispatchEvent(new CustomEvent("preview", { detail: answer }));
+    this.tellPreview();
   }
 
   showPreview() {
@@ -137,7 +158,7 @@ export class Prompt extends EventTarget {
     }
     this.find("unknown").parentElement.title = answer?.reasons.map(([why, count]) => `${count}: ${why}`).join("\n") ?? "";
     this.find("preview").classList.toggle("known", answer !== null);
-    const everybody = answer?.everybody ?? false;
+    const everybody = (answer?.everybody ?? false) && this.sort !== "ask";
     if (this.find("everybody").hidden === everybody) {
       this.find("everybody").hidden = !everybody;
       this.find("everybody-yes").checked = false;
@@ -166,7 +187,7 @@ export class Prompt extends EventTarget {
 
   showSend() {
     const wrong = this.preview?.findings.some((finding) => finding.severity === "error") ?? false;
-    const open = this.preview?.everybody && !this.find("everybody-yes").checked;
+    const open = !this.find("everybody").hidden && !this.find("everybody-yes").checked;
     this.find("send").disabled = !this.editor.text.trim() || wrong || open || this.sending;
   }
 
@@ -183,8 +204,10 @@ export class Prompt extends EventTarget {
     this.sending = true;
     this.showSend();
     try {
-      const answer = await this.wire.ask("send", { text, everybody: box.checked });
+      const answer = await this.wire.ask("send", { text, everybody: box.checked, sort: this.sort });
       this.history.add(text);
+      this.find("sort").value = "once"; // what comes next is not meant to stand because this was
+      this.sorted();
       if (this.editor.text === text) this.editor.set("");
       this.dispatchEvent(new CustomEvent("sent", { detail: answer.command }));
     } catch (refusal) {

@@ -49,6 +49,10 @@ export class RobotPane {
       pane.replaceChildren(sentence("No command has been sent yet. Send one, and this robot says why it obeys or not."));
       return;
     }
+    if (command.kind === "ask") {
+      pane.replaceChildren(sentence("A question changes nothing; what the robots answered stands with it in the account."));
+      return;
+    }
     if (command.kind !== "command") {
       pane.replaceChildren(sentence("STOP and RELEASE are no matter of the language: every robot that hears them obeys."));
       return;

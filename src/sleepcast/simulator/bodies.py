@@ -25,12 +25,14 @@ from sleepcast.errors import MisuseError, did_you_mean
 from sleepcast.simulator.areas import inside
 from sleepcast.simulator.bumpers import Bumpers, least_cell
 from sleepcast.simulator.cones import Cones
+from sleepcast.simulator.driving import DRIVE, GOTO, WANDER, laws_of
 from sleepcast.simulator.echoes import Echoes
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.groups import value_quantities, values_of
 from sleepcast.simulator.neighbours import Neighbours
 from sleepcast.simulator.scenario import Scenario
 from sleepcast.simulator.sensors import sensors_of
+from sleepcast.simulator.steps import Columns, Proposal
 from sleepcast.simulator.world import Area, World
 
 Floats = NDArray[np.float64]
@@ -47,9 +49,9 @@ TURN = 2.0 * pi
 class Mode(IntEnum):
     """What moves a body."""
 
-    WANDER = 0
-    DRIVE = 1
-    GOTO = 2
+    WANDER = WANDER
+    DRIVE = DRIVE
+    GOTO = GOTO
 
 
 class Saying(NamedTuple):
@@ -115,6 +117,9 @@ class Bodies:
         self.target_x, self.target_y = np.zeros(self.count), np.zeros(self.count)
         self.swing, self.roaming = np.zeros(self.count), np.zeros(self.count)
         self.stopped, self.held = np.zeros(self.count, bool), np.zeros(self.count, bool)
+        self.machine, self.laws = machine, laws_of(scenario)
+        self.proposal = Proposal(*np.zeros((6, self.count)))
+        """Where the bodies were going in the last tick."""
 
     @property
     def time(self) -> float:
@@ -122,10 +127,10 @@ class Bodies:
         return self.tick * self.scenario.tick
 
     @property
-    def slips(self) -> bool:
-        """Whether the wheels lead elsewhere than the encoders believe."""
-        wheels = self.scenario.robots.wheels
-        return wheels is not None and bool(wheels.slip_left or wheels.slip_right or wheels.slip_noise)
+    def columns(self) -> Columns:
+        """The state that motion changes."""
+        own = {name: getattr(self, name) for name in Columns._fields if name != "uses"}
+        return Columns(**own, uses=np.array([store.full / store.reach for store in self.scenario.robots.stores]))
 
     def forget(self) -> None:
         """Bodies have moved: what is known of who is near whom, and what was heard, is no longer so."""

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import pi, sqrt
+from math import sqrt
 
 import numpy as np
 
@@ -27,7 +27,7 @@ class Bumpers:
     """What lets the bodies of `robots` touch each other and the solids of the world."""
 
     def __init__(self, robots: RobotSpec, tick: float, near: Neighbours, machine: Machine) -> None:
-        self.parts, self.radius = robots.bumpers, robots.geometry.radius
+        self.radius = robots.geometry.radius
         self._near, self._machine = near, machine
         self._reach = reach(robots, tick)
 
@@ -38,14 +38,6 @@ class Bumpers:
         return self._machine.settle(
             near.grid, near.points(x, y), listed, near.world.solids, self.radius, (x, y), (across, up)
         )
-
-    def part_of(self, settled: Settled, heading: Floats) -> Floats:
-        """The number of the part of each bumper that touches something, 0 where nothing does."""
-        parts = np.zeros(len(heading))
-        touched = np.flatnonzero(settled.free < 1.0)
-        angle = np.arctan2(settled.up[touched], settled.across[touched]) - heading[touched]
-        parts[touched] = 1.0 + np.mod(np.rint(angle * (self.parts / (2.0 * pi))), self.parts)
-        return parts
 
     def part(self, x: Floats, y: Floats, anew: Callable[[int], tuple[Floats, Floats]]) -> None:
         """Move bodies until none overlaps another one or a solid. anew: other places for all of them, by the number of

@@ -17,12 +17,12 @@ from typing import Any, TypeVar, cast
 import numba
 from numba.extending import overload, register_jitable
 
-from sleepcast.simulator import formulas
+from sleepcast.simulator import driving, formulas
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 FASTMATH = {"nnan", "ninf", "nsz"}
-SOURCES = ("kernels*.py", "compiled.py", "lanes.py", "formulas.py", "noise.py")
+SOURCES = ("kernels*.py", "compiled.py", "lanes.py", "formulas.py", "driving.py", "noise.py")
 
 
 def cache_folder() -> Path:
@@ -68,5 +68,5 @@ def _either_of_numbers(condition, yes, no):  # type: ignore[no-untyped-def]  # n
     return lambda condition, yes, no: yes if condition else no
 
 
-for formula in (formulas.sine_cosine, formulas.arc_tangent, formulas.wrap):
+for formula in (formulas.sine_cosine, formulas.arc_tangent, formulas.wrap, *driving.FORMULAS):
     register_jitable(formula)

@@ -10,18 +10,20 @@ from importlib.util import find_spec
 from typing import Protocol
 
 from sleepcast.errors import MisuseError
-from sleepcast.simulator import cones, contact, grid, noise
+from sleepcast.simulator import cones, contact, grid, noise, steps
 from sleepcast.simulator.cones import Ranges, View
 from sleepcast.simulator.contact import Settled
+from sleepcast.simulator.driving import Laws
 from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole
 from sleepcast.simulator.noise import Ear, Noise
+from sleepcast.simulator.steps import Columns, Draws, Proposal
 
 MAX_THREADS = 64
 """Threads of one machine: more cores than this share one memory badly."""
 
 
 class Machine(Protocol):
-    """See `grid.sort`, `cones.ranges`, `contact.settle`, `noise.disturb` and `noise.tell` for what each does."""
+    """See the functions of the same names in `grid`, `cones`, `steps`, `contact` and `noise` for what each does."""
 
     @property
     def name(self) -> str: ...
@@ -32,6 +34,10 @@ class Machine(Protocol):
 
     def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats, /) -> None:
         """`ranges`, then `tell`."""
+
+    def propose(self, bodies: Columns, laws: Laws, draws: Draws, proposal: Proposal, /) -> None: ...
+
+    def commit(self, bodies: Columns, laws: Laws, proposal: Proposal, settled: Settled, /) -> None: ...
 
     def settle(
         self,
@@ -56,6 +62,8 @@ class NumPyMachine:
     name = "numpy"
     sort = staticmethod(grid.sort)
     ranges = staticmethod(cones.ranges)
+    propose = staticmethod(steps.propose)
+    commit = staticmethod(steps.commit)
     settle = staticmethod(contact.settle)
     disturb = staticmethod(noise.disturb)
     tell = staticmethod(noise.tell)

@@ -14,12 +14,14 @@ from math import cos, pi, sin
 
 import numpy as np
 
-from sleepcast.simulator import kernels, kernels_contact, kernels_sonar
+from sleepcast.simulator import kernels, kernels_contact, kernels_motion, kernels_sonar, steps
 from sleepcast.simulator.cones import Ranges, View
 from sleepcast.simulator.contact import SKIN, Settled
+from sleepcast.simulator.driving import Laws
 from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole
 from sleepcast.simulator.lanes import LANES
 from sleepcast.simulator.noise import Ear, Noise
+from sleepcast.simulator.steps import Columns, Draws, Proposal
 from sleepcast.simulator.walls import Walls, walls_of
 
 ALONE = 5_000
@@ -97,6 +99,25 @@ class NumbaMachine:
 
         self._share_rows(see, grid, points.start)
         return squares, rank
+
+    def propose(self, bodies: Columns, laws: Laws, draws: Draws, proposal: Proposal) -> None:
+        if not laws.track:  # crafts without wheels are few
+            steps.propose(bodies, laws, draws, proposal)
+            return
+        roam, left, right = (np.uint64(draw) for draw in draws)
+        self._share(
+            len(bodies.x),
+            lambda first, last: kernels_motion.propose(bodies, laws, roam, left, right, proposal, first, last),
+        )
+
+    def commit(self, bodies: Columns, laws: Laws, proposal: Proposal, settled: Settled) -> None:
+        if not laws.track:
+            steps.commit(bodies, laws, proposal, settled)
+            return
+        self._share(
+            len(bodies.x),
+            lambda first, last: kernels_motion.commit(bodies, laws, proposal, *settled, first, last),
+        )
 
     def settle(
         self,

@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.chance import key
 from sleepcast.simulator.cones import Cones, Ranges, View
+from sleepcast.simulator.crosstalk import QUICKEST, SOUND, Crosstalk
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.grid import Floats, Whole
 from sleepcast.simulator.neighbours import Neighbours
 from sleepcast.simulator.noise import Ear, Noise
 from sleepcast.simulator.robot_settings import Ring
 
-SOUND = 343.0
-"""m/s in air at 20 degrees Celsius."""
 FRONT = pi / 2
 """Sonars whose axis is at most this far from the heading count as front sonars, rad."""
 
@@ -46,6 +45,9 @@ class Echoes:
         self.front = np.flatnonzero(np.abs((self.cones.axes + pi) % (2.0 * pi) - pi) <= FRONT + 1e-9)
         """Numbers of the front sonars."""
         self._near, self._machine, self._seed = near, machine, seed
+        self.crosstalk = (
+            Crosstalk(ring.crosstalk, ring, cones.axes, cones.radius, count, near.grid, seed) if ring.crosstalk else None
+        )
         self._version = -1
         self._fresh = np.zeros(count, bool)
 
@@ -86,14 +88,20 @@ class Echoes:
         while len(due := np.flatnonzero(self.due < until)):
             sonar = order[self.turn[due]]
             heard = seen[due, sonar]
+            if self.crosstalk:
+                heard = self.crosstalk.hear(tick, due, sonar, self.due[due], heard)
             self.readings[due, sonar] = heard
-            self.due[due] += np.maximum(pause + 2.0 * heard.astype(np.float64) / SOUND, 1e-3)
+            self.due[due] += np.maximum(pause + 2.0 * heard.astype(np.float64) / SOUND, QUICKEST)
             self.turn[due] = (self.turn[due] + 1) % len(order)
+        if self.crosstalk:
+            self.crosstalk.end(tick, pose, self.readings)
 
     def state(self) -> Iterable[NDArray[np.generic]]:
         """What the next ticks depend on."""
         if self.fires_in_order:
             yield from (self.readings, self.due, self.turn)
+        if self.crosstalk:
+            yield from self.crosstalk.state()
 
     def _view(self, pose: tuple[Floats, Floats, Floats]) -> View:
         near = self._near

@@ -42,7 +42,7 @@ stands in the way of sound."""
 
 class Pings(NamedTuple):
     """Pings of one tick, arrays of the same length. robot, sonar: who sent it; sent: when, s; seen: the range of what
-    the sonar sees, and read: the range that it took for this, m."""
+    the sonar sees, and read: the range that it took for this, m (of earlier ticks, the same)."""
 
     robot: Whole
     sonar: Whole
@@ -91,14 +91,16 @@ class Crosstalk:
         self._reach = ring.most + 2.0 * radius
         self._grid = grid
 
-    def state(self) -> Iterable[NDArray[np.generic]]:
-        """What the next ticks depend on."""
-        yield from (self._sent, self._by, self._seen, self._next, *self._before)
+    def columns(self) -> dict[str, NDArray[np.generic]]:
+        """The arrays that a run changes and that the next ticks depend on, by name."""
+        return {"ping_sent": self._sent, "ping_by": self._by, "ping_seen": self._seen, "ping_next": self._next}
 
     def hear(self, tick: int, robots: Whole, sonar: Whole, sent: Floats, own: Ranges) -> Ranges:
         """What these robots' sonars read, one of each robot, that ping at the times `sent` (s) and of themselves would
         read `own` (m)."""
         ring, seen = self._ring, own.astype(np.float64)
+        if self._model.robots and not self._now:
+            self._before = self._under_way()
         on_its_way = SOUND * (sent[:, None] - self._sent[robots]) / 2.0
         beside = self._near(self._axes[self._by[robots]], self._axes[sonar][:, None])
         farther, again = seen[:, None], 2.0 * self._seen[robots]
@@ -119,11 +121,15 @@ class Crosstalk:
         """The tick ends: shorten what was read in it by pings of other robots. pose: of all bodies, x, y (m) and
         heading (rad); readings: shape (robots, sonars), changed in place."""
         now = Pings.joined(self._now)
-        under_way = Pings.joined((self._before, now))
         self._now, self._draws = [], 0
-        self._before = under_way.of(under_way.sent > under_way.sent.max(initial=-np.inf) - self._longest)
         if len(now.robot):
-            self._hear_others(tick, pose, readings, by_robot(now), by_robot(under_way))
+            self._hear_others(tick, pose, readings, by_robot(now), by_robot(Pings.joined((self._before, now))))
+
+    def _under_way(self) -> Pings:
+        """The pings that may still be heard."""
+        robot, slot = np.nonzero(self._sent > self._sent.max() - self._longest)
+        seen = self._seen[robot, slot]
+        return Pings(robot, self._by[robot, slot], self._sent[robot, slot], seen, seen)
 
     def _hear_others(
         self, tick: int, pose: tuple[Floats, Floats, Floats], readings: Ranges, mine: Pings, theirs: Pings

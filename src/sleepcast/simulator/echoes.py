@@ -101,7 +101,7 @@ class Echoes:
         if self.fires_in_order:
             yield from (self.readings, self.due, self.turn)
         if self.crosstalk:
-            yield from self.crosstalk.state()
+            yield from self.crosstalk.columns().values()
 
     def _view(self, pose: tuple[Floats, Floats, Floats]) -> View:
         near = self._near

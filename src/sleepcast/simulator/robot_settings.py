@@ -156,12 +156,12 @@ def read_count(robots: Table, groups: tuple[Group, ...]) -> int:
 
 
 def read_robots(
-    root: Table, count: int, groups: tuple[Group, ...], size: tuple[float, float], taken: Iterable[str]
+    table: Table, count: int, groups: tuple[Group, ...], size: tuple[float, float], taken: Iterable[str]
 ) -> RobotSpec:
-    """The table [robots], all but `count` and `groups` of it. count: of robots, which may be another one than that of
+    """A table of robots, all but `count` and `groups` of it. count: of robots, which may be another one than that of
     the groups; size: of the world, m; taken: names that mean something already."""
     whole_x, whole_y = ((Measure(0.0), Measure(end)) for end in size)
-    with root.table("robots") as table:
+    with table:
         table.has("count"), table.has("groups")
         kind = checked_name(table, table.text("type", most=32))
         limits, speed_unit = _limits(table, size)

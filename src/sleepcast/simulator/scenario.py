@@ -7,7 +7,7 @@ docs/scenarios.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, pi
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from sleepcast.simulator.robot_settings import (
     read_count,
     read_robots,
 )
+from sleepcast.simulator.robot_types import robot_tables, together
 from sleepcast.simulator.settings import Measure, Table, checked_name, toml_document
 from sleepcast.simulator.signals import Light, PingModel, read_lights, read_pings
 from sleepcast.simulator.world import Shape
@@ -69,7 +70,8 @@ class Scenario:
     default. telemetry: time between two samples of each robot. noise: standard deviation of each sensor that
     has any, by its name. length_unit: in which people read lengths. shapes: what is solid in the world; fenced: whether
     robots turn back at its edge by themselves. constants: numbers that rules know by name. pings: how they are heard,
-    None where nobody hears any. measures: what is to be measured of a run.
+    None where nobody hears any. measures: what is to be measured of a run. robots: all of them together; sorts: each
+    sort of them by itself, with its count or its share, none where all robots are alike.
     """
 
     name: str
@@ -96,6 +98,12 @@ class Scenario:
     lights: tuple[Light, ...] = ()
     pings: PingModel | None = None
     measures: tuple[MeasureSpec, ...] = ()
+    sorts: tuple[RobotSpec, ...] = ()
+
+    @property
+    def each_sort(self) -> tuple[RobotSpec, ...]:
+        """The sorts of robots, also where there is only one."""
+        return self.sorts or (self.robots,)
 
 
 def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  # frozen: nobody can change it
@@ -106,10 +114,16 @@ def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  #
     with document.root() as root:
         _check_format(root)
         constants = read_constants(root)
-        groups = read_groups(root.table("robots"), constants, MAX_ROBOTS)
+        tables = robot_tables(root)
+        groups = [read_groups(table, constants, MAX_ROBOTS) for table in tables]
+
+        def counts() -> list[int]:
+            if changes.robots and len(tables) == 1:
+                return [changes.robots]
+            return [read_count(*each) for each in zip(tables, groups, strict=True)]
 
         def count() -> int:
-            return changes.robots or read_count(root.table("robots"), groups)
+            return changes.robots or sum(counts())
 
         seed = root.whole("seed", 0, low=0, high=MAX_SEED)
         seed = seed if changes.seed is None else changes.seed
@@ -118,8 +132,11 @@ def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  #
         places = _places(root, size)
         lights = read_lights(root, size, [place.name for place in places])
         taken = [*BODY_NAMES, *SIGNAL_NAMES, *(f"{place.name}_{axis}" for place in places for axis in "xy")]
-        robots = read_robots(root, count(), groups, size, taken)
-        refuse_clashes(root, [*taken, *(store.name for store in robots.stores)], constants, groups)
+        sorts = tuple(read_robots(*each, size, taken) for each in zip(tables, counts(), groups, strict=True))
+        robots = replace(together(tables, sorts), count=count())
+        if robots.count > MAX_ROBOTS:
+            raise root.error("robots", f"{robots.count} robots in all; at most {MAX_ROBOTS} fit")
+        refuse_clashes(root, tables, [*taken, *(store.name for store in robots.stores)], constants, groups)
         radio, telemetry = _radio(root, size)
         return Scenario(
             name=file.resolve().parent.name,
@@ -136,6 +153,7 @@ def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  #
             shapes=world.shapes,
             fenced=world.fenced,
             robots=robots,
+            sorts=sorts if len(sorts) > 1 else (),
             places=places,
             noise=_noise(root, robots),
             radio=radio,

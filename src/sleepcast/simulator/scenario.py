@@ -13,6 +13,7 @@ from pathlib import Path
 
 from sleepcast.channel.memory import RadioModel
 from sleepcast.robot import BodyConstant
+from sleepcast.simulator.events import Event, read_events
 from sleepcast.simulator.groups import read_constants, read_groups, refuse_clashes
 from sleepcast.simulator.measures import MeasureSpec, read_measures
 from sleepcast.simulator.mission import Order, read_mission
@@ -30,7 +31,7 @@ from sleepcast.simulator.robot_types import robot_tables, together
 from sleepcast.simulator.settings import Measure, Table, checked_name, toml_document
 from sleepcast.simulator.signals import Light, PingModel, read_lights, read_pings
 from sleepcast.simulator.world import Shape
-from sleepcast.simulator.world_settings import MAX_SEED, Changes, read_world
+from sleepcast.simulator.world_settings import MAX_SEED, Changes, WorldSpec, read_world
 from sleepcast.units import LENGTH, SPEED, TIME
 
 FORMAT = 1
@@ -68,10 +69,11 @@ class Scenario:
 
     speed_up: simulated seconds in a second of a person's time. seconds: how long a headless run lasts by
     default. telemetry: time between two samples of each robot. noise: standard deviation of each sensor that
-    has any, by its name. length_unit: in which people read lengths. shapes: what is solid in the world; fenced: whether
-    robots turn back at its edge by themselves. constants: numbers that rules know by name. pings: how they are heard,
-    None where nobody hears any. measures: what is to be measured of a run. robots: all of them together; sorts: each
-    sort of them by itself, with its count or its share, none where all robots are alike.
+    has any, by its name. length_unit: in which people read lengths. shapes: what is solid in the world at the start;
+    absent: what may be added to it; events: when. fenced: whether robots turn back at its edge by themselves.
+    constants: numbers that rules know by name. pings: how they are heard, None where nobody hears any. measures: what
+    is to be measured of a run. robots: all of them together; sorts: each sort of them by itself, with its count or its
+    share, none where all robots are alike.
     """
 
     name: str
@@ -98,6 +100,8 @@ class Scenario:
     lights: tuple[Light, ...] = ()
     pings: PingModel | None = None
     measures: tuple[MeasureSpec, ...] = ()
+    absent: tuple[Shape, ...] = ()
+    events: tuple[Event, ...] = ()
     sorts: tuple[RobotSpec, ...] = ()
 
     @property
@@ -153,6 +157,8 @@ def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  #
             shapes=world.shapes,
             fenced=world.fenced,
             robots=robots,
+            absent=world.absent,
+            events=_events(root, world, changes),
             sorts=sorts if len(sorts) > 1 else (),
             places=places,
             noise=_noise(root, robots),
@@ -185,6 +191,13 @@ def _places(root: Table, size: tuple[float, float]) -> tuple[Place, ...]:
             title = table.text("title", name, most=60)
             found.append(Place(name, title, x, y, table.text("about", "")))
     return tuple(found)
+
+
+def _events(root: Table, world: WorldSpec, changes: Changes) -> tuple[Event, ...]:
+    """What happens in the world; nothing where a run leaves out everything solid."""
+    if root.has("events") and changes.walls:
+        return read_events(root, world.shapes, world.absent, (world.width, world.height), MAX_TIME)
+    return ()
 
 
 def _points(places: tuple[Place, ...], lights: tuple[Light, ...]) -> dict[str, tuple[float, float]]:

@@ -14,6 +14,7 @@ from sleepcast.channel.names import Names
 from sleepcast.simulator.bodies import Bodies, Floats, Saying
 from sleepcast.simulator.body import model_of
 from sleepcast.simulator.engine import Machine, choose
+from sleepcast.simulator.events import happen
 from sleepcast.simulator.measures import Measuring
 from sleepcast.simulator.motion import step
 from sleepcast.simulator.robots import Robots
@@ -78,7 +79,11 @@ class Simulator:
         return self.bodies.said
 
     def step(self) -> None:
-        """One tick: everything moves, then lights are seen and the pings sent since the last tick are heard."""
+        """One tick: what the scenario lets happen happens, everything moves, then lights are seen and the pings sent
+        since the last tick are heard."""
+        scenario, until = self.scenario, (self.tick + 1) * self.scenario.tick
+        if scenario.events:
+            happen(self.world, scenario.events, (*scenario.shapes, *scenario.absent), self.time, until)
         step(self.bodies)
         self._senses.step()
         self._measuring.observe(self.tick, self.time)

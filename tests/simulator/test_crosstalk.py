@@ -26,7 +26,9 @@ def ring(pause: float = PAUSE) -> Ring:
 
 
 def crosstalk(chance: float = 1.0, spread: float = 0.5, robots: bool = False, pause: float = PAUSE) -> Crosstalk:
-    return Crosstalk(CrosstalkModel(chance, spread, robots), ring(pause), AXES, 0.17, 4, grid_over(20.0, 20.0, 4.0, 4), 7)
+    return Crosstalk(
+        CrosstalkModel(chance, spread, robots), ring(pause), AXES, 0.17, 4, grid_over(20.0, 20.0, 4.0, 4), 7
+    )
 
 
 def reads(talk: Crosstalk, sonar: int, sent: float, own: float, robot: int = 0) -> float:

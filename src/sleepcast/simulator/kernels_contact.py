@@ -57,16 +57,15 @@ def touch(px, py, dx, dy, x0, y0, x1, y1, apart):
 
 @compiled
 def stop_at_old(
-    x, y, dx, dy, order, start, size, across, up, solids, listed, items, radius, skin, reach, first_row, last_row,
+    x, y, dx, dy, order, start, size, across, up, solids, listed, items, radii, skin, reach, first_row, last_row,
     free, hit_x, hit_y,
 ):  # fmt: skip
     """The first round of `contact.settle`, in sorted order: ways end at solids and at old places of others."""
-    apart = 2.0 * radius + skin
     for row in range(first_row, last_row):
         for column in range(across):
             cell = row * across + column
             for i in range(start[cell], start[cell + 1]):
-                best, best_x, best_y = 1.0, 0.0, 0.0
+                best, best_x, best_y, radius = 1.0, 0.0, 0.0, radii[i]
                 for w in range(listed[cell], listed[cell + 1]):
                     s = items[w]
                     stop, hx, hy = touch(
@@ -83,7 +82,9 @@ def stop_at_old(
                         gx, gy = x[j] - x[i], y[j] - y[i]
                         if j == i or gx * gx + gy * gy > reach * reach:
                             continue
-                        stop, hx, hy = touch(x[i], y[i], dx[i], dy[i], x[j], y[j], x[j], y[j], apart)
+                        stop, hx, hy = touch(
+                            x[i], y[i], dx[i], dy[i], x[j], y[j], x[j], y[j], radius + radii[j] + skin
+                        )  # fmt: skip
                         if stop < round_best or (
                             stop == round_best
                             and round_best < best
@@ -97,11 +98,10 @@ def stop_at_old(
 
 @compiled
 def stop_at_ways(
-    x, y, dx, dy, order, start, size, across, up, radius, skin, reach, first_row, last_row,
+    x, y, dx, dy, order, start, size, across, up, radii, skin, reach, first_row, last_row,
     free, hit_x, hit_y, out_free, out_x, out_y,
 ):  # fmt: skip
     """The second round, which puts its results where they belong: ways end at what is left of the ways of others."""
-    apart = 2.0 * radius + skin
     for row in range(first_row, last_row):
         for column in range(across):
             cell = row * across + column
@@ -119,6 +119,7 @@ def stop_at_ways(
                         ox, oy = free[j] * dx[j], free[j] * dy[j]
                         if (ox == 0.0 and oy == 0.0) or (mx * gx + my * gy <= 0.0 and ox * gx + oy * gy >= 0.0):
                             continue
+                        apart = radii[i] + radii[j] + skin
                         hx, hy = off(x[i], y[i], x[j], y[j], x[j] + ox, y[j] + oy)
                         if hx * hx + hy * hy < apart * apart:
                             stop = 0.0

@@ -10,13 +10,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.names import Names
 from sleepcast.simulator.bodies import Bodies, Floats, Saying
 from sleepcast.simulator.body import model_of
 from sleepcast.simulator.engine import Machine, choose
 from sleepcast.simulator.events import happen
 from sleepcast.simulator.measures import Measuring
 from sleepcast.simulator.motion import step
+from sleepcast.simulator.robot_types import names_of
 from sleepcast.simulator.robots import Robots
 from sleepcast.simulator.scenario import Scenario
 from sleepcast.simulator.senses import Senses
@@ -49,7 +49,7 @@ class Simulator:
         self.world = self.bodies.world
         """The solid things, which may be changed between ticks."""
         self.model = model_of(scenario, self.bodies)
-        self.names = Names(prefix=scenario.robots.type, count=scenario.robots.count)
+        self.names = names_of(scenario.each_sort, scenario.robots.count)
         self.robots = Robots(self.bodies, self.model)
         self._senses = Senses(self.bodies)
         self._measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y)

@@ -41,7 +41,7 @@ SENTENCE = "(WHEN (AND (< (DIST x y vessel_x vessel_y) 5mi) (> fuel 50%) (> ordn
 
 MANY, SECONDS = 100_000, 300
 """Robots in the maze, and simulated seconds until the photograph."""
-WIDE: ViewportSize = {"width": 1400, "height": 1150}
+WIDE: ViewportSize = {"width": 1400, "height": 1010}
 """Of the page with the maze: the map is then a square of a thousand pixels."""
 
 

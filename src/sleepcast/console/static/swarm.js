@@ -75,11 +75,11 @@ function drawHalos(pen, halos, colour) {
   pen.stroke(halos);
 }
 
-// The side of a robot's point, in pixels of the screen: 1 to 3, so that robots all over the area leave half of it free.
+// The side of a robot's point, in pixels of the screen: 1 to 3, so that robots all over the area leave most of it free.
 function pointSize(view, scene, count, ratio) {
   const [left, bottom, right, top] = scene.area;
   const room = ((right - left) * (top - bottom) * (view.scale * ratio) ** 2) / count;
-  return Math.min(3, Math.max(1, Math.round(Math.sqrt(room / 2))));
+  return Math.min(3, Math.max(1, Math.round(Math.sqrt(room / 4))));
 }
 
 let image = null; // kept between frames: a screenful of pixels

@@ -120,10 +120,13 @@ def show(rows: Sequence[Row], counts: Sequence[int]) -> str:
 
 def lines(rows: Sequence[Row]) -> list[Line]:
     names = dict.fromkeys(row.name for row in rows)
-    return [
+    counts = [row.robots for row in rows]
+    real = Line("real time", [(min(counts), 1.0), (max(counts), 1.0)], wanted=True)
+    found = [
         Line(name, [(row.robots, row.realtime) for row in rows if row.name == name and row.realtime is not None])
         for name in names
     ]
+    return [*found, real]
 
 
 def main() -> None:

@@ -39,10 +39,12 @@ LAST = 2.5
 SENTENCE = "(WHEN (AND (< (DIST x y vessel_x vessel_y) 5mi) (> fuel 50%) (> ordnance 70%)) (JOIN bravo))"
 
 
-MANY, SECONDS = 100_000, 300
+MANY, SECONDS = 100_000, 90
 """Robots in the maze, and simulated seconds until the photograph."""
 WIDE: ViewportSize = {"width": 1400, "height": 1010}
-"""Of the page with the maze: the map is then a square of a thousand pixels."""
+"""Of the page with the maze: the map is then nearly a square."""
+FINE = 2
+"""Pixels of the photograph of the maze for each of the page's: points are half as wide then."""
 
 
 @contextmanager
@@ -131,9 +133,18 @@ def bravo() -> None:
 def maze() -> None:
     with TemporaryDirectory() as folder:
         file = Path(folder, "maze.mcap")
-        options = ("--robots", str(MANY), "--seconds", str(SECONDS), "--record", file, "--record-pictures", "60")
+        options = (
+            "--robots",
+            str(MANY),
+            "--seconds",
+            str(SECONDS),
+            "--record",
+            file,
+            "--record-pictures",
+            str(SECONDS),
+        )
         subprocess.run([sys.executable, "-m", "sleepcast", "run", "maze", *options], check=True)
-        with running("replay", file) as address, opened(address, WIDE) as page:
+        with running("replay", file) as address, opened(address, WIDE, FINE) as page:
             page.locator("#scrub").press("End")
             page.wait_for_function(f"""() => {{
               const [hours, minutes, seconds] = document.getElementById("clock").textContent.split(":").map(Number);
@@ -145,11 +156,11 @@ def maze() -> None:
 
 
 @contextmanager
-def opened(address: str, size: ViewportSize) -> Iterator[Page]:
-    """The page at this address, light, in a browser without a window."""
+def opened(address: str, size: ViewportSize, fine: float = 1) -> Iterator[Page]:
+    """The page at this address, light, in a browser without a window. fine: pixels of its screen for each of a page."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"))
-        page = browser.new_page(viewport=size, color_scheme="light")
+        page = browser.new_page(viewport=size, device_scale_factor=fine, color_scheme="light")
         page.goto(address)
         yield page
         browser.close()

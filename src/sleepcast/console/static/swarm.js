@@ -79,7 +79,7 @@ function drawHalos(pen, halos, colour) {
 function pointSize(view, scene, count, ratio) {
   const [left, bottom, right, top] = scene.area;
   const room = ((right - left) * (top - bottom) * (view.scale * ratio) ** 2) / count;
-  return Math.min(3, Math.max(1, Math.round(Math.sqrt(room / 4))));
+  return Math.min(3, Math.max(1, Math.round(Math.sqrt(room / 6))));
 }
 
 let image = null; // kept between frames: a screenful of pixels

@@ -1,10 +1,12 @@
 """Prints what the bodies of the scenario `crowd` cost for a robot and a tick, on each machine, and the bars beside it.
 
-    python -m benchmarks.simulator [--quick] [--json] [--density M2] [--no-walls]
+    python -m benchmarks.simulator [--quick] [--json] [--density M2] [--no-walls] [--cpu]
 
 The robots drive circles of their own, without minds, so that nothing but the simulator is measured: a tick is motion
 with contact, and one look of all sonars. Times are the medians of several ticks on the wall clock, after one that
-compiles and warms everything up. `real time` is how many simulated seconds of 10 Hz fit into a second.
+compiles and warms everything up; with --cpu they are of the processor, over all threads, for machines that do other
+things besides. `sorting` is part of motion and contact, and of the sonars. `real time` is how many simulated seconds of
+10 Hz fit into a second.
 """
 
 from __future__ import annotations
@@ -22,6 +24,11 @@ from importlib.util import find_spec
 import numpy as np
 
 from sleepcast.simulator import Changes, Machine, Simulator, choose, find_scenario
+from sleepcast.simulator.bodies import Floats, Mode
+from sleepcast.simulator.contact import Settled
+
+Clock = Callable[[], float]
+"""Seconds since some time or other."""
 
 FULL, QUICK = ((1_000, 10_000, 100_000), 15), ((200, 1_000), 3)
 """Numbers of robots, and ticks that are timed."""
@@ -33,61 +40,80 @@ SLOWEST_NUMPY = 3.0
 
 @dataclass(frozen=True)
 class Row:
-    """One machine with so many robots. step, look: ns for a robot and a tick: motion with contact, all sonars."""
+    """One machine with so many robots: ns for a robot and a tick. motion: what bodies propose, and what becomes of it;
+    contact: how far they get, and sorting for it; sort: once, in either; look: all sonars."""
 
     machine: str
     threads: int
     robots: int
-    step: float
+    motion: float
+    contact: float
+    sort: float
     look: float
+
+    @property
+    def step(self) -> float:
+        return self.motion + self.contact
 
     @property
     def realtime(self) -> float:
         return 0.1 / ((self.step + self.look) * 1e-9 * self.robots)
 
 
-def measure(machine: Machine, threads: int, changes: Changes, ticks: int) -> Row:
+def measure(machine: Machine, threads: int, changes: Changes, ticks: int, clock: Clock) -> Row:
     """Time so many ticks of a crowd."""
     simulator = Simulator(find_scenario("crowd", changes), machine=machine)
     bodies, robots = simulator.bodies, len(simulator.names)
     draw = np.random.default_rng(1)
-    bodies.mode[:] = 1
+    bodies.mode[:] = Mode.DRIVE
     bodies.wanted_speed[:], bodies.wanted_turn[:] = draw.uniform(0.2, 0.5, robots), draw.uniform(-0.5, 0.5, robots)
-    steps, looks = [], []
-    for tick in range(ticks + 1):
-        step, look = timed(simulator.step), timed(bodies.echo)
-        if tick:
-            steps.append(step)
-            looks.append(look)
-    each = 1e9 / robots
-    return Row(machine.name, threads, robots, statistics.median(steps) * each, statistics.median(looks) * each)
+    assert bodies.contact
+    settle, settling = bodies.contact.settle, [0.0]
+
+    def watched(x: Floats, y: Floats, across: Floats, up: Floats) -> Settled:
+        begin = clock()
+        settled = settle(x, y, across, up)
+        settling[0] = clock() - begin
+        return settled
+
+    bodies.contact.settle = watched  # type: ignore[method-assign]
+    times = []
+    for _ in range(ticks + 1):
+        step, look = timed(simulator.step, clock), timed(simulator.sense, clock)
+        sort = timed(lambda: machine.sort(bodies.near.grid, bodies.x, bodies.y), clock)
+        times.append((step - settling[0], settling[0], sort, look))
+    motion, contact, sort, look = (statistics.median(column) * 1e9 / robots for column in zip(*times[1:], strict=True))
+    return Row(machine.name, threads, robots, motion, contact, sort, look)
 
 
-def timed(work: Callable[[], object]) -> float:
-    begin = time.perf_counter()
+def timed(work: Callable[[], object], clock: Clock) -> float:
+    begin = clock()
     work()
-    return time.perf_counter() - begin
+    return clock() - begin
 
 
-def rows(counts: tuple[int, ...], ticks: int, density: float | None, walls: bool) -> list[Row]:
+def rows(counts: tuple[int, ...], ticks: int, density: float | None, walls: bool, clock: Clock) -> list[Row]:
     """Every machine that is installed, with every number of robots; the compiled one on one thread and on all."""
     cores = len(os.sched_getaffinity(0))
     found = []
     for robots in counts:
         changes = Changes(robots, density, walls)
         if robots <= NUMPY_MOST:
-            found.append(measure(choose("numpy"), 1, changes, min(ticks, 5)))
+            found.append(measure(choose("numpy"), 1, changes, min(ticks, 5), clock))
         if find_spec("numba") is not None:
-            found += [measure(choose("numba", threads), threads, changes, ticks) for threads in sorted({1, cores})]
+            for threads in sorted({1, 2, cores} if cores > 1 else {1}):
+                found.append(measure(choose("numba", threads), threads, changes, ticks, clock))
     return found
 
 
 def table(found: list[Row]) -> str:
-    lines = ["| machine | threads | robots | motion and contact, ns | sonar, ns | x real time |", "|---|" + "---:|" * 5]
-    lines += [
-        f"| {row.machine} | {row.threads} | {row.robots:,} | {row.step:,.0f} | {row.look:,.0f} | {row.realtime:,.1f} |"
-        for row in found
+    lines = [
+        "| machine | threads | robots | motion, ns | contact, ns | sorting, ns | sonar, ns | x real time |",
+        "|---|" + "---:|" * 7,
     ]
+    for row in found:
+        times = (f"{value:,.0f}" for value in (row.motion, row.contact, row.sort, row.look))
+        lines.append(f"| {row.machine} | {row.threads} | {row.robots:,} | {' | '.join(times)} | {row.realtime:,.1f} |")
     return "\n".join(lines)
 
 
@@ -113,12 +139,14 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="print JSON instead of tables")
     parser.add_argument("--density", type=float, metavar="M2", help="square metres for each robot; else 4")
     parser.add_argument("--no-walls", action="store_true", help="nothing solid but the robots")
+    parser.add_argument("--cpu", action="store_true", help="the processor's time instead of the clock's on the wall")
     options = parser.parse_args()
     counts, ticks = QUICK if options.quick else FULL
-    found = rows(counts, ticks, options.density, not options.no_walls)
+    clock = time.process_time if options.cpu else time.perf_counter
+    found = rows(counts, ticks, options.density, not options.no_walls, clock)
     machine = {"python": platform.python_version(), "processor": platform.machine(), "cores": os.cpu_count()}
     if options.json:
-        report = [{**asdict(row), "realtime": row.realtime} for row in found]
+        report = [{**asdict(row), "step": row.step, "realtime": row.realtime} for row in found]
         print(json.dumps({"machine": machine, "rows": report, "bars": bars(found)}))
         return
     print(f"Python {machine['python']}, {machine['processor']}, {machine['cores']} cores\n\n{table(found)}\n")

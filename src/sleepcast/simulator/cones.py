@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole, nearest_point, pairs, spread
 
-AT_ONCE = 4_000
-"""Robots looked at together: their pairs with everything in reach then fit into a few tens of megabytes."""
+AT_ONCE = 500
+"""Robots looked at together: their pairs with everything in reach then stay in a cache of some megabytes."""
 
 Ranges = NDArray[np.float32]
 
@@ -126,15 +126,16 @@ def _see_bodies(
     cosine, sine = np.cos(heading)[i], np.sin(heading)[i]
     ahead, left = across * cosine + up * sine, up * cosine - across * sine
     apart = 2.0 * pi / cones.count
-    nearest = np.rint(np.arctan2(left, ahead) / apart).astype(np.int64)
-    # Cones farther than one and a half steps from the line to it see a body only when it is close.
-    far = ahead * ahead + left * left > (cones.lone(1.5 * apart) ** 2 if radii is None else inf)
+    bearing, row = np.arctan2(left, ahead) / apart, place[i]
     wide = np.full(len(j), cones.radius) if radii is None else radii[j]
-    for step in range(-(cones.count // 2), (cones.count + 1) // 2):
-        chosen = slice(None) if abs(step) <= 1 else ~far
-        number = (nearest[chosen] + step) % cones.count
-        seen = disc_range(cones, wide[chosen], ahead[chosen], left[chosen], number)
-        np.minimum.at(rows, (place[i[chosen]], number), seen.astype(np.float32))
+    # Only the two cones that a body lies between see it when it is far.
+    far = ahead * ahead + left * left > (cones.lone(apart) ** 2 if radii is None else inf)
+    close = np.flatnonzero(~far)
+    first = np.floor(bearing[far]).astype(np.int64)
+    beside = np.stack((first, first + 1), axis=1) % cones.count
+    for chosen, number in ((far, beside), (close, np.arange(cones.count))):
+        seen = disc_range(cones, wide[chosen, None], ahead[chosen, None], left[chosen, None], number)
+        np.minimum.at(rows, (row[chosen, None], number), seen.astype(np.float32))
 
 
 def disc_range(cones: Cones, radius: float | Floats, ahead: Floats, left: Floats, number: Whole) -> Floats:
@@ -172,9 +173,12 @@ def _see_solids(
     near = across * across + up * up <= far * far
     i, item = i[near], item[near]
     round_ = solids[item, 4] > 0.0
-    axes = heading[i, None] + cones.axes
+    axes = heading[some, None] + cones.axes
+    cosines, sines = np.cos(axes), np.sin(axes)
     seen = np.empty((len(i), cones.count))
-    seen[~round_] = line_range(cones, axes[~round_], solids[item[~round_]], x[i[~round_]], y[i[~round_]])
+    lines, robot = item[~round_], i[~round_]
+    which = place[robot]
+    seen[~round_] = line_range(cones, cosines[which], sines[which], solids[lines], x[robot], y[robot])
     middle = solids[item[round_]]
     across, up = middle[:, 0] - x[i[round_]], middle[:, 1] - y[i[round_]]
     turned = heading[i[round_]]
@@ -185,15 +189,14 @@ def _see_solids(
     np.minimum.at(rows, place[i], seen.astype(np.float32))
 
 
-def line_range(cones: Cones, axes: Floats, solids: Floats, x: Floats, y: Floats) -> Floats:
-    """Range of lines in cones: `axes` (rad, world's frame), shape (n, count), of robots at x, y; row by row with the
-    lines `solids`. inf where one is not seen."""
+def line_range(cones: Cones, axis_cos: Floats, axis_sin: Floats, solids: Floats, x: Floats, y: Floats) -> Floats:
+    """Range of lines in cones: cosine and sine of their axes (world's frame), shape (n, count), of robots at x, y; row
+    by row with the lines `solids`. inf where one is not seen."""
     ex, ey = solids[:, 2] - solids[:, 0], solids[:, 3] - solids[:, 1]
     length = np.sqrt(ex * ex + ey * ey)
     ex, ey = ex / length, ey / length
     across, up = solids[:, 0] - x, solids[:, 1] - y
     height, begin = (up * ex - across * ey)[:, None], (across * ex + up * ey)[:, None]
-    axis_cos, axis_sin = np.cos(axes), np.sin(axes)
     normal, tangent = axis_sin * ex[:, None] - axis_cos * ey[:, None], axis_cos * ex[:, None] + axis_sin * ey[:, None]
     away = height - cones.radius * normal  # from the transducer to the line
     normal = np.where(away < 0.0, -normal, normal)

@@ -104,17 +104,17 @@ def collect(squares, rank, which, seen):
 def tell(seen, which, least, most, front, sensed):
     """See `noise.tell`, without noise. front: numbers of the sonars in front."""
     sonars, shortest = seen.shape[1], F(least)
-    for k in range(sonars):
-        for q in range(which.shape[0]):
+    told = np.empty(sonars)
+    for q in range(which.shape[0]):
+        for k in range(sonars):
             value = float(seen[q, k])
             value = most if value > most else value
-            sensed[k, which[q]] = least if seen[q, k] <= shortest else value
-    for q in range(which.shape[0]):
-        o = which[q]
-        nearest = sensed[front[0], o]
+            told[k] = least if seen[q, k] <= shortest else value
+        o, nearest = which[q], told[front[0]]
+        for k in range(sonars):
+            sensed[k, o] = told[k]
         for k in front:
-            value = sensed[k, o]
-            nearest = value if (value < nearest) | (value != value) else nearest
+            nearest = told[k] if (told[k] < nearest) | (told[k] != told[k]) else nearest
         sensed[sonars, o] = nearest
 
 

@@ -1,0 +1,94 @@
+"""Every machine moves bodies in the same way, to the last bit, whatever they are doing and on however many threads."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from machines import ALL
+from sleepcast.simulator import Simulator
+from sleepcast.simulator.bodies import Mode
+from sleepcast.simulator.engine import Machine, choose
+from small_worlds import scouts
+
+MANY = ("count = 1\n", "count = 300\n")
+ROOMY = ('width = "12m"\nheight = "12m"\nedge = "wall"', 'width = "40m"\nheight = "30m"')
+STORES = (
+    '\n[robots.stores.battery]\nstart = ["0%", "2%"]\nreach = "100m"\n\n[robots.stores.water]\nstart = ["1kg", "2kg"]\n'
+)
+WHEELS = {
+    "rolling": "",
+    "biased": 'slip_left = "1%"\nslip_right = "-2%"\n',
+    "noisy": 'slip_left = "1%"\nslip_noise = "20mm"\n',
+}
+
+
+def busy(folder: Path, machine: Machine, slip: str, *changes: tuple[str, str]) -> Simulator:
+    """Robots that roam, drive, go somewhere, tumble, are held or stopped, run into each other and run dry."""
+    wheels = ("[robots.sonar]", f"{slip}\n[robots.sonar]")
+    sim = scouts(folder, MANY, ROOMY, wheels, *changes, more=STORES, seed=4, machine=machine)
+    draw = np.random.default_rng(6)
+    for number, body in enumerate(sim.robots):
+        match number % 6:
+            case 0:
+                body.wander()
+            case 1 | 2:
+                body.go_to(*draw.uniform(0.0, (40.0, 30.0)))
+            case _:
+                body.drive(*draw.uniform((-1.2, -4.0), (1.2, 4.0)))
+        if number % 7 == 0:
+            body.tumble()
+        if number % 11 == 0:
+            body.hold(True)
+        if number % 13 == 0:
+            body.stop()
+    return sim
+
+
+def went(sim: Simulator, ticks: int) -> str:
+    for tick in range(ticks):
+        sim.robots[tick % 300].tumble()
+        sim.step()
+    return sim.state_hash()
+
+
+@pytest.mark.parametrize("slip", WHEELS.values(), ids=WHEELS.keys())
+def test_machines_agree_to_the_last_bit(tmp_path: Path, slip: str) -> None:
+    sims = [busy(tmp_path, machine, slip) for machine in ALL]
+    hashes = {went(sim, 150) for sim in sims}
+    assert len(hashes) == 1
+    bodies = sims[0].bodies
+    assert (bodies.stores[0] == 0.0).any()
+    assert (bodies.stores[0] > 0.0).any()
+    assert (bodies.swing != 0.0).any() or (bodies.heading != 0.0).all()
+
+
+def test_machines_agree_between_walls_and_without_bumpers(tmp_path: Path) -> None:
+    walls = ('width = "40m"\nheight = "30m"', 'width = "40m"\nheight = "30m"\nedge = "wall"')
+    for change in (walls, ("bumpers = 8\n", "")):
+        assert len({went(busy(tmp_path, machine, WHEELS["noisy"], change), 80) for machine in ALL}) == 1
+
+
+def test_threads_do_not_matter(tmp_path: Path) -> None:
+    pytest.importorskip("numba")
+    hashes = set()
+    for threads in (1, 2, 3):
+        crowd = ("count = 300\n", "count = 6000\n"), ('"40m"\nheight = "30m"', '"100m"\nheight = "90m"')
+        sim = busy(tmp_path, choose("numba", threads), WHEELS["noisy"], *crowd)
+        for _ in range(5):
+            sim.step()
+        assert (sim.bodies.bumper > 0).any()
+        hashes.add(sim.state_hash())
+    assert len(hashes) == 1
+
+
+def test_a_body_that_only_drives_does_not_roam(tmp_path: Path) -> None:
+    """Its turn rate waits for it to wander again."""
+    sim = busy(tmp_path, ALL[0], "")
+    before = sim.bodies.roaming.copy()
+    sim.step()
+    wanders = sim.bodies.mode == Mode.WANDER
+    assert 20 < np.count_nonzero(wanders) < 100
+    assert ((sim.bodies.roaming != before) == wanders).all()

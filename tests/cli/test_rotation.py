@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import json
+import resource
 from math import inf
 from pathlib import Path
 
 import pytest
 
-from cli.calling import called
+from cli.calling import LONGEST, called
 from console.running import Program, open_page
 from sleepcast.cli.film import film_of
 from sleepcast.cli.headless import assemble
 from sleepcast.cli.page import outlines
 from sleepcast.cli.recording import Wanted, recorded
 from sleepcast.errors import MisuseError
-from sleepcast.simulator import Changes, Circle, Wall, find_scenario
+from sleepcast.simulator import Changes, Circle, Wall, find_scenario, load
+from sleepcast.simulator.recorder import Recorder
 from sleepcast.simulator.recording import Recording, load_recording
 from sleepcast.simulator.rotation import Rotation, part_file, read_rotation
 from small_worlds import write
@@ -113,6 +115,28 @@ def test_nothing_is_replaced_by_a_part(world: Path) -> None:
     assert f"The recording goes on in {world / 'run-0002.mcap'}" in done.err
     assert load_recording(world / "run-0002.mcap").seconds == 20.0
     assert (world / "run-0003.mcap").read_text() == "precious"
+
+
+def test_a_disk_that_is_full_when_a_part_ends_leaves_no_empty_part(
+    world: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sleepcast.simulator.recorder.FLUSH_PERIOD", LONGEST)  # nothing is saved in between
+    said: list[str] = []
+    file = world / "run.mcap"
+    recorder = Recorder(file, load(world), 3, version="test", complain=said.append, rotation=Rotation(age=1.0))
+    recorder.note("/sleepcast/state", 1.0, {"tick": 10, "hash": "first"})
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1, hard))
+    try:
+        assert recorder.full(1.0)
+        assert not recorder.turn(1.0)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    recorder.close()
+    assert recorder.failed
+    assert len(said) == 1
+    assert f"cannot record any further to {file}" in said[0]
+    assert not (world / "run-0002.mcap").exists()
 
 
 @pytest.mark.parametrize(

@@ -191,6 +191,10 @@ class Recorder:
         with self._lock:
             self._writer.add_metadata(FOLLOWING, {"file": file.name})
             self._end()
+            if self.failed:
+                output.close()
+                file.unlink()
+                return False
             self.file, self.part = file, self.part + 1
             self._begin(output, time)
         return True

@@ -29,14 +29,15 @@ class Embodied:
 
     def __init__(self, state: FleetState, bodies: Sequence[object | None]) -> None:
         self._state, self._bodies = state, bodies
+        self._many = bodies if isinstance(bodies, ManyBodies) else None
         self._any_still = False
         """Whether any body is held still."""
 
     def stop(self, rows: Rows) -> None:
         """Stop these robots; where the body has no latch of its own, functions that act are refused instead."""
         self._state.stopped[rows.index] = True
-        if isinstance(self._bodies, ManyBodies):
-            self._bodies.stop(rows.robots)
+        if self._many is not None:
+            self._many.stop(rows.robots)
             return
         for robot in rows.robots.tolist():
             body = self._bodies[robot]
@@ -48,8 +49,8 @@ class Embodied:
     def release(self, rows: Rows) -> None:
         """End `stop` for these robots."""
         self._state.stopped[rows.index] = self._state.held[rows.index] = False
-        if isinstance(self._bodies, ManyBodies):
-            self._bodies.release(rows.robots)
+        if self._many is not None:
+            self._many.release(rows.robots)
             return
         for body in map(self._bodies.__getitem__, rows.robots.tolist()):
             if isinstance(body, Robot):
@@ -73,8 +74,8 @@ class Embodied:
         state.still[rows.index] = now
         self._any_still = bool(state.still.any())
         still = state.still[changed.index]
-        if isinstance(self._bodies, ManyBodies):
-            self._bodies.hold(changed.robots, still)
+        if self._many is not None:
+            self._many.hold(changed.robots, still)
             return
         for robot, one in zip(changed.robots.tolist(), still.tolist(), strict=True):
             body = self._bodies[robot]

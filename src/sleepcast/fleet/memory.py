@@ -54,6 +54,7 @@ class FleetMemory(Evaluation):
     ) -> None:
         super().__init__(state, minds)
         self.speech, self.bodies, self.vocabulary, self._acts = speech, bodies, minds.vocabulary, acts
+        self._many = bodies if isinstance(bodies, ManyBodies) else None
         self.printed: list[tuple[Index, str, Sequence[Column]]] | None = None
         self.hosts: list[Given] | None = None
         self.script: Iterator[float | str] | None = None
@@ -223,9 +224,8 @@ class FleetMemory(Evaluation):
         """What the robots' own function gives each of them: a number, NaN if it is not finite, or why it failed."""
         if self.script is not None:
             return [next(self.script) for _ in range(rows.size)]
-        many = getattr(self.bodies, function.many) if function.many and isinstance(self.bodies, ManyBodies) else None
-        if many is not None:
-            found = many(rows.robots, *columns)
+        if self._many is not None and function.many:
+            found = getattr(self._many, function.many)(rows.robots, *columns)
             return np.broadcast_to(1.0, rows.size) if found is None else np.where(np.isfinite(found), found, nan)
         label = (part.data.text,) if isinstance(part.data, Label) else ()
         lists = [column.tolist() for column in columns]

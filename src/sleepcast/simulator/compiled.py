@@ -69,4 +69,4 @@ def _either_of_numbers(condition, yes, no):  # type: ignore[no-untyped-def]  # n
 
 
 for formula in (formulas.sine_cosine, formulas.arc_tangent, formulas.wrap, *driving.FORMULAS):
-    register_jitable(formula)
+    register_jitable(inline="always")(formula)

@@ -10,7 +10,8 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
-from math import cos, pi, sin
+from math import cos, pi, sin, sqrt
+from typing import TypeVar
 
 import numpy as np
 
@@ -23,6 +24,8 @@ from sleepcast.simulator.lanes import LANES
 from sleepcast.simulator.noise import Ear, Noise
 from sleepcast.simulator.steps import Columns, Draws, Proposal
 from sleepcast.simulator.walls import Walls, walls_of
+
+Result = TypeVar("Result")
 
 ALONE = 5_000
 """Robots up to which one thread is faster than several."""
@@ -129,21 +132,26 @@ class NumbaMachine:
         place: tuple[Floats, Floats],
         way: tuple[Floats, Floats],
     ) -> Settled:
-        x, y, across, up = (values[points.order] for values in (*place, *way))
-        longest = float(np.sqrt(np.max(across * across + up * up, initial=0.0)))
-        reach = 2.0 * radius + SKIN + 2.0 * longest
-        stopped = Settled(*np.empty((3, len(x))))
-        settled = Settled(*np.empty((3, len(x))))
-        ways = (x, y, across, up, *points, grid.size, grid.across, grid.up)
+        count, (order, start) = len(place[0]), points
+        rows = np.empty((4, count))
+        ways = rows[0], rows[1], rows[2], rows[3]
+        lengths = self._share(count, lambda first, last: kernels_contact.gather(order, *place, *way, first, last, rows))
+        reach = 2.0 * radius + SKIN + 2.0 * sqrt(max(lengths))
+        near, stopped = np.empty(count, bool), Settled(*np.empty((3, count)))
+        settled = Settled(np.ones(count), np.zeros(count), np.zeros(count))
 
         def at_old(first: int, last: int) -> None:
-            kernels_contact.stop_at_old(*ways, solids, *listed, radius, SKIN, reach, first, last, *stopped)
+            cells = start, grid.size, grid.across, grid.up
+            kernels_contact.stop_at_old(
+                *ways, *cells, solids, *listed, radius, SKIN, reach, first, last, near, *stopped
+            )
 
         def at_ways(first: int, last: int) -> None:
-            kernels_contact.stop_at_ways(*ways, radius, SKIN, reach, first, last, *stopped, *settled)
+            cells = order, start, grid.size, grid.across, grid.up
+            kernels_contact.stop_at_ways(*ways, *cells, radius, SKIN, reach, first, last, near, *stopped, *settled)
 
-        self._share_rows(at_old, grid, points.start)
-        self._share_rows(at_ways, grid, points.start)
+        self._share_rows(at_old, grid, start)
+        self._share_rows(at_ways, grid, start)
         return settled
 
     def disturb(self, seen: Ranges, which: Whole, noise: Noise) -> None:
@@ -161,9 +169,9 @@ class NumbaMachine:
             self._kept = np.empty(rows * columns, np.float32)
         return self._kept[: rows * columns].reshape(rows, columns)
 
-    def _share(self, count: int, work: Callable[[int, int], None]) -> None:
-        """Let `work` be done for so many things, in stretches of numbers."""
-        self._do(work, np.linspace(0, count, self.threads + 1).astype(int).tolist(), count)
+    def _share(self, count: int, work: Callable[[int, int], Result]) -> list[Result]:
+        """Let `work` be done for so many things, in stretches of numbers; gives what comes of each."""
+        return self._do(work, np.linspace(0, count, self.threads + 1).astype(int).tolist(), count)
 
     def _share_rows(self, work: Callable[[int, int], None], grid: Grid, start: Whole) -> None:
         """Let `work` be done for all rows of cells, in stretches of about as many robots."""
@@ -172,12 +180,10 @@ class NumbaMachine:
         shares = np.arange(1, self.threads * STRETCHES) * (count / (self.threads * STRETCHES))
         self._do(work, [0, *(np.searchsorted(ends, shares) + 1).tolist(), grid.up], count)
 
-    def _do(self, work: Callable[[int, int], None], borders: list[int], count: int) -> None:
+    def _do(self, work: Callable[[int, int], Result], borders: list[int], count: int) -> list[Result]:
         if self.threads == 1 or count <= ALONE:
-            work(borders[0], borders[-1])
-            return
+            return [work(borders[0], borders[-1])]
         if self._pool is None:
             self._pool = ThreadPoolExecutor(self.threads, "kernels")
         jobs = [self._pool.submit(work, *pair) for pair in pairwise(borders) if pair[0] < pair[1]]
-        for job in jobs:
-            job.result()
+        return [job.result() for job in jobs]

@@ -8,7 +8,11 @@ from __future__ import annotations
 
 from math import sqrt
 
+import numpy as np
+
 from sleepcast.simulator.compiled import compiled, inlined
+
+U = np.uint64
 
 
 @inlined
@@ -56,77 +60,105 @@ def touch(px, py, dx, dy, x0, y0, x1, y1, apart):
 
 
 @compiled
+def gather(order, x, y, across, up, first, last, into):
+    """Put places and ways into the rows of `into`, in the order of the cells; gives the square of the longest way."""
+    longest = 0.0
+    for i in range(first, last):
+        o = order[i]
+        into[0, i], into[1, i], into[2, i], into[3, i] = x[o], y[o], across[o], up[o]
+        longest = max(longest, across[o] * across[o] + up[o] * up[o])
+    return longest
+
+
+@inlined
+def comes_first(stop, hx, hy, best, best_x, best_y):
+    """Whether a stop comes before the best one so far; of equals the one last in x, then y."""
+    return stop < best or (stop == best and (hx > best_x or (hx == best_x and hy > best_y)))
+
+
+@inlined
+def lines_near(x, reach, size, most):
+    """The first and the last row or column of cells within reach of x."""
+    return U(max(int((x - reach) / size), 0)), U(min(int((x + reach) / size), most - 1))
+
+
+@compiled
 def stop_at_old(
-    x, y, dx, dy, order, start, size, across, up, solids, listed, items, radius, skin, reach, first_row, last_row,
-    free, hit_x, hit_y,
+    x, y, dx, dy, start, size, across, up, solids, listed, items, radius, skin, reach, first_row, last_row,
+    near, free, hit_x, hit_y,
 ):  # fmt: skip
-    """The first round of `contact.settle`, in sorted order: ways end at solids and at old places of others."""
+    """The first round of `contact.settle`, in sorted order: ways end at solids and at old places of others. near:
+    whether any body is within reach."""
     apart = 2.0 * radius + skin
-    for row in range(first_row, last_row):
-        for column in range(across):
-            cell = row * across + column
-            for i in range(start[cell], start[cell + 1]):
-                best, best_x, best_y = 1.0, 0.0, 0.0
-                for w in range(listed[cell], listed[cell + 1]):
-                    s = items[w]
-                    stop, hx, hy = touch(
-                        x[i], y[i], dx[i], dy[i], solids[s, 0], solids[s, 1], solids[s, 2], solids[s, 3],
-                        radius + solids[s, 4] + skin,
-                    )  # fmt: skip
-                    if stop < best or (stop == best and best < 1.0 and (hx > best_x or (hx == best_x and hy > best_y))):
-                        best, best_x, best_y = stop, hx, hy
-                round_best, round_x, round_y = best, 0.0, 0.0
-                left, right = max(int((x[i] - reach) / size), 0), min(int((x[i] + reach) / size), across - 1)
-                below, above = max(int((y[i] - reach) / size), 0), min(int((y[i] + reach) / size), up - 1)
-                for r in range(below, above + 1):
-                    for j in range(start[r * across + left], start[r * across + right + 1]):
-                        gx, gy = x[j] - x[i], y[j] - y[i]
-                        if j == i or gx * gx + gy * gy > reach * reach:
-                            continue
-                        stop, hx, hy = touch(x[i], y[i], dx[i], dy[i], x[j], y[j], x[j], y[j], apart)
-                        if stop < round_best or (
-                            stop == round_best
-                            and round_best < best
-                            and (hx > round_x or (hx == round_x and hy > round_y))
-                        ):
-                            round_best, round_x, round_y = stop, hx, hy
-                if round_best < best:
-                    best, best_x, best_y = round_best, round_x, round_y
-                free[i], hit_x[i], hit_y[i] = best, best_x, best_y
+    for cell in range(U(first_row * across), U(last_row * across)):
+        for i in range(U(start[cell]), U(start[cell + U(1)])):
+            px, py, wx, wy = x[i], y[i], dx[i], dy[i]
+            way = sqrt(wx * wx + wy * wy) + skin
+            best, best_x, best_y = 1.0, 0.0, 0.0
+            for w in range(U(listed[cell]), U(listed[cell + U(1)])):
+                s = U(items[w])
+                x0, y0, x1, y1, limit = (
+                    solids[s, 0],
+                    solids[s, 1],
+                    solids[s, 2],
+                    solids[s, 3],
+                    radius + solids[s, 4] + skin,
+                )
+                ox, oy = off(px, py, x0, y0, x1, y1)
+                if ox * ox + oy * oy > (limit + way) ** 2:
+                    continue
+                stop, hx, hy = touch(px, py, wx, wy, x0, y0, x1, y1, limit)
+                if stop < 1.0 and comes_first(stop, hx, hy, best, best_x, best_y):
+                    best, best_x, best_y = stop, hx, hy
+            other, other_x, other_y = best, 0.0, 0.0
+            left, right = lines_near(px, reach, size, across)
+            below, above = lines_near(py, reach, size, up)
+            neighbours = 0
+            for r in range(below, above + U(1)):
+                for j in range(U(start[r * U(across) + left]), U(start[r * U(across) + right + U(1)])):
+                    gx, gy = x[j] - px, y[j] - py
+                    if gx * gx + gy * gy > reach * reach or j == i:
+                        continue
+                    neighbours += 1
+                    stop, hx, hy = touch(px, py, wx, wy, x[j], y[j], x[j], y[j], apart)
+                    if stop < best and comes_first(stop, hx, hy, other, other_x, other_y):
+                        other, other_x, other_y = stop, hx, hy
+            if other < best:
+                best, best_x, best_y = other, other_x, other_y
+            near[i] = neighbours > 0
+            free[i], hit_x[i], hit_y[i] = best, best_x, best_y
 
 
 @compiled
 def stop_at_ways(
     x, y, dx, dy, order, start, size, across, up, radius, skin, reach, first_row, last_row,
-    free, hit_x, hit_y, out_free, out_x, out_y,
+    near, free, hit_x, hit_y, out_free, out_x, out_y,
 ):  # fmt: skip
-    """The second round, which puts its results where they belong: ways end at what is left of the ways of others."""
+    """The second round: ways end at what is left of the ways of others. Puts the results of those that are stopped
+    where they belong."""
     apart = 2.0 * radius + skin
-    for row in range(first_row, last_row):
-        for column in range(across):
-            cell = row * across + column
-            for i in range(start[cell], start[cell + 1]):
-                best, best_x, best_y = free[i], hit_x[i], hit_y[i]
-                mx, my = best * dx[i], best * dy[i]
-                first = best
-                left, right = max(int((x[i] - reach) / size), 0), min(int((x[i] + reach) / size), across - 1)
-                below, above = max(int((y[i] - reach) / size), 0), min(int((y[i] + reach) / size), up - 1)
-                for r in range(below, above + 1):
-                    for j in range(start[r * across + left], start[r * across + right + 1]):
-                        gx, gy = x[j] - x[i], y[j] - y[i]
-                        if j == i or gx * gx + gy * gy > reach * reach:
-                            continue
-                        ox, oy = free[j] * dx[j], free[j] * dy[j]
-                        if (ox == 0.0 and oy == 0.0) or (mx * gx + my * gy <= 0.0 and ox * gx + oy * gy >= 0.0):
-                            continue
-                        hx, hy = off(x[i], y[i], x[j], y[j], x[j] + ox, y[j] + oy)
-                        if hx * hx + hy * hy < apart * apart:
-                            stop = 0.0
-                        else:
-                            stop, hx, hy = touch(x[i], y[i], dx[i], dy[i], x[j], y[j], x[j] + ox, y[j] + oy, apart)
-                        if stop < best or (
-                            stop == best and best < first and (gx > best_x or (gx == best_x and gy > best_y))
-                        ):
-                            best, best_x, best_y = stop, gx, gy
-                o = order[i]
-                out_free[o], out_x[o], out_y[o] = best, best_x, best_y
+    for i in range(U(start[first_row * across]), U(start[last_row * across])):
+        best, best_x, best_y = free[i], hit_x[i], hit_y[i]
+        if near[i]:
+            px, py, wx, wy, first = x[i], y[i], dx[i], dy[i], best
+            mx, my = best * wx, best * wy
+            left, right = lines_near(px, reach, size, across)
+            below, above = lines_near(py, reach, size, up)
+            for r in range(below, above + U(1)):
+                for j in range(U(start[r * U(across) + left]), U(start[r * U(across) + right + U(1)])):
+                    gx, gy = x[j] - px, y[j] - py
+                    if gx * gx + gy * gy > reach * reach or j == i:
+                        continue
+                    ox, oy = free[j] * dx[j], free[j] * dy[j]
+                    if (ox == 0.0 and oy == 0.0) or (mx * gx + my * gy <= 0.0 and ox * gx + oy * gy >= 0.0):
+                        continue
+                    hx, hy = off(px, py, x[j], y[j], x[j] + ox, y[j] + oy)
+                    if hx * hx + hy * hy < apart * apart:
+                        stop = 0.0
+                    else:
+                        stop, hx, hy = touch(px, py, wx, wy, x[j], y[j], x[j] + ox, y[j] + oy, apart)
+                    if stop < first and comes_first(stop, gx, gy, best, best_x, best_y):
+                        best, best_x, best_y = stop, gx, gy
+        if best < 1.0:
+            o = order[i]
+            out_free[o], out_x[o], out_y[o] = best, best_x, best_y

@@ -28,7 +28,9 @@ from sleepcast.simulator.noise import MIDDLE, SCALE
 from sleepcast.simulator.steps import UNIT, UNIT_SPREAD
 
 BLOCK = 256
-"""Bodies whose wishes stay in the nearest cache."""
+"""Bodies whose numbers stay in the nearest cache."""
+SPEED, TURN, LEFT, RIGHT, HEADING, ACROSS, UP, SLIP = (BLOCK * run for run in range(8))
+"""Where these lie in the scratch room of a block; one array, so that it is plain that nothing overlaps."""
 
 
 @strict
@@ -48,78 +50,112 @@ def deviate(counter, draw):
 
 
 @strict
-def wish(b, laws, roam, i):
-    """The speed and turn rate that body i may have: what it wants, unless something overrules it."""
-    if b.mode[i] == DRIVE:
-        speed, turn = b.wanted_speed[i], b.wanted_turn[i]
-    elif b.mode[i] == GOTO:
-        across, up = b.target_x[i] - b.encoder_x[i], b.target_y[i] - b.encoder_y[i]
-        speed, turn = approach(laws, across, up, b.encoder_heading[i])
-    else:
-        drawn = float(scrambled(b.chance[i] + roam) >> U(11)) * UNIT - 0.5
-        b.roaming[i] = b.roaming[i] * laws.kept + drawn * (UNIT_SPREAD * laws.strayed)
-        speed, turn = laws.roam_speed, b.roaming[i]
-    moves = not b.held[i]
-    for store in range(b.uses.shape[0]):
-        if b.uses[store] != 0.0 and b.stores[store, i] <= 0.0:
-            moves = False
-    if b.swing[i] != 0.0 and moves:
-        turn = bounded(b.swing[i] / laws.tick, -laws.turn_rate, laws.turn_rate)
-        rest = b.swing[i] - turn * laws.tick
-        b.swing[i] = either(np.abs(rest) < 1e-9, 0.0, rest)
-    if laws.margin >= 0.0 and b.mode[i] != GOTO and speed != 0.0 and outside(laws, b.x[i], b.y[i]):
-        turn = turned_back(laws, b.x[i], b.y[i], b.heading[i], speed, turn)
-    return (speed, turn) if moves else (0.0, 0.0)
-
-
-@strict
-def propose(b, laws, roam, draw_left, draw_right, p, first, last):
+def propose(bodies, laws, roam, draw_left, draw_right, proposal, first, last):
     """See `steps.propose`: the bodies from `first` up to `last`."""
-    speeds, turns = np.empty(BLOCK), np.empty(BLOCK)
+    (
+        mode, held, wanted_speed, wanted_turn, target_x, target_y, swing, roaming, chance, numbers, x, y, heading,
+        encoder_x, encoder_y, encoder_heading, wheel_mean, wheel_left, wheel_right, _, stores, uses,
+    ) = bodies  # fmt: skip
+    out_across, out_up, out_turn, seen_across, seen_up, seen_turn = proposal
     slips = laws.slip_left != 0.0 or laws.slip_right != 0.0 or laws.slip_noise != 0.0
+    room = np.zeros(8 * BLOCK)
     for begin in range(first, last, BLOCK):
         size = min(BLOCK, last - begin)
         for q in range(size):
-            speeds[q], turns[q] = wish(b, laws, roam, begin + q)
-        for q in range(size):
             i = begin + q
-            left, right = wheels_follow(laws, b.left[i], b.right[i], speeds[q], turns[q])
-            b.left[i], b.right[i], b.speed[i] = left, right, (left + right) / 2.0
-            across, up, turn = arc(laws, left * laws.tick, right * laws.tick, b.encoder_heading[i])
-            p.seen_across[i], p.seen_up[i], p.seen_turn[i] = across, up, turn
-            p.across[i], p.up[i], p.turn[i] = across, up, turn
+            speed, turn = wanted_speed[i], wanted_turn[i]
+            if mode[i] == GOTO:
+                across, up = target_x[i] - encoder_x[i], target_y[i] - encoder_y[i]
+                speed, turn = approach(laws, across, up, encoder_heading[i])
+            elif mode[i] != DRIVE:
+                drawn = float(scrambled(chance[i] + roam) >> U(11)) * UNIT - 0.5
+                roaming[i] = roaming[i] * laws.kept + drawn * (UNIT_SPREAD * laws.strayed)
+                speed, turn = laws.roam_speed, roaming[i]
+            moves = not held[i]
+            for store in range(uses.shape[0]):
+                if uses[store] != 0.0 and stores[store, i] <= 0.0:
+                    moves = False
+            if swing[i] != 0.0 and moves:
+                turn = bounded(swing[i] / laws.tick, -laws.turn_rate, laws.turn_rate)
+                rest = swing[i] - turn * laws.tick
+                swing[i] = either(np.abs(rest) < 1e-9, 0.0, rest)
+            if laws.margin >= 0.0 and mode[i] != GOTO and speed != 0.0 and outside(laws, x[i], y[i]):
+                turn = turned_back(laws, x[i], y[i], heading[i], speed, turn)
+            room[SPEED + q], room[TURN + q] = (speed, turn) if moves else (0.0, 0.0)
+        fetch(wheel_left, begin, room, LEFT, size)
+        fetch(wheel_right, begin, room, RIGHT, size)
+        fetch(encoder_heading, begin, room, HEADING, size)
+        for q in range(size):
+            left, right = room[LEFT + q], room[RIGHT + q]
+            left, right = wheels_follow(laws, left, right, room[SPEED + q], room[TURN + q])
+            room[LEFT + q], room[RIGHT + q], room[SPEED + q] = left, right, (left + right) / 2.0
+            across, up, turn = arc(laws, left * laws.tick, right * laws.tick, room[HEADING + q])
+            room[ACROSS + q], room[UP + q], room[TURN + q] = across, up, turn
+        give(room, LEFT, wheel_left, begin, size)
+        give(room, RIGHT, wheel_right, begin, size)
+        give(room, SPEED, wheel_mean, begin, size)
+        give(room, ACROSS, seen_across, begin, size)
+        give(room, UP, seen_up, begin, size)
+        give(room, TURN, seen_turn, begin, size)
         if slips:
+            if laws.slip_noise != 0.0:
+                for q in range(size):
+                    room[SPEED + q] = deviate(numbers[begin + q], draw_left)
+                for q in range(size):
+                    room[SLIP + q] = deviate(numbers[begin + q], draw_right)
+            fetch(heading, begin, room, HEADING, size)
             for q in range(size):
-                i = begin + q
-                left = slipped(laws, b.left[i] * laws.tick, laws.slip_left, deviate(b.numbers[i], draw_left))
-                right = slipped(laws, b.right[i] * laws.tick, laws.slip_right, deviate(b.numbers[i], draw_right))
-                p.across[i], p.up[i], p.turn[i] = arc(laws, left, right, b.heading[i])
+                left = slipped(laws, room[LEFT + q] * laws.tick, laws.slip_left, room[SPEED + q])
+                right = slipped(laws, room[RIGHT + q] * laws.tick, laws.slip_right, room[SLIP + q])
+                across, up, turn = arc(laws, left, right, room[HEADING + q])
+                room[ACROSS + q], room[UP + q], room[TURN + q] = across, up, turn
+        fetch(x, begin, room, LEFT, size)
+        fetch(y, begin, room, RIGHT, size)
         for q in range(size):
-            i = begin + q
-            p.across[i] = bounded(b.x[i] + p.across[i], laws.left, laws.right) - b.x[i]
-            p.up[i] = bounded(b.y[i] + p.up[i], laws.bottom, laws.top) - b.y[i]
+            across, up = room[LEFT + q] + room[ACROSS + q], room[RIGHT + q] + room[UP + q]
+            room[ACROSS + q] = bounded(across, laws.left, laws.right) - room[LEFT + q]
+            room[UP + q] = bounded(up, laws.bottom, laws.top) - room[RIGHT + q]
+        give(room, ACROSS, out_across, begin, size)
+        give(room, UP, out_up, begin, size)
+        give(room, TURN, out_turn, begin, size)
 
 
 @strict
-def commit(b, laws, p, free, across, up, first, last):
+def fetch(column, begin, room, place, size):
+    """Copy a stretch of a column to a place in `room`."""
+    for q in range(size):
+        room[place + q] = column[begin + q]
+
+
+@strict
+def give(room, place, column, begin, size):
+    """And back."""
+    for q in range(size):
+        column[begin + q] = room[place + q]
+
+
+@strict
+def commit(bodies, laws, proposal, free, across, up, first, last):
     """See `steps.commit`: the bodies from `first` up to `last`."""
+    x, y, heading, encoder_x, encoder_y, encoder_heading, speed, left, right, bumper, stores, uses = bodies[10:]
+    way_across, way_up, turn, seen_across, seen_up, seen_turn = proposal
     for i in range(first, last):
         if laws.parts != 0.0:
-            b.bumper[i] = touched_part(laws, across[i], up[i], b.heading[i]) if free[i] < 1.0 else 0.0
-    for store in range(b.uses.shape[0]):
-        use = b.uses[store]
+            bumper[i] = touched_part(laws, across[i], up[i], heading[i]) if free[i] < 1.0 else 0.0
+    for store in range(uses.shape[0]):
+        use = uses[store]
         if use != 0.0:
             for i in range(first, last):
-                left = b.stores[store, i] - np.abs(b.speed[i]) * laws.tick * free[i] * use
-                b.stores[store, i] = either(left < 0.0, 0.0, left)
+                rest = stores[store, i] - np.abs(speed[i]) * laws.tick * free[i] * use
+                stores[store, i] = either(rest < 0.0, 0.0, rest)
     for i in range(first, last):
-        b.x[i] += free[i] * p.across[i]
-        b.y[i] += free[i] * p.up[i]
-        b.heading[i] = wrap(b.heading[i] + p.turn[i])
+        x[i] += free[i] * way_across[i]
+        y[i] += free[i] * way_up[i]
+        heading[i] = wrap(heading[i] + turn[i])
     for i in range(first, last):
-        b.encoder_x[i] += free[i] * p.seen_across[i]
-        b.encoder_y[i] += free[i] * p.seen_up[i]
-        b.encoder_heading[i] = wrap(b.encoder_heading[i] + p.seen_turn[i])
+        encoder_x[i] += free[i] * seen_across[i]
+        encoder_y[i] += free[i] * seen_up[i]
+        encoder_heading[i] = wrap(encoder_heading[i] + seen_turn[i])
     for i in range(first, last):
         if free[i] < 1.0:
-            b.speed[i], b.left[i], b.right[i] = 0.0, 0.0, 0.0
+            speed[i], left[i], right[i] = 0.0, 0.0, 0.0

@@ -122,7 +122,7 @@ class Simulator:
 
     def pings(self, robots: NDArray[np.intp], castes: Floats) -> None:
         """The same for many robots. A robot that pings twice in a tick is heard once, the first time."""
-        self._pinged[robots] = 1.0 + np.clip(np.nan_to_num(castes, nan=MOST_CASTE), 0.0, MOST_CASTE)
+        self._pinged[robots] = 1.0 + np.rint(np.clip(np.nan_to_num(castes, nan=MOST_CASTE), 0.0, MOST_CASTE))
         self._senses.ping(robots, castes)
 
     def pinged(self) -> bytes:

@@ -13,7 +13,8 @@ LEFT, RIGHT, TOP, BOTTOM = 66, 215, 44, 46
 """Pixels round the field of the chart; the names of the lines stand on the right."""
 APART = 15
 """Pixels between two names."""
-COLOURS = ("#0b6bcb", "#1d8f5a", "#b45309", "#a21caf", "#b91c1c", "#4b5563", "#0891b2", "#65a30d")
+COLOURS = ("#2f7fe6", "#259b50", "#d0761f", "#b84bc9", "#e0483f", "#7d8896", "#1595ab", "#7a9a21")
+"""Of the lines, to be read on white and on black."""
 STYLE = """
 .paper { fill: #ffffff } .ink { fill: #1f2328 } .faint { stroke: #d5d9de } .bar { stroke: #6b7280 }
 @media (prefers-color-scheme: dark) {

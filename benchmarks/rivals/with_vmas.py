@@ -24,7 +24,7 @@ from benchmarks.rivals import job
 
 TOGETHER = 10
 """Robots in each of many worlds."""
-TRIALS = 3
+TRIALS = 2
 """Steps with each number of threads, to find the faster; the first of them is not counted."""
 
 

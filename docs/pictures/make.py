@@ -1,9 +1,13 @@
-"""Make the moving picture of the README: a real run of the real page, in Chromium.
+"""Make the pictures of the README: real runs on the real page, in Chromium.
 
     .venv/bin/python docs/pictures/make.py            # after python3 go.py test has set up the tools
+    .venv/bin/python docs/pictures/make.py maze       # one of them
 
-The program is started as a newcomer starts it, a browser types what a newcomer types, and what the page shows is
+bravo: the program is started as a newcomer starts it, a browser types what a newcomer types, and what the page shows is
 photographed as fast as the machine can; each photograph is shown for as long as it was true.
+
+maze: 100,000 Scouts run the mission of the scenario `maze` for some simulated minutes, recorded and without a page;
+then the recording is shown on the page, and its last moment is photographed.
 """
 
 from __future__ import annotations
@@ -18,6 +22,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise, product
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import apng
 from playwright.sync_api import Page, ViewportSize, sync_playwright
@@ -34,10 +39,18 @@ LAST = 2.5
 SENTENCE = "(WHEN (AND (< (DIST x y vessel_x vessel_y) 5mi) (> fuel 50%) (> ordnance 70%)) (JOIN bravo))"
 
 
+MANY, SECONDS = 100_000, 90
+"""Robots in the maze, and simulated seconds until the photograph."""
+WIDE: ViewportSize = {"width": 1400, "height": 1010}
+"""Of the page with the maze: the map is then nearly a square."""
+FINE = 2
+"""Pixels of the photograph of the maze for each of the page's: points are half as wide then."""
+
+
 @contextmanager
-def running() -> Iterator[str]:
+def running(*arguments: str | Path) -> Iterator[str]:
     """The address of the page, while the program runs."""
-    command = [sys.executable, "-m", "sleepcast", "demo", "bravo", "--no-browser", "--port", "0", "--seed", SEED]
+    command = [sys.executable, "-m", "sleepcast", *arguments, "--no-browser", "--port", "0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
         assert process.stdout is not None
         found = next((match for line in process.stdout if (match := re.search(r"http://\S+", line))), None)
@@ -109,17 +122,59 @@ def ask_a_bystander(page: Page) -> None:
     raise SystemExit("no scout in the middle of the map lacked fuel or ordnance; try another seed")
 
 
-def main() -> None:
-    chromium = shutil.which("chromium")
-    with running() as address, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium)
-        page = browser.new_page(viewport=SIZE, color_scheme="light")
-        page.goto(address)
+def bravo() -> None:
+    with running("demo", "bravo", "--seed", SEED) as address, opened(address, SIZE) as page:
         page.locator("#ready button").first.wait_for()
         camera = Camera(page)
         play(page, camera)
-        browser.close()
     camera.develop(FOLDER / "bravo.png")
+
+
+def maze() -> None:
+    with TemporaryDirectory() as folder:
+        file = Path(folder, "maze.mcap")
+        options = (
+            "--robots",
+            str(MANY),
+            "--seconds",
+            str(SECONDS),
+            "--record",
+            file,
+            "--record-pictures",
+            str(SECONDS),
+        )
+        subprocess.run([sys.executable, "-m", "sleepcast", "run", "maze", *options], check=True)
+        with running("replay", file) as address, opened(address, WIDE, FINE) as page:
+            page.locator("#scrub").press("End")
+            page.wait_for_function(f"""() => {{
+              const [hours, minutes, seconds] = document.getElementById("clock").textContent.split(":").map(Number);
+              return 3600 * hours + 60 * minutes + seconds >= {SECONDS};
+            }}""")
+            taken = page.locator(".world").screenshot()
+    apng.write(FOLDER / "maze.png", [apng.decoded(taken)], [LAST])
+    print(f"maze.png: {(FOLDER / 'maze.png').stat().st_size / 1e6:.2f} MB")
+
+
+@contextmanager
+def opened(address: str, size: ViewportSize, fine: float = 1) -> Iterator[Page]:
+    """The page at this address, light, in a browser without a window. fine: pixels of its screen for each of a page."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"))
+        page = browser.new_page(viewport=size, device_scale_factor=fine, color_scheme="light")
+        page.goto(address)
+        yield page
+        browser.close()
+
+
+PICTURES = {"bravo": bravo, "maze": maze}
+
+
+def main() -> None:
+    names = sys.argv[1:] or list(PICTURES)
+    if unknown := [name for name in names if name not in PICTURES]:
+        raise SystemExit(f"no picture is called {unknown[0]}; there are {', '.join(PICTURES)}")
+    for name in names:
+        PICTURES[name]()
 
 
 if __name__ == "__main__":

@@ -219,6 +219,7 @@ def test_a_new_rule_is_walked_beside_the_native_code_of_the_others() -> None:
 
 
 def test_robots_with_rules_of_their_own_stay_native() -> None:
+    """Also when only some of them think."""
     twins = Twins(ROBOTS)
     made = forced(twins)
     twins.sense([[float(i)] * len(SENSORS) for i in range(ROBOTS)])
@@ -227,7 +228,8 @@ def test_robots_with_rules_of_their_own_stay_native() -> None:
     twins.think(2)
     made.settle()
     with patch("sleepcast.fleet.rounds.walk_through", side_effect=AssertionError("a robot has walked")):
-        twins.think()
+        for robots in (None, [0, 2, 5], None):
+            twins.think(robots=robots)
     twins.compare()
 
 

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from functools import reduce
 from itertools import combinations, pairwise
 
+from sleepcast.language.angles import angle
+
 
 class Undefined(Exception):
     """A function has no value for these numbers; the text is the reason of the fault."""
@@ -87,12 +89,12 @@ PURE: dict[str, Callable[..., float]] = {
     "sin": math.sin,
     "cos": math.cos,
     "tan": math.tan,
-    "atan2": math.atan2,
+    "atan2": angle,
     "floor": lambda x: float(math.floor(x)),
     "ceil": lambda x: float(math.ceil(x)),
     "round": lambda x: float(round(x)),
     "dist": distance,
-    "bearing": lambda x1, y1, x2, y2: math.atan2(y2 - y1, x2 - x1),
+    "bearing": lambda x1, y1, x2, y2: angle(y2 - y1, x2 - x1),
     "wrap": wrapped,
     "clamp": clamped,
     "=": chain(operator.eq),

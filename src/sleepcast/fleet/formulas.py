@@ -13,7 +13,7 @@ from itertools import combinations, pairwise
 
 from sleepcast.fleet import libm
 from sleepcast.fleet.assembly import Assembly
-from sleepcast.language import chance
+from sleepcast.language import angles, chance
 from sleepcast.language.functions import TWO_PI
 from sleepcast.language.parts import Part
 
@@ -140,7 +140,35 @@ def _of_c(name: str, a: Assembly, numbers: Sequence[str], mask: str) -> str:
 
 
 def _bearing(a: Assembly, n: Sequence[str], mask: str) -> str:
-    return each(a, "atan2", [a.binary("fsub", a.real, n[3], n[1]), a.binary("fsub", a.real, n[2], n[0])], mask)
+    return _angle(a, [a.binary("fsub", a.real, n[3], n[1]), a.binary("fsub", a.real, n[2], n[0])], mask)
+
+
+def _angle(a: Assembly, n: Sequence[str], mask: str) -> str:
+    """See `language.angles`, step by step."""
+    y, x = n
+    across, up = a.intrinsic("fabs", x), a.intrinsic("fabs", y)
+    swapped = a.compare("olt", across, up)
+    behind = a.compare("olt", a.intrinsic("copysign", a.one, x), a.zero)
+    low, high = a.select(swapped, across, up), a.select(swapped, up, across)
+    scale = a.select(a.compare("ogt", high, a.number(angles.HUGE)), a.number(0.25), a.one)
+    low, high = (a.binary("fmul", a.real, scale, each) for each in (low, high))
+    steep = a.compare("ogt", low, a.binary("fmul", a.real, a.number(angles.STEEP), high))
+    flat = a.select(a.compare("oeq", high, a.zero), a.one, high)
+    bottom = a.select(steep, a.binary("fadd", a.real, low, high), flat)
+    t = a.binary("fdiv", a.real, a.select(steep, a.binary("fsub", a.real, low, high), low), bottom)
+    z = a.binary("fmul", a.real, t, t)
+    rest = a.binary("fmul", a.real, t, a.binary("fmul", a.real, z, _polynomial(a, angles.COEFFICIENTS, z)))
+    turned = a.binary("xor", a.truth, swapped, behind)
+    t, rest = (a.select(turned, a.emit(f"fneg {a.real} {each}"), each) for each in (t, rest))
+    base, tail = (_eighths(a, steep, swapped, behind, values) for values in (angles.EIGHTHS, angles.TAILS))
+    found = a.binary("fadd", a.real, base, a.binary("fadd", a.real, t, a.binary("fadd", a.real, rest, tail)))
+    return a.intrinsic("copysign", found, y)
+
+
+def _eighths(a: Assembly, steep: str, swapped: str, behind: str, values: Sequence[float]) -> str:
+    v = [a.number(value) for value in values]
+    flat = a.select(swapped, v[2], a.select(behind, v[4], v[0]))
+    return a.select(steep, a.select(behind, v[3], v[1]), flat)
 
 
 def _distance(a: Assembly, n: Sequence[str], mask: str) -> str:
@@ -198,7 +226,7 @@ FORMULAS: dict[str, Formula] = {
     "MOD": _mod,
     "WRAP": _wrap,
     "BEARING": _bearing,
-    "ATAN2": partial(_of_c, "atan2"),
+    "ATAN2": _angle,
     "^": partial(_of_c, "pow"),
     "EXP": partial(_of_c, "exp"),
     "LOG": partial(_of_c, "log"),
@@ -211,8 +239,6 @@ FORMULAS: dict[str, Formula] = {
 _NEEDS = {
     "MOD": "fmod",
     "WRAP": "fmod",
-    "BEARING": "atan2",
-    "ATAN2": "atan2",
     "^": "pow",
     "EXP": "exp",
     "LOG": "log",
@@ -221,4 +247,5 @@ _NEEDS = {
     "TAN": "tan",
 }
 """The function of the C library that each needs, if it needs one."""
-COSTLY = frozenset(_NEEDS)
+COSTLY = frozenset({*_NEEDS, "BEARING", "ATAN2"})
+"""Functions that are jumped over where no lane comes to them."""

@@ -21,7 +21,7 @@ from sleepcast.fleet.columns import Column, FleetState, Rows
 from sleepcast.fleet.evaluation import Evaluation
 from sleepcast.fleet.meanings import Name, Size, meaning, name_of
 from sleepcast.fleet.minds import Mind
-from sleepcast.fleet.native import LANES, THERE, TROUBLED, Kernel, Sink
+from sleepcast.fleet.native import LANES, THERE, TROUBLED, Kernel, Sink, moment
 from sleepcast.language.machine import MAX_STEPS, Program
 from sleepcast.language.parts import walk
 
@@ -142,8 +142,15 @@ class Kernels:
         if walked:
             yield Leg(walked, None)
 
-    def evaluate(self, kernel: Kernel, state: FleetState, rows: Rows, sinks: Sequence[Sink]) -> Rows:
-        """Let native code evaluate its programs on these robots; gives those that have to be walked."""
+    def evaluate(
+        self,
+        kernel: Kernel,
+        state: FleetState,
+        rows: Rows,
+        when: tuple[float, float] | None,
+        sinks: Sequence[Sink],
+    ) -> Rows:
+        """Let native code evaluate its programs on these robots at a `moment`; gives those that have to be walked."""
         if len(self._part) != state.count:
             self._part = np.zeros(state.count, np.uint8)
         part, index = self._part, rows.index
@@ -153,7 +160,7 @@ class Kernels:
             start, stop = int(index[0]), int(index[-1]) + 1
             part[start:stop] = 0
         part[index] = THERE
-        if not kernel.run(state, part, start, stop, sinks, self._threads):
+        if not kernel.run(state, part, range(start, stop), when, sinks, self._threads):
             return Rows.run(start, start)
         return Rows.of(np.flatnonzero(part[start:stop] == TROUBLED) + start)
 
@@ -167,8 +174,10 @@ class Kernels:
             found = self._texts[program]
         if not isinstance(found, Future) or not found.done() or found.exception() or rows.size == 0:
             return None
-        values, matched = np.empty(memory.state.count), memory.matched
-        left = self.evaluate(found.result(), memory.state, rows, [Sink(values, matched.view(np.uint8), None)])
+        state = memory.state
+        values, matched = np.empty(state.count), memory.matched
+        sinks = [Sink(values, matched.view(np.uint8), None)]
+        left = self.evaluate(found.result(), state, rows, moment(state, rows), sinks)
         matched[left.index] = program.test is None
         return values[rows.index], left
 

@@ -20,7 +20,6 @@ _FUNCTIONS: dict[str, tuple[Callable[..., float], int]] = {
     "tan": (math.tan, 1),
     "exp": (math.exp, 1),
     "log": (math.log, 1),
-    "atan2": (math.atan2, 2),
     "pow": (math.pow, 2),
     "fmod": (math.fmod, 2),
 }

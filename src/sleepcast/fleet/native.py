@@ -212,14 +212,21 @@ class Kernel:
         self._address = self._table.ctypes.data
 
     def run(
-        self, state: FleetState, part: NDArray[np.uint8], start: int, stop: int, sinks: Sequence[Sink], threads: int = 2
+        self,
+        state: FleetState,
+        part: NDArray[np.uint8],
+        where: range,
+        when: tuple[float, float] | None,
+        sinks: Sequence[Sink],
+        threads: int,
     ) -> bool:
-        """Evaluate the programs on those of the robots from `start` to `stop` for which `part` says `THERE`.
+        """Evaluate the programs on those of the robots `where` for which `part` says `THERE`.
 
-        sinks: for each program. Robots that have to be walked are `TROUBLED` then; gives whether there are any.
+        when: see `moment`. sinks: for each program. Robots that have to be walked are `TROUBLED` then; gives whether
+        there are any.
         """
-        when = [_one(state, slot, start, stop) for slot in (TICK, TIME_SLOT)]
-        if None in when or state.count < self.lanes or not self._bind(state, part, sinks):
+        start, stop = where.start, where.stop
+        if when is None or state.count < self.lanes or not self._bind(state, part, sinks):
             there = part[start:stop]
             there[there == THERE] = TROUBLED
             return True
@@ -228,7 +235,7 @@ class Kernel:
             if sort == "time":
                 reals[number] = when[what == TIME_SLOT]
             elif sort == "tick":
-                self._table[number] = int(when[0] or 0.0)
+                self._table[number] = int(when[0])
         size = stop - start
         if threads == 1 or size * self.parts < SPLIT:
             return bool(self._call(start, stop, state.count, self._address))
@@ -275,12 +282,17 @@ def _array(
     return sink.value if sort == "value" else sink.fresh if sort == "fresh" else sink.steps
 
 
-def _one(state: FleetState, slot: int, start: int, stop: int) -> float | None:
-    """The value that a variable has on all of these robots; None if they differ in it."""
-    values = state.read(slot, Rows.run(start, stop))
-    if isinstance(values, float):
-        return values
-    return float(values[0]) if (values == values[0]).all() else None
+def moment(state: FleetState, rows: Rows) -> tuple[float, float] | None:
+    """The tick and the time (s) of these robots, None if they are not of one moment."""
+    found = []
+    for slot in (TICK, TIME_SLOT):
+        values = state.read(slot, rows)
+        if not isinstance(values, float):
+            if not (values == values[0]).all():
+                return None
+            values = float(values[0])
+        found.append(values)
+    return found[0], found[1]
 
 
 def _all(programs: Sequence[Program], names: Meaning) -> list[Program]:

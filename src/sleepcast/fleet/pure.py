@@ -4,7 +4,7 @@ A function here has only to be right for finite numbers with a finite result: wh
 an argument is unknown, `apply` decides robot by robot with the language's own function, which also says what is wrong.
 
 Sums, products, quotients, square roots and remainders are exact in the same way in NumPy and in the C library.
-NumPy's own logarithms, powers and arcs may differ from the C library's in the last bit, depending on the processor,
+NumPy's own logarithms, powers and sines may differ from the C library's in the last bit, depending on the processor,
 so those functions are called one number at a time.
 """
 
@@ -18,6 +18,7 @@ from typing import TypeAlias
 import numpy as np
 
 from sleepcast.fleet.columns import Column, Mask
+from sleepcast.language.angles import COEFFICIENTS, EIGHTHS, HUGE, STEEP, TAILS
 from sleepcast.language.functions import TWO_PI
 from sleepcast.language.parts import Part
 
@@ -130,6 +131,28 @@ def _distance(a: Sequence[Argument]) -> Argument:
     return found
 
 
+def _angle(a: Sequence[Argument]) -> Argument:
+    """See `language.angles`, step by step."""
+    y, x = a
+    across, up = np.abs(x), np.abs(y)
+    swapped, behind = np.less(across, up), np.copysign(1.0, x) < 0.0
+    low, high = np.minimum(across, up), np.maximum(across, up)
+    scale = np.where(high > HUGE, 0.25, 1.0)
+    low, high = scale * low, scale * high
+    steep = low > STEEP * high
+    bottom = np.where(steep, low + high, np.where(high == 0.0, 1.0, high))
+    t = np.where(steep, low - high, low) / bottom
+    eighths = np.where(steep, np.where(behind, 3, 1), np.where(swapped, 2, np.where(behind, 4, 0)))
+    z = t * t
+    total: Argument = COEFFICIENTS[0]
+    for c in COEFFICIENTS[1:]:
+        total = total * z + c
+    turned = np.where(swapped != behind, -1.0, 1.0)
+    rest = turned * (t * (z * total))
+    found: Argument = np.copysign(_EIGHTHS[eighths] + (turned * t + (rest + _TAILS[eighths])), y)
+    return found
+
+
 def _wrap(a: Sequence[Argument]) -> Argument:
     turned = np.remainder(a[0], TWO_PI)
     return np.where(turned > math.pi, turned - TWO_PI, turned)
@@ -161,8 +184,8 @@ def _all_different(a: Sequence[Argument]) -> Argument:
 
 
 _POWER = _one_by_one(math.pow)
-_ARC = _one_by_one(math.atan2)
 _EQUAL = _chain(np.equal)
+_EIGHTHS, _TAILS = np.array(EIGHTHS), np.array(TAILS)
 
 VECTOR: dict[str, Compute] = {
     "+": _fold(np.add, 0.0, np.array),
@@ -180,13 +203,13 @@ VECTOR: dict[str, Compute] = {
     "SIN": _one_by_one(math.sin),
     "COS": _one_by_one(math.cos),
     "TAN": _one_by_one(math.tan),
-    "ATAN2": _ARC,
+    "ATAN2": _angle,
     # Adding 0 makes a 0 of -0: the language's own functions go through whole numbers, which have no -0.
     "FLOOR": lambda a: np.floor(a[0]) + 0.0,
     "CEIL": lambda a: np.ceil(a[0]) + 0.0,
     "ROUND": lambda a: np.rint(a[0]) + 0.0,
     "DIST": _distance,
-    "BEARING": lambda a: _ARC((np.subtract(a[3], a[1]), np.subtract(a[2], a[0]))),
+    "BEARING": lambda a: _angle((np.subtract(a[3], a[1]), np.subtract(a[2], a[0]))),
     "WRAP": _wrap,
     "CLAMP": _clamp,
     "=": _EQUAL,

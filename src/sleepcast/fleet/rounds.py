@@ -20,7 +20,7 @@ from sleepcast.fleet.limits import FAILED, MAX_FAULTS_IN_ROW, TICK_STEPS
 from sleepcast.fleet.machine import walk_through
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.minds import Kept, Mind
-from sleepcast.fleet.native import Kernel
+from sleepcast.fleet.native import Kernel, moment
 from sleepcast.fleet.tallies import Tally
 from sleepcast.language.machine import Program
 
@@ -125,7 +125,9 @@ class Rounds:
         if kernels is None:
             return rows
         tallies = [memory.tallies[key] for key in keys]
-        left = kernels.evaluate(kernel, memory.state, rows, [tally.sink for tally in tallies])
+        one = int(rows.index.start if isinstance(rows.index, slice) else rows.index[0])
+        when = moment(memory.state, Rows.run(one, one + 1))  # all robots of a round think at the same moment
+        left = kernels.evaluate(kernel, memory.state, rows, when, [tally.sink for tally in tallies])
         done = rows.take(~np.isin(rows.robots, left.robots)) if left.size else rows
         for tally, steps in zip(tallies, kernel.steps, strict=True):
             tally.ran(steps, done)

@@ -12,6 +12,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from sleepcast.language.angles import angle
+
 MANY = 100
 """Arguments of one call at most: the bound of the original interpreter (`eval numArgs > 100`)."""
 MAX_REPEATS = 1_000
@@ -166,7 +168,7 @@ _TABLE = (
     Function("SIN", 1, 1, "angle", "pure", "plain", "Sine of an angle in radians.", lambda a: math.sin(a[0])),
     Function("COS", 1, 1, "angle", "pure", "plain", "Cosine of an angle in radians.", lambda a: math.cos(a[0])),
     Function("TAN", 1, 1, "angle", "pure", "plain", "Tangent of an angle in radians.", lambda a: math.tan(a[0])),
-    Function("ATAN2", 2, 2, "y x", "pure", "ratio", "Angle of the point (x, y), -pi..pi.", lambda a: math.atan2(*a)),
+    Function("ATAN2", 2, 2, "y x", "pure", "ratio", "Angle of the point (x, y), -pi..pi.", lambda a: angle(*a)),
     Function(
         "FLOOR",
         1,
@@ -188,7 +190,7 @@ _TABLE = (
         "pure",
         "ratio",
         "Direction from the first point to the second, -pi..pi, counter-clockwise from the x axis.",
-        lambda a: math.atan2(a[3] - a[1], a[2] - a[0]),
+        lambda a: angle(a[3] - a[1], a[2] - a[0]),
     ),
     Function("WRAP", 1, 1, "angle", "pure", "plain", "The same angle within -pi..pi (-pi itself is pi).", _wrap),
     Function("CLAMP", 3, 3, "x low high", "pure", "same", "x, but not below low nor above high.", _clamp),

@@ -12,6 +12,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Sequence
+from copy import copy
+from dataclasses import replace
 from enum import IntEnum
 from hashlib import sha256
 from math import pi
@@ -23,13 +25,16 @@ from numpy.typing import NDArray
 from sleepcast.channel.chance import GOLDEN, key, mix, uniform
 from sleepcast.errors import MisuseError, did_you_mean
 from sleepcast.simulator.areas import inside
-from sleepcast.simulator.bumpers import Bumpers, least_cell
+from sleepcast.simulator.bumpers import Bumpers, least_cell, reach
 from sleepcast.simulator.cones import Cones
 from sleepcast.simulator.driving import DRIVE, GOTO, WANDER, laws_of
+from sleepcast.simulator.ears import Ears
 from sleepcast.simulator.echoes import Echoes
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.groups import value_quantities, values_of
 from sleepcast.simulator.neighbours import Neighbours
+from sleepcast.simulator.robot_settings import RobotSpec
+from sleepcast.simulator.robot_types import slices
 from sleepcast.simulator.scenario import Scenario
 from sleepcast.simulator.sensors import sensors_of
 from sleepcast.simulator.steps import Columns, Proposal
@@ -77,8 +82,11 @@ class Bodies:
     """
 
     def __init__(self, scenario: Scenario, seed: int, machine: Machine) -> None:
-        robots = scenario.robots
+        robots, sorts = scenario.robots, scenario.each_sort
         self.scenario, self.seed, self.count = scenario, seed, robots.count
+        self.of_each_sort = slices(sorts, self.count)
+        """Which bodies are of each sort."""
+        self.radii: Floats = self._each([sort.geometry.radius for sort in sorts])
         self.limits, self.geometry = robots.limits, robots.geometry
         self.fence = (0.0, 0.0, scenario.width, scenario.height)
         self.world = World(scenario.shapes)
@@ -101,18 +109,12 @@ class Bodies:
         self.heading: Floats = apart[2]
         self.speed: Floats = self.known[3]
         self.stores: Floats = self.known[4 : 4 + len(robots.stores)]
+        self.store_names = tuple(store.name.casefold() for store in robots.stores)
         self.left, self.right = np.zeros(self.count), np.zeros(self.count)
         self.hit_x, self.hit_y = np.zeros(self.count), np.zeros(self.count)
         names = [sensor.name for sensor in self.sensors]
         self.bumper: Floats = self.known[names.index("bumper")] if robots.bumpers else np.zeros(self.count)
-        cones = Cones(ring.count, ring.beam / 2.0, ring.most, ring.incidence, robots.geometry.radius) if ring else None
-        size = (scenario.width, scenario.height)
-        cell = cones.cell if cones else least_cell(robots, size, scenario.tick)
-        self.near = Neighbours(size, cell, self.count, self.world, machine)
-        self.contact = Bumpers(robots, scenario.tick, self.near, machine) if robots.bumpers else None
-        self.echoes = Echoes(ring, cones, self.sensed[own:], self.near, seed, machine) if ring and cones else None
-        self._start()
-        self.mode = np.full(self.count, Mode.WANDER if robots.wanders else Mode.DRIVE, np.int8)
+        self.mode = np.zeros(self.count, np.int8)
         self.wanted_speed, self.wanted_turn = np.zeros(self.count), np.zeros(self.count)
         self.target_x, self.target_y = np.zeros(self.count), np.zeros(self.count)
         self.swing, self.roaming = np.zeros(self.count), np.zeros(self.count)
@@ -120,6 +122,60 @@ class Bodies:
         self.machine, self.laws = machine, laws_of(scenario)
         self.proposal = Proposal(*np.zeros((6, self.count)))
         """Where the bodies were going in the last tick."""
+        self.parts = [self._part(*each) for each in zip(sorts, self.of_each_sort, strict=True)] if sorts[1:] else [self]
+        """The bodies of each sort by themselves: views of these, with what holds for that sort."""
+        size, cones = (scenario.width, scenario.height), [self._cones(sort) for sort in sorts]
+        cell = max((each.cell for each in cones if each), default=least_cell(robots, size, scenario.tick))
+        self.near = Neighbours(size, cell, self.count, self.world, machine)
+        far = max(reach(sort, scenario.tick) for sort in sorts)
+        self.contact = Bumpers(self.radii, far, self.near, machine) if robots.bumpers else None
+        self.echoes = self._hearing(self.sensed[own:], cones)
+        self._start()
+
+    def _each(self, values: Sequence[float]) -> Floats:
+        """One value for each body, by its sort."""
+        found = np.empty(self.count)
+        for value, which in zip(values, self.of_each_sort, strict=True):
+            found[which] = value
+        return found
+
+    def _part(self, sort: RobotSpec, which: slice) -> Bodies:
+        """The bodies of one sort."""
+        part = copy(self)
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray):
+                setattr(part, name, value[..., which])
+        part.count, part.parts = which.stop - which.start, [part]
+        part.scenario = replace(self.scenario, robots=replace(sort, count=part.count), sorts=())
+        part.limits, part.geometry, part.laws = sort.limits, sort.geometry, laws_of(part.scenario)
+        part.proposal = Proposal(*(each[which] for each in self.proposal))
+        return part
+
+    def part_of(self, number: int) -> Bodies:
+        """The bodies of the sort of body `number`."""
+        each = zip(self.parts, self.of_each_sort, strict=True)
+        return next(part for part, which in each if which.start <= number < which.stop)
+
+    def rings_of(self, number: int) -> Echoes | None:
+        """The sonars of body `number`, if it has any."""
+        return self.echoes.of(number) if isinstance(self.echoes, Ears) else self.echoes
+
+    def _cones(self, sort: RobotSpec) -> Cones | None:
+        ring, widest = sort.ring, float(self.radii.max())
+        return (
+            Cones(ring.count, ring.beam / 2, ring.most, ring.incidence, sort.geometry.radius, widest) if ring else None
+        )
+
+    def _hearing(self, table: Floats, cones: Sequence[Cones | None]) -> Echoes | Ears | None:
+        """The sonars of all sorts, which have these cones. table: where robots find what they read."""
+        found = []
+        for cone, sort, which in zip(cones, self.scenario.each_sort, self.of_each_sort, strict=True):
+            if sort.ring and cone and len(cones) == 1:
+                return Echoes(sort.ring, cone, table, self.near, self.seed, self.machine)
+            if sort.ring and cone and which.start < which.stop:
+                apart = np.full((sort.ring.count + 1, which.stop - which.start), np.nan)
+                found.append(Echoes(sort.ring, cone, apart, self.near, self.seed, self.machine, which, self.radii))
+        return Ears(found, table) if found else None
 
     @property
     def time(self) -> float:
@@ -130,7 +186,8 @@ class Bodies:
     def columns(self) -> Columns:
         """The state that motion changes."""
         own = {name: getattr(self, name) for name in Columns._fields if name != "uses"}
-        return Columns(**own, uses=np.array([store.full / store.reach for store in self.scenario.robots.stores]))
+        uses = {store.name.casefold(): store.full / store.reach for store in self.scenario.robots.stores}
+        return Columns(**own, uses=np.array([uses.get(name, 0.0) for name in self.store_names]))
 
     def forget(self) -> None:
         """Bodies have moved: what is known of who is near whom, and what was heard, is no longer so."""
@@ -230,12 +287,8 @@ class Bodies:
             self.contact.part(self.x, self.y, self._places)
         self.heading[:] = _spread((-pi, pi), self.drawn("heading"))
         self.encoder_x[:], self.encoder_y[:], self.encoder_heading[:] = self.x, self.y, self.heading
-        self.speed[:] = robots.wander.speed if robots.wanders else 0.0
-        self.left[:] = self.right[:] = self.speed
-        self.bumper[:] = 0.0
-        for row, store in zip(self.stores, robots.stores, strict=True):
-            carried = self.drawn(f"{store.name} carried") < store.share
-            row[:] = np.where(carried, _spread((store.low, store.high), self.drawn(store.name)), 0.0)
+        for part in self.parts:
+            part._start_alike()
         first = 4 + len(robots.stores)
         for place in self.scenario.places:
             self.known[first], self.known[first + 1] = place.x, place.y
@@ -243,6 +296,18 @@ class Bodies:
         for quantity in value_quantities(robots.groups):
             self.known[first] = values_of(robots.groups, self.count, quantity.name)
             first += 1
+
+    def _start_alike(self) -> None:
+        """What holds for all bodies of one sort at the start."""
+        robots = self.scenario.robots
+        self.speed[:] = robots.wander.speed if robots.wanders else 0.0
+        self.left[:] = self.right[:] = self.speed
+        self.mode[:] = Mode.WANDER if robots.wanders else Mode.DRIVE
+        self.bumper[:] = 0.0 if robots.bumpers else np.nan
+        for store in robots.stores:
+            carried = self.drawn(f"{store.name} carried") < store.share
+            row = self.stores[self.store_names.index(store.name.casefold())]
+            row[:] = np.where(carried, _spread((store.low, store.high), self.drawn(store.name)), 0.0)
 
     def _places(self, attempt: int | None = None) -> tuple[Floats, Floats]:
         """Where the robots start, outside of solid areas; other places for each further attempt. Raises MisuseError
@@ -259,7 +324,10 @@ class Bodies:
         raise MisuseError("where the robots start nearly everything is solid: let them start elsewhere (x, y, disc)")
 
     def _anywhere(self, again: str) -> tuple[Floats, Floats]:
-        """Points of the rectangle or disc in which the robots start."""
+        """Points of the rectangles or discs in which the robots start."""
+        if self.parts[1:]:
+            places = [part._anywhere(again) for part in self.parts]
+            return np.concatenate([across for across, _ in places]), np.concatenate([up for _, up in places])
         robots = self.scenario.robots
         if robots.disc is None:
             return _spread(robots.x, self.drawn(f"x{again}")), _spread(robots.y, self.drawn(f"y{again}"))

@@ -7,11 +7,13 @@ tick.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import isnan, pi
 
 import numpy as np
 
-from sleepcast.robot import BodyFunction, Reading, RobotModel, Setpoint
+from sleepcast.errors import SleepcastError
+from sleepcast.robot import BodyFunction, Geometry, Reading, RobotModel, Setpoint
 from sleepcast.simulator import sonar
 from sleepcast.simulator.bodies import TURN, Bodies, Mode, Saying
 from sleepcast.simulator.scenario import Scenario
@@ -21,6 +23,10 @@ from sleepcast.units import LENGTH, NONE, RATE, SPEED, Quantity
 
 TUMBLE = 67.0 * pi / 180.0
 """How far a tumble turns, to one side or the other: the angle of Hoskins's vehicles."""
+
+
+class LackError(SleepcastError):
+    """A robot is asked for what its sort does not have."""
 
 
 class Body:
@@ -89,25 +95,32 @@ class Body:
         self._bodies.said.append(Saying(self._bodies.time, self.number, text))
 
     def turn_wheels(self, right: float, left: float) -> None:
-        wheels = self._bodies.scenario.robots.wheels
-        assert wheels
+        wheels = self._bodies.part_of(self.number).scenario.robots.wheels
+        if wheels is None:
+            raise LackError("this robot has no wheels")
         self.drive((right + left) / 2.0, (right - left) / wheels.track)
 
     def sonar(self, which: float) -> float:
-        if self._bodies.echoes:
-            ranges = self._bodies.echo([self.number])[0]
-            return float(ranges[int(which) % len(ranges)])
-        return self.nearest(*sonar.sector(self._bodies.geometry.sonars, which))
+        echoes = self._bodies.rings_of(self.number)
+        if echoes:
+            return float(self._bodies.echo([self.number])[0, int(which) % echoes.ring.count])
+        return self.nearest(*sonar.sector(self._sectors().sonars, which))
 
     def nearest(self, first: float, last: float) -> float:
-        echoes = self._bodies.echoes
+        echoes = self._bodies.rings_of(self.number)
         if echoes is None:
-            return sonar.nearest(self._bodies, self.number, first, last)
+            return sonar.nearest(self._bodies, self.number, self._sectors().sonar_range, first, last)
         there = np.mod(echoes.cones.axes - first, TURN) <= (
             last - first if last - first >= TURN else np.mod(last - first, TURN)
         )
-        ranges = self._bodies.echo([self.number])[0, there]
+        ranges = self._bodies.echo([self.number])[0, : echoes.ring.count][there]
         return float(ranges.min()) if ranges.size else echoes.ring.most
+
+    def _sectors(self) -> Geometry:
+        geometry = self._bodies.part_of(self.number).geometry
+        if not geometry.sonars:
+            raise LackError("this robot has no sonars")
+        return geometry
 
 
 FUNCTIONS = (
@@ -163,6 +176,11 @@ SONAR_FUNCTIONS = (
 )
 
 
+def _lacking(scenario: Scenario, functions: tuple[BodyFunction, ...]) -> tuple[BodyFunction, ...]:
+    """Functions that some sorts of robots may lack are asked of one robot after the other where there are several."""
+    return tuple(replace(function, many="") for function in functions) if scenario.sorts else functions
+
+
 def model_of(scenario: Scenario, bodies: Bodies) -> RobotModel:
     """What all robots of the scenario have in common."""
     robots = scenario.robots
@@ -176,8 +194,8 @@ def model_of(scenario: Scenario, bodies: Bodies) -> RobotModel:
         ),
         functions=(
             *FUNCTIONS,
-            *(WHEEL_FUNCTIONS if robots.wheels else ()),
-            *(SONAR_FUNCTIONS if robots.geometry.sonars else ()),
+            *_lacking(scenario, WHEEL_FUNCTIONS if robots.wheels else ()),
+            *_lacking(scenario, SONAR_FUNCTIONS if robots.geometry.sonars else ()),
         ),
         limits=robots.limits,
         geometry=robots.geometry,

@@ -24,19 +24,19 @@ CELL = 3.0
 
 
 class Bumpers:
-    """What lets the bodies of `robots` touch each other and the solids of the world."""
+    """What lets bodies touch each other and the solids of the world. radii: of the bodies, m; reach: how far away a
+    solid may be that any of them can touch in one tick, m."""
 
-    def __init__(self, robots: RobotSpec, tick: float, near: Neighbours, machine: Machine) -> None:
-        self.radius = robots.geometry.radius
-        self._near, self._machine = near, machine
-        self._reach = reach(robots, tick)
+    def __init__(self, radii: Floats, reach: float, near: Neighbours, machine: Machine) -> None:
+        self.radii = radii
+        self._near, self._machine, self._reach = near, machine, reach
 
     def settle(self, x: Floats, y: Floats, across: Floats, up: Floats) -> Settled:
         """How far bodies at x, y (m) get on their way `across` and `up` (m)."""
         near = self._near
         listed = near.solids(self._reach)
         return self._machine.settle(
-            near.grid, near.points(x, y), listed, near.world.solids, self.radius, (x, y), (across, up)
+            near.grid, near.points(x, y), listed, near.world.solids, self.radii, (x, y), (across, up)
         )
 
     def part(self, x: Floats, y: Floats, anew: Callable[[int], tuple[Floats, Floats]]) -> None:
@@ -49,19 +49,23 @@ class Bumpers:
             other_x, other_y = anew(attempt)
             x[wrong], y[wrong] = other_x[wrong], other_y[wrong]
         raise MisuseError(
-            f"{len(x)} robots with a radius of {self.radius:g} m do not fit where they start: "
+            f"{len(x)} robots with a radius of {self.radii.max():g} m do not fit where they start: "
             "give them more room, or ask for fewer"
         )
 
     def _overlapping(self, x: Floats, y: Floats) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
         every = np.arange(len(x))
         grid = self._near.grid
-        i, j = pairs(grid, sort(grid, x, y), x, y, 2.0 * self.radius + SKIN, every)
+        radii = self.radii
+        i, j = pairs(grid, sort(grid, x, y), x, y, 2.0 * radii.max() + SKIN, every)
+        if radii.min() < radii.max():
+            close = np.hypot(x[i] - x[j], y[i] - y[j]) <= radii[i] + radii[j] + SKIN
+            i, j = i[close], j[close]
         listed, solids = self._near.solids(self._reach), self._near.world.solids
         cell = grid.cells_of(x, y)
         k, item = spread(every, listed.start[cell], listed.start[cell + 1])
         lines = solids[listed.items[item]]
-        inside = distance(x[k], y[k], *lines[:, :4].T) < self.radius + lines[:, 4] + SKIN
+        inside = distance(x[k], y[k], *lines[:, :4].T) < radii[k] + lines[:, 4] + SKIN
         return np.unique(np.concatenate((i[i > j], k[inside])))
 
 

@@ -32,7 +32,8 @@ class Cones:
     """A ring of `count` cones, number 0 in front, then counter-clockwise, on the rim of a disc of `radius` m.
 
     half: half of a cone's opening, rad. most: m from the rim, what is farther is not seen. incidence: rad from the
-    perpendicular, beyond which a surface throws nothing back.
+    perpendicular, beyond which a surface throws nothing back. widest: the greatest radius of any body, m, if others
+    have another one than those who look.
     """
 
     count: int
@@ -40,11 +41,12 @@ class Cones:
     most: float
     incidence: float
     radius: float
+    widest: float = 0.0
 
     @property
     def reach(self) -> float:
         """How far the middle of another body may be that is still seen, m."""
-        return self.radius + self.most + self.radius
+        return self.radius + self.most + max(self.radius, self.widest)
 
     @property
     def cell(self) -> float:
@@ -80,7 +82,8 @@ class Cones:
 
 class View(NamedTuple):
     """What there is to see. pose: x, y in m and heading in rad of all robots; points: these positions, sorted in
-    `grid`; listed: the `solids` that come within `radius` + `most` of each of its cells."""
+    `grid`; listed: the `solids` that come within `radius` + `most` of each of its cells. radii: of all bodies,
+    m; None where all are alike."""
 
     cones: Cones
     grid: Grid
@@ -88,19 +91,20 @@ class View(NamedTuple):
     listed: Listed
     solids: Floats
     pose: tuple[Floats, Floats, Floats]
+    radii: Floats | None = None
 
 
 def ranges(view: View, which: Whole) -> Ranges:
     """What the cones of the robots with indices `which` see: m from the rim, shape (len(which), count), float32;
     `most` where there is nothing."""
-    cones, grid, points, listed, solids, pose = view
+    cones, grid, points, listed, solids, pose, radii = view
     found = np.full((len(which), cones.count), cones.most, np.float32)
     place = np.empty(len(pose[0]), np.int64)
     for begin in range(0, len(which), AT_ONCE):
         some = which[begin : begin + AT_ONCE]
         rows = found[begin : begin + AT_ONCE]
         place[some] = np.arange(len(some))
-        _see_bodies(cones, grid, points, pose, some, rows, place)
+        _see_bodies(cones, grid, points, pose, some, rows, place, radii)
         if len(listed.items):
             _see_solids(cones, grid, listed, solids, pose, some, rows, place)
     return found
@@ -114,6 +118,7 @@ def _see_bodies(
     some: Whole,
     rows: Ranges,
     place: Whole,
+    radii: Floats | None,
 ) -> None:
     x, y, heading = pose
     i, j = pairs(grid, points, x, y, cones.reach, some)
@@ -123,11 +128,12 @@ def _see_bodies(
     apart = 2.0 * pi / cones.count
     nearest = np.rint(np.arctan2(left, ahead) / apart).astype(np.int64)
     # Cones farther than one and a half steps from the line to it see a body only when it is close.
-    far = ahead * ahead + left * left > cones.lone(1.5 * apart) ** 2
+    far = ahead * ahead + left * left > (cones.lone(1.5 * apart) ** 2 if radii is None else inf)
+    wide = np.full(len(j), cones.radius) if radii is None else radii[j]
     for step in range(-(cones.count // 2), (cones.count + 1) // 2):
         chosen = slice(None) if abs(step) <= 1 else ~far
         number = (nearest[chosen] + step) % cones.count
-        seen = disc_range(cones, cones.radius, ahead[chosen], left[chosen], number)
+        seen = disc_range(cones, wide[chosen], ahead[chosen], left[chosen], number)
         np.minimum.at(rows, (place[i[chosen]], number), seen.astype(np.float32))
 
 

@@ -35,25 +35,26 @@ def settle(
     points: Sorted,
     listed: Listed,
     solids: Floats,
-    radius: float,
+    radii: Floats,
     place: tuple[Floats, Floats],
     way: tuple[Floats, Floats],
 ) -> Settled:
-    """How far bodies of `radius` m at `place` (x, y; m) get on their `way` (across, up; m).
+    """How far bodies with these `radii` (m) at `place` (x, y; m) get on their `way` (across, up; m).
 
-    points: the places, sorted in `grid`. listed: the `solids` that come within `radius` and the longest way of each
-    of its cells.
+    points: the places, sorted in `grid`. listed: the `solids` that come within the greatest radius and the longest way
+    of each of its cells.
     """
     (x, y), (dx, dy) = place, way
     settled = Settled(np.ones(len(x)), np.zeros(len(x)), np.zeros(len(x)))
     cell = grid.cells_of(x, y)
     i, item = spread(np.arange(len(x)), listed.start[cell], listed.start[cell + 1])
     lines = solids[listed.items[item]]
-    stop, across, up = touch(x[i], y[i], dx[i], dy[i], lines[:, :4].T, radius + lines[:, 4] + SKIN)
+    stop, across, up = touch(x[i], y[i], dx[i], dy[i], lines[:, :4].T, radii[i] + lines[:, 4] + SKIN)
     _take_first(settled, i, stop, across, up)
     longest = float(np.sqrt(np.max(dx * dx + dy * dy, initial=0.0)))
-    apart = 2.0 * radius + SKIN
-    i, j = pairs(grid, points, x, y, apart + 2.0 * longest, np.arange(len(x)))
+    widest = 2.0 * float(radii.max(initial=0.0)) + SKIN
+    i, j = pairs(grid, points, x, y, widest + 2.0 * longest, np.arange(len(x)))
+    apart = radii[i] + radii[j] + SKIN
     stop, across, up = touch(x[i], y[i], dx[i], dy[i], (x[j], y[j], x[j], y[j]), apart)
     _take_first(settled, i, stop, across, up)
     left_x, left_y = settled.free * dx, settled.free * dy
@@ -68,7 +69,7 @@ def _meet(
     place: tuple[Floats, Floats],
     left: tuple[Floats, Floats],
     way: tuple[Floats, Floats],
-    apart: float,
+    apart: Floats,
 ) -> None:
     """Let ways end where they touch the way that is `left` to others."""
     (x, y), (dx, dy) = place, left
@@ -76,7 +77,7 @@ def _meet(
     moves = (dx[j] != 0.0) | (dy[j] != 0.0)
     parting = (dx[i] * across + dy[i] * up <= 0.0) & (dx[j] * across + dy[j] * up >= 0.0)
     some = np.flatnonzero(moves & ~parting)
-    i, j = i[some], j[some]
+    i, j, apart = i[some], j[some], apart[some]
     line = (x[j], y[j], x[j] + dx[j], y[j] + dy[j])
     stop, across, up = touch(x[i], y[i], way[0][i], way[1][i], line, apart)
     across, up = nearest_point(x[i], y[i], *line)

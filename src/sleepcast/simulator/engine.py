@@ -45,7 +45,7 @@ class Machine(Protocol):
         points: Sorted,
         listed: Listed,
         solids: Floats,
-        radius: float,
+        radii: Floats,
         place: tuple[Floats, Floats],
         way: tuple[Floats, Floats],
         /,

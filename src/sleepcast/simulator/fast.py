@@ -31,6 +31,8 @@ ALONE = 5_000
 """Robots up to which one thread is faster than several."""
 STRETCHES = 4
 """Stretches of rows for each thread: when one thread is done early it takes over some of the rest."""
+MAX_LISTS = 8
+"""Lists of solids whose walls are kept: one for each sort of robots with sonars."""
 FOLDED = 16
 """Sonars of a ring whose bearings the kernel can fold."""
 
@@ -44,7 +46,7 @@ class NumbaMachine:
         self.threads = threads or len(os.sched_getaffinity(0))
         self._pool: ThreadPoolExecutor | None = None
         self._kept: Ranges = np.empty(0, np.float32)
-        self._walls: tuple[Listed, Walls] | None = None
+        self._walls: list[tuple[Listed, Walls]] = []
 
     def sort(self, grid: Grid, x: Floats, y: Floats) -> Sorted:
         cells, order = np.empty(len(x), np.int64), np.empty(len(x), np.int64)
@@ -73,10 +75,8 @@ class NumbaMachine:
 
     def _squares(self, view: View, which: Whole) -> tuple[Ranges, Whole]:
         """The squared ranges that the robots `which` see, a row for each, and the number of each robot's row."""
-        cones, grid, points, listed, solids, pose = view
+        cones, grid, points, listed, solids, pose, radii = view
         robots, order = len(pose[0]), points.order
-        if self._walls is None or self._walls[0] is not listed:
-            self._walls = listed, walls_of(listed, solids)
         places = np.zeros((4, robots + LANES))
         self._share(robots, lambda first, last: kernels.arrange(order, *pose, first, last, places))
         asked = np.zeros(robots, bool)
@@ -88,20 +88,29 @@ class NumbaMachine:
         lone = cones.lone(2.0 * pi / cones.count) if cones.count == FOLDED else np.inf
         graze = sin(cones.incidence) if cones.incidence < pi / 2 else 1.0
         x, y, cosines, sines = places
-        radii = np.full(robots, cones.radius)
-        walls = self._walls[1]
+        wide = np.full(robots, cones.radius) if radii is None else radii[order]
+        mixed = radii is not None and bool((radii != cones.radius).any())
+        walls = self._walls_of(listed, solids)
 
         def see(first: int, last: int) -> None:
             kernels_sonar.see(
-                *(x, y, cosines, sines, radii, rows, points.start, grid.size, grid.across, grid.up),
+                *(x, y, cosines, sines, wide, rows, points.start, grid.size, grid.across, grid.up),
                 *(walls.solids, walls.start, walls.items, walls.news),
                 *(cones.radius, cones.radius, cones.reach, cones.most, cos(cones.half), sin(cones.half)),
-                *(graze, cones.grazing, lone if lone < np.inf else -1.0, False),
+                *(graze, cones.grazing, lone if lone < np.inf else -1.0, mixed),
                 *(np.cos(axes), np.sin(axes), first, last, squares),
             )
 
         self._share_rows(see, grid, points.start)
         return squares, rank
+
+    def _walls_of(self, listed: Listed, solids: Floats) -> Walls:
+        """The walls of a list, kept: each sort of robots has a list of its own."""
+        for known, walls in self._walls:
+            if known is listed:
+                return walls
+        self._walls = [*self._walls[1 - MAX_LISTS :], (listed, walls_of(listed, solids))]
+        return self._walls[-1][1]
 
     def propose(self, bodies: Columns, laws: Laws, draws: Draws, proposal: Proposal) -> None:
         if not laws.track:  # crafts without wheels are few
@@ -128,27 +137,27 @@ class NumbaMachine:
         points: Sorted,
         listed: Listed,
         solids: Floats,
-        radius: float,
+        radii: Floats,
         place: tuple[Floats, Floats],
         way: tuple[Floats, Floats],
     ) -> Settled:
         count, (order, start) = len(place[0]), points
-        rows = np.empty((4, count))
-        ways = rows[0], rows[1], rows[2], rows[3]
-        lengths = self._share(count, lambda first, last: kernels_contact.gather(order, *place, *way, first, last, rows))
-        reach = 2.0 * radius + SKIN + 2.0 * sqrt(max(lengths))
+        rows = np.empty((5, count))
+        ways = rows[0], rows[1], rows[2], rows[3], rows[4]
+        lengths = self._share(
+            count, lambda first, last: kernels_contact.gather(order, *place, *way, radii, first, last, rows)
+        )
+        reach = 2.0 * float(radii.max(initial=0.0)) + SKIN + 2.0 * sqrt(max(lengths))
         near, stopped = np.empty(count, bool), Settled(*np.empty((3, count)))
         settled = Settled(np.ones(count), np.zeros(count), np.zeros(count))
 
         def at_old(first: int, last: int) -> None:
             cells = start, grid.size, grid.across, grid.up
-            kernels_contact.stop_at_old(
-                *ways, *cells, solids, *listed, radius, SKIN, reach, first, last, near, *stopped
-            )
+            kernels_contact.stop_at_old(*ways, *cells, solids, *listed, SKIN, reach, first, last, near, *stopped)
 
         def at_ways(first: int, last: int) -> None:
             cells = order, start, grid.size, grid.across, grid.up
-            kernels_contact.stop_at_ways(*ways, *cells, radius, SKIN, reach, first, last, near, *stopped, *settled)
+            kernels_contact.stop_at_ways(*ways, *cells, SKIN, reach, first, last, near, *stopped, *settled)
 
         self._share_rows(at_old, grid, start)
         self._share_rows(at_ways, grid, start)

@@ -65,7 +65,6 @@ def read_groups(robots: Table, constants: Sequence[BodyConstant], most: int) -> 
         with table:
             count = table.whole("count", low=1, high=most)
             found.append(Group(name, count, _values(table, constants), table.flag("sees_light", True)))
-    _refuse_unlike_units(robots, found)
     return tuple(found)
 
 
@@ -88,10 +87,10 @@ def _values(group: Table, constants: Sequence[BodyConstant]) -> dict[str, Measur
         return found
 
 
-def _refuse_unlike_units(robots: Table, groups: Iterable[Group]) -> None:
-    """One name has one meaning: the same spelling and dimension in every group."""
+def _refuse_unlike_units(groups: Iterable[tuple[Table, Group]]) -> None:
+    """One name has one meaning: the same spelling and dimension in every group, each with its table of robots."""
     first: dict[str, tuple[str, Measure]] = {}
-    for group in groups:
+    for robots, group in groups:
         for name, value in group.values.items():
             spelling, other = first.setdefault(name.casefold(), (name, value))
             place = robots.table("groups").table(group.name).table("values")
@@ -140,17 +139,24 @@ def seeing(groups: Sequence[Group], count: int) -> NDArray[np.bool_]:
 
 
 def refuse_clashes(
-    root: Table, taken: Iterable[str], constants: Sequence[BodyConstant], groups: Sequence[Group]
+    root: Table,
+    robots: Sequence[Table],
+    taken: Iterable[str],
+    constants: Sequence[BodyConstant],
+    groups: Sequence[Sequence[Group]],
 ) -> None:
-    """Raise SettingsError where a constant or a value has the name of something else that robots know (`taken`)."""
+    """Raise SettingsError where a constant or a value has the name of something else that robots know (`taken`).
+    groups: those in each of the tables `robots`."""
     known = {name.casefold() for name in taken}
     for constant in constants:
         if constant.name.casefold() in known:
             table = root.table("constants")
             raise table.error(constant.name, "robots know something of this name already; choose another")
         known.add(constant.name.casefold())
-    for group in groups:
-        for name in group.values:
-            if name.casefold() in known:
-                table = root.table("robots").table("groups").table(group.name).table("values")
-                raise table.error(name, "robots know something of this name already; choose another")
+    for sort, table in enumerate(robots):
+        for group in groups[sort]:
+            for name in group.values:
+                if name.casefold() in known:
+                    place = table.table("groups").table(group.name).table("values")
+                    raise place.error(name, "robots know something of this name already; choose another")
+    _refuse_unlike_units([(table, group) for table, some in zip(robots, groups, strict=True) for group in some])

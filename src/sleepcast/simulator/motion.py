@@ -24,12 +24,17 @@ def step(bodies: Bodies) -> None:
         key(bodies.seed, "slip", "left", bodies.tick),
         key(bodies.seed, "slip", "right", bodies.tick),
     )
-    bodies.machine.propose(bodies.columns, bodies.laws, draws, bodies.proposal)
+    machine, parts = bodies.machine, bodies.parts
+    for part in parts:
+        machine.propose(part.columns, part.laws, draws, part.proposal)
     settled = Settled(np.ones(bodies.count), bodies.hit_x, bodies.hit_y)
     if bodies.contact:
         settled = bodies.contact.settle(bodies.x, bodies.y, bodies.proposal.across, bodies.proposal.up)
         bodies.hit_x[:], bodies.hit_y[:] = settled.across, settled.up
-    bodies.machine.commit(bodies.columns, bodies.laws, bodies.proposal, settled)
+    for part, which in zip(parts, bodies.of_each_sort, strict=True):
+        machine.commit(part.columns, part.laws, part.proposal, Settled(*(each[which] for each in settled)))
+        if not part.laws.track and part is not bodies:  # others may have wheels, so what these believe lies apart
+            part.encoder_x[:], part.encoder_y[:], part.encoder_heading[:] = part.x, part.y, part.heading
     bodies.tick += 1
     bodies.near.forget()
     if bodies.echoes:

@@ -85,13 +85,23 @@ class Wheels:
 
 
 @dataclass(frozen=True, slots=True)
+class CrosstalkModel:
+    """How sonars mistake other pings for their own. chance: that a sound which can be heard is; spread: rad between the
+    axes of the sonars that send and hear it, at most; robots: whether robots hear each other, too."""
+
+    chance: float
+    spread: float
+    robots: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Ring:
     """Sonars evenly round the rim, number 0 in front, then counter-clockwise.
 
     beam: rad, the whole opening of each cone. least, most: m; what is nearer or farther reads as these. noise:
     standard deviation as a share of the range. dropout: the chance that an echo is missed. incidence: rad from the
     perpendicular beyond which a surface throws nothing back. pause: s between one sonar's echo and the next one's
-    ping; None where all of them fire in every tick. order: in which they fire.
+    ping; None where all of them fire in every tick. order: in which they fire. crosstalk: None without.
     """
 
     count: int
@@ -103,6 +113,7 @@ class Ring:
     incidence: float
     pause: float | None
     order: tuple[int, ...]
+    crosstalk: CrosstalkModel | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,12 +156,12 @@ def read_count(robots: Table, groups: tuple[Group, ...]) -> int:
 
 
 def read_robots(
-    root: Table, count: int, groups: tuple[Group, ...], size: tuple[float, float], taken: Iterable[str]
+    table: Table, count: int, groups: tuple[Group, ...], size: tuple[float, float], taken: Iterable[str]
 ) -> RobotSpec:
-    """The table [robots], all but `count` and `groups` of it. count: of robots, which may be another one than that of
+    """A table of robots, all but `count` and `groups` of it. count: of robots, which may be another one than that of
     the groups; size: of the world, m; taken: names that mean something already."""
     whole_x, whole_y = ((Measure(0.0), Measure(end)) for end in size)
-    with root.table("robots") as table:
+    with table:
         table.has("count"), table.has("groups")
         kind = checked_name(table, table.text("type", most=32))
         limits, speed_unit = _limits(table, size)
@@ -232,6 +243,18 @@ def _ring(robots: Table) -> Ring:
             incidence=table.number("incidence", default=pi / 2, low=LEAST, high=pi / 2),
             pause=table.number("pause", TIME, low=0.0, high=60.0) if table.has("pause") else None,
             order=table.wholes("order", tuple(range(count)), low=0, high=count - 1, most=MAX_ORDER),
+            crosstalk=_crosstalk(table) if table.has("crosstalk") else None,
+        )
+
+
+def _crosstalk(sonar: Table) -> CrosstalkModel:
+    if not sonar.has("pause"):
+        raise sonar.error("crosstalk", "needs sonars that fire one after the other: say their pause, such as 4ms")
+    with sonar.table("crosstalk") as table:
+        return CrosstalkModel(
+            chance=table.number("chance", default=1.0, low=0.0, high=1.0),
+            spread=table.number("spread", default=30.0 * pi / 180.0, low=0.0, high=pi),
+            robots=table.flag("robots", True),
         )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from sleepcast.robot import RobotModel
 from sleepcast.simulator.bodies import TURN, Bodies, Flags, Floats, Mode, Whole
 from sleepcast.simulator.body import TUMBLE, Body
+from sleepcast.simulator.echoes import Echoes
 
 
 class Robots(Sequence[Body]):
@@ -84,7 +85,7 @@ class Robots(Sequence[Body]):
         self.drive(robots, (right + left) / 2.0, (right - left) / wheels.track)
 
     def sonar(self, robots: Whole, which: Floats) -> Floats:
-        if not self._bodies.echoes:
+        if not isinstance(self._bodies.echoes, Echoes):
             return np.array([self[i].sonar(one) for i, one in zip(robots.tolist(), which.tolist(), strict=True)])
         ranges = self._bodies.echo(robots.tolist())
         found: Floats = ranges[np.arange(len(robots)), np.trunc(which).astype(np.int64) % ranges.shape[1]]
@@ -92,7 +93,7 @@ class Robots(Sequence[Body]):
 
     def nearest(self, robots: Whole, first: Floats, last: Floats) -> Floats:
         echoes = self._bodies.echoes
-        if not echoes:
+        if not isinstance(echoes, Echoes):
             ends = zip(robots.tolist(), first.tolist(), last.tolist(), strict=True)
             return np.array([self[i].nearest(*angles) for i, *angles in ends])
         wide = np.where(last - first >= TURN, last - first, np.mod(last - first, TURN))

@@ -7,12 +7,13 @@ docs/scenarios.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, pi
 from pathlib import Path
 
 from sleepcast.channel.memory import RadioModel
 from sleepcast.robot import BodyConstant
+from sleepcast.simulator.events import Event, read_events
 from sleepcast.simulator.groups import read_constants, read_groups, refuse_clashes
 from sleepcast.simulator.measures import MeasureSpec, read_measures
 from sleepcast.simulator.mission import Order, read_mission
@@ -26,10 +27,11 @@ from sleepcast.simulator.robot_settings import (
     read_count,
     read_robots,
 )
+from sleepcast.simulator.robot_types import robot_tables, together
 from sleepcast.simulator.settings import Measure, Table, checked_name, toml_document
 from sleepcast.simulator.signals import Light, PingModel, read_lights, read_pings
 from sleepcast.simulator.world import Shape
-from sleepcast.simulator.world_settings import MAX_SEED, Changes, read_world
+from sleepcast.simulator.world_settings import MAX_SEED, Changes, WorldSpec, read_world
 from sleepcast.units import LENGTH, SPEED, TIME
 
 FORMAT = 1
@@ -67,9 +69,11 @@ class Scenario:
 
     speed_up: simulated seconds in a second of a person's time. seconds: how long a headless run lasts by
     default. telemetry: time between two samples of each robot. noise: standard deviation of each sensor that
-    has any, by its name. length_unit: in which people read lengths. shapes: what is solid in the world; fenced: whether
-    robots turn back at its edge by themselves. constants: numbers that rules know by name. pings: how they are heard,
-    None where nobody hears any. measures: what is to be measured of a run.
+    has any, by its name. length_unit: in which people read lengths. shapes: what is solid in the world at the start;
+    absent: what may be added to it; events: when. fenced: whether robots turn back at its edge by themselves.
+    constants: numbers that rules know by name. pings: how they are heard, None where nobody hears any. measures: what
+    is to be measured of a run. robots: all of them together; sorts: each sort of them by itself, with its count or its
+    share, none where all robots are alike.
     """
 
     name: str
@@ -96,6 +100,14 @@ class Scenario:
     lights: tuple[Light, ...] = ()
     pings: PingModel | None = None
     measures: tuple[MeasureSpec, ...] = ()
+    absent: tuple[Shape, ...] = ()
+    events: tuple[Event, ...] = ()
+    sorts: tuple[RobotSpec, ...] = ()
+
+    @property
+    def each_sort(self) -> tuple[RobotSpec, ...]:
+        """The sorts of robots, also where there is only one."""
+        return self.sorts or (self.robots,)
 
 
 def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  # frozen: nobody can change it
@@ -106,10 +118,16 @@ def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  #
     with document.root() as root:
         _check_format(root)
         constants = read_constants(root)
-        groups = read_groups(root.table("robots"), constants, MAX_ROBOTS)
+        tables = robot_tables(root)
+        groups = [read_groups(table, constants, MAX_ROBOTS) for table in tables]
+
+        def counts() -> list[int]:
+            if changes.robots and len(tables) == 1:
+                return [changes.robots]
+            return [read_count(*each) for each in zip(tables, groups, strict=True)]
 
         def count() -> int:
-            return changes.robots or read_count(root.table("robots"), groups)
+            return changes.robots or sum(counts())
 
         seed = root.whole("seed", 0, low=0, high=MAX_SEED)
         seed = seed if changes.seed is None else changes.seed
@@ -118,8 +136,11 @@ def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  #
         places = _places(root, size)
         lights = read_lights(root, size, [place.name for place in places])
         taken = [*BODY_NAMES, *SIGNAL_NAMES, *(f"{place.name}_{axis}" for place in places for axis in "xy")]
-        robots = read_robots(root, count(), groups, size, taken)
-        refuse_clashes(root, [*taken, *(store.name for store in robots.stores)], constants, groups)
+        sorts = tuple(read_robots(*each, size, taken) for each in zip(tables, counts(), groups, strict=True))
+        robots = replace(together(tables, sorts), count=count())
+        if robots.count > MAX_ROBOTS:
+            raise root.error("robots", f"{robots.count} robots in all; at most {MAX_ROBOTS} fit")
+        refuse_clashes(root, tables, [*taken, *(store.name for store in robots.stores)], constants, groups)
         radio, telemetry = _radio(root, size)
         return Scenario(
             name=file.resolve().parent.name,
@@ -136,6 +157,9 @@ def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  #
             shapes=world.shapes,
             fenced=world.fenced,
             robots=robots,
+            absent=world.absent,
+            events=_events(root, world, changes),
+            sorts=sorts if len(sorts) > 1 else (),
             places=places,
             noise=_noise(root, robots),
             radio=radio,
@@ -167,6 +191,13 @@ def _places(root: Table, size: tuple[float, float]) -> tuple[Place, ...]:
             title = table.text("title", name, most=60)
             found.append(Place(name, title, x, y, table.text("about", "")))
     return tuple(found)
+
+
+def _events(root: Table, world: WorldSpec, changes: Changes) -> tuple[Event, ...]:
+    """What happens in the world; nothing where a run leaves out everything solid."""
+    if root.has("events") and changes.walls:
+        return read_events(root, world.shapes, world.absent, (world.width, world.height), MAX_TIME)
+    return ()
 
 
 def _points(places: tuple[Place, ...], lights: tuple[Light, ...]) -> dict[str, tuple[float, float]]:

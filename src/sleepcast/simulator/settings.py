@@ -127,10 +127,10 @@ def shown_key(where: Path_) -> str:
 
 class Table:
     """One table of a document. Every method raises SettingsError for a value that is missing or not as
-    wanted."""
+    wanted. below: another table, perhaps of another file, which has what this one does not say."""
 
-    def __init__(self, document: Document, values: dict[str, object], where: Path_) -> None:
-        self.document, self.values, self.where = document, values, where
+    def __init__(self, document: Document, values: dict[str, object], where: Path_, below: Table | None = None) -> None:
+        self.document, self.values, self.where, self.below = document, values, where, below
         self._asked: set[str] = set()
 
     def __enter__(self) -> Table:
@@ -138,16 +138,22 @@ class Table:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
         if kind is None:
-            for key in self.values:
+            for key in self.names():
                 if key not in self._asked:
                     raise self.error(key, f"unknown key{did_you_mean(key, self._asked)}; {self._known()}")
 
+    def names(self) -> list[str]:
+        """The keys that it has, those below after its own."""
+        return list(dict.fromkeys((*self.values, *(self.below.names() if self.below else ()))))
+
     def error(self, key: str, sentence: str) -> SettingsError:
+        if self.below and key not in self.values and self.below.has(key):
+            return self.below.error(key, sentence)
         return self.document.error((*self.where, key), sentence)
 
     def has(self, key: str) -> bool:
         self._asked.add(key)
-        return key in self.values
+        return key in self.values or (self.below is not None and self.below.has(key))
 
     def text(self, key: str, default: str | None = None, *, choices: Sequence[str] = (), most: int = 500) -> str:
         """A text of at most `most` characters, one of `choices` if there are any."""
@@ -261,7 +267,7 @@ class Table:
         self._asked.add(key)
         if not isinstance(value, dict):
             self._refuse(key, f"a table [{shown_key((*self.where, key))}]", value)
-        return Table(self.document, value, (*self.where, key))
+        return Table(self.document, value, (*self.where, key), self.below.table(key) if self.below else None)
 
     def table_or_text(self, key: str, name: str) -> Table:
         """The table under `key`; a text there stands for a table with that text under `name` alone."""
@@ -273,9 +279,9 @@ class Table:
     def tables(self, key: str, *, most: int) -> dict[str, Table]:
         """The tables under the table `key`, by their names, at most so many: `[places.vessel]`."""
         around = self.table(key)
-        if len(around.values) > most:
-            raise self.error(key, f"{len(around.values)} of them; at most {most} fit")
-        return {name: around.table(name) for name in around.values}
+        if len(around.names()) > most:
+            raise self.error(key, f"{len(around.names())} of them; at most {most} fit")
+        return {name: around.table(name) for name in around.names()}
 
     def array(self, key: str, *, most: int) -> list[Table]:
         """The tables of the array `key`, at most so many: `[[commands]]`."""
@@ -290,8 +296,10 @@ class Table:
         self._asked.add(key)
         if key in self.values:
             return self.values[key]
+        if self.below and self.below.has(key):
+            return self.below._value(key, default)
         if default is None:
-            written = nearest(key, set(self.values) - self._asked)
+            written = nearest(key, set(self.names()) - self._asked)
             if written:
                 raise self.error(written, f"unknown key (did you mean {key}?)")
             raise self.error(key, "is missing")

@@ -10,12 +10,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.names import Names
 from sleepcast.simulator.bodies import Bodies, Floats, Saying
 from sleepcast.simulator.body import model_of
 from sleepcast.simulator.engine import Machine, choose
+from sleepcast.simulator.events import happen
 from sleepcast.simulator.measures import Measuring
 from sleepcast.simulator.motion import step
+from sleepcast.simulator.robot_types import names_of
 from sleepcast.simulator.robots import Robots
 from sleepcast.simulator.scenario import Scenario
 from sleepcast.simulator.senses import Senses
@@ -51,7 +52,7 @@ class Simulator:
         self.world = self.bodies.world
         """The solid things, which may be changed between ticks."""
         self.model = model_of(scenario, self.bodies)
-        self.names = Names(prefix=scenario.robots.type, count=scenario.robots.count)
+        self.names = names_of(scenario.each_sort, scenario.robots.count)
         self.robots = Robots(self.bodies, self.model)
         self._senses = Senses(self.bodies)
         self._pinged = np.zeros(scenario.robots.count, np.uint8)
@@ -82,7 +83,11 @@ class Simulator:
         return self.bodies.said
 
     def step(self) -> None:
-        """One tick: everything moves, then lights are seen and the pings sent since the last tick are heard."""
+        """One tick: what the scenario lets happen happens, everything moves, then lights are seen and the pings sent
+        since the last tick are heard."""
+        scenario, until = self.scenario, (self.tick + 1) * self.scenario.tick
+        if scenario.events:
+            happen(self.world, scenario.events, (*scenario.shapes, *scenario.absent), self.time, until)
         step(self.bodies)
         self._senses.step()
         self._measuring.observe(self.tick, self.time)

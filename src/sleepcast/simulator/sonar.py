@@ -13,19 +13,18 @@ import numpy as np
 from sleepcast.simulator.bodies import TURN, Bodies
 
 
-def nearest(bodies: Bodies, number: int, first: float, last: float) -> float:
+def nearest(bodies: Bodies, number: int, reach: float, first: float, last: float) -> float:
     """Metres from robot `number` to the nearest other one between the angles `first` and `last` (rad,
-    counter-clockwise from its heading, counted from first to last); the sonar's range where nothing is
-    nearer."""
+    counter-clockwise from its heading, counted from first to last); `reach` m where nothing is nearer."""
     across, up = bodies.x - bodies.x[number], bodies.y - bodies.y[number]
-    away = np.sqrt(across * across + up * up) - 2.0 * bodies.geometry.radius
+    away = np.sqrt(across * across + up * up) - (bodies.radii + bodies.radii[number])
     away[number] = np.inf
-    near = np.flatnonzero(away < bodies.geometry.sonar_range)
+    near = np.flatnonzero(away < reach)
     width = last - first
     if width < TURN:
         bearing = np.arctan2(up[near], across[near]) - bodies.heading[number]
         near = near[np.mod(bearing - first, TURN) <= width % TURN]
-    return max(0.0, float(away[near].min())) if near.size else bodies.geometry.sonar_range
+    return max(0.0, float(away[near].min())) if near.size else reach
 
 
 def sector(sonars: int, which: float) -> tuple[float, float]:

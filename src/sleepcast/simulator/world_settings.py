@@ -42,14 +42,15 @@ class Changes:
 
 @dataclass(frozen=True, slots=True)
 class WorldSpec:
-    """The world's rectangle, m, and the unit in which people read it; what stands in it at the start. fenced: whether
-    robots turn back at its edge by themselves."""
+    """The world's rectangle, m, and the unit in which people read it; what stands in it at the start, and what does not
+    yet. fenced: whether robots turn back at its edge by themselves."""
 
     width: float
     height: float
     unit: str
     shapes: tuple[Shape, ...]
     fenced: bool
+    absent: tuple[Shape, ...] = ()
 
 
 def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: int) -> WorldSpec:
@@ -61,38 +62,48 @@ def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: i
         for each_taken in taken:
             each_taken.refuse_beyond(table, *high)
         shapes: list[Shape] = [shape for each_taken in taken for shape in each_taken.shapes]
-        shapes += _written(table, high)
+        written = _written(table, high)
+        shapes += [shape for shape, absent in written if not absent]
         shapes += _parted(table, high, seed)
         walled = table.text("edge", "fence", choices=EDGES) == "wall"
     if not changes.walls:
         return WorldSpec(*high, width.unit or "m", (), fenced=True)
     if walled:
         shapes.append(edge(*high))
-    return WorldSpec(*high, width.unit or "m", tuple(shapes), fenced=not walled)
+    absent_ones = tuple(shape for shape, absent in written if absent)
+    return WorldSpec(*high, width.unit or "m", tuple(shapes), fenced=not walled, absent=absent_ones)
 
 
-def _written(world: Table, high: tuple[float, float]) -> list[Shape]:
-    """The polygons, circles and walls of the file itself."""
-    low, shapes = (0.0, 0.0), list[Shape]()
+def _written(world: Table, high: tuple[float, float]) -> list[tuple[Shape, bool]]:
+    """The polygons, circles and walls of the file itself, and whether each is absent at the start."""
+    low, shapes = (0.0, 0.0), list[tuple[Shape, bool]]()
     for each in world.array("polygons", most=MAX_SHAPES):
         with each:
             corners = each.points("corners", low, high, least=3, most=MAX_POINTS)
-            shapes.append(Polygon(corners, _name(each)))
+            shapes.append((Polygon(corners, _name(each)), _absent(each)))
     for each in world.array("circles", most=MAX_SHAPES):
         with each:
             x, y = each.point("center", low, high)
             radius = each.number("radius", LENGTH, low=LEAST, high=MAX_WORLD)
-            shapes.append(Circle(x, y, radius, _name(each)))
+            shapes.append((Circle(x, y, radius, _name(each)), _absent(each)))
     for each in world.array("walls", most=MAX_SHAPES):
         with each:
             points = each.points("points", low, high, least=2, most=MAX_POINTS)
-            shapes.append(Wall(points, _name(each)))
+            shapes.append((Wall(points, _name(each)), _absent(each)))
     return shapes
 
 
 def _name(shape: Table) -> str:
     """How people call it, "" if they do not."""
     return shape.text("name", "", most=MAX_NAME)
+
+
+def _absent(shape: Table) -> bool:
+    """Whether it is not there at the start."""
+    absent = shape.flag("absent", False)
+    if absent and not shape.text("name", ""):
+        raise shape.error("absent", "what no name is given to can never be added: give it a name")
+    return absent
 
 
 @dataclass(frozen=True, slots=True)

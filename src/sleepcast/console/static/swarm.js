@@ -18,7 +18,7 @@ export function sizeOf(view, scene) {
 
 // marks: {lit: Uint8Array with 1 for each robot that is lit, or null; chosen, pointed: indices or -1}
 export function drawSwarm(pen, view, scene, frame, marks, colours, boxes, ratio) {
-  if (frame.count > MOST_SHAPES) drawPoints(pen, view, frame, marks, colours, ratio);
+  if (frame.count > MOST_SHAPES) drawPoints(pen, view, scene, frame, marks, colours, ratio);
   else drawShapes(pen, view, scene, frame, marks, colours);
   const size = sizeOf(view, scene);
   for (const [index, width] of [[marks.pointed, 1.5], [marks.chosen, 2.6]]) {
@@ -75,9 +75,16 @@ function drawHalos(pen, halos, colour) {
   pen.stroke(halos);
 }
 
+// The side of a robot's point, in pixels of the screen: 1 to 3, so that robots all over the area leave most of it free.
+function pointSize(view, scene, count, ratio) {
+  const [left, bottom, right, top] = scene.area;
+  const room = ((right - left) * (top - bottom) * (view.scale * ratio) ** 2) / count;
+  return Math.min(3, Math.max(1, Math.round(Math.sqrt(room / 6))));
+}
+
 let image = null; // kept between frames: a screenful of pixels
 
-function drawPoints(pen, view, frame, marks, colours, ratio) {
+function drawPoints(pen, view, scene, frame, marks, colours, ratio) {
   const { width, height } = pen.canvas;
   if (image?.width !== width || image.height !== height) image = pen.createImageData(width, height);
   const pixels = new Uint32Array(image.data.buffer);
@@ -89,10 +96,12 @@ function drawPoints(pen, view, frame, marks, colours, ratio) {
     if (x < 0 || y < 0 || x + side > width || y + side > height) return;
     for (let row = y * width + x; row < (y + side) * width + x; row += width) pixels.fill(ink, row, row + side);
   };
-  for (let i = 0; i < frame.count; i += 1) dot(i, frame.groups[i] ? 3 : 2, inks[styleOf(frame.groups[i])]);
+  const size = pointSize(view, scene, frame.count, ratio);
+  const sizes = [Math.min(2, size), size]; // of robots in no group and in one
+  for (let i = 0; i < frame.count; i += 1) dot(i, sizes[frame.groups[i] ? 1 : 0], inks[styleOf(frame.groups[i])]);
   if (marks.lit) {
     const bright = packed(pen, colours.lit);
-    for (let i = 0; i < frame.count; i += 1) if (marks.lit[i] === 1) dot(i, 4, bright);
+    for (let i = 0; i < frame.count; i += 1) if (marks.lit[i] === 1) dot(i, size + 1, bright);
   }
   pen.putImageData(image, 0, 0);
 }

@@ -1,0 +1,186 @@
+"""Cross-talk: sonars that take late echoes of another ping for their own, and so read too short a range.
+
+A sonar listens from its own ping to the first sound that it takes for an echo, and blanks the time of the least
+range. What may come in between, with path lengths in m and times through the speed of sound:
+
+- of an earlier ping of the same ring, the echo of something farther away that lies before the sonar which listens now:
+  it sees this at the range d itself, so the path is 2 d, on its way since the earlier ping;
+- of an earlier ping, its echo once more, thrown back by the robot and by what it met: twice its path;
+- the ping of another robot, straight from one to the other.
+
+No sound is heard after more than twice the greatest range, nor by a sonar whose axis lies farther than `spread` from
+that of the one that sent it, and each of them is heard with the model's chance. So a pause of twice the greatest range
+between one echo and the next ping cures a ring of its own cross-talk.
+
+Bodies stand still for a tick, as in `echoes`, and what another robot sends after its end is not heard in it. A reading
+shortened by another robot does not make the next ping earlier: so no robot waits for another one's answer, and the
+order in which they are worked out says nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import ceil, pi
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.channel.chance import key, uniform
+from sleepcast.simulator.cones import Ranges
+from sleepcast.simulator.grid import Floats, Grid, Whole, pairs, sort, spread
+from sleepcast.simulator.robot_settings import CrosstalkModel, Ring
+
+SOUND = 343.0
+"""m/s, in air at 20 degrees."""
+QUICKEST = 1e-3
+"""s between two pings of a ring at least."""
+CLEAR = 0.05
+"""Share by which a range may fall short of a robot that is heard all the same, for noise: what is nearer than that
+stands in the way of sound."""
+
+
+class Pings(NamedTuple):
+    """Pings of one tick, arrays of the same length. robot, sonar: who sent it; sent: when, s; seen: the range of what
+    the sonar sees, and read: the range that it took for this, m (of earlier ticks, the same)."""
+
+    robot: Whole
+    sonar: Whole
+    sent: Floats
+    seen: Floats
+    read: Floats
+
+    def of(self, which: NDArray[np.bool_] | Whole) -> Pings:
+        return Pings._make(column[which] for column in self)
+
+    @staticmethod
+    def joined(parts: Iterable[Pings]) -> Pings:
+        return Pings._make(np.concatenate(columns) for columns in zip(NONE, *parts, strict=True))
+
+
+NONE = Pings(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0))
+
+
+class Crosstalk:
+    """What the sonars of `count` robots have sent of late. axes: of the sonars, rad; radius: of the bodies, m; grid:
+    over the world."""
+
+    def __init__(
+        self,
+        model: CrosstalkModel,
+        ring: Ring,
+        axes: Floats,
+        radius: float,
+        count: int,
+        grid: Grid,
+        seed: int,
+    ) -> None:
+        self._model, self._ring, self._axes, self._radius, self._seed = model, ring, axes, radius, seed
+        self._longest = 2.0 * ring.most / SOUND
+        """s for which a ping is heard."""
+        shortest = max((ring.pause or 0.0) + 2.0 * ring.least / SOUND, QUICKEST)
+        under_way = max(1, ceil(self._longest / shortest))
+        self._sent: Floats = np.full((count, under_way), -np.inf)
+        """When each robot's latest pings were sent, s; by which sonar, and what it saw, m."""
+        self._by: Whole = np.zeros((count, under_way), np.int64)
+        self._seen: Floats = np.zeros((count, under_way))
+        self._next: Whole = np.zeros(count, np.int64)
+        self._now: list[Pings] = []
+        self._before = NONE
+        self._draws = 0
+        self._reach = ring.most + 2.0 * radius
+        self._grid = grid
+
+    def columns(self) -> dict[str, NDArray[np.generic]]:
+        """The arrays that a run changes and that the next ticks depend on, by name."""
+        return {"ping_sent": self._sent, "ping_by": self._by, "ping_seen": self._seen, "ping_next": self._next}
+
+    def hear(self, tick: int, robots: Whole, sonar: Whole, sent: Floats, own: Ranges) -> Ranges:
+        """What these robots' sonars read, one of each robot, that ping at the times `sent` (s) and of themselves would
+        read `own` (m)."""
+        ring, seen = self._ring, own.astype(np.float64)
+        if self._model.robots and not self._now:
+            self._before = self._under_way()
+        on_its_way = SOUND * (sent[:, None] - self._sent[robots]) / 2.0
+        beside = self._near(self._axes[self._by[robots]], self._axes[sonar][:, None])
+        farther, again = seen[:, None], 2.0 * self._seen[robots]
+        read = seen.copy()
+        for path, there in ((farther, farther < ring.most), (again, again <= ring.most)):
+            taken = path - on_its_way
+            heard = beside & there & (taken >= ring.least) & self._by_chance("own", tick, taken.shape)
+            read = np.minimum(read, np.where(heard, taken, np.inf).min(axis=1))
+        slot = self._next[robots]
+        self._sent[robots, slot], self._by[robots, slot], self._seen[robots, slot] = sent, sonar, seen
+        self._next[robots] = (slot + 1) % self._sent.shape[1]
+        if self._model.robots:
+            self._now.append(Pings(robots, sonar, sent, seen, read))
+        shortened: Ranges = read.astype(np.float32)
+        return shortened
+
+    def end(self, tick: int, pose: tuple[Floats, Floats, Floats], readings: Ranges) -> None:
+        """The tick ends: shorten what was read in it by pings of other robots. pose: of all bodies, x, y (m) and
+        heading (rad); readings: shape (robots, sonars), changed in place."""
+        now = Pings.joined(self._now)
+        self._now, self._draws = [], 0
+        if len(now.robot):
+            self._hear_others(tick, pose, readings, by_robot(now), by_robot(Pings.joined((self._before, now))))
+
+    def _under_way(self) -> Pings:
+        """The pings that may still be heard."""
+        robot, slot = np.nonzero(self._sent > self._sent.max() - self._longest)
+        seen = self._seen[robot, slot]
+        return Pings(robot, self._by[robot, slot], self._sent[robot, slot], seen, seen)
+
+    def _hear_others(
+        self, tick: int, pose: tuple[Floats, Floats, Floats], readings: Ranges, mine: Pings, theirs: Pings
+    ) -> None:
+        x, y, heading = pose
+        i, j = pairs(self._grid, sort(self._grid, x, y), x, y, self._reach, np.unique(mine.robot))
+        apart = np.hypot(x[j] - x[i], y[j] - y[i]) - 2.0 * self._radius
+        there = np.arctan2(y[j] - y[i], x[j] - x[i])
+        # Each pair beside each ping of the one, then those beside each ping of the other one.
+        pair, ping = spread(np.arange(len(i)), *_between(mine.robot, i))
+        faces = self._faces(mine, ping, heading[i][pair], there[pair], apart[pair])
+        pair, ping = pair[faces], ping[faces]
+        place, other = spread(np.arange(len(pair)), *_between(theirs.robot, j[pair]))
+        pair, ping = pair[place], ping[place]
+        faces = self._faces(theirs, other, heading[j][pair], there[pair] + pi, apart[pair])
+        pair, ping, other = pair[faces], ping[faces], other[faces]
+        taken = (apart[pair] + SOUND * (theirs.sent[other] - mine.sent[ping])) / 2.0
+        heard = (taken >= self._ring.least) & (taken < mine.read[ping])
+        heard &= self._by_chance("others", tick, taken.shape)
+        read = mine.read.copy()
+        np.minimum.at(read, ping[heard], taken[heard])
+        # A sonar may have sent twice in a tick: its last reading stays.
+        changed = np.flatnonzero(read < mine.read)
+        latest = np.full(readings.shape, -1)
+        np.maximum.at(latest, (mine.robot, mine.sonar), np.arange(len(read)))
+        changed = changed[latest[mine.robot[changed], mine.sonar[changed]] == changed]
+        readings[mine.robot[changed], mine.sonar[changed]] = read[changed]
+
+    def _faces(self, pings: Pings, which: Whole, heading: Floats, way: Floats, apart: Floats) -> NDArray[np.bool_]:
+        """Whether the sonars of these pings look the `way` (rad) to a robot `apart` m away, and nothing is nearer."""
+        clear = pings.seen[which] >= (1.0 - CLEAR) * apart
+        return self._near(self._axes[pings.sonar[which]] + heading, way) & clear
+
+    def _near(self, one: Floats, other: Floats) -> NDArray[np.bool_]:
+        near: NDArray[np.bool_] = np.abs((one - other + pi) % (2.0 * pi) - pi) <= self._model.spread
+        return near
+
+    def _by_chance(self, what: str, tick: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+        """Whether each sound is loud enough."""
+        if self._model.chance >= 1.0:
+            return np.ones(shape, bool)
+        numbers = np.arange(self._draws, self._draws + int(np.prod(shape)), dtype=np.uint64)
+        self._draws += len(numbers)
+        return (uniform(key(self._seed, "crosstalk", what, tick), numbers) < self._model.chance).reshape(shape)
+
+
+def by_robot(pings: Pings) -> Pings:
+    """The same in the order of their robots, those of one in the order of time."""
+    return pings.of(np.lexsort((pings.sent, pings.robot)))
+
+
+def _between(robots: Whole, which: Whole) -> tuple[Whole, Whole]:
+    """Where the entries of each of these robots begin and end in a sorted list of robots."""
+    return np.searchsorted(robots, which), np.searchsorted(robots, which, side="right")

@@ -1,0 +1,56 @@
+"""The sonars of several sorts of robots: each sort has a ring of its own, and all of them one table of readings.
+
+A sort with fewer sonars than others leaves their rows unknown, and one without any leaves all of them so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.simulator.echoes import Echoes
+from sleepcast.simulator.grid import Floats, Whole
+
+
+class Ears:
+    """The sonars `rings` of some robots each. sensed: the table of all, shape (sonars + 1, robots), in the last row the
+    least of those in front."""
+
+    def __init__(self, rings: Sequence[Echoes], sensed: Floats) -> None:
+        self.rings, self.sensed = rings, sensed
+
+    @property
+    def fires_in_order(self) -> bool:
+        return any(ring.fires_in_order for ring in self.rings)
+
+    def of(self, robot: int) -> Echoes | None:
+        """The sonars of the robot with this index, if it has any."""
+        return next((ring for ring in self.rings if ring.robots.start <= robot < ring.robots.stop), None)
+
+    def forget(self) -> None:
+        """Bodies or obstacles have moved: what was looked at is no longer so."""
+        for ring in self.rings:
+            ring.forget()
+
+    def sense(self, which: Whole | None, tick: int, pose: tuple[Floats, Floats, Floats]) -> None:
+        """Bring the readings of the robots with indices `which` (None: all) up to date; see `Echoes`."""
+        for ring in self.rings:
+            first, last = ring.robots.start, ring.robots.stop
+            mine = None if which is None else which[(which >= first) & (which < last)]
+            ring.sense(mine, tick, pose)
+            there = ring.robots if mine is None else mine
+            heard = ring.sensed if mine is None else ring.sensed[:, mine - first]
+            self.sensed[: len(heard) - 1, there] = heard[:-1]
+            self.sensed[-1, there] = heard[-1]
+
+    def fire(self, tick: int, until: float, pose: tuple[Floats, Floats, Floats]) -> None:
+        """Fire the sonars that are due before the time `until` (s)."""
+        for ring in self.rings:
+            ring.fire(tick, until, pose)
+
+    def state(self) -> Iterable[NDArray[np.generic]]:
+        """What the next ticks depend on."""
+        for ring in self.rings:
+            yield from ring.state()

@@ -20,7 +20,7 @@ from sleepcast.simulator import Changes, Circle, Wall, find_scenario, load
 from sleepcast.simulator.recorder import Recorder
 from sleepcast.simulator.recording import Recording, load_recording
 from sleepcast.simulator.rotation import Rotation, part_file, read_rotation
-from small_worlds import write
+from small_worlds import SCOUTS, write
 
 MISSION = """
 @1s (WHEN (> battery 50%) (JOIN full))
@@ -211,6 +211,40 @@ def test_changes_of_the_world_are_recorded_and_repeated(changed: Recording) -> N
     done = called("replay", str(changed.file), "--verify", "--quiet")
     assert done.status == 0, done.out
     assert "the same to the last bit" in done.out
+
+
+EVENTS = """
+[[world.circles]]
+center = ["9m", "6m"]
+radius = "50cm"
+name = "ball"
+
+[[events]]
+at = "1s"
+move = "ball"
+by = ["-1m", "0m"]
+
+[[events]]
+at = "2s"
+remove = "ball"
+"""
+
+
+def test_what_the_scenario_lets_happen_is_recorded_and_happens_once_when_it_is_repeated(tmp_path: Path) -> None:
+    scenario = load(write(tmp_path, ("count = 1", "count = 9"), more=EVENTS, text=SCOUTS))
+    swarm, station = assemble(scenario, None, mission=False)
+    file = tmp_path / "run.mcap"
+    with recorded(swarm, station, Wanted(file, 0.1, 0.1)):
+        swarm.run(0.9)
+        swarm.simulator.world.add(Circle(3.0, 3.0, 0.3))  # in the tick in which the ball moves
+        swarm.run(2.1)
+    assert [(each.tick, each.own) for each in load_recording(file).obstacles] == [(10, False), (10, True), (20, True)]
+    done = called("replay", str(file), "--verify", "--quiet")
+    assert done.status == 0, done.out
+    film = film_of(load_recording(file))
+    shown = film.obstacles.at(1.5)
+    assert shown is not None
+    assert outlines(Circle(8.0, 6.0, 0.5)) in shown
 
 
 def changed_first(recording: Recording) -> int:

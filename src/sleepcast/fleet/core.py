@@ -336,7 +336,7 @@ _SORTS = ("not matched", "matched", "fault")
 def _came_of(message: Message, outcome: Outcome) -> Answers:
     """The answers to a command, in the order of the robots that evaluated it."""
     rows, faults = outcome.rows, [fault_text(noted) for noted in outcome.faults]
-    fault = np.zeros(rows.size, np.int32)
+    fault = np.zeros(rows.size, np.int32) if faults else np.broadcast_to(np.int32(0), rows.size)
     for number, noted in reversed(list(enumerate(outcome.faults, 1))):
         fault[rows.places(noted.robots)] = number
     sort = outcome.matched.view(np.uint8)

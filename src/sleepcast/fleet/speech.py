@@ -37,19 +37,19 @@ class Speech:
         if rows.size == 0:
             return
         state = self._state
-        places = np.arange(rows.size) if places is None else places
         if (state.said[rows.index] >= MAX_OUTBOX).any():
             self._count_again(rows)
         room = state.said[rows.index] < MAX_OUTBOX
         if not room.all():
             state.lost[rows.take(~room).index] += 1
-            rows, places = rows.take(room), places[room]
+            rows, places = rows.take(room), np.flatnonzero(room) if places is None else places[room]
         state.said[rows.index] += 1
         state.sequence[rows.index] += 1
-        issued, sequences = state.column(TIME_SLOT, rows).copy(), state.sequence[rows.index].copy()
-        self._sayings.append(
-            Chorus(kind, self._names, self.epoch, rows.robots, places, sequences, issued, lasts, words)
-        )
+        robots, sequences, now = rows.robots, state.sequence[rows.index].copy(), state.read(TIME_SLOT, rows)
+        issued = np.broadcast_to(now, rows.size) if isinstance(now, float) else now.copy()
+        if places is None:
+            places = robots if robots[0] == 0 and robots[-1] == rows.size - 1 else np.arange(rows.size)
+        self._sayings.append(Chorus(kind, self._names, self.epoch, robots, places, sequences, issued, lasts, words))
 
     def _count_again(self, rows: Rows) -> None:
         """Outboxes that seem full may have been emptied since."""

@@ -63,6 +63,9 @@ class Desk(Protocol):
 class Witness(Protocol):
     """Somebody who sees everything and changes nothing: a recording."""
 
+    def ticking(self) -> None:
+        """A tick begins."""
+
     def posted(self, message: Message) -> None:
         """The operator's message goes on the air."""
 
@@ -155,6 +158,8 @@ class Swarm:
 
 def step_swarm(swarm: Swarm) -> None:
     """One tick of the whole swarm: act, advance, deliver, sense, think, report."""
+    if swarm.witness is not None:
+        swarm.witness.ticking()
     _act(swarm)
     swarm.simulator.step()
     _deliver(swarm)

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import json
+import resource
 from math import inf
 from pathlib import Path
 
 import pytest
 
-from cli.calling import called
+from cli.calling import LONGEST, called
 from console.running import Program, open_page
 from sleepcast.cli.film import film_of
 from sleepcast.cli.headless import assemble
 from sleepcast.cli.page import outlines
 from sleepcast.cli.recording import Wanted, recorded
 from sleepcast.errors import MisuseError
-from sleepcast.simulator import Changes, Circle, Wall, find_scenario
+from sleepcast.simulator import Changes, Circle, Wall, find_scenario, load
+from sleepcast.simulator.recorder import Recorder
 from sleepcast.simulator.recording import Recording, load_recording
 from sleepcast.simulator.rotation import Rotation, part_file, read_rotation
-from small_worlds import write
+from small_worlds import SCOUTS, write
 
 MISSION = """
 @1s (WHEN (> battery 50%) (JOIN full))
@@ -115,6 +117,28 @@ def test_nothing_is_replaced_by_a_part(world: Path) -> None:
     assert (world / "run-0003.mcap").read_text() == "precious"
 
 
+def test_a_disk_that_is_full_when_a_part_ends_leaves_no_empty_part(
+    world: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sleepcast.simulator.recorder.FLUSH_PERIOD", LONGEST)  # nothing is saved in between
+    said: list[str] = []
+    file = world / "run.mcap"
+    recorder = Recorder(file, load(world), 3, version="test", complain=said.append, rotation=Rotation(age=1.0))
+    recorder.note("/sleepcast/state", 1.0, {"tick": 10, "hash": "first"})
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1, hard))
+    try:
+        assert recorder.full(1.0)
+        assert not recorder.turn(1.0)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    recorder.close()
+    assert recorder.failed
+    assert len(said) == 1
+    assert f"cannot record any further to {file}" in said[0]
+    assert not (world / "run-0002.mcap").exists()
+
+
 @pytest.mark.parametrize(
     ("text", "wanted"),
     [
@@ -187,6 +211,40 @@ def test_changes_of_the_world_are_recorded_and_repeated(changed: Recording) -> N
     done = called("replay", str(changed.file), "--verify", "--quiet")
     assert done.status == 0, done.out
     assert "the same to the last bit" in done.out
+
+
+EVENTS = """
+[[world.circles]]
+center = ["9m", "6m"]
+radius = "50cm"
+name = "ball"
+
+[[events]]
+at = "1s"
+move = "ball"
+by = ["-1m", "0m"]
+
+[[events]]
+at = "2s"
+remove = "ball"
+"""
+
+
+def test_what_the_scenario_lets_happen_is_recorded_and_happens_once_when_it_is_repeated(tmp_path: Path) -> None:
+    scenario = load(write(tmp_path, ("count = 1", "count = 9"), more=EVENTS, text=SCOUTS))
+    swarm, station = assemble(scenario, None, mission=False)
+    file = tmp_path / "run.mcap"
+    with recorded(swarm, station, Wanted(file, 0.1, 0.1)):
+        swarm.run(0.9)
+        swarm.simulator.world.add(Circle(3.0, 3.0, 0.3))  # in the tick in which the ball moves
+        swarm.run(2.1)
+    assert [(each.tick, each.own) for each in load_recording(file).obstacles] == [(10, False), (10, True), (20, True)]
+    done = called("replay", str(file), "--verify", "--quiet")
+    assert done.status == 0, done.out
+    film = film_of(load_recording(file))
+    shown = film.obstacles.at(1.5)
+    assert shown is not None
+    assert outlines(Circle(8.0, 6.0, 0.5)) in shown
 
 
 def changed_first(recording: Recording) -> int:

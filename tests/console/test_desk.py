@@ -9,12 +9,14 @@ import pytest
 
 from sleepcast.cli.page import SwarmOnPage
 from sleepcast.clock import ManualClock
+from sleepcast.console.answers import Obstacles
 from sleepcast.console.desk import Desk
 from sleepcast.console.driver import Driver
 from sleepcast.console.explaining import ShownStep
 from sleepcast.console.ledger import MOST_ROWS
 from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.loop import Pace, Swarm
+from sleepcast.simulator import Wall
 from sleepcast.station import FAULT, MATCHED, NO, NOT_MATCHED, SILENT, UNKNOWN, YES, Station
 from small_worlds import simulator
 
@@ -250,3 +252,16 @@ class TestWatchedRobot:
     def test_nobody_is_watched_unless_asked_for(self, stand: Stand) -> None:
         for index in (-1, 20):
             assert not any(type(each).__name__ == "Robot" for each in stand.desk.news(index))
+
+
+def test_what_has_become_of_solid_things_is_news(stand: Stand) -> None:
+    def told() -> list[object]:
+        return [news.obstacles for news in stand.desk.news(-1) if isinstance(news, Obstacles)]
+
+    world = stand.swarm.simulator.world
+    assert told() == []
+    number = world.add(Wall(((100.0, 100.0), (300.0, 100.0))))
+    ((wall,),) = told()
+    assert wall == (((100.0, 100.0), (300.0, 100.0)),)
+    world.remove(number)
+    assert told() == [()]

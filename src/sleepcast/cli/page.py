@@ -12,7 +12,7 @@ from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.recording import Wanted, recorded
 from sleepcast.cli.streams import announce
 from sleepcast.clock import WallClock
-from sleepcast.console import Place, ReadyCommand, Scene, serve
+from sleepcast.console import Outline, Place, ReadyCommand, Scene, serve
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Pace, Swarm
 from sleepcast.simulator import Area, Circle, Scenario, Shape, Wall
@@ -26,6 +26,8 @@ class SwarmOnPage:
 
     def __init__(self, swarm: Swarm) -> None:
         self._swarm = swarm
+        self._world_version = swarm.simulator.world.version
+        self._obstacles: tuple[tuple[Outline, ...], ...] | None = None
         self.scene = scene_of(swarm.simulator.scenario, tuple(swarm.simulator.names))
         self.minds = swarm.fleet
         self.vocabulary: Vocabulary = swarm.vocabulary
@@ -52,6 +54,14 @@ class SwarmOnPage:
             found[column::3] = array("f", values.astype("<f4").tobytes())
         return found.tobytes()
 
+    def obstacles(self) -> tuple[tuple[Outline, ...], ...] | None:
+        """What is solid now, once that has changed."""
+        world = self._swarm.simulator.world
+        if world.version != self._world_version:
+            self._world_version = world.version
+            self._obstacles = tuple(outlines(shape) for shape in world.shapes.values())
+        return self._obstacles
+
     def pings(self) -> bytes:
         """Who has pinged since this was last asked, a byte for each robot; see `Simulator.pinged`."""
         return self._swarm.simulator.pinged()
@@ -74,7 +84,7 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
     )
 
 
-def outlines(shape: Shape) -> tuple[tuple[tuple[float, float], ...], ...]:
+def outlines(shape: Shape) -> tuple[Outline, ...]:
     """A shape as the page draws it. A wall goes there and back; a circle has many corners."""
     if isinstance(shape, Circle):
         angles = (2.0 * pi * corner / ROUND for corner in range(ROUND))

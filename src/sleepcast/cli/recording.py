@@ -74,9 +74,13 @@ class Witness:
         self._solids = dict(enumerate(swarm.simulator.scenario.shapes, 1))
         """The solid things that the recording knows, and which change of them was the last."""
         self._changes: list[WorldChange] = []
-        self._look_at_world(swarm.simulator.tick + 1)
+        self.ticking()
         self.picture()
         self.look()
+
+    def ticking(self) -> None:
+        """A tick begins. What has changed in the world since the last one was somebody's work."""
+        self._look_at_world(self._swarm.simulator.tick + 1, own=False)
 
     def posted(self, message: Message) -> None:
         """The operator's message goes on the air in this tick."""
@@ -104,7 +108,7 @@ class Witness:
             if saying.time < now:
                 break
             self._recorder.log(now, simulator.names[saying.robot], saying.text)
-        self._look_at_world(simulator.tick)
+        self._look_at_world(simulator.tick, own=True)
         if simulator.tick % self._pictures == 0:
             if self._recorder.full(now) and self._recorder.turn(now):
                 self._repeat(now)
@@ -149,8 +153,8 @@ class Witness:
         self._unmarked = True
         self.look()
 
-    def _look_at_world(self, tick: int) -> None:
-        """Record which solid things have come, moved or gone before this tick."""
+    def _look_at_world(self, tick: int, *, own: bool) -> None:
+        """Record which solid things have come, moved or gone, as a `WorldChange`."""
         world = self._swarm.simulator.world
         if self._world_version == world.version:
             return
@@ -159,7 +163,7 @@ class Witness:
         put = {str(number): shape for number, shape in self._solids.items() if before.get(number) != shape}
         gone = tuple(number for number in before if number not in self._solids)
         if put or gone:
-            self._changes.append(WorldChange(tick, put, gone))
+            self._changes.append(WorldChange(tick, put, gone, own))
             self._recorder.obstacles(self._swarm.now(), self._changes[-1])
 
     def look(self) -> None:

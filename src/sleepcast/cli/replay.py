@@ -103,7 +103,7 @@ def _verify(interrupts: Interrupts, recording: Recording, *, quiet: bool) -> Ver
     warm_up(recording.scenario, None)
     swarm, _ = assemble(recording.scenario, recording.seed, mission=False)
     interrupts.defer()
-    posted, changes = deque(recording.posted), deque(recording.obstacles)
+    posted, changes = deque(recording.posted), deque(change for change in recording.obstacles if not change.own)
     compared = 0
     with closing(steps(max(recording.states, default=0) + 1, recording.scenario.name, quiet=quiet)) as ticks:
         for tick in ticks:

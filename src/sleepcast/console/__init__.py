@@ -6,10 +6,11 @@ living swarm; `static/` is the page, served as written.
 """
 
 from sleepcast.console.server import DEFAULT_PORT, PortError, serve, serve_desk
-from sleepcast.console.swarm import Pace, Place, ReadyCommand, RobotMind, Rule, Scene, Swarm
+from sleepcast.console.swarm import Outline, Pace, Place, ReadyCommand, RobotMind, Rule, Scene, Swarm
 
 __all__ = [
     "DEFAULT_PORT",
+    "Outline",
     "Pace",
     "Place",
     "PortError",

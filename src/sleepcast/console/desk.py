@@ -143,6 +143,9 @@ class Desk:
         groups = self.driver.groups
         shown = zip(groups.names, groups.counts, groups.shown, strict=True)
         yield answers.Groups([answers.ShownGroup(*group) for group in shown])
+        obstacles = self._swarm.obstacles()
+        if obstacles is not None:
+            yield answers.Obstacles(obstacles)
         yield self._safety()
         if 0 <= watched < len(self._swarm.scene.names):
             yield self._robot(watched)

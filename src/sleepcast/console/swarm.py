@@ -126,6 +126,9 @@ class Swarm(Protocol):
     def step(self) -> None:
         """One tick of everything: bodies, channel, minds, and the station's news of them."""
 
+    def obstacles(self) -> tuple[tuple[Outline, ...], ...] | None:
+        """What is solid now, as in the scene; None while it is what the scene says."""
+
     def pings(self) -> bytes:
         """Who has pinged since this was last asked: as in a frame, empty for nobody."""
 

@@ -111,12 +111,14 @@ class RulesBody(msgspec.Struct):
 
 @dataclass(frozen=True, slots=True)
 class WorldChange:
-    """What became of the solid things before the tick with this number, by their numbers in the world. put: those that
-    came or moved; gone: those that went."""
+    """What became of the solid things, by their numbers in the world, before anything moved in the tick of this number.
+    put: those that came or moved; gone: those that went. own: whether the scenario itself let it happen, so that it
+    happens again when the run is repeated."""
 
     tick: int
     put: dict[str, Shape]
     gone: tuple[int, ...]
+    own: bool = False
 
 
 class Recorder:
@@ -191,6 +193,10 @@ class Recorder:
         with self._lock:
             self._writer.add_metadata(FOLLOWING, {"file": file.name})
             self._end()
+            if self.failed:
+                output.close()
+                file.unlink()
+                return False
             self.file, self.part = file, self.part + 1
             self._begin(output, time)
         return True

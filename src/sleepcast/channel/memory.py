@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.chance import key, uniform
 from sleepcast.channel.chorus import Chorus
-from sleepcast.channel.message import TO_OPERATOR, Message
+from sleepcast.channel.message import TO_OPERATOR, Kind, Message
+from sleepcast.channel.turns import Turns
 from sleepcast.clock import Clock
 from sleepcast.errors import MisuseError
 
@@ -30,6 +31,9 @@ OPERATOR = -1
 MAX_WAITING = 16_000_000
 """Copies on their way at one time: sixteen messages to a million robots, in a quarter of a gigabyte. What is sent
 beyond is refused, counted."""
+
+URGENT = frozenset({Kind.STOP, Kind.RELEASE})
+"""What goes on the air before all that waits."""
 
 _Numbers = NDArray[np.int64]
 _Metres = NDArray[np.float64]
@@ -45,7 +49,8 @@ class RadioModel:
     reach: m from one robot to another. operator: where the operator sits (x, y in m; None: within reach of
     everybody), operator_reach: m between the operator and a robot. loss, duplication, reordering: chances,
     0..1, for each copy. delay: s that every copy takes; jitter: up to so many s more, drawn evenly.
-    held_back: s by which a reordered copy comes later. Raises MisuseError for what cannot be.
+    held_back: s by which a reordered copy comes later. rate: messages in a second that one party can send, and
+    queue: how many of its own wait for that; see `turns`. Raises MisuseError for what cannot be.
     """
 
     reach: float = inf
@@ -57,6 +62,8 @@ class RadioModel:
     duplication: float = 0.0
     reordering: float = 0.0
     held_back: float = 1.0
+    rate: float = inf
+    queue: int = 16
 
     def __post_init__(self) -> None:
         for name in ("loss", "duplication", "reordering"):
@@ -65,11 +72,16 @@ class RadioModel:
         for name in ("reach", "operator_reach", "delay", "jitter", "held_back"):
             if not getattr(self, name) >= 0.0:
                 raise MisuseError(f"the radio's {name} must be 0 or more, not {getattr(self, name)}")
+        if not self.rate > 0.0 or self.queue < 0:
+            raise MisuseError(
+                f"the radio's rate must be above 0 and its queue 0 or more, not {self.rate}, {self.queue}"
+            )
 
 
 @dataclass(slots=True)
 class RadioCounts:
-    """Copies so far: meant for a receiver, put into an inbox, and what became of the others."""
+    """Copies so far: meant for a receiver, put into an inbox, and what became of the others. crowded: messages that
+    never went on the air, because too many of their sender waited."""
 
     sent: int = 0
     delivered: int = 0
@@ -77,6 +89,7 @@ class RadioCounts:
     lost: int = 0
     duplicated: int = 0
     refused: int = 0
+    crowded: int = 0
 
 
 @dataclass(slots=True)
@@ -132,6 +145,8 @@ class Radio:
         self._for_operator: list[Message | Chorus] = []
         self._repeats: Counter[tuple[int, str]] = Counter()
         self._repeats_at = -inf
+        self.turns = Turns(len(x) + 1, model.rate, model.queue) if model.rate < inf else None
+        """When each party's transmitter is free, the operator's last; None where all can send as much as they like."""
 
     def endpoint(self, number: int) -> Endpoint:
         """The channel as party `number` has it."""
@@ -140,14 +155,20 @@ class Radio:
     def send(self, transmitter: int, message: Message) -> None:
         """Put `message` on the air: a robot's answers and reports to the operator, all else to the robots in
         reach."""
-        now = self._clock.now()
+        now = begin = self._clock.now()
+        if self.turns:
+            begins, room = self.turns.take(np.array([transmitter]), now, urgent=message.kind in URGENT)
+            if not room[0]:
+                self.counts.crowded += 1
+                return
+            begin = float(begins[0])
         meant, found = self._receivers(transmitter, message)
         self.counts.sent += len(meant)
         self.counts.out_of_reach += len(meant) - len(found)
         repeat = self._repeat(transmitter, message, now)
         chance = (self._seed, transmitter, message.id, message.kind.value, now, repeat)
         first = (transmitter, message.epoch, message.sequence, repeat)
-        launch = _Launch((*first, 0), message, found, now)
+        launch = _Launch((*first, 0), message, found, begin)
         self._launch(launch, _Fate(lambda what: key(*chance, *what), found))
 
     def send_all(self, chorus: Chorus) -> None:
@@ -157,11 +178,17 @@ class Radio:
                 self.send(robot, message)
             return
         now, near = self._clock.now(), self._near_operator()
+        begin: _Seconds | float = now
+        if self.turns:
+            begins, room = self.turns.take(chorus.robots, now)
+            self.counts.crowded += int(np.count_nonzero(~room))
+            chorus, begin = chorus.take(room), begins[room]
         self.counts.sent += len(chorus)
         if near is not None:
-            meant = len(chorus)
-            chorus = chorus.take(near[chorus.robots])
-            self.counts.out_of_reach += meant - len(chorus)
+            heard = near[chorus.robots]
+            self.counts.out_of_reach += int(np.count_nonzero(~heard))
+            chorus = chorus.take(heard)
+            begin = begin if isinstance(begin, float) else begin[heard]
         if len(chorus):
             operator = np.broadcast_to(np.int64(OPERATOR), len(chorus))
             order = (int(chorus.robots[0]), chorus.epoch, int(chorus.sequences[0]), 0, 0)
@@ -170,7 +197,7 @@ class Radio:
                 lambda what: np.array([key(self._seed, *each, *about, *what) for each in chorus.ids()], np.uint64),
                 operator,
             )
-            self._launch(_Launch(order, chorus, operator, now), fate)
+            self._launch(_Launch(order, chorus, operator, begin), fate)
 
     def receive(self, number: int) -> list[Message]:
         """What party `number` has heard since it last asked, in the order of arrival."""
@@ -250,15 +277,14 @@ class Radio:
 
     def _depart(self, launch: _Launch, fate: _Fate, *, copy: int, only: NDArray[np.bool_] | None = None) -> None:
         """Send one copy to each receiver (or to `only` some of them), unless it is lost."""
-        model, now = self.model, self._clock.now()
-        kept = only
+        model, kept = self.model, only
         if model.loss:
             arrives = fate.drawn("lost", copy) >= model.loss
             kept = arrives if only is None else only & arrives
             self.counts.lost += int(np.count_nonzero(~arrives if only is None else only & ~arrives))
-        due: _Seconds | float = now + model.delay
+        due = launch.due + model.delay
         if model.jitter or model.reordering:
-            due = np.full(launch.size, now + model.delay)
+            due = np.full(launch.size, due)
             if model.jitter:
                 due += model.jitter * fate.drawn("jitter", copy)
             if model.reordering:

@@ -37,6 +37,8 @@ from sleepcast.units import LENGTH, SPEED, TIME
 FORMAT = 1
 """The version of the format; a file of a newer one is refused."""
 FILE = "scenario.toml"
+MAX_QUEUED = 10_000
+"""Messages that wait for one transmitter: at one a second, three hours."""
 MAX_PLACES = 32
 """Each place is two variables on every robot."""
 MAX_COMMANDS = 32
@@ -220,6 +222,8 @@ def _radio(root: Table, size: tuple[float, float]) -> tuple[RadioModel, float]:
             duplication=table.number("duplication", default=usual.duplication, low=0.0, high=1.0),
             reordering=table.number("reordering", default=usual.reordering, low=0.0, high=1.0),
             held_back=table.number("held_back", TIME, usual.held_back, low=0.0, high=MAX_TIME),
+            rate=table.number("rate", default=usual.rate, low=1e-3),
+            queue=table.whole("queue", usual.queue, low=0, high=MAX_QUEUED),
         )
         return radio, table.number("telemetry", TIME, 1.0, low=LEAST, high=MAX_TIME)
 

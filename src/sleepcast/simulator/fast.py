@@ -180,18 +180,25 @@ class NumbaMachine:
 
     def _share(self, count: int, work: Callable[[int, int], Result]) -> list[Result]:
         """Let `work` be done for so many things, in stretches of numbers; gives what comes of each."""
-        return self._do(work, np.linspace(0, count, self.threads + 1).astype(int).tolist(), count)
+        if self._alone(count):
+            return [work(0, count)]
+        return self._together(work, [count * share // self.threads for share in range(self.threads + 1)])
 
     def _share_rows(self, work: Callable[[int, int], None], grid: Grid, start: Whole) -> None:
         """Let `work` be done for all rows of cells, in stretches of about as many robots."""
         count = int(start[-1])
+        if self._alone(count):
+            work(0, grid.up)
+            return
         ends = start[grid.across :: grid.across]  # robots up to and with each row
         shares = np.arange(1, self.threads * STRETCHES) * (count / (self.threads * STRETCHES))
-        self._do(work, [0, *(np.searchsorted(ends, shares) + 1).tolist(), grid.up], count)
+        self._together(work, [0, *(np.searchsorted(ends, shares) + 1).tolist(), grid.up])
 
-    def _do(self, work: Callable[[int, int], Result], borders: list[int], count: int) -> list[Result]:
-        if self.threads == 1 or count <= ALONE:
-            return [work(borders[0], borders[-1])]
+    def _alone(self, count: int) -> bool:
+        """Whether one thread does so much sooner by itself."""
+        return self.threads == 1 or count <= ALONE
+
+    def _together(self, work: Callable[[int, int], Result], borders: list[int]) -> list[Result]:
         if self._pool is None:
             self._pool = ThreadPoolExecutor(self.threads, "kernels")
         jobs = [self._pool.submit(work, *pair) for pair in pairwise(borders) if pair[0] < pair[1]]

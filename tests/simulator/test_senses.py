@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sleepcast.channel.chance import key, uniform
 from sleepcast.simulator import Simulator, load
 from sleepcast.simulator.signals import FRONT, LIGHT_NAMES, PING_NAMES, REAR
 from small_worlds import simulator, write
@@ -226,6 +227,7 @@ class TestLights:
 RUN = """
 import sys
 from pathlib import Path
+from sleepcast.channel.chance import key, uniform
 from sleepcast.simulator import Simulator, load
 sim = Simulator(load(Path(sys.argv[1])), int(sys.argv[2]))
 for tick in range(50):
@@ -251,3 +253,29 @@ def test_processes_agree_on_what_is_heard(tmp_path: Path) -> None:
             sim.ping(number, float(tick))
         sim.step()
     assert in_a_process(5) == sim.state_hash() != in_a_process(6)
+
+
+def test_everybody_hears_just_those_in_reach_in_the_order_that_chance_draws(tmp_path: Path) -> None:
+    """Against a slow reference that tries every sender with every hearer."""
+    more = '\n[pings]\nreach = "120m"\nloss = 0.3\nqueue = 64\n'
+    sim = simulator(tmp_path, ("count = 20", "count = 150"), more=more)
+    senders = list(range(0, 150, 2))
+    sim.pings(np.array(senders), np.array(senders, float))
+    sim.step()
+    lost, order = (key(sim.seed, f"ping {what}", sim.tick) for what in ("lost", "order"))
+    expected: dict[int, list[float]] = {}
+    for hearer in range(150):
+        near = [
+            i for i in senders if i != hearer and np.hypot(sim.x[i] - sim.x[hearer], sim.y[i] - sim.y[hearer]) <= 120
+        ]
+        pairs = [np.array([(i << 32) + hearer], np.uint64) for i in near]
+        drawn = [(float(uniform(order, pair)[0]), i) for i, pair in zip(near, pairs, strict=True)]
+        kept = [each for each, pair in zip(drawn, pairs, strict=True) if uniform(lost, pair)[0] >= 0.3]
+        expected[hearer] = [float(i) for _, i in sorted(kept)]
+    assert max(map(len, expected.values())) > 3
+    for number in range(6):
+        for hearer, castes in expected.items():
+            flag, _, _, caste = heard(sim, hearer)
+            assert flag == float(number < len(castes))
+            assert not flag or caste == castes[number]
+        sim.step()

@@ -94,6 +94,18 @@ def pairs(grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float, first:
     return np.concatenate(found_first), np.concatenate(found_second)
 
 
+def candidates(grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float) -> Whole:
+    """How many of the `points` lie in cells within `reach` m of each place x, y: at least as many as are in reach."""
+    row, cells = grid.rows(y), ceil(reach / grid.size)
+    left, right = grid.columns(x - reach), grid.columns(x + reach)
+    found = np.zeros(len(x), np.int64)
+    for step in range(-cells, cells + 1):
+        there = np.flatnonzero((row + step >= 0) & (row + step < grid.up))
+        base = (row[there] + step) * grid.across
+        found[there] += points.start[base + right[there] + 1] - points.start[base + left[there]]
+    return found
+
+
 def spread(items: Whole, begin: Whole, end: Whole) -> tuple[Whole, Whole]:
     """Each of `items` beside every number from its `begin` up to, not with, its `end`: two arrays."""
     counts = end - begin

@@ -15,11 +15,14 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.chance import key, uniform
 from sleepcast.simulator.bodies import Bodies, Floats
+from sleepcast.simulator.grid import Sorted, candidates, grid_over, pairs, sort
 from sleepcast.simulator.groups import seeing
 from sleepcast.simulator.signals import FRONT, LIGHT_NAMES, PING_NAMES, REAR, PingModel
 
 MAX_PAIRS = 1 << 20
-"""Pairs of sender and hearer looked at in one go: some tens of megabytes."""
+"""Pairs of sender and hearer looked at in one go: some hundred megabytes."""
+CELLS_IN_REACH = 2.0
+"""Cells of the grid that a ping reaches across: of smaller ones there are many, in larger ones many are in vain."""
 
 
 class Senses:
@@ -83,6 +86,10 @@ class _Ears:
         self._waiting: Floats = np.zeros((model.queue, 3, bodies.count))
         """Range, bearing and caste of the pings that wait on each robot, the oldest first."""
         self._length = np.zeros(bodies.count, np.int64)
+        size = bodies.scenario.width, bodies.scenario.height
+        self._reach = min(model.reach, sum(size)) * (1.0 + 1e-9)
+        """m, no farther than across the world, and a little more for rounding: who is in reach is looked at again."""
+        self._grid = grid_over(*size, self._reach / CELLS_IN_REACH, bodies.count)
         self._presented[0] = 0.0
 
     def send(self, robots: NDArray[np.intp], castes: Floats) -> None:
@@ -111,29 +118,38 @@ class _Ears:
         yield np.stack((senders.astype(np.float64), self._castes[senders]), axis=-1)
 
     def _hear(self, senders: NDArray[np.intp], castes: Floats) -> None:
-        width = max(1, MAX_PAIRS // senders.size)
-        for first in range(0, self._bodies.count, width):
-            self._hear_block(senders, castes, np.arange(first, min(first + width, self._bodies.count)))
+        """Let all who are in reach hear what was sent, so many of them at a time that their pairs fit into memory."""
+        bodies = self._bodies
+        points = sort(self._grid, bodies.x[senders], bodies.y[senders])
+        points = Sorted(senders[points.order], points.start)
+        chances = candidates(self._grid, points, bodies.x, bodies.y, self._reach)
+        hearers = np.flatnonzero(chances)
+        block = np.cumsum(chances[hearers]) // MAX_PAIRS
+        caste = np.zeros(bodies.count)
+        caste[senders] = castes
+        for some in np.split(hearers, np.flatnonzero(np.diff(block)) + 1):
+            self._hear_block(points, caste, some)
 
-    def _hear_block(self, senders: NDArray[np.int64], castes: Floats, hearers: NDArray[np.int64]) -> None:
+    def _hear_block(self, points: Sorted, caste: Floats, hearers: NDArray[np.intp]) -> None:
         """Let some robots hear what was sent, each in an order of its own, and no more than fits into a queue."""
         bodies, model = self._bodies, self._model
-        across = bodies.x[senders, None] - bodies.x[hearers]
-        up = bodies.y[senders, None] - bodies.y[hearers]
+        ears, sources = pairs(self._grid, points, bodies.x, bodies.y, self._reach, hearers)
+        across, up = bodies.x[sources] - bodies.x[ears], bodies.y[sources] - bodies.y[ears]
         away = np.sqrt(across * across + up * up)
-        pairs = (senders[:, None].astype(np.uint64) << np.uint64(32)) + hearers.astype(np.uint64)
-        heard = (away <= model.reach) & (senders[:, None] != hearers)
+        tokens = (sources.astype(np.uint64) << np.uint64(32)) + ears.astype(np.uint64)
+        heard = away <= model.reach
         if model.loss:
-            heard &= uniform(key(bodies.seed, "ping lost", bodies.tick), pairs) >= model.loss
-        turn = np.where(heard, uniform(key(bodies.seed, "ping order", bodies.tick), pairs), np.inf)
-        for _ in range(min(model.queue, senders.size)):
-            first = turn.argmin(axis=0)
-            columns = np.flatnonzero(heard[first, np.arange(hearers.size)])
-            rows, ears = first[columns], hearers[columns]
-            facing = bearing(across[rows, columns], up[rows, columns], bodies.heading[ears])
-            self._queue(ears, np.stack((away[rows, columns], facing, castes[rows])))
-            heard[rows, columns] = False
-            turn[rows, columns] = np.inf
+            heard &= uniform(key(bodies.seed, "ping lost", bodies.tick), tokens) >= model.loss
+        turn = uniform(key(bodies.seed, "ping order", bodies.tick), tokens)
+        found = np.flatnonzero(heard)
+        found = found[np.lexsort((sources[found], turn[found], ears[found]))]
+        ears = ears[found]
+        ping = np.stack((away[found], bearing(across[found], up[found], bodies.heading[ears]), caste[sources[found]]))
+        places = np.arange(len(ears))
+        rank = places - np.maximum.accumulate(np.where(np.diff(ears, prepend=-1) != 0, places, 0))
+        for number in range(min(model.queue, 1 + int(rank.max(initial=-1)))):
+            chosen = np.flatnonzero(rank == number)
+            self._queue(ears[chosen], ping[:, chosen])
 
     def _queue(self, ears: NDArray[np.int64], ping: Floats) -> None:
         """Put one ping into the queue of each of `ears`; ping: its range, bearing and caste, shape (3, ears)."""

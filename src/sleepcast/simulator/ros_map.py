@@ -180,4 +180,7 @@ def _judged(
 
 
 def _missing(library: str) -> MisuseError:
-    return MisuseError(f"a map is read with {library}, which is not here: install sleepcast[maps]")
+    return MisuseError(
+        f"a map is read with {library}, which is not here: install sleepcast[maps] "
+        "(in a clone: .venv/bin/pip install pyyaml pillow)"
+    )

@@ -25,7 +25,6 @@ SOURCE = ROOT / "src"
 PACKAGE = "sleepcast"
 
 LONGEST_MODULE = 400  # lines; what needs more has two purposes
-KERNELS = frozenset({"sleepcast.simulator.kernels"})  # numeric kernels that may be longer, by module name
 LONGEST_LANGUAGE_IMPORT = 0.050  # seconds beyond the interpreter's start
 
 
@@ -210,7 +209,7 @@ def test_modules_stay_small_and_open_with_their_plan() -> None:
     for module, path in modules().items():
         source = path.read_text(encoding="utf-8")
         lines = len(source.splitlines())
-        if lines > LONGEST_MODULE and module not in KERNELS:
+        if lines > LONGEST_MODULE:
             wrong.append(f"{place(module, lines)}: longer than {LONGEST_MODULE} lines; split it by purpose")
         if not ast.get_docstring(ast.parse(source)):
             wrong.append(f"{place(module, 1)}: say in a docstring what this module does and how")

@@ -14,7 +14,7 @@ export function drawGround(pen, view, scene, colours) {
   pen.lineWidth = 1;
   pen.strokeRect(view.toScreenX(left), view.toScreenY(top), (right - left) * view.scale, (top - bottom) * view.scale);
   pen.fillStyle = colours.obstacle;
-  pen.strokeStyle = colours.edge;
+  pen.strokeStyle = colours.wall;
   for (const outlines of scene.obstacles) {
     pen.beginPath();
     for (const corners of outlines) {

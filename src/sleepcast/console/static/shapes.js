@@ -88,6 +88,7 @@ export function palette() {
     grid: colour("--map-grid"),
     edge: colour("--map-edge"),
     obstacle: colour("--map-obstacle"),
+    wall: colour("--map-wall"),
     ink: colour("--ink"),
     quiet: colour("--muted"),
     lit: colour("--lit"),

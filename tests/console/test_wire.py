@@ -157,7 +157,9 @@ class TestFrames:
         with open_page(program) as first, open_page(program) as second:
             seen: dict[int, bytes] = {}
             both = 0
+            deadline = time.monotonic() + PATIENCE
             while both < 10:
+                assert time.monotonic() < deadline
                 for page in (first, second):
                     frame = page.frame()
                     both += number(frame) in seen
@@ -166,11 +168,16 @@ class TestFrames:
     def test_pings_are_in_the_frames_of_the_moment(self) -> None:
         with Program("demo", "braitenberg", "--robots", "8", "--speed", "20") as vehicles, open_page(vehicles) as page:
             assert not page.frame()[2]
-            page.ask("send", text="(WHEN (EQ myCaste 3) (RULE here (WHEN (PROB 0.5) (PING 3))))")
-            heard = [frame for frame in (page.frame() for _ in range(60)) if frame[2]]
-            while not heard:
-                heard = [frame for frame in (page.frame() for _ in range(60)) if frame[2]]
-            for frame in heard:
+            sent = page.ask("send", text="(WHEN (EQ myCaste 3) (RULE here (WHEN (PROB 0.5) (PING 3))))")
+            assert sent["type"] == "sent", sent
+            heard = 0
+            deadline = time.monotonic() + PATIENCE
+            while heard < 10:
+                assert time.monotonic() < deadline
+                frame = page.frame()
+                if not frame[2]:
+                    continue
+                heard += 1
                 assert len(frame) == 32 + 15 * 8
                 codes = frame[-8:]
                 assert any(codes)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from sleepcast.simulator.areas import inside
 from sleepcast.simulator.outlines import Corner, outlines
-from sleepcast.simulator.world import Area, Point
+from sleepcast.simulator.world import Area, Circle, Point
+from small_worlds import simulator
 
 Cells = NDArray[np.bool_]
 
@@ -97,3 +100,13 @@ class TestInside:
         ways = np.array(star)[:, 0, None] - x + 1j * (np.array(star)[:, 1, None] - y)
         turned = np.angle(np.roll(ways, -1, axis=0) / ways).sum(axis=0)
         assert (inside(Area((star,)), x, y) == (np.abs(turned) > 1.0)).all()
+
+    def test_of_a_disc(self) -> None:
+        x, y = np.array([1.0, 2.9, 3.0, 1.0]), np.array([1.0, 1.0, 1.0, 3.5])
+        assert inside(Circle(1.0, 1.0, 2.0), x, y).tolist() == [True, True, False, False]
+
+
+def test_no_robot_starts_in_a_disc_though_nothing_would_stop_it(tmp_path: Path) -> None:
+    disc = '[[world.circles]]\ncenter = ["500m", "500m"]\nradius = "400m"\n\n[robots]\n'
+    sim = simulator(tmp_path, ("[robots]\n", disc), ("count = 20", "count = 500"))
+    assert np.hypot(sim.x - 500.0, sim.y - 500.0).min() >= 400.0

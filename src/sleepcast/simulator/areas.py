@@ -1,6 +1,7 @@
-"""Which points lie inside a solid area: a line from the point to the east crosses its outlines an odd number of times.
+"""Which points lie inside a disc or a solid area.
 
-The sides of an area are listed by level strips of it, so that a point looks at the sides of its own strip only.
+A point is inside an area if a line from it to the east crosses the outlines an odd number of times. The sides of an
+area are listed by level strips of it, so that a point looks at the sides of its own strip only.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.simulator.grid import Floats, Whole, spread
-from sleepcast.simulator.world import Area, rows_of
+from sleepcast.simulator.world import Area, Circle, rows_of
 
 LISTED_PER_SIDE = 4
 """In how many strips a side is listed, on average: what bounds the list of an area whose sides are long."""
@@ -18,8 +19,11 @@ MAX_PAIRS = 4_194_304
 """Points and sides looked at in one go: some hundred megabytes of arrays."""
 
 
-def inside(area: Area, x: Floats, y: Floats) -> NDArray[np.bool_]:
+def inside(area: Area | Circle, x: Floats, y: Floats) -> NDArray[np.bool_]:
     """Whether each point x, y (m, shape (n,)) lies inside the area; on a lower or left side it does, on others not."""
+    if isinstance(area, Circle):
+        within: NDArray[np.bool_] = (x - area.x) ** 2 + (y - area.y) ** 2 < area.radius**2
+        return within
     found = np.zeros(len(x), bool)
     sides = np.array(rows_of(area), np.float64).reshape(-1, 5)[:, :4]
     sides = sides[sides[:, 1] != sides[:, 3]]

@@ -38,7 +38,7 @@ from sleepcast.simulator.robot_types import slices
 from sleepcast.simulator.scenario import Scenario
 from sleepcast.simulator.sensors import sensors_of
 from sleepcast.simulator.steps import Columns, Proposal
-from sleepcast.simulator.world import Area, World
+from sleepcast.simulator.world import Area, Circle, World
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -310,10 +310,10 @@ class Bodies:
             row[:] = np.where(carried, _spread((store.low, store.high), self.drawn(store.name)), 0.0)
 
     def _places(self, attempt: int | None = None) -> tuple[Floats, Floats]:
-        """Where the robots start, outside of solid areas; other places for each further attempt. Raises MisuseError
-        where there is hardly any such place."""
+        """Where the robots start, outside of solid areas and discs; other places for each further attempt. Raises
+        MisuseError where there is hardly any such place."""
         again = "" if attempt is None else f" {attempt}"
-        areas = [shape for shape in self.world.shapes.values() if isinstance(shape, Area)]
+        areas = [shape for shape in self.world.shapes.values() if isinstance(shape, Area | Circle)]
         x, y = self._anywhere(again)
         for redraw in range(MAX_REDRAWS):
             wrong = np.flatnonzero(np.any([inside(area, x, y) for area in areas], axis=0)) if areas else ()

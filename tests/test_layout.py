@@ -41,18 +41,19 @@ def room(rooms: str = "", libraries: str = "", late: str = "") -> Room:
     return Room(frozenset(rooms.split()), frozenset(libraries.split()), frozenset(late.split()))
 
 
-GROUND = frozenset({"errors", "clock", "units"})  # everybody may import these
+GROUND = frozenset({"errors", "clock", "units", "parcel"})  # everybody may import these
 HOUSE = {
     "errors": room(),
     "clock": room(),
     "units": room(),
+    "parcel": room(libraries="msgspec", late="numpy"),
     "language": room(),
     "channel": room(libraries="msgspec numpy"),
     "robot": room(),
     "node": room("language channel robot", late="numpy"),
-    "fleet": room("language channel robot", "numpy", late="llvmlite"),
+    "fleet": room("language channel robot", "numpy msgspec", late="llvmlite"),
     "simulator": room("channel robot", "numpy msgspec mcap numba llvmlite", late="yaml PIL"),
-    "loop": room("language channel fleet simulator robot"),
+    "loop": room("language channel fleet simulator robot", "msgspec"),
     "station": room("language channel", "msgspec numpy"),
     "console": room("language station", "starlette uvicorn msgspec numpy"),
     "cli": room(

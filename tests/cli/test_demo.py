@@ -34,6 +34,7 @@ FIELDS = [
     "seed",
     "robots",
     "seconds",
+    "started_at_seconds",
     "wall_setup_seconds",
     "wall_seconds",
     "realtime_factor",
@@ -298,6 +299,9 @@ def test_no_argument_is_the_demo_of_bravo(monkeypatch: pytest.MonkeyPatch) -> No
             "record_pictures": None,
             "record_readings": None,
             "record_rotate": None,
+            "from_": None,
+            "snapshot": None,
+            "snapshot_at": None,
         },
     )
 

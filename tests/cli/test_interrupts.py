@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from cli.calling import LONGEST
+from sleepcast.loop import load, resume
 from sleepcast.simulator.recording import load_recording
 from small_worlds import write
 
@@ -99,3 +100,15 @@ def test_whoever_ignores_ctrl_c_is_obeyed(tmp_path: Path) -> None:
             run.send_signal(signal.SIGINT)
         assert b'"seconds":500.0' in run.stdout.read().replace(b" ", b"")
     assert run.returncode == 0
+
+
+def test_a_run_that_is_to_be_kept_at_its_end_is_kept_where_it_ends(tmp_path: Path) -> None:
+    file, kept = tmp_path / "run.mcap", tmp_path / "run.snap"
+    options = ("--seconds", "100000", "--record", file, "--snapshot", kept)
+    process = begin("run", write(tmp_path).parent, *options, caches=tmp_path)
+    deadline = time.monotonic() + LONGEST
+    while not file.exists() or load_recording(file).seconds < 2.0:
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    assert end(process).endswith(f"; {file} holds what came before; go on with --from {kept}")
+    assert resume(load(kept)).now() == load_recording(file).seconds

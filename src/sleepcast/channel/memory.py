@@ -12,8 +12,8 @@ operator (a `Chorus`): a broadcast to a million robots and what comes back cost 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from math import inf
 
 import numpy as np
@@ -21,10 +21,13 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.chance import key, uniform
 from sleepcast.channel.chorus import Chorus
+from sleepcast.channel.launches import Batch, Fate, Launch, Numbers, Seconds, batches, single
 from sleepcast.channel.message import TO_OPERATOR, Kind, Message
+from sleepcast.channel.parcels import RadioParcel, ascending, packed, packed_launch, unpacked, unpacked_launch
 from sleepcast.channel.turns import Turns
 from sleepcast.clock import Clock
 from sleepcast.errors import MisuseError
+from sleepcast.parcel import Array, ParcelError, within
 
 OPERATOR = -1
 """The operator's number among the parties."""
@@ -35,11 +38,7 @@ beyond is refused, counted."""
 URGENT = frozenset({Kind.STOP, Kind.RELEASE})
 """What goes on the air before all that waits."""
 
-_Numbers = NDArray[np.int64]
 _Metres = NDArray[np.float64]
-_Seconds = NDArray[np.float64]
-Batch = tuple[Message, _Numbers]
-"""A message, and the robots that have it, ascending, each once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,39 +91,6 @@ class RadioCounts:
     crowded: int = 0
 
 
-@dataclass(slots=True)
-class _Launch:
-    """Copies on their way: of one message to some robots, or of what many robots say to the operator.
-
-    order: transmitter, epoch, sequence, repeat and copy; what is due at the same time arrives in this order.
-    due: s, for each copy, or for all alike. receivers: of a message; a chorus goes to the operator.
-    """
-
-    order: tuple[int, int, int, int, int]
-    what: Message | Chorus
-    receivers: _Numbers
-    due: _Seconds | float
-
-    @property
-    def size(self) -> int:
-        return len(self.receivers)
-
-    def take(self, which: NDArray[np.bool_] | slice) -> _Launch:
-        """Some of the copies."""
-        what = self.what.take(which) if isinstance(self.what, Chorus) else self.what
-        due = self.due if isinstance(self.due, float) else self.due[which]
-        return _Launch(self.order, what, self.receivers[which], due)
-
-    def split(self, now: float) -> tuple[_Launch | None, _Launch | None]:
-        """What is due by now, and what is not."""
-        if isinstance(self.due, float):
-            return (self, None) if self.due <= now else (None, self)
-        here = self.due <= now
-        if here.all():
-            return self, None
-        return (self.take(here), self.take(~here)) if here.any() else (None, self)
-
-
 class Radio:
     """The air between the robots at `x`, `y` and their operator; see the module.
 
@@ -136,8 +102,8 @@ class Radio:
         self.model = model
         self.counts = RadioCounts()
         self._x, self._y, self._seed, self._clock = x, y, seed, clock
-        self._robots: _Numbers = np.arange(len(x), dtype=np.int64)
-        self._waiting: list[_Launch] = []
+        self._robots: Numbers = np.arange(len(x), dtype=np.int64)
+        self._waiting: list[Launch] = []
         self._on_the_way = 0
         """Copies in all that waits."""
         self._heard: list[Batch] = []
@@ -168,8 +134,8 @@ class Radio:
         repeat = self._repeat(transmitter, message, now)
         chance = (self._seed, transmitter, message.id, message.kind.value, now, repeat)
         first = (transmitter, message.epoch, message.sequence, repeat)
-        launch = _Launch((*first, 0), message, found, begin)
-        self._launch(launch, _Fate(lambda what: key(*chance, *what), found))
+        launch = Launch((*first, 0), message, found, begin)
+        self._launch(launch, Fate(lambda what: key(*chance, *what), found))
 
     def send_all(self, chorus: Chorus) -> None:
         """The same for what many robots say at once; to the loss and delay of each it makes no difference."""
@@ -178,7 +144,7 @@ class Radio:
                 self.send(robot, message)
             return
         now, near = self._clock.now(), self._near_operator()
-        begin: _Seconds | float = now
+        begin: Seconds | float = now
         if self.turns:
             begins, room = self.turns.take(chorus.robots, now)
             self.counts.crowded += int(np.count_nonzero(~room))
@@ -193,16 +159,16 @@ class Radio:
             operator = np.broadcast_to(np.int64(OPERATOR), len(chorus))
             order = (int(chorus.robots[0]), chorus.epoch, int(chorus.sequences[0]), 0, 0)
             about = (chorus.kind.value, now, 0)
-            fate = _Fate(
+            fate = Fate(
                 lambda what: np.array([key(self._seed, *each, *about, *what) for each in chorus.ids()], np.uint64),
                 operator,
             )
-            self._launch(_Launch(order, chorus, operator, begin), fate)
+            self._launch(Launch(order, chorus, operator, begin), fate)
 
     def receive(self, number: int) -> list[Message]:
         """What party `number` has heard since it last asked, in the order of arrival."""
         if number == OPERATOR:
-            return list(_single(self.hear()))
+            return list(single(self.hear()))
         self._deliver()
         found = [message for message, robots in self._heard if number in robots]
         left = [(message, robots[robots != number]) for message, robots in self._heard]
@@ -222,7 +188,7 @@ class Radio:
         heard, self._for_operator = self._for_operator, []
         return heard
 
-    def samples(self) -> _Numbers:
+    def samples(self) -> Numbers:
         """The robots from which a sample sent to the operator just now gets through."""
         near = self._near_operator()
         robots = self._robots if near is None else self._robots[near]
@@ -230,7 +196,7 @@ class Radio:
             robots = robots[self._drawn(robots, (self._seed, "sample", self._clock.now())) >= self.model.loss]
         return robots
 
-    def _receivers(self, transmitter: int, message: Message) -> tuple[_Numbers, _Numbers]:
+    def _receivers(self, transmitter: int, message: Message) -> tuple[Numbers, Numbers]:
         """Who should hear this, and those of them who are in reach."""
         if transmitter == OPERATOR:
             near = self._near_operator()
@@ -265,7 +231,7 @@ class Radio:
         self._repeats[transmitter, message.id] = said + 1
         return said
 
-    def _launch(self, launch: _Launch, fate: _Fate) -> None:
+    def _launch(self, launch: Launch, fate: Fate) -> None:
         """Send copies on their way, a second one of some."""
         twice = None
         if self.model.duplication:
@@ -275,7 +241,7 @@ class Radio:
         if twice is not None and twice.any():
             self._depart(launch, fate, copy=1, only=twice)
 
-    def _depart(self, launch: _Launch, fate: _Fate, *, copy: int, only: NDArray[np.bool_] | None = None) -> None:
+    def _depart(self, launch: Launch, fate: Fate, *, copy: int, only: NDArray[np.bool_] | None = None) -> None:
         """Send one copy to each receiver (or to `only` some of them), unless it is lost."""
         model, kept = self.model, only
         if model.loss:
@@ -289,7 +255,7 @@ class Radio:
                 due += model.jitter * fate.drawn("jitter", copy)
             if model.reordering:
                 due[fate.drawn("held back", copy) < model.reordering] += model.held_back
-        sent = _Launch((*launch.order[:4], copy), launch.what, launch.receivers, due)
+        sent = Launch((*launch.order[:4], copy), launch.what, launch.receivers, due)
         if kept is not None:
             sent = sent.take(kept)
         room = MAX_WAITING - self._on_the_way
@@ -300,7 +266,7 @@ class Radio:
             self._on_the_way += sent.size
             self._waiting.append(sent)
 
-    def _drawn(self, receivers: _Numbers, what: tuple[object, ...]) -> NDArray[np.float64]:
+    def _drawn(self, receivers: Numbers, what: tuple[object, ...]) -> NDArray[np.float64]:
         return uniform(key(*what), receivers.astype(np.uint64))
 
     def _deliver(self) -> None:
@@ -320,53 +286,39 @@ class Radio:
         downward = [launch for launch in due if launch.receivers[0] != OPERATOR]
         upward.sort(key=lambda launch: (float(np.min(launch.due)), launch.order))
         self._for_operator += [launch.what for launch in upward]
-        self._heard += _batches(downward)
+        self._heard += batches(downward)
 
+    # ---- kept and made again
 
-@dataclass(frozen=True, slots=True)
-class _Fate:
-    """Where the chance of each copy comes from. keys: what a draw is for to its key, one for all copies or one each."""
+    def state(self) -> RadioParcel:
+        """Everything that is on its way, and what has been counted."""
+        return RadioParcel(
+            asdict(self.counts),
+            [packed_launch(each.order, each.what, each.receivers, each.due) for each in self._waiting],
+            [(message, Array.of(robots.astype(np.int32))) for message, robots in self._heard],
+            [packed(what) for what in self._for_operator],
+            [(transmitter, message, times) for (transmitter, message), times in self._repeats.items()],
+            self._repeats_at,
+            Array.of(self.turns.free) if self.turns else None,
+        )
 
-    keys: Callable[[tuple[object, ...]], int | NDArray[np.uint64]]
-    receivers: _Numbers
-
-    def drawn(self, *what: object) -> NDArray[np.float64]:
-        """For each copy a number evenly from [0, 1)."""
-        return uniform(self.keys(what), self.receivers.astype(np.uint64))
-
-
-def _single(heard: Iterable[Message | Chorus]) -> Iterable[Message]:
-    for each in heard:
-        if isinstance(each, Chorus):
-            yield from each.messages()
-        else:
-            yield each
-
-
-def _batches(launches: list[_Launch]) -> list[Batch]:
-    """Launches as batches in an order in which each robot finds its messages in theirs: of time, then of sending."""
-    if all(isinstance(launch.due, float) for launch in launches):
-        launches.sort(key=lambda launch: (launch.due, launch.order))
-        return [(launch.what, launch.receivers) for launch in launches if isinstance(launch.what, Message)]
-    launches.sort(key=lambda launch: launch.order)
-    sizes = [launch.size for launch in launches]
-    receivers = np.concatenate([launch.receivers for launch in launches])
-    numbers = np.repeat(np.arange(len(launches)), sizes)
-    dues = np.concatenate([np.broadcast_to(launch.due, launch.size) for launch in launches])
-    sort = np.lexsort((numbers, dues, receivers))
-    receivers, numbers = receivers[sort], numbers[sort]
-    starts = np.flatnonzero(np.diff(receivers, prepend=-1))
-    turns = np.arange(len(receivers)) - np.repeat(starts, np.diff(starts, append=len(receivers)))
-    """Whether it is a robot's first message of these, its second, ..."""
-    groups = turns * len(launches) + numbers
-    sort = np.argsort(groups, kind="stable")
-    ends = np.flatnonzero(np.diff(groups[sort], append=-1)) + 1
-    found: list[Batch] = []
-    for robots in np.split(sort, ends[:-1]):
-        message = launches[numbers[robots[0]]].what
-        if isinstance(message, Message):
-            found.append((message, receivers[robots]))
-    return found
+    def restore(self, parcel: RadioParcel, names: Sequence[str]) -> None:
+        """Be as that radio was. names: of the robots. Raises ParcelError."""
+        count = len(self._robots)
+        self._waiting = [Launch(*unpacked_launch(each, names)) for each in parcel.waiting]
+        self._on_the_way = sum(launch.size for launch in self._waiting)
+        if self._on_the_way > MAX_WAITING or parcel.counts.keys() != asdict(self.counts).keys():
+            raise ParcelError(f"a radio with {self._on_the_way} copies on their way and {len(parcel.counts)} counts")
+        self._heard = [(message, ascending(robots, count)) for message, robots in parcel.heard]
+        self._for_operator = [unpacked(what, names) for what in parcel.for_operator]
+        self._repeats = Counter({(transmitter, message): times for transmitter, message, times in parcel.repeats})
+        self._repeats_at = parcel.repeats_at
+        self.counts = RadioCounts(**parcel.counts)
+        if (parcel.free is None) != (self.turns is None):
+            raise ParcelError("transmitters that are busy where none can be")
+        if self.turns and parcel.free:
+            self.turns.free = parcel.free.made(np.float64, self.turns.free.shape, "when transmitters are free")
+            within(self.turns.free, -inf, inf, "when transmitters are free")
 
 
 class Endpoint:

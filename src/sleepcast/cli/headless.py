@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
+from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.progress import steps
+from sleepcast.cli.snapshots import Keeping
 from sleepcast.cli.streams import complain
-from sleepcast.loop import Swarm
+from sleepcast.errors import MisuseError
+from sleepcast.loop import Swarm, load, resume
 from sleepcast.simulator import Scenario, Simulator
 from sleepcast.station import Station
 
@@ -30,9 +33,21 @@ def assemble(
     threads: for the bodies; None is one for each core."""
     simulator = Simulator(scenario, seed, threads=threads)
     swarm = Swarm(simulator, scenario.mission if mission else ())
-    station = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm)
+    station = desk_of(swarm)
     swarm.desk = station
     return swarm, station
+
+
+def assemble_from(file: Path, seed: int | None, threads: int | None = None) -> tuple[Swarm, Station]:
+    """A swarm that goes on from the snapshot in `file`, and its desk. seed: another one makes a fork. Raises
+    SnapshotError."""
+    swarm = resume(load(file), seed=seed, threads=threads, desk=desk_of, name=str(file))
+    return swarm, cast(Station, swarm.desk)
+
+
+def desk_of(swarm: Swarm) -> Station:
+    """The operator's desk for a swarm."""
+    return Station(swarm.vocabulary, swarm.minds, swarm.post, swarm)
 
 
 def warm_up(scenario: Scenario, threads: int | None) -> None:
@@ -46,11 +61,13 @@ def warm_up(scenario: Scenario, threads: int | None) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """A finished run. setup, wall: seconds that a person waited for the start, all compiling included, and for the run
-    itself. broken: whether it was recorded and the recording broke off."""
+    """A finished run. first: the tick that it went on from. setup, wall: seconds that a person waited for the start,
+    all compiling included, and for the run itself. broken: whether a recording of it broke off, or a snapshot could not
+    be written."""
 
     swarm: Swarm
     station: Station
+    first: int
     setup: float
     wall: float
     broken: bool = False
@@ -58,16 +75,17 @@ class Run:
     def to_dict(self) -> dict[str, object]:
         """The outcome for scripts. Names with wall, realtime and per_second are of this computer; the rest repeats."""
         simulator = self.swarm.simulator
-        robots, seconds = len(simulator.names), round(self.swarm.now(), 6)
+        robots, ticks, tick = len(simulator.names), simulator.tick - self.first, simulator.scenario.tick
         return {
             "scenario": simulator.scenario.name,
             "seed": simulator.seed,
             "robots": robots,
-            "seconds": seconds,
+            "seconds": round(self.swarm.now(), 6),
+            "started_at_seconds": round(self.first * tick, 6),
             "wall_setup_seconds": round(self.setup, 6),
             "wall_seconds": round(self.wall, 6),
-            "realtime_factor": round(seconds / self.wall, 3),
-            "robot_steps_per_second": round(simulator.tick * robots / self.wall, 1),
+            "realtime_factor": round(ticks * tick / self.wall, 3),
+            "robot_steps_per_second": round(ticks * robots / self.wall, 1),
             "state_hash": simulator.state_hash(),
             "accounting": [self.station.accounting(command.id).to_dict() for command in self.station.commands()],
             "measures": self.swarm.measures(),
@@ -94,43 +112,63 @@ class Run:
 
 def run_headless(
     interrupts: Interrupts,
-    scenario: Scenario,
-    seed: int | None,
-    seconds: float,
+    begin: Callable[[], tuple[Swarm, Station]],
+    seconds: float | None,
     *,
     quiet: bool,
-    threads: int | None = None,
     wanted: Wanted | None = None,
+    keeping: Keeping | None = None,
 ) -> Run:
-    """Run `scenario` with its mission for so many simulated seconds, a tick at least.
+    """Let a swarm run on for so many simulated seconds (None: to the scenario's end), a tick at least.
 
-    interrupts: entered. wanted: what is recorded of it. Raises what Recorder raises, KeyboardInterrupt after Ctrl-C.
+    interrupts: entered. begin: warms up and assembles the swarm. wanted: what is recorded of it. keeping: the snapshot
+    to take. Raises MisuseError where the scenario has ended already or does not come by the time of the snapshot, what
+    Recorder raises, and KeyboardInterrupt after Ctrl-C.
     """
     began = perf_counter()
-    warm_up(scenario, threads)
-    swarm, station = assemble(scenario, seed, mission=True, threads=threads)
+    swarm, station = begin()
     ready = perf_counter()
     interrupts.defer()
-    recorder = None
-    with _told(swarm, wanted), ExitStack() as stack:
+    scenario, first = swarm.simulator.scenario, swarm.simulator.tick
+    ticks = _ticks(swarm, seconds)
+    due = keeping.tick(first, ticks, scenario.tick) if keeping is not None else None
+    recorder, lost = None, False
+    with _told(swarm, wanted, keeping), ExitStack() as stack:
         if wanted is not None:
             from sleepcast.cli.recording import recorded
 
             recorder = stack.enter_context(recorded(swarm, station, wanted))
-        count = max(1, round(seconds / scenario.tick))
-        for _ in stack.enter_context(closing(steps(count, scenario.name, quiet=quiet))):
+        for _ in stack.enter_context(closing(steps(ticks, scenario.name, quiet=quiet))):
             swarm.step()
+            if keeping is not None and swarm.simulator.tick == due:
+                lost = not keeping.take(swarm)
             interrupts.check()
-    broken = recorder is not None and recorder.failed
-    return Run(swarm, station, ready - began, perf_counter() - ready, broken)
+    broken = lost or (recorder is not None and recorder.failed)
+    return Run(swarm, station, first, ready - began, perf_counter() - ready, broken)
+
+
+def _ticks(swarm: Swarm, seconds: float | None) -> int:
+    """How many ticks a run is to make."""
+    scenario, tick = swarm.simulator.scenario, swarm.simulator.scenario.tick
+    if seconds is not None:
+        return max(1, round(seconds / tick))
+    left = round(scenario.seconds / tick) - swarm.simulator.tick
+    if left < 1 and swarm.simulator.tick:
+        raise MisuseError(
+            f"the snapshot was taken at {swarm.now():g} s, and {scenario.name} ends at {scenario.seconds:g} s: say "
+            "with --seconds for how long to go on"
+        )
+    return max(1, left)
 
 
 @contextmanager
-def _told(swarm: Swarm, wanted: Wanted | None) -> Iterator[None]:
-    """Say where Ctrl-C has ended the run, once everything is closed."""
+def _told(swarm: Swarm, wanted: Wanted | None, keeping: Keeping | None) -> Iterator[None]:
+    """Say where Ctrl-C has ended the run, once everything is closed; take the snapshot that was due at its end."""
     try:
         yield
     except KeyboardInterrupt:
-        kept = "" if wanted is None else f"; {wanted.file} holds what came before"
-        complain(f"ended by Ctrl-C at {swarm.now():g} s of simulated time{kept}")
+        kept = [] if wanted is None else [f"{wanted.file} holds what came before"]
+        if keeping is not None and keeping.at is None and keeping.take(swarm):
+            kept.append(f"go on with --from {keeping.file}")
+        complain("; ".join((f"ended by Ctrl-C at {swarm.now():g} s of simulated time", *kept)))
         raise

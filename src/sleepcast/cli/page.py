@@ -7,15 +7,15 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from math import cos, pi, sin
 
-from sleepcast.cli.headless import assemble, warm_up
-from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.recording import Wanted, recorded
+from sleepcast.cli.snapshots import Keeping
 from sleepcast.cli.streams import announce
 from sleepcast.clock import WallClock
 from sleepcast.console import Outline, Place, ReadyCommand, Scene, serve
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Pace, Swarm
 from sleepcast.simulator import Area, Circle, Scenario, Shape, Wall
+from sleepcast.station import Station
 
 ROUND = 32
 """Corners of a circle as it is drawn."""
@@ -105,24 +105,22 @@ class Address:
 
 
 def show(
-    interrupts: Interrupts,
-    scenario: Scenario,
-    seed: int | None,
+    swarm: Swarm,
+    station: Station,
     speed: float | None,
     address: Address,
-    threads: int | None = None,
     wanted: Wanted | None = None,
+    keeping: Keeping | None = None,
 ) -> None:
-    """Serve the page of `scenario` until Ctrl-C, which comes out as KeyboardInterrupt.
+    """Serve the page of a swarm until Ctrl-C, which comes out as KeyboardInterrupt.
 
-    interrupts: entered; let go of once the swarm stands. speed: simulated seconds in a second (None: the scenario's
-    own). wanted: what is recorded of it. Raises what the console raises for the address, and what Recorder raises.
+    speed: simulated seconds in a second (None: the scenario's own). wanted: what is recorded of it. keeping: the
+    snapshot to take at the end. Raises what the console raises for the address, and what Recorder raises.
     """
-    warm_up(scenario, threads)
-    swarm, station = assemble(scenario, seed, mission=False, threads=threads)
-    interrupts.release()  # the server has a way of its own to end in good order
-    clock = WallClock()
+    clock, scenario = WallClock(), swarm.simulator.scenario
     with ExitStack() as stack:
+        if keeping is not None:
+            stack.callback(keeping.take, swarm)
         if wanted is not None:
             stack.enter_context(recorded(swarm, station, wanted))
         serve(

@@ -16,7 +16,7 @@ from sleepcast.cli.streams import complain
 from sleepcast.console.frames import Groups, flags_of
 from sleepcast.console.ledger import values_in_words
 from sleepcast.language import format_value
-from sleepcast.loop import Swarm
+from sleepcast.loop import Swarm, snapshot
 from sleepcast.simulator import Scenario
 from sleepcast.simulator.recorder import (
     ACCOUNTING,
@@ -224,6 +224,7 @@ def recorded(swarm: Swarm, station: Station, wanted: Wanted) -> Iterator[Recorde
     Raises what Recorder raises.
     """
     simulator = swarm.simulator
+    first = (simulator.tick, snapshot(swarm)) if simulator.tick else (0, b"")
     with Recorder(
         wanted.file,
         simulator.scenario,
@@ -231,6 +232,7 @@ def recorded(swarm: Swarm, station: Station, wanted: Wanted) -> Iterator[Recorde
         version=__version__,
         complain=complain,
         rotation=wanted.rotation,
+        first=first,
     ) as recorder:
         witness = Witness(recorder, swarm, station, wanted)
         swarm.witness = witness

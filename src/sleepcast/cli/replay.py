@@ -14,8 +14,10 @@ import click
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.streams import put
 from sleepcast.cli.swarm import FASTEST, HOST, PORT, SLOWEST
+from sleepcast.errors import MisuseError
 
 if TYPE_CHECKING:
+    from sleepcast.loop import Swarm
     from sleepcast.simulator.recorder import WorldChange
     from sleepcast.simulator.recording import Recording
     from sleepcast.simulator.world import World
@@ -97,18 +99,19 @@ class Verdict:
 
 def _verify(interrupts: Interrupts, recording: Recording, *, quiet: bool) -> Verdict:
     """Run the recording again, up to the last state that it holds."""
-    from sleepcast.cli.headless import assemble, warm_up
+    from sleepcast.cli.headless import warm_up
     from sleepcast.cli.progress import steps
 
     warm_up(recording.scenario, None)
-    swarm, _ = assemble(recording.scenario, recording.seed, mission=False)
+    swarm, first = _beginning(recording), recording.first
     interrupts.defer()
     posted, changes = deque(recording.posted), deque(change for change in recording.obstacles if not change.own)
     compared = 0
-    with closing(steps(max(recording.states, default=0) + 1, recording.scenario.name, quiet=quiet)) as ticks:
-        for tick in ticks:
+    count = max(1, max(recording.states, default=first) + 1 - first)
+    with closing(steps(count, recording.scenario.name, quiet=quiet)) as ticks:
+        for tick in (first + step for step in ticks):
             interrupts.check()
-            if tick:
+            if tick > first:
                 while changes and changes[0].tick <= tick:
                     _change(swarm.simulator.world, changes.popleft())
                 while posted and posted[0].tick <= tick:
@@ -124,9 +127,30 @@ def _verify(interrupts: Interrupts, recording: Recording, *, quiet: bool) -> Ver
 
 def _change(world: World, change: WorldChange) -> None:
     for number in change.gone:
-        world.remove(number)
+        if number in world.shapes:  # a snapshot that the run went on from may be without it already
+            world.remove(number)
     for name, shape in change.put.items():
         world.put(int(name), shape)
+
+
+def _beginning(recording: Recording) -> Swarm:
+    """The swarm of a recording at its start, which nobody commands but the recording. Raises MisuseError."""
+    if not recording.first:
+        from sleepcast.cli.headless import assemble
+
+        swarm, _ = assemble(recording.scenario, recording.seed, mission=False)
+        return swarm
+    if not recording.snapshot:
+        raise MisuseError(
+            f"{recording.file} goes on from a snapshot that was too large to be recorded: without that it cannot be "
+            "run again"
+        )
+    from sleepcast.loop import resume
+
+    swarm = resume(recording.snapshot, name=f"the snapshot in {recording.file}")
+    swarm.mission.clear()
+    swarm.posted.clear()
+    return swarm
 
 
 def _to_dict(recording: Recording, verdict: Verdict | None) -> dict[str, object]:
@@ -141,6 +165,7 @@ def _to_dict(recording: Recording, verdict: Verdict | None) -> dict[str, object]
         "part": recording.part,
         "began": recording.began,
         "following": recording.following or None,
+        "started_at_seconds": recording.first * scenario.tick,
         "version": recording.version,
         "complete": recording.complete,
         "state_hash": None if last is None else recording.states[last],

@@ -12,11 +12,15 @@ import click
 
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.streams import put
+from sleepcast.cli.times import SimulatedTime
 from sleepcast.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.cli.recording import Wanted
+    from sleepcast.cli.snapshots import Keeping
+    from sleepcast.loop import Swarm
     from sleepcast.simulator import Changes
+    from sleepcast.station import Station
 
 HOST, PORT = "127.0.0.1", 8317
 FASTEST, SLOWEST = 10_000.0, 0.01
@@ -45,6 +49,9 @@ class Options(TypedDict):
     record_pictures: float | None
     record_readings: float | None
     record_rotate: str | None
+    from_: Path | None
+    snapshot: Path | None
+    snapshot_at: float | None
 
 
 _PERIOD = click.FloatRange(0.001, 86_400.0)
@@ -68,6 +75,11 @@ _COMMON = (
     click.option("--record-pictures", metavar="S", type=_PERIOD, help="Record where robots are every S simulated s."),
     click.option("--record-readings", metavar="S", type=_PERIOD, help="Record what robots sense every S simulated s."),
     click.option("--record-rotate", metavar="WHEN", help="Begin another file after 100MB, 10min, or 100MB,10min."),
+    click.option("--from", "from_", metavar="FILE", type=click.Path(path_type=Path), help="Go on from this snapshot."),
+    click.option("--snapshot", metavar="FILE", type=click.Path(path_type=Path), help="Keep the swarm in a file."),
+    click.option(
+        "--snapshot-at", metavar="TIME", type=SimulatedTime(), help="Headless: when, as in 30s; else at the end."
+    ),
 )
 
 
@@ -78,13 +90,14 @@ def _common_options(function: Function) -> Function:
 
 
 @click.command("demo", short_help="Open a scenario in the browser.")
-@click.argument("name", default="bravo")
+@click.argument("name", required=False)
 @click.option("--headless", is_flag=True, help="Run the scenario's own mission without a page.")
 @_common_options
-def demo(name: str, headless: bool, **options: Unpack[Options]) -> int:
+def demo(name: str | None, headless: bool, **options: Unpack[Options]) -> int:
     """Bring the scenario NAME (default: bravo) to life on the operator's page, to command it live.
 
-    With --headless its own mission runs as fast as it can, and the outcome is printed.
+    With --headless its own mission runs as fast as it can, and the outcome is printed. With --from a swarm goes on that
+    --snapshot has kept.
 
     \b
     Examples:
@@ -92,56 +105,96 @@ def demo(name: str, headless: bool, **options: Unpack[Options]) -> int:
       sleepcast demo bravo --speed 10 --no-browser
       sleepcast demo bravo --headless --seconds 60 --seed 7 --json
     """
-    return _start(name, headless, options)
+    return _start("bravo" if name is None and options["from_"] is None else name, headless, options)
 
 
 @click.command("run", short_help="Run a scenario's mission and print the outcome.")
-@click.argument("scenario")
+@click.argument("scenario", required=False)
 @click.option("--headless/--page", default=True, help="Without a page (the default), or on the operator's page.")
 @_common_options
-def run(scenario: str, headless: bool, **options: Unpack[Options]) -> int:
+def run(scenario: str | None, headless: bool, **options: Unpack[Options]) -> int:
     """Run SCENARIO (a name of the gallery, or the path of one of your own) with its mission, and print the outcome.
+
+    With --from instead of a SCENARIO, a swarm goes on that --snapshot has kept: the same to the last bit, or, with
+    another --seed, a fork of it.
 
     \b
     Examples:
       sleepcast run bravo
       sleepcast run ./my-scenario --seed 3 --seconds 120 --json
+      sleepcast run bravo --snapshot half.snap --snapshot-at 30s
+      sleepcast run --from half.snap --seconds 30 --seed 8
       sleepcast run ./my-scenario --page
     """
     return _start(scenario, headless, options)
 
 
-def _start(name: str, headless: bool, options: Options) -> int:
+def _start(name: str | None, headless: bool, options: Options) -> int:
     with Interrupts() as interrupts:
         return _start_within(interrupts, name, headless, options)
 
 
-def _start_within(interrupts: Interrupts, name: str, headless: bool, options: Options) -> int:
-    from sleepcast.simulator import find_scenario
-
+def _start_within(interrupts: Interrupts, name: str | None, headless: bool, options: Options) -> int:
     _refuse_contradictions(headless, options)
-    scenario = find_scenario(name, _changes(options))
-    wanted = _wanted(options)
+    begin = _beginning(name, options, mission=headless)
+    wanted, keeping = _wanted(options), _keeping(options)
     if not headless:
         from sleepcast.cli.page import Address, show
 
         address = Address(options["host"], options["port"], options["insecure"], not options["no_browser"])
-        show(interrupts, scenario, options["seed"], options["speed"], address, options["threads"], wanted)
+        swarm, station = begin()
+        interrupts.release()  # the server has a way of its own to end in good order
+        show(swarm, station, options["speed"], address, wanted, keeping)
         return 0
     from sleepcast.cli.headless import run_headless
 
-    seconds = scenario.seconds if options["seconds"] is None else options["seconds"]
     outcome = run_headless(
-        interrupts,
-        scenario,
-        options["seed"],
-        seconds,
-        quiet=options["quiet"],
-        threads=options["threads"],
-        wanted=wanted,
+        interrupts, begin, options["seconds"], quiet=options["quiet"], wanted=wanted, keeping=keeping
     )
     put(json.dumps(outcome.to_dict()) if options["as_json"] else outcome.to_text())
     return int(outcome.broken)
+
+
+def _beginning(name: str | None, options: Options, *, mission: bool) -> Callable[[], tuple[Swarm, Station]]:
+    """What warms up and assembles the swarm: of a scenario from its start, or from a snapshot. mission: whether the
+    scenario's own orders are given; those that are left in a snapshot are."""
+    from sleepcast.cli.headless import assemble, assemble_from, warm_up
+
+    seed, threads, file = options["seed"], options["threads"], options["from_"]
+    if file is None:
+        if name is None:
+            raise MisuseError("which scenario? Give the name of one, its path, or --from and a snapshot")
+        from sleepcast.simulator import find_scenario
+
+        scenario = find_scenario(name, _changes(options))
+
+        def begin() -> tuple[Swarm, Station]:
+            warm_up(scenario, threads)
+            return assemble(scenario, seed, mission=mission, threads=threads)
+
+        return begin
+    if name is not None:
+        raise MisuseError(f"a snapshot has its own scenario: leave out either {name} or --from")
+    if options["robots"] is not None or options["density"] is not None or options["no_walls"]:
+        raise MisuseError("--robots, --density and --no-walls change how a scenario starts: a snapshot has started")
+
+    def go_on() -> tuple[Swarm, Station]:
+        swarm, station = assemble_from(file, seed, threads)
+        warm_up(swarm.simulator.scenario, threads)
+        return swarm, station
+
+    return go_on
+
+
+def _keeping(options: Options) -> Keeping | None:
+    """The snapshot to take; None for none."""
+    if options["snapshot"] is None:
+        return None
+    from sleepcast.cli.snapshots import Keeping
+
+    keeping = Keeping(options["snapshot"], options["snapshot_at"])
+    keeping.check_place()
+    return keeping
 
 
 def _refuse_contradictions(headless: bool, options: Options) -> None:
@@ -155,6 +208,8 @@ def _refuse_contradictions(headless: bool, options: Options) -> None:
         raise MisuseError("--record-pictures and --record-readings say how often to record: add --record FILE")
     if options["record"] is None and options["record_rotate"]:
         raise MisuseError("--record-rotate says when a recording goes on in another file: add --record FILE")
+    if options["snapshot_at"] is not None and (not headless or options["snapshot"] is None):
+        raise MisuseError("--snapshot-at says when to take the snapshot of a headless run: add --snapshot FILE")
     if headless and options["speed"] is not None:
         raise MisuseError("--speed is for the page: without one, the run goes as fast as it can")
     if seconds is not None and not (isfinite(seconds) and 0.0 < seconds <= MAX_TIME):
@@ -183,4 +238,4 @@ def _changes(options: Options) -> Changes:
         raise MisuseError(f"--robots {robots} is too many: at most {MAX_MINDS} fit into one run")
     if density is not None and not LEAST <= density <= MAX_WORLD:
         raise MisuseError(f"--density must be from {LEAST:g} to {MAX_WORLD:g} square metres, not {density:g}")
-    return Changes(robots, density, not options["no_walls"], options["seed"])
+    return Changes(robots, density, not options["no_walls"])

@@ -15,7 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.fleet.chance import streams
-from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, ID, MARKING, TICK, TIME_SLOT, Vocabulary
+from sleepcast.fleet.parcels import StateParcel, ValuesParcel
+from sleepcast.language.vocabulary import (
+    ACTIVE0,
+    BUFFERS,
+    ID,
+    MARKING,
+    MAX_USER_VARIABLES,
+    TICK,
+    TIME_SLOT,
+    Vocabulary,
+)
+from sleepcast.parcel import Array, ParcelError, kept, put_back
 
 Column: TypeAlias = NDArray[np.float64]
 """One number for each of some rows, in their order."""
@@ -117,6 +128,8 @@ class FleetState:
         self._same[TIME_SLOT] = self._same[TICK] = 0.0
         self._same[MARKING] = 1.0
         self._columns: list[Column | None] = [None] * len(self._same)
+        self._shared: set[int] = set()
+        """Slots of variables whose columns somebody else keeps."""
         self._columns[ID] = np.array(numbers, dtype=np.float64)
         self.keys = streams(seed, np.array(numbers, dtype=np.int64))
         """The stream of each robot's chance."""
@@ -181,10 +194,12 @@ class FleetState:
     def share(self, slot: int, column: Column) -> None:
         """Let a variable be read from a column that somebody else keeps, as it is at that moment."""
         self._columns[slot] = column
+        self._shared.add(slot)
 
     def shadow(self) -> FleetState:
         """A state that has variables and groups of its own, with nothing in them, and shares everything else."""
         found = copy(self)
+        found._shared = set()
         found._same, found._columns, found.groups = [nan] * len(self._same), [None] * len(self._same), {}
         return found
 
@@ -232,6 +247,67 @@ class FleetState:
         if found is None:
             found = self.actuated[slot] = np.zeros(self.count, np.bool_)
         return found
+
+    # ---- kept and made again
+
+    def state(self) -> StateParcel:
+        """All of it but the chance, which comes from the seed."""
+        actuated = {slot: Array.of(robots) for slot, robots in self.actuated.items()}
+        return StateParcel(self.values(), kept(self._arrays()), actuated)
+
+    def values(self) -> ValuesParcel:
+        """The variables that nobody else keeps, and the groups."""
+        columns = {slot: Array.of(column) for slot, column in self._own().items()}
+        return ValuesParcel(list(self._same), columns, kept(self.groups))
+
+    def restore(self, parcel: StateParcel) -> None:
+        """Be as that state was. Raises ParcelError if it is of another fleet."""
+        self.refill(parcel.values)
+        put_back(parcel.arrays, self._arrays())
+        if not all(0 <= slot < len(self._same) for slot in parcel.actuated):
+            raise ParcelError("an actuator that is no variable")
+        self.actuated = {
+            slot: robots.made(np.bool_, (self.count,), f"who assigned actuator {slot}")
+            for slot, robots in parcel.actuated.items()
+        }
+
+    def refill(self, parcel: ValuesParcel) -> None:
+        """Have those values. Raises ParcelError if they are of another fleet."""
+        length, shape = len(parcel.same), (self.count,)
+        if not len(self._same) <= length <= len(self._same) + MAX_USER_VARIABLES:
+            raise ParcelError(f"robots with {length} variables, wanted {len(self._same)} and those that they made")
+        if not all(0 <= slot < length and slot not in self._shared for slot in parcel.columns):
+            raise ParcelError(f"a column of a variable that is none of the {length}, or one that others keep")
+        shared = [(slot, self._columns[slot]) for slot in self._shared]
+        self._same, self._columns = list(parcel.same), [None] * length
+        for slot, theirs in shared:
+            self._columns[slot] = theirs
+        for slot, column in parcel.columns.items():
+            self._columns[slot] = column.made(np.float64, shape, f"variable {slot}")
+        self.groups = {key: members.made(np.bool_, shape, f"group {key}") for key, members in parcel.groups.items()}
+
+    def _own(self) -> dict[int, Column]:
+        """The columns that nobody else keeps, by slot."""
+        columns = enumerate(self._columns)
+        return {slot: column for slot, column in columns if column is not None and slot not in self._shared}
+
+    def _arrays(self) -> dict[str, NDArray[np.generic]]:
+        """Everything that has one element a robot, and is no variable."""
+        return {
+            "draws": self.draws,
+            "mind": self.mind,
+            "proven": self.proven,
+            "unproven_since": self.unproven_since,
+            "dropped": self.dropped,
+            "lost": self.lost,
+            "said": self.said,
+            "sequence": self.sequence,
+            "reported_in": self.reported_in,
+            "reported": self.reported,
+            "stopped": self.stopped,
+            "held": self.held,
+            "still": self.still,
+        }
 
 
 def spread(values: Column | float, size: int) -> Column:

@@ -109,13 +109,15 @@ class Core:
         self.told = Told(self.state, self.minds)
         """What the robots last told the operator of themselves."""
         self._attention = Attention(self.memory)
-        self._inbox = Inbox(count)
-        self._minds_used = 1
-        self._measured: dict[int, Column] = {
+        self.inbox = Inbox(count)
+        self.minds_used = 1
+        """Minds that robots were of when it was last looked."""
+        self.measured: dict[int, Column] = {
             vocabulary.first_sensor + i: np.full(count, -inf)
             for i, quantity in enumerate(vocabulary.sensors)
             if quantity.freshness < inf
         }
+        """When each robot last measured what grows old, s, by slot."""
         self._sensed = sensed
         if sensed is not None:
             self._share(sensed)
@@ -126,7 +128,7 @@ class Core:
             sensors = len(self.vocabulary.sensors)
             raise FleetError(f"a table of shape {sensed.shape} for {sensors} sensors of {len(self)} robots")
         for slot, row in enumerate(sensed, self.vocabulary.first_sensor):
-            if slot not in self._measured:
+            if slot not in self.measured:
                 self.state.share(slot, row)
 
     # ---- the robots
@@ -150,21 +152,21 @@ class Core:
     @property
     def awake(self) -> Mask:
         """Which robots have anything to do in the next tick: a message, or rules that run."""
-        found = self._inbox.waiting > 0
+        found = self.inbox.waiting > 0
         found |= self.memory.where(self.rows(), _runs)
         return found
 
     def restless(self) -> Rows:
         """The robots that are awake."""
         everybody = self.rows()
-        if self._inbox.empty:
+        if self.inbox.empty:
             sorts = self.memory.divide(everybody, lambda number: _runs(self.minds[number]))
             return next((rows for running, rows, _ in sorts if running), Rows.run(0, 0))
         return everybody.take(self.awake)
 
     def waiting(self, robot: int) -> int:
         """Messages that wait for a robot's next tick."""
-        return int(self._inbox.waiting[robot])
+        return int(self.inbox.waiting[robot])
 
     def said(self) -> list[Chorus]:
         """Everything that has been said and lies in no outbox that was looked into; it will come into none."""
@@ -178,14 +180,14 @@ class Core:
 
     def receive(self, message: Message, robots: Some = None) -> None:
         """Take a message on these robots: STOP and RELEASE at once, commands and questions into their queues."""
-        new = self._inbox.first_heard(message, self.rows(robots).robots)
+        new = self.inbox.first_heard(message, self.rows(robots).robots)
         rows = Rows.of(new)
         if message.kind in (Kind.STOP, Kind.RELEASE):
             stopping = message.kind is Kind.STOP
             (self._embodied.stop if stopping else self._embodied.release)(rows)
             self.speech.answer(rows, Answers.alike(message.id, rows.size, "stopped" if stopping else "released"))
         elif message.kind in (Kind.COMMAND, Kind.ASK):
-            self.state.lost[self._inbox.put(message, new)] += 1
+            self.state.lost[self.inbox.put(message, new)] += 1
 
     def sense(self, readings: NDArray[np.float64], now: float, robots: Some = None) -> None:
         """Take sensor values (SI; one row a robot, in the order of the vocabulary's sensors) at `now` (s).
@@ -202,10 +204,10 @@ class Core:
 
     def look(self, now: float, robots: Some = None) -> None:
         """Take note that the shared table is up to date for these robots at `now` (s)."""
-        if self._sensed is None or not self._measured:
+        if self._sensed is None or not self.measured:
             return
         rows = self.rows(robots)
-        for slot in self._measured:
+        for slot in self.measured:
             self._measure(slot, rows, self._sensed[slot - self.vocabulary.first_sensor][rows.index], now)
 
     def _measure(self, slot: int, rows: Rows, column: Column, now: float) -> None:
@@ -213,8 +215,8 @@ class Core:
         some = rows if known.all() else rows.take(known)
         if some.size:
             self.state.assign(slot, some, column if some is rows else column[known])
-            if slot in self._measured:
-                self._measured[slot][some.index] = now
+            if slot in self.measured:
+                self.measured[slot][some.index] = now
 
     def think(self, tick: int, now: float, robots: Some = None) -> None:
         """One tick of these robots: their waiting messages, then one round of active rules unless asleep or frozen."""
@@ -226,7 +228,7 @@ class Core:
         state.draws[rows.index] = 0
         self._age(rows, now)
         expired(self.memory, rows, now)
-        for message, some in self._inbox.take(rows):
+        for message, some in self.inbox.take(rows):
             self._obey(message, some, now)
         resting = self._embodied.resting(rows)
         self.rounds.run(rows if resting is None else rows.take(~resting))
@@ -235,7 +237,7 @@ class Core:
 
     def _age(self, rows: Rows, now: float) -> None:
         """What was measured too long ago becomes unknown."""
-        for slot, measured in self._measured.items():
+        for slot, measured in self.measured.items():
             limit = self.vocabulary.sensors[slot - self.vocabulary.first_sensor].freshness
             old = ~(now - measured[rows.index] <= limit)
             if old.any():
@@ -243,11 +245,11 @@ class Core:
 
     def _tidy(self) -> None:
         """Forget minds that no robot is of any more, once there may be many."""
-        if len(self.minds) > 2 * self._minds_used + SPARE_MINDS:
+        if len(self.minds) > 2 * self.minds_used + SPARE_MINDS:
             used = {*np.unique(self.state.mind).tolist(), *np.unique(self.state.proven).tolist()}
             self.minds.keep_only(used)
             self.memory.tallies.keep_only({key for number in used for key in self.minds[number].rules})
-            self._minds_used = len(self.minds)
+            self.minds_used = len(self.minds)
 
     # ---- evaluating
 

@@ -11,8 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.message import Message
+from sleepcast.channel.parcels import ascending
 from sleepcast.fleet.columns import Index, Rows
 from sleepcast.fleet.limits import MAX_QUEUE, MAX_SEEN
+from sleepcast.fleet.parcels import InboxParcel
+from sleepcast.parcel import Array, ParcelError
 
 
 class Inbox:
@@ -78,3 +81,25 @@ class Inbox:
     def messages(self) -> list[tuple[Message, Index]]:
         """What waits, in the order in which it came, each message with its robots."""
         return list(self._queue)
+
+    def state(self) -> InboxParcel:
+        """Everything that waits, and who has heard what."""
+        return InboxParcel(
+            [(key, None if bits is None else Array.of(bits)) for key, bits in self._seen.items()],
+            [(message, Array.of(robots.astype(np.int32))) for message, robots in self._queue],
+        )
+
+    def restore(self, parcel: InboxParcel) -> None:
+        """Be as that inbox was. Raises ParcelError."""
+        if len(parcel.seen) > MAX_SEEN:
+            raise ParcelError(f"{len(parcel.seen)} messages that have been heard, at most {MAX_SEEN} are remembered")
+        bytes_of_bits = (self._count + 7) // 8
+        self._seen = OrderedDict(
+            (key, None if bits is None else bits.made(np.uint8, (bytes_of_bits,), "who has heard a message"))
+            for key, bits in parcel.seen
+        )
+        self._queue = []
+        self.waiting[:] = 0
+        for message, listed in parcel.queue:
+            if self.put(message, ascending(listed, self._count)).size:
+                raise ParcelError(f"more than {MAX_QUEUE} messages that wait for one robot")

@@ -190,14 +190,30 @@ class Minds:
 
     def add(self, mind: Mind) -> int:
         """The number of a mind like this one."""
-        key = (tuple(mind.rules.values()), tuple(mind.learned.items()), tuple(mind.operators.items()))
-        number = self._numbers.setdefault(key, self._next)
+        number = self._numbers.setdefault(_key(mind), self._next)
         if number == self._next:
             self._minds[number] = mind
             self._next += 1
         return number
 
+    @property
+    def table(self) -> tuple[dict[int, Mind], int]:
+        """Every mind by its number, and the number that the next one gets."""
+        return dict(self._minds), self._next
+
+    def fill(self, minds: dict[int, Mind], following: int) -> None:
+        """Have just these minds under these numbers, all below `following`, which the next one gets."""
+        self._minds, self._numbers, self._next = {}, {}, following
+        for number, mind in sorted(minds.items()):
+            self._minds[number] = mind
+            self._numbers.setdefault(_key(mind), number)
+
     def keep_only(self, used: set[int]) -> None:
         """Forget the minds that no robot is of any more; 0 stays."""
         self._minds = {number: mind for number, mind in self._minds.items() if number in used or number == 0}
         self._numbers = {key: number for key, number in self._numbers.items() if number in self._minds}
+
+
+def _key(mind: Mind) -> tuple[object, ...]:
+    """What makes a mind the same as another one."""
+    return tuple(mind.rules.values()), tuple(mind.learned.items()), tuple(mind.operators.items())

@@ -83,6 +83,8 @@ class Recall:
         self._memory = memory
         self._memos: deque[Memo] = deque(maxlen=MAX_RECOLLECTIONS)
         self._bytes = 0
+        self.since: float | None = None
+        """The time (s) of the snapshot that the fleet goes on from: it holds no inputs of what came before."""
 
     def remember(self, program: Program, rows: Rows, command: str) -> Memo:
         """Keep what goes into a command that these robots are about to evaluate."""
@@ -135,6 +137,12 @@ class Recall:
             if (command is None or memo.command == command) and memo.place(robot) is not None:
                 return memo
         return None
+
+    def limits(self) -> str:
+        """Why a command may not be here, for people."""
+        if self.since is None:
+            return "its fleet keeps the last commands, as many as have room"
+        return f"this run goes on from a snapshot taken at {self.since:g} s, which keeps no explanations of before"
 
 
 def _alike(given: Column | list[float | str]) -> bool:

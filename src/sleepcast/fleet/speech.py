@@ -14,9 +14,12 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.chorus import Answers, Chorus, Reports, Words
 from sleepcast.channel.message import Kind, Message
+from sleepcast.channel.parcels import ascending, packed_chorus, unpacked_chorus
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.limits import MAX_OUTBOX, REPORTS_A_SECOND
+from sleepcast.fleet.parcels import SpeechParcel
 from sleepcast.language.vocabulary import TIME_SLOT
+from sleepcast.parcel import Array, ParcelError
 
 
 class Speech:
@@ -128,6 +131,33 @@ class Speech:
         for saying in taken:
             self._state.said[saying.robots] -= 1
         return taken
+
+    def state(self) -> SpeechParcel:
+        """What has been said and is still to be sent."""
+        return SpeechParcel(
+            self.epoch,
+            [packed_chorus(saying) for saying in self._sayings],
+            {robot: list(messages) for robot, messages in self._outboxes.items() if messages},
+            [(Array.of(robots.astype(np.int32)), Array.of(castes)) for robots, castes in self._pings],
+            {robot: list(castes) for robot, castes in self._ping_lists.items() if castes},
+        )
+
+    def restore(self, parcel: SpeechParcel) -> None:
+        """Have to say what was to be said then. Raises ParcelError."""
+        count = self._state.count
+        if not all(0 <= robot < count for robot in (*parcel.outboxes, *parcel.ping_lists)):
+            raise ParcelError("a robot that is not there has something to say")
+        self.epoch = parcel.epoch
+        self._sayings = [unpacked_chorus(saying, self._names) for saying in parcel.sayings]
+        self._outboxes = {robot: list(messages) for robot, messages in parcel.outboxes.items()}
+        self._ping_lists = {robot: list(castes) for robot, castes in parcel.ping_lists.items()}
+        self._pings, self._pinged = [], np.zeros(count, np.int16)
+        for listed, told in parcel.pings:
+            robots = ascending(listed, count)
+            self._pings.append((robots, told.made(np.float64, robots.shape, "castes")))
+            self._pinged[robots] += 1
+        for robot, castes in self._ping_lists.items():
+            self._pinged[robot] += len(castes)
 
     def _deliver_all(self) -> None:
         for saying in self._sayings:

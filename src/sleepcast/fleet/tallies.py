@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from sleepcast.fleet.columns import Column, FleetState, Mask, Rows
 from sleepcast.fleet.minds import Effect
 from sleepcast.fleet.native import Sink
+from sleepcast.fleet.parcels import TalliesParcel, TallyParcel
 from sleepcast.language.vocabulary import ACTIVE0, buffer_number
+from sleepcast.parcel import Arrays, ParcelError, kept, put_back
 
 MOST_FRESH = 255
 """Evaluations by native code until their matches, counted in single bytes, are added to the others."""
@@ -72,6 +74,24 @@ class Tally:
         self.renew(rows)
         self.steps[rows.index] = 0
         self.firings[rows.index] = 0
+
+    def state(self) -> TallyParcel:
+        return TallyParcel(kept(self._arrays()), self.most_steps, self.faulted, dict(self.last_fault))
+
+    def restore(self, parcel: TallyParcel) -> None:
+        """Be as that tally was. Raises ParcelError."""
+        put_back(parcel.arrays, self._arrays())
+        if not all(0 <= robot < len(self.steps) for robot in parcel.last_fault):
+            raise ParcelError("the fault of a robot that is not there")
+        self.most_steps, self.faulted, self.last_fault = parcel.most_steps, parcel.faulted, dict(parcel.last_fault)
+
+    def _arrays(self) -> dict[str, NDArray[np.generic]]:
+        return {
+            "last_value": self.last_value,
+            "steps": self.steps,
+            "firings": self.firings,
+            "in_row": self.in_row,
+        }
 
 
 class Tallies:
@@ -146,3 +166,19 @@ class Tallies:
             self._state.assign(ACTIVE0 + number, rows, 1.0 if active else 0.0)
         if not active and key in self.leases:
             self.leases[key][rows.index] = inf
+
+    def state(self) -> TalliesParcel:
+        """All of it between two rounds."""
+        tallies = {key: tally.state() for key, tally in self._tallies.items()}
+        return TalliesParcel(tallies, kept(self.leases), kept(self.proven_leases))
+
+    def restore(self, parcel: TalliesParcel) -> None:
+        """Be as those tallies were. Raises ParcelError."""
+        self._tallies.clear()
+        for key, tally in parcel.tallies.items():
+            self[key].restore(tally)
+        self.leases, self.proven_leases = self._columns(parcel.leases), self._columns(parcel.proven_leases)
+
+    def _columns(self, parcel: Arrays) -> dict[str, Column]:
+        shape = (self._state.count,)
+        return {key: leases.made(np.float64, shape, f"leases of {key}") for key, leases in parcel.items()}

@@ -18,10 +18,12 @@ from sleepcast.fleet.evaluation import by_the_living
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory, Found
 from sleepcast.fleet.minds import Minds
+from sleepcast.fleet.parcels import ToldParcel
 from sleepcast.fleet.speech import Speech
 from sleepcast.language.machine import Program
 from sleepcast.language.parts import Part, acts
 from sleepcast.language.undecided import CHANCE, DEED, asks, does
+from sleepcast.parcel import Array
 
 MAX_REASONS = 200
 """Different reasons told apart in one judgement, so that one fits a byte; the rest counts as the last of them."""
@@ -44,6 +46,15 @@ class Told:
         """Which of these robots were stopped when they last told."""
         found: Mask = self._stopped[robots]
         return found
+
+    def state(self) -> ToldParcel:
+        """All that they told."""
+        return ToldParcel(self._then.values(), Array.of(self._stopped))
+
+    def restore(self, parcel: ToldParcel) -> None:
+        """Have been told that. Raises ParcelError."""
+        self._then.refill(parcel.values)
+        self._stopped = parcel.stopped.made(np.bool_, self._stopped.shape, "who was stopped")
 
     def judge(self, test: Program, robots: Index) -> tuple[Mask, NDArray[np.uint8], list[str]]:
         """What a test says of these robots: where it holds; where that cannot be said, which of the reasons, listed

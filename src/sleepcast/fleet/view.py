@@ -249,7 +249,7 @@ class RobotView:
         if kept is not None:
             return rehearse(kept.program, rehearsal(self._fleet.memory, self.place), command=kept.name)
         what = "no command" if command is None else f"no command or rule {command}"
-        raise SleepcastError(f"{self.name} remembers {what}: its fleet keeps the last commands, as many as have room")
+        raise SleepcastError(f"{self.name} remembers {what}: {self._fleet.recall.limits()}")
 
     def recollection(self, memo: Memo) -> Recollection:
         """What went into a command on this robot."""

@@ -41,15 +41,18 @@ class Program:
     """A checked expression that can be entered. body: its parts, evaluated in order (an operator may have several).
 
     cost: steps charged when entered. height: levels of parentheses inside one another. uses: keys of buffers, rules
-    and operators it names. free: keys of learned names it depends on. stores: keys that it stores expressions under,
-    with what those use. test: the top-level test as a program of its own, None if everybody matches. acts, chancy: of
-    the whole program. slots: the length of values it needs.
+    and operators it names. free: keys of learned names it depends on; meanings: what they were when it was checked, as
+    far as they had been learned. stores: keys that it stores expressions under, with what those use. test: the
+    top-level test as a program of its own, None if everybody matches. acts, chancy: of the whole program. slots: the
+    length of values it needs.
     """
 
     def __init__(self, forms: Sequence[Form], root: Part, parameters: int, checker: Checker, steps: int) -> None:
         self.form, self.root, self.parameters, self.text = forms[0], root, parameters, checker.text
         self.height = max(map(height, forms))
         self.uses, self.free = frozenset(checker.uses), frozenset(checker.free)
+        learned = {key: checker.names.declared(key) for key in sorted(self.free)}
+        self.meanings = {key: found for key, found in learned.items() if found is not None}
         self.stores = dict(checker.pending_uses)
         self.locals, self.cost = checker.locals, steps
         parts = walk(root)

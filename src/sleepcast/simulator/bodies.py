@@ -160,6 +160,13 @@ class Bodies:
         """The sonars of body `number`, if it has any."""
         return self.echoes.of(number) if isinstance(self.echoes, Ears) else self.echoes
 
+    @property
+    def rings(self) -> Sequence[Echoes]:
+        """The sonars of each sort of bodies that has any."""
+        if self.echoes is None:
+            return ()
+        return self.echoes.rings if isinstance(self.echoes, Ears) else [self.echoes]
+
     def _cones(self, sort: RobotSpec) -> Cones | None:
         ring, widest = sort.ring, float(self.radii.max())
         return (
@@ -279,6 +286,19 @@ class Bodies:
         if self.echoes:
             yield from self.echoes.state()
         yield self.world.solids
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """All arrays, by name, that a run changes and that the next ticks depend on."""
+        robots = self.scenario.robots
+        names = ["sensed", "wanted_speed", "wanted_turn", "target_x", "target_y", "swing", "roaming"]
+        names += ["mode", "stopped", "held"]
+        names += ["known"] if self.scenario.noise else []
+        names += ["x", "y", "heading", "left", "right"] if robots.wheels else []
+        names += ["hit_x", "hit_y"] if self.contact else []
+        found: dict[str, NDArray[np.generic]] = {name: getattr(self, name) for name in names}
+        for number, ring in enumerate(self.rings):
+            found |= {f"{name} of ring {number}": values for name, values in ring.arrays().items()}
+        return found
 
     def _start(self) -> None:
         robots = self.scenario.robots

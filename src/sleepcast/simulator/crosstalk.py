@@ -121,9 +121,10 @@ class Crosstalk:
         """The tick ends: shorten what was read in it by pings of other robots. pose: of all bodies, x, y (m) and
         heading (rad); readings: shape (robots, sonars), changed in place."""
         now = Pings.joined(self._now)
-        self._now, self._draws = [], 0
+        self._now = []
         if len(now.robot):
             self._hear_others(tick, pose, readings, by_robot(now), by_robot(Pings.joined((self._before, now))))
+        self._draws = 0  # each tick's chance is its own
 
     def _under_way(self) -> Pings:
         """The pings that may still be heard."""

@@ -124,6 +124,13 @@ class Echoes:
         if self.crosstalk:
             yield from self.crosstalk.columns().values()
 
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """The arrays that a run changes and that the next ticks depend on, by name."""
+        if not self.fires_in_order:
+            return {}
+        own: dict[str, NDArray[np.generic]] = {"readings": self.readings, "due": self.due, "turn": self.turn}
+        return own | (self.crosstalk.columns() if self.crosstalk else {})
+
     def _view(self, pose: tuple[Floats, Floats, Floats]) -> View:
         near = self._near
         listed = near.solids(self.cones.radius + self.cones.most)

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.parcel import ParcelError
 from sleepcast.simulator.settings import Table, checked_name
 from sleepcast.units import TIME
 
@@ -79,6 +80,20 @@ class Measuring:
     def series(self) -> dict[str, list[list[float]]]:
         """What was measured so far: for each measure its samples [seconds, metres]."""
         return {spec.name: list(series) for spec, series in zip(self._specs, self._series, strict=True)}
+
+    def state(self) -> list[tuple[int, list[list[float]]]]:
+        """For each series the ticks between two samples, and the samples."""
+        return [(ticks, list(series)) for ticks, series in zip(self._ticks, self._series, strict=True)]
+
+    def restore(self, state: list[tuple[int, list[list[float]]]]) -> None:
+        """Be as that was. Raises ParcelError."""
+        if len(state) != len(self._specs):
+            raise ParcelError(f"{len(state)} measures, wanted {len(self._specs)}")
+        for ticks, series in state:
+            if ticks < 1 or len(series) >= MAX_SAMPLES or not all(len(sample) == 2 for sample in series):
+                raise ParcelError(f"a measure with {len(series)} samples, {ticks} ticks apart")
+        self._ticks = [ticks for ticks, _ in state]
+        self._series = [list(series) for _, series in state]
 
     def _measure(self, spec: MeasureSpec) -> float:
         x, y = float(self._x.mean()), float(self._y.mean())

@@ -12,7 +12,8 @@
 
 The metadata `sleepcast` says in which version of this format the file is and from which run; the attachment `scenario`
 is the scenario as `packing` writes it. With the posted messages that is all that a run depends on, so it can be
-repeated to the last bit. All times in the file are simulated ones, from 0.
+repeated to the last bit. If the run went on from a snapshot, the attachment `snapshot` is the swarm as it was then. All
+times in the file are simulated ones, from 0.
 
 A long recording may be kept in parts (`rotation`). Each can be read by itself: its metadata say which part it is and
 from which time on, and it begins with all that went before as far as it still counts: every message that was posted,
@@ -62,8 +63,12 @@ NANO = 1_000_000_000
 POSES, LOG, READINGS, ACCOUNTING, RULES = "/poses", "/log", "/readings", "/accounting", "/rules"
 MARKS, POSTED, STATE = "/sleepcast/marks", "/sleepcast/posted", "/sleepcast/state"
 OBSTACLES = "/sleepcast/obstacles"
-ABOUT, FOLLOWING, SCENARIO = "sleepcast", "following", "scenario"
-"""The names of the metadata at the start, of those at the end of a part that is not the last, and of the attachment."""
+ABOUT, FOLLOWING, SCENARIO, SNAPSHOT = "sleepcast", "following", "scenario", "snapshot"
+"""The names of the metadata at the start, of those at the end of a part that is not the last, and of attachments."""
+MAX_RECORD = 64 * 1_048_576
+"""Bytes of one record: a chunk with the readings of the largest swarm is a tenth of it."""
+MAX_START = MAX_RECORD // 2
+"""Bytes of a snapshot that is recorded: that of a hundred thousand robots."""
 _OBJECT = b'{"type":"object"}'
 
 
@@ -124,8 +129,9 @@ class WorldChange:
 class Recorder:
     """A run's recording in `file`, which must not be there yet; see the module for what is in it.
 
-    version: of the program. complain: is told in a sentence when nothing more can be written, or no further part be
-    begun; may be called from another thread. rotation: when a part is full. Raises MisuseError for a file that is there
+    version: of the program. first: the tick that the run goes on from, and the swarm as it was then, unless it is too
+    large for a record. complain: is told in a sentence when nothing more can be written, or no further part be begun;
+    may be called from another thread. rotation: when a part is full. Raises MisuseError for a file that is there
     already, RecordingError where none can be made.
     """
 
@@ -138,10 +144,12 @@ class Recorder:
         version: str,
         complain: Callable[[str], None],
         rotation: Rotation = ONE_FILE,
+        first: tuple[int, bytes] = (0, b""),
     ) -> None:
         self.file, self.part, self.failed = file, 1, False
         self._first, self._rotation, self._complain = file, rotation, complain
-        self._about = {"format": str(FORMAT), "version": version, "seed": str(seed)}
+        tick, self._start = first
+        self._about = {"format": str(FORMAT), "version": version, "seed": str(seed), "from_tick": str(tick)}
         self._scenario = pack(scenario)
         self._lock = RLock()
         self._closing = Event()
@@ -223,6 +231,8 @@ class Recorder:
         self._writer = Writer(self._buffer, chunk, CompressionType.LZ4)
         self._writer.start("", f"sleepcast {self._about['version']}")
         self._writer.add_metadata(ABOUT, self._about | {"part": str(self.part), "began": repr(time)})
+        if 0 < len(self._start) <= MAX_START:
+            self._writer.add_attachment(0, 0, SNAPSHOT, "application/msgpack", self._start)
         self._writer.add_attachment(0, 0, SCENARIO, "application/json", self._scenario)
         self._channels = {
             POSES: self._standard(POSES, foxglove.POSES, foxglove.POSES_SCHEMA),

@@ -27,23 +27,21 @@ from sleepcast.simulator.recorder import (
     ACCOUNTING,
     FOLLOWING,
     FORMAT,
+    MAX_RECORD,
     NANO,
     OBSTACLES,
     POSTED,
     SCENARIO,
+    SNAPSHOT,
     STATE,
     RecordingError,
     WorldChange,
 )
-from sleepcast.simulator.robot_settings import MAX_ROBOTS
+from sleepcast.simulator.robot_settings import MAX_ROBOTS, MAX_TICKS
 from sleepcast.simulator.scenario import Scenario
 
-MAX_RECORD = 64 * 1_048_576
-"""Bytes of one record: a chunk with the readings of the largest swarm is a tenth of it."""
 MAX_MESSAGES = 1_000_000
 """Messages of an operator, repeats included: one in every second of eleven days."""
-MAX_TICKS = 10_000_000_000
-"""Ticks of one run: four months in the shortest tick."""
 
 _BROKEN = (McapError, struct.error, ValueError, RuntimeError, EOFError)
 """What reading a file that ends in the middle, or holds anything, may raise."""
@@ -75,10 +73,11 @@ class Recording:
     """What a run depended on and what it came to.
 
     version: of the program that recorded it. part, began: which part of a recording the file is, from 1, and the
-    simulated time at which it begins, s; following: the name of the next part's file, "" if this is the last. posted:
-    in order, those of earlier parts too; obstacles: likewise. states: hash of the state by tick. accounting: the last
-    account of each command by its id. counts: messages by topic. seconds: simulated time of the last message. complete:
-    whether the file was finished in good order.
+    simulated time at which it begins, s; following: the name of the next part's file, "" if this is the last. first:
+    the tick that the run went on from; snapshot: of the swarm in that tick, empty if it began with the scenario, or was
+    too large to be recorded. posted: in order, those of earlier parts too; obstacles: likewise. states: hash of the
+    state by tick. accounting: the last account of each command by its id. counts: messages by topic. seconds: simulated
+    time of the last message. complete: whether the file was finished in good order.
     """
 
     file: Path
@@ -88,6 +87,8 @@ class Recording:
     part: int = 1
     began: float = 0.0
     following: str = ""
+    first: int = 0
+    snapshot: bytes = b""
     posted: list[Posted] = field(default_factory=list)
     obstacles: list[WorldChange] = field(default_factory=list)
     states: dict[int, str] = field(default_factory=dict)
@@ -164,15 +165,18 @@ def entries(file: Path, found: Recording) -> Iterator[Entry]:
 def _start(file: Path) -> Recording:
     """What the file says of itself before its first message."""
     about: dict[str, str] | None = None
+    snapshot = b""
     for record in _records(file):
         if isinstance(record, Metadata) and record.name == ABOUT:
             about = record.metadata
             _check_format(file, about)
+        elif isinstance(record, Attachment) and record.name == SNAPSHOT:
+            snapshot = record.data
         elif isinstance(record, Attachment) and record.name == SCENARIO and about is not None:
-            scenario, version = _scenario(file, record.data), about.get("version", "?")
-            return Recording(
-                file, version, _whole(about, "seed"), scenario, _whole(about, "part"), _time(about, "began")
-            )
+            first = _whole(about, "from_tick") if "from_tick" in about else 0
+            scenario, version, seed = _scenario(file, record.data), about.get("version", "?"), _whole(about, "seed")
+            part, began = _whole(about, "part"), _time(about, "began")
+            return Recording(file, version, seed, scenario, part, began, first=first, snapshot=snapshot)
         elif isinstance(record, Record):
             break
     raise NoRecordingError(f"{file} is no recording of sleepcast: make one with run SCENARIO --record FILE")

@@ -24,6 +24,8 @@ MAX_ORDER = 256
 """Sonars in a firing order."""
 MAX_TIME = 10_000_000.0
 """Seconds of one run: four months."""
+MAX_TICKS = 10_000_000_000
+"""Ticks of one run: as long, in the shortest tick."""
 MAX_WORLD = 10_000_000.0
 """Metres, a quarter of the way round the earth: beyond, a flat world means nothing."""
 LEAST = 1e-6

@@ -60,6 +60,10 @@ class Senses:
         if self._ears is not None:
             yield from self._ears.state()
 
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """The arrays, by name, that a run changes and that the next ticks depend on, besides those of the bodies."""
+        return self._ears.arrays() if self._ears is not None else {}
+
     def _look(self) -> None:
         """Let each robot with an eye see the nearest light in reach; those without one know nothing of lights."""
         bodies, sees = self._bodies, self._sees
@@ -116,6 +120,14 @@ class _Ears:
         yield np.where(np.arange(self._model.queue)[:, None, None] < self._length, self._waiting, 0.0)
         senders = np.flatnonzero(self._sent)
         yield np.stack((senders.astype(np.float64), self._castes[senders]), axis=-1)
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        return {
+            "pings sent": self._sent,
+            "castes sent": self._castes,
+            "pings waiting": self._waiting,
+            "pings": self._length,
+        }
 
     def _hear(self, senders: NDArray[np.intp], castes: Floats) -> None:
         """Let all who are in reach hear what was sent, so many of them at a time that their pairs fit into memory."""

@@ -54,9 +54,9 @@ class Simulator:
         self.model = model_of(scenario, self.bodies)
         self.names = names_of(scenario.each_sort, scenario.robots.count)
         self.robots = Robots(self.bodies, self.model)
-        self._senses = Senses(self.bodies)
+        self.senses = Senses(self.bodies)
         self._pinged = np.zeros(scenario.robots.count, np.uint8)
-        self._measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y)
+        self.measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y)
 
     @property
     def tick(self) -> int:
@@ -89,8 +89,8 @@ class Simulator:
         if scenario.events:
             happen(self.world, scenario.events, (*scenario.shapes, *scenario.absent), self.time, until)
         step(self.bodies)
-        self._senses.step()
-        self._measuring.observe(self.tick, self.time)
+        self.senses.step()
+        self.measuring.observe(self.tick, self.time)
 
     @property
     def sensed(self) -> Floats:
@@ -128,7 +128,7 @@ class Simulator:
     def pings(self, robots: NDArray[np.intp], castes: Floats) -> None:
         """The same for many robots. A robot that pings twice in a tick is heard once, the first time."""
         self._pinged[robots] = 1.0 + np.rint(np.clip(np.nan_to_num(castes, nan=MOST_CASTE), 0.0, MOST_CASTE))
-        self._senses.ping(robots, castes)
+        self.senses.ping(robots, castes)
 
     def pinged(self) -> bytes:
         """Who has pinged since this was last asked, to show it: a byte for each robot, 0 or its latest caste + 1; empty
@@ -139,8 +139,8 @@ class Simulator:
 
     def measured(self) -> dict[str, list[list[float]]]:
         """The scenario's own measures so far, each a list of [seconds, metres]."""
-        return self._measuring.series()
+        return self.measuring.series()
 
     def state_hash(self) -> str:
         """SHA-256 of the state of all bodies, as hexadecimal digits."""
-        return self.bodies.state_hash(self._senses.state())
+        return self.bodies.state_hash(self.senses.state())

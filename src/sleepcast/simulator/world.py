@@ -114,7 +114,8 @@ class World:
 
     def put(self, number: int, shape: Shape) -> None:
         """Let the thing with this number be `shape`, whether there was one or not: a recorded run is repeated so."""
-        rows_of(shape)
+        before = self._shapes.get(number)
+        self._sides += len(rows_of(shape)) - (len(rows_of(before)) if before is not None else 0)
         self._shapes[number] = shape
         self._next = max(self._next, number + 1)
         self._changed()
@@ -123,6 +124,22 @@ class World:
         """Take everything away."""
         self._shapes.clear()
         self._sides = 0
+        self._changed()
+
+    @property
+    def following(self) -> int:
+        """The number that the next thing gets."""
+        return self._next
+
+    def fill(self, shapes: Mapping[int, Shape], following: int) -> None:
+        """Have just these things, under these numbers. Raises MisuseError for what is no shape, for a number that is
+        not below `following`, and for too many."""
+        if any(not 0 < number < following for number in shapes):
+            raise MisuseError(f"the numbers of things lie from 1 up to {following}, not with it")
+        sides = sum(len(rows_of(shape)) for shape in shapes.values())
+        if sides > MAX_SOLIDS:
+            raise MisuseError(f"at most {MAX_SOLIDS} walls and sides of polygons fit into a world")
+        self._shapes, self._sides, self._next = dict(shapes), sides, following
         self._changed()
 
     def _known(self, number: int) -> Shape:

@@ -15,11 +15,10 @@ from sleepcast.station.desk import (
     AddressError,
     NoExplanationError,
     NoSuchCommandError,
-    Report,
     SortError,
     Station,
 )
-from sleepcast.station.journal import Entry, Event, Journal, MemoryJournal
+from sleepcast.station.journal import Entry, Event, Journal, MemoryJournal, Report
 from sleepcast.station.minds import FleetNames, ManyMinds, Mind, Minds, Telemetry
 from sleepcast.station.preview import NO, UNKNOWN, YES, Preview
 from sleepcast.station.roster import UnknownRobotError

@@ -20,6 +20,9 @@ from numpy.typing import NDArray
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.chorus import Answers as Said
 from sleepcast.channel.names import Names
+from sleepcast.channel.parcels import ascending
+from sleepcast.parcel import Array, ParcelError, within
+from sleepcast.station.parcels import AnswersParcel, CommandParcel
 from sleepcast.station.roster import Index, Seconds
 
 Number = TypeVar("Number", bound=np.generic)
@@ -159,6 +162,26 @@ class Answers(Mapping[str, Answer]):
         number = 0 if self._fault is None else int(self._fault[place])
         return self._faults[number - 1] if number else None
 
+    def state(self) -> AnswersParcel:
+        fault = None if self._fault is None else Array.of(self._fault)
+        columns = (Array.of(self._outcome), Array.of(self._heard), Array.of(self._value))
+        return AnswersParcel(*columns, fault, tuple(self._faults))
+
+    def restore(self, parcel: AnswersParcel) -> None:
+        """Be as those answers were. Raises ParcelError."""
+        most = len(self.names)
+        self._outcome = parcel.outcome.column(np.uint8, most, "answers")
+        within(self._outcome, 0, len(OUTCOMES), "answers")
+        self._count = int(np.count_nonzero(self._outcome))
+        self._heard = parcel.heard.column(np.float64, most, "when answers were heard")
+        self._value = parcel.value.column(np.float64, most, "values of answers")
+        self._fault, self._faults = None, list(parcel.faults)
+        if parcel.fault is not None:
+            self._fault = parcel.fault.made(np.int32, self._outcome.shape, "faults of answers")
+            within(self._fault, 0, len(self._faults), "faults of answers")
+        if len({len(self._heard), len(self._value), len(self._outcome) if self._count else len(self._heard)}) > 1:
+            raise ParcelError("answers without times or values")
+
     def __getitem__(self, name: str) -> Answer:
         place = self.names.place(name)
         if place is None or place >= len(self._outcome) or not self._outcome[place]:
@@ -193,6 +216,20 @@ class Command:
         self.message, self.addressed, self.last_sent = message, len(names), last_sent
         self.expected: Index = np.empty(0, np.intp) if expected is None else expected
         self.answers = Answers(names)
+
+    def state(self) -> CommandParcel:
+        expected = Array.of(self.expected.astype(np.int32))
+        return CommandParcel(self.message, self.addressed, expected, self.last_sent, self.answers.state())
+
+    @classmethod
+    def restored(cls, parcel: CommandParcel, names: Names) -> Command:
+        """The command that was kept. Raises ParcelError."""
+        found = cls(parcel.message, names, ascending(parcel.expected, len(names)), parcel.last_sent)
+        if not 0 <= parcel.addressed <= len(names):
+            raise ParcelError(f"a command to {parcel.addressed} robots, of which there are {len(names)}")
+        found.addressed = parcel.addressed
+        found.answers.restore(parcel.answers)
+        return found
 
     @property
     def id(self) -> str:

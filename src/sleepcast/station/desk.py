@@ -14,7 +14,6 @@ from __future__ import annotations
 import hashlib
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from math import inf
 from threading import RLock
 
@@ -28,11 +27,14 @@ from sleepcast.language import Checked, Explanation, check
 from sleepcast.language.machine import Program
 from sleepcast.language.parts import walk
 from sleepcast.language.vocabulary import Vocabulary
+from sleepcast.parcel import ParcelError, pack, room_for, unpack
 from sleepcast.station.accounting import Accounting, Command, account, answer_from
-from sleepcast.station.journal import Event, Journal, MemoryJournal
+from sleepcast.station.journal import Event, Journal, MemoryJournal, Report
 from sleepcast.station.minds import FleetNames, ManyMinds, Mask, Minds, Telemetry, ToldByMany
+from sleepcast.station.parcels import AccountParcel, DeskParcel, ReportParcel
 from sleepcast.station.preview import YES, Preview, Rows, is_for_everybody, preview
 from sleepcast.station.roster import Index, Roster, Some
+from sleepcast.station.snapshot import journal_parcel, refill
 
 DEADLINE = 5.0
 """Seconds for which a one-shot command is good unless it says otherwise: time for repairs on a bad radio, too short
@@ -71,15 +73,6 @@ class NoExplanationError(SleepcastError):
     """The robot cannot say why: it did not hear the command, or has forgotten how it went."""
 
 
-@dataclass(frozen=True, slots=True)
-class Report:
-    """Something that a robot said unasked. heard: s of the desk's clock. body: what its message carried."""
-
-    robot: str
-    heard: float
-    body: dict[str, object]
-
-
 class Station:
     """One operator's desk; see the module for who may call what.
 
@@ -113,6 +106,38 @@ class Station:
         """The last STOP or RELEASE."""
         self._sequence = 0
         self._lock = RLock()
+
+    def state(self) -> bytes:
+        """Everything that it knows, but for what robots told of themselves one by one. Raises ParcelError for more than
+        fits."""
+        with self._lock:
+            commands = [command.state() for command in self._commands.values()]
+            latch = self._latch.state() if self._latch is not None else None
+            reports = [ReportParcel(report.robot, report.heard, report.body) for report in self.reports]
+            account = AccountParcel(self.operator, self.epoch, self._sequence, commands, latch, reports)
+            roster = self._roster.state(len(self._minds))
+            parcel = DeskParcel(account, roster, journal_parcel(self.journal))
+        return pack(parcel, room_for(len(self._minds)))
+
+    def restore(self, state: bytes) -> None:
+        """Know what a desk knew, of the same minds, that gave this state; a journal that is not kept in memory goes on
+        by itself. Raises ParcelError for anything else."""
+        desk = unpack(DeskParcel, state, room_for(len(self._minds)), "the part of the desk")
+        parcel = desk.account
+        if len(parcel.commands) > MAX_COMMANDS or len(parcel.reports) > MAX_REPORTS or parcel.sequence < 0:
+            raise ParcelError(f"{len(parcel.commands)} commands and {len(parcel.reports)} reports of a desk")
+        with self._lock:
+            self.operator, self.epoch, self._sequence = parcel.operator, parcel.epoch, parcel.sequence
+            self._roster.restore(desk.roster)
+            names = self._roster.names
+            found = [Command.restored(command, names) for command in parcel.commands]
+            self._commands = {command.id: command for command in found}
+            if parcel.latch is not None:
+                latch = Command.restored(parcel.latch, names)
+                self._latch = self._commands.get(latch.id, latch)
+            self.reports.extend(Report(report.robot, report.heard, report.body) for report in parcel.reports)
+            if isinstance(self.journal, MemoryJournal):
+                refill(self.journal, desk.journal, names)
 
     # ---- before sending
 

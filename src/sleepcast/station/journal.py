@@ -43,6 +43,15 @@ class Entry:
     details: Mapping[str, object]
 
 
+@dataclass(frozen=True, slots=True)
+class Report:
+    """Something that a robot said unasked. heard: s of the desk's clock. body: what its message carried."""
+
+    robot: str
+    heard: float
+    body: dict[str, object]
+
+
 class Journal(Protocol):
     """Where the desk writes; it only ever appends."""
 
@@ -81,3 +90,9 @@ class MemoryJournal:
     def dropped(self) -> int:
         """How many of the oldest entries are not kept any more."""
         return self._written - len(self._entries)
+
+    def fill(self, entries: Iterable[Entry], dropped: int) -> None:
+        """Have just these entries, after so many that are not kept any more."""
+        self._entries.clear()
+        self._entries.extend(entries)
+        self._written = dropped + len(self._entries)

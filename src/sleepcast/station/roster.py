@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.names import Names
 from sleepcast.errors import MisuseError, did_you_mean
+from sleepcast.parcel import Array
+from sleepcast.station.parcels import RosterParcel
 
 MAX_ROBOTS = 1_000_000
 """Robots on one roster; names beyond it are not taken in, so that a forger cannot fill the memory with names."""
@@ -71,6 +73,19 @@ class Roster:
             self.heard[place] = now
         return place
 
+    def state(self, minds: int) -> RosterParcel:
+        """All of it. minds: so many of the robots, from the first on, are known by their minds."""
+        listed = len(self.names)
+        return RosterParcel(list(self.names[minds:]), Array.of(self.heard[:listed]), Array.of(self.told[:listed]))
+
+    def restore(self, parcel: RosterParcel) -> None:
+        """Know what that roster knew. Raises ParcelError."""
+        for name in parcel.others:
+            self.enrol(name)
+        shape = (len(self.names),)
+        self.heard = parcel.heard.made(np.float64, shape, "when robots were heard")
+        self.told = parcel.told.made(np.float64, shape, "when robots told of themselves")
+
     def observe(self, robots: Index | slice, now: float) -> None:
         """Note that these robots have told of themselves at `now`."""
         self.heard[robots] = self.told[robots] = now
@@ -80,10 +95,10 @@ class Some(Sequence[str]):
     """Robots by their places, named only when somebody looks."""
 
     def __init__(self, names: Names, places: Index) -> None:
-        self._names, self._places = names, places
+        self._names, self.places = names, places
 
     def __len__(self) -> int:
-        return len(self._places)
+        return len(self.places)
 
     @overload
     def __getitem__(self, at: int) -> str: ...
@@ -93,8 +108,8 @@ class Some(Sequence[str]):
 
     def __getitem__(self, at: int | slice) -> str | tuple[str, ...]:
         if isinstance(at, slice):
-            return tuple(self._names[place] for place in self._places[at].tolist())
-        return self._names[int(self._places[at])]
+            return tuple(self._names[place] for place in self.places[at].tolist())
+        return self._names[int(self.places[at])]
 
 
 def _longer(column: Seconds) -> Seconds:

@@ -59,6 +59,12 @@ class Desk(Protocol):
     def attend(self) -> None:
         """Do what is to be done at every tick."""
 
+    def state(self) -> bytes:
+        """Everything that it knows, to be kept in a snapshot."""
+
+    def restore(self, state: bytes) -> None:
+        """Know what a desk knew that gave this state. Raises ValueError if it is none."""
+
 
 class Witness(Protocol):
     """Somebody who sees everything and changes nothing: a recording."""

@@ -1,0 +1,132 @@
+"""What a fleet is when it is kept: the parcels of its parts, from which the same fleet can be made again.
+
+Programs are kept as texts, with what their learned names meant, and compiled again. Robots are named by their indices.
+What only lasts within a tick is not here, and neither are the inputs of past commands, from which explanations are
+made.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from sleepcast.channel.message import Message
+from sleepcast.channel.parcels import ChorusParcel
+from sleepcast.parcel import Array, Arrays
+
+
+class ValuesParcel(msgspec.Struct):
+    """The variables and groups of a `FleetState`: by slot one number for all or a column; members by group."""
+
+    same: list[float]
+    columns: dict[int, Array]
+    groups: Arrays
+
+
+class StateParcel(msgspec.Struct):
+    """`FleetState`: its values, its arrays by name, and by slot who has assigned an actuator."""
+
+    values: ValuesParcel
+    arrays: Arrays
+    actuated: dict[int, Array]
+
+
+class ToldParcel(msgspec.Struct):
+    """What robots last told of themselves, and who was stopped then."""
+
+    values: ValuesParcel
+    stopped: Array
+
+
+class Meaning(msgspec.Struct, array_like=True):
+    """A learned name. sort: "variable", "rule", "operator" or "group"."""
+
+    sort: str
+    name: str
+    parameters: tuple[str, ...] = ()
+    uses: tuple[str, ...] = ()
+
+
+class ProgramParcel(msgspec.Struct, array_like=True):
+    """A program: its text and parameters, and what its free names meant when it was compiled."""
+
+    text: str
+    parameters: tuple[str, ...]
+    meanings: dict[str, Meaning]
+
+
+class KeptParcel(msgspec.Struct, array_like=True):
+    """A kept expression. program: its place among the programs."""
+
+    key: str
+    name: str
+    program: int
+    active: bool
+    protected: bool
+    priority: int
+
+
+class MindParcel(msgspec.Struct, array_like=True):
+    """A mind. operators: by key, their programs' places."""
+
+    rules: list[KeptParcel]
+    learned: dict[str, Meaning]
+    operators: dict[str, int]
+
+
+class MindsParcel(msgspec.Struct):
+    """The table of minds by number. user_names: the keys of user variables in the order of their slots."""
+
+    user_names: list[str]
+    programs: list[ProgramParcel]
+    minds: dict[int, MindParcel]
+    next: int
+
+
+class TallyParcel(msgspec.Struct, array_like=True):
+    """How one expression has fared; see `Tally`."""
+
+    arrays: Arrays
+    most_steps: int
+    faulted: bool
+    last_fault: dict[int, str]
+
+
+class TalliesParcel(msgspec.Struct):
+    """All tallies and leases by key."""
+
+    tallies: dict[str, TallyParcel]
+    leases: Arrays
+    proven_leases: Arrays
+
+
+class InboxParcel(msgspec.Struct):
+    """seen: ids of messages with who has heard them (None: all), oldest first. queue: what waits for whom."""
+
+    seen: list[tuple[str, Array | None]]
+    queue: list[tuple[Message, Array]]
+
+
+class SpeechParcel(msgspec.Struct):
+    """What has been said and not yet been sent: in one piece, or by robot where somebody has looked. pings: robots and
+    castes."""
+
+    epoch: int
+    sayings: list[ChorusParcel]
+    outboxes: dict[int, list[Message]]
+    pings: list[tuple[Array, Array]]
+    ping_lists: dict[int, list[float]]
+
+
+class FleetParcel(msgspec.Struct):
+    """Everything. left_over: by robot, the rules that the budget of the last tick did not reach. measured: by slot,
+    when each robot last measured it (s)."""
+
+    minds: MindsParcel
+    state: StateParcel
+    told: ToldParcel
+    tallies: TalliesParcel
+    inbox: InboxParcel
+    speech: SpeechParcel
+    left_over: dict[int, tuple[str, ...]]
+    measured: dict[int, Array]
+    minds_used: int

@@ -1,0 +1,221 @@
+"""Snapshots: a whole swarm between two ticks as one file, and a swarm that goes on from there to the last bit.
+
+The file is one msgpack document. Its cover says what it is, in which version of this format and by which version of
+sleepcast it was written; then come the parcels of the simulator (with the scenario), the fleet, the radio, the loop and
+the desk, each compressed by itself. Nothing in it is code: programs are texts, and are compiled again.
+
+A snapshot may come from anywhere. All of it is bounded and checked before the swarm that is made from it can run.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from stat import S_ISREG
+
+import msgspec
+
+from sleepcast import __version__
+from sleepcast.channel import Message
+from sleepcast.channel.parcels import RadioParcel
+from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.fleet import snapshot as fleets
+from sleepcast.fleet.parcels import FleetParcel
+from sleepcast.loop.swarm import MAX_MINDS, Desk, Swarm
+from sleepcast.parcel import UNREADABLE, ParcelError, pack, room_for, unpack
+from sleepcast.simulator import Order
+from sleepcast.simulator import snapshot as simulators
+from sleepcast.simulator.snapshot import SimulatorParcel
+
+FORMAT = 1
+"""The version of this format; a file of a newer one is refused."""
+KIND = "sleepcast snapshot"
+MAX_FILE = 4 * 1024**3
+"""Bytes of one file: a million robots in the largest world take a quarter of it."""
+MAX_ORDERS = 1_000
+"""Orders of a mission, and messages that wait to be sent: what a mission script may hold."""
+
+_BROKEN = (
+    *(ValueError, TypeError, LookupError, ArithmeticError, AttributeError),
+    *(AssertionError, RecursionError, MemoryError, SleepcastError),
+)
+"""What may be raised on the way from bytes, which anybody may have written, to a swarm."""
+
+
+class SnapshotError(MisuseError):
+    """Bytes or a file that no swarm can go on from."""
+
+
+class SnapshotLostError(SleepcastError):
+    """A snapshot that cannot be written."""
+
+
+class Cover(msgspec.Struct):
+    """What every version of this format begins with."""
+
+    kind: str
+    format: int
+    version: str
+
+
+class Document(Cover):
+    """The whole file. robots: how many there are, which bounds the rest. desk: None if nobody sat there."""
+
+    robots: int
+    simulator: bytes
+    fleet: bytes
+    radio: bytes
+    loop: bytes
+    desk: bytes | None
+
+
+class LoopParcel(msgspec.Struct):
+    """What the loop itself keeps. orders: of the mission, still to be given: time (s), text and place in its script.
+    posted: what the operator has sent since the last tick."""
+
+    orders: list[tuple[float, str, str]]
+    posted: list[Message]
+
+
+# ---- taking one
+
+
+def snapshot(swarm: Swarm) -> bytes:
+    """The swarm between two ticks, with its desk. Nothing of it is changed, so it goes on as if nobody had looked.
+
+    Raises SnapshotLostError for a swarm that says more than fits.
+    """
+    robots = len(swarm.fleet)
+    loop = LoopParcel([(order.time, order.text, order.place) for order in swarm.mission], list(swarm.posted))
+    parts = (simulators.state_of(swarm.simulator), fleets.state_of(swarm.fleet), swarm.radio.state(), loop)
+    desk = None if swarm.desk is None else swarm.desk.state()
+    try:
+        with ThreadPoolExecutor(len(parts)) as pool:
+            simulator, fleet, radio, rest = pool.map(lambda part: pack(part, room_for(robots)), parts)
+    except ParcelError as error:
+        raise SnapshotLostError(f"the swarm does not fit into a snapshot: {error}") from None
+    return msgspec.msgpack.encode(
+        Document(KIND, FORMAT, __version__, robots, simulator, fleet, radio, rest, desk),
+    )
+
+
+def save(data: bytes, file: Path) -> None:
+    """Put a snapshot into a file, which is replaced as a whole or left as it was. Raises SnapshotLostError."""
+    target = Path(os.path.realpath(file))
+    if target.exists() and not target.is_file():
+        raise SnapshotLostError(f"cannot write the snapshot {file}: that is no file; give another name")
+    beside = target.with_name(f".{target.name}.{os.getpid()}.new")
+    try:
+        try:
+            with open(beside, "xb") as output:
+                output.write(data)
+                output.flush()
+                os.fsync(output.fileno())
+            os.replace(beside, target)
+            _settle(target.parent)
+        except BaseException:
+            beside.unlink(missing_ok=True)
+            raise
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise SnapshotLostError(f"cannot write the snapshot {file}: {reason}. Nothing was replaced") from None
+
+
+def _settle(folder: Path) -> None:
+    """See that the folder's new entry outlives a loss of power, on systems where that can be asked for."""
+    if os.name == "posix":
+        opened = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(opened)
+        finally:
+            os.close(opened)
+
+
+# ---- going on from one
+
+
+def load(file: Path) -> bytes:
+    """The bytes of a snapshot. Raises SnapshotError for a file that cannot be one."""
+    try:
+        with open(file, "rb") as opened:
+            found = os.fstat(opened.fileno())
+            if not S_ISREG(found.st_mode):
+                raise SnapshotError(f"{file} is no file: wanted one that run --snapshot has written")
+            if found.st_size > MAX_FILE:
+                raise SnapshotError(f"{file} is too large for a snapshot: {found.st_size} bytes, at most {MAX_FILE}")
+            return opened.read(MAX_FILE)
+    except OSError as error:
+        raise SnapshotError(f"cannot read the snapshot {file}: {error.strerror or error}") from None
+
+
+def resume(
+    data: bytes,
+    *,
+    seed: int | None = None,
+    threads: int | None = None,
+    desk: Callable[[Swarm], Desk] | None = None,
+    name: str = "the snapshot",
+) -> Swarm:
+    """A swarm that goes on from a snapshot, bit for bit as the one that it was taken of.
+
+    seed: None is the swarm's own; another one makes a fork: the same past, another chance from here on. threads: for
+    the bodies. desk: makes the operator's desk for a swarm; it then knows what the old one knew. name: of the snapshot,
+    for errors. Raises SnapshotError for bytes that are no snapshot, of a newer version, or damaged.
+    """
+    document = _opened(data, name)
+    try:
+        swarm = _resumed(document, seed, threads)
+        if desk is not None:
+            swarm.desk = desk(swarm)
+            if document.desk is not None:
+                swarm.desk.restore(document.desk)
+    except _BROKEN as error:
+        reason = str(error).split("\n")[0] or type(error).__name__
+        raise SnapshotError(
+            f"{name} is damaged, or sleepcast has not written it: {reason[:300]}. Take another snapshot, or run the "
+            "scenario anew"
+        ) from error
+    return swarm
+
+
+def _opened(data: bytes, name: str) -> Document:
+    try:
+        cover = msgspec.msgpack.decode(data, type=Cover)
+    except UNREADABLE:
+        cover = None
+    if cover is None or cover.kind != KIND:
+        raise SnapshotError(
+            f"{name} is no snapshot of sleepcast, or not a whole one: make one with run SCENARIO --snapshot FILE"
+        )
+    if cover.format > FORMAT:
+        raise SnapshotError(
+            f"{name} has format {cover.format}, which is newer than this sleepcast, which reads format {FORMAT}: "
+            f"update sleepcast (the snapshot was taken by version {cover.version[:40]})"
+        )
+    try:
+        document = msgspec.msgpack.decode(data, type=Document)
+    except UNREADABLE as error:
+        raise SnapshotError(f"{name} is damaged: {error}. Take another snapshot, or run the scenario anew") from None
+    if not 0 < document.robots <= MAX_MINDS:
+        raise SnapshotError(f"{name} says that it holds {document.robots} robots, wanted 1 to {MAX_MINDS}")
+    return document
+
+
+def _resumed(document: Document, seed: int | None, threads: int | None) -> Swarm:
+    room = room_for(document.robots)
+    told = unpack(SimulatorParcel, document.simulator, room, "the part of the simulator")
+    if simulators.scenario_in(told).robots.count != document.robots:
+        raise ParcelError(f"a scenario with another number of robots than {document.robots}")
+    fleet = unpack(FleetParcel, document.fleet, room, "the part of the minds")
+    radio = unpack(RadioParcel, document.radio, room, "the part of the radio")
+    loop = unpack(LoopParcel, document.loop, room, "the part of the loop")
+    if max(len(loop.orders), len(loop.posted)) > MAX_ORDERS:
+        raise ParcelError(f"more than {MAX_ORDERS} orders")
+    simulator = simulators.resume(told, seed, threads)
+    swarm = Swarm(simulator, [Order(*order) for order in loop.orders])
+    fleets.restore(swarm.fleet, fleet, simulator.time)
+    swarm.radio.restore(radio, simulator.names)
+    swarm.posted.extend(loop.posted)
+    return swarm

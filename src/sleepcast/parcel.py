@@ -1,0 +1,134 @@
+"""Parcels: what a room wants to keep, as bytes, and back; nothing but plain data and arrays ever comes out of one.
+
+A parcel is a msgspec `Struct` as msgpack, compressed. Its fields say what may be in it, and msgspec refuses everything
+else; an `Array` is checked against the array that it is to become. All bytes are bounded before memory is asked for, so
+that a small file cannot grow without end.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Mapping
+from math import prod
+from typing import TYPE_CHECKING, TypeVar
+
+import msgspec
+
+from sleepcast.errors import SleepcastError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+LEVEL = 1
+"""Of the compression: higher ones take several times as long to save a few per cent."""
+
+LEAST_ROOM = 512 * 1024**2
+"""Bytes for what does not grow with the robots: a full journal, and copies on the air as many as a radio takes."""
+ROOM_FOR_ONE = 4_096
+"""Bytes for one robot: four times what its body and mind may take."""
+
+UNREADABLE = (msgspec.DecodeError, ValueError, RecursionError, SleepcastError)
+"""What decoding bytes may raise that anybody has written."""
+
+Body = TypeVar("Body", bound=msgspec.Struct)
+Scalar = TypeVar("Scalar", bound="np.generic")
+
+
+class ParcelError(ValueError):
+    """A parcel in which something else is than there should be; whoever opened it knows where it came from."""
+
+
+class Array(msgspec.Struct, frozen=True, array_like=True):
+    """An array: its dtype (numpy's code, little endian), its shape, and its bytes: the first of each element, then the
+    second of each, and so on, since neighbours are alike in some bytes and not in others, which compresses better."""
+
+    dtype: str
+    shape: tuple[int, ...]
+    data: bytes
+
+    @classmethod
+    def of(cls, values: NDArray[np.generic]) -> Array:
+        """A copy of an array of numbers or truths."""
+        import numpy as np
+
+        little = np.ascontiguousarray(values, values.dtype.newbyteorder("<"))
+        apart = little.reshape(-1).view(np.uint8).reshape(-1, little.dtype.itemsize)
+        return cls(little.dtype.str, values.shape, apart.T.tobytes())
+
+    def made(self, sort: type[Scalar], shape: tuple[int, ...], name: str) -> NDArray[Scalar]:
+        """The array, which must hold scalars of this sort and have this shape. name: for the error. Raises
+        ParcelError."""
+        import numpy as np
+
+        wanted = np.dtype(sort).newbyteorder("<")
+        if self.dtype != wanted.str or self.shape != shape:
+            raise ParcelError(f"{name} is {self._kind()}, wanted {wanted.str}{list(shape)}")
+        if len(self.data) != prod(shape) * wanted.itemsize:
+            raise ParcelError(f"{name} has {len(self.data)} bytes, wanted {prod(shape) * wanted.itemsize}")
+        apart = np.frombuffer(self.data, np.uint8).reshape(wanted.itemsize, -1)
+        if wanted.kind == "b" and (apart > 1).any():
+            raise ParcelError(f"{name} holds something that is neither true nor false")
+        found = apart.T.copy(order="C").view(wanted).reshape(shape)
+        return found.astype(sort, copy=False)
+
+    def column(self, sort: type[Scalar], most: int, name: str) -> NDArray[Scalar]:
+        """The same for one dimension of any length up to `most`."""
+        if len(self.shape) != 1 or not 0 <= self.shape[0] <= most:
+            raise ParcelError(f"{name} is {self._kind()}, wanted a list of at most {most}")
+        return self.made(sort, self.shape, name)
+
+    def _kind(self) -> str:
+        return f"{self.dtype[:8]}{list(self.shape)[:4]}"
+
+
+Arrays = dict[str, Array]
+
+
+def kept(arrays: Mapping[str, NDArray[np.generic]]) -> Arrays:
+    """Copies of arrays by name."""
+    return {name: Array.of(values) for name, values in arrays.items()}
+
+
+def put_back(parcel: Arrays, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+    """Write what is kept into these arrays, in place: the same names, dtypes and shapes, and no other. Raises
+    ParcelError."""
+    if parcel.keys() != arrays.keys():
+        odd = ", ".join(sorted(parcel.keys() ^ arrays.keys()))
+        raise ParcelError(f"wanted other columns than there are: {odd[:80]}")
+    for name, values in arrays.items():
+        values[...] = parcel[name].made(values.dtype.type, values.shape, name)
+
+
+def within(values: NDArray[np.generic], low: float, high: float, name: str) -> None:
+    """Raises ParcelError unless all of the values lie from `low` to `high`; unknown does not."""
+    if values.size and not (float(values.min()) >= low and float(values.max()) <= high):
+        raise ParcelError(f"{name} is not everywhere from {low:g} to {high:g}")
+
+
+def room_for(robots: int) -> int:
+    """Bytes that a parcel about so many robots may have, before it is compressed."""
+    return LEAST_ROOM + ROOM_FOR_ONE * robots
+
+
+def pack(body: msgspec.Struct, most: int) -> bytes:
+    """A parcel as bytes. most: so many of them can be unpacked again. Raises ParcelError for more."""
+    plain = msgspec.msgpack.encode(body)
+    if len(plain) > most:
+        raise ParcelError(f"{len(plain)} bytes, at most {most} have room")
+    return zlib.compress(plain, LEVEL)
+
+
+def unpack(kind: type[Body], data: bytes, most: int, name: str) -> Body:
+    """The parcel of this kind in `data`, of at most so many bytes. name: for the error. Raises ParcelError."""
+    opened = zlib.decompressobj()
+    try:
+        plain = opened.decompress(data, most)
+    except zlib.error:
+        raise ParcelError(f"{name} is damaged") from None
+    if not opened.eof:
+        raise ParcelError(f"{name} is not complete, or has more than {most} bytes")
+    try:
+        return msgspec.msgpack.decode(plain, type=kind)
+    except UNREADABLE as error:
+        raise ParcelError(f"{name}: {error}") from None

@@ -1,0 +1,191 @@
+"""A simulator as a parcel, and a simulator that goes on where that one was.
+
+The parcel holds the scenario as it was simulated, so it stands alone: a simulator is made of that scenario, then its
+arrays are overwritten. What comes from the seed alone is not kept; with another seed, another chance goes on from the
+same past.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, is_dataclass
+from math import isnan
+
+import msgspec
+import numpy as np
+
+from sleepcast.errors import SleepcastError
+from sleepcast.parcel import Arrays, ParcelError, kept, put_back, within
+from sleepcast.simulator.bodies import MAX_SAYINGS, Mode, Saying
+from sleepcast.simulator.packing import pack, unpack
+from sleepcast.simulator.robot_settings import (
+    LEAST,
+    MAX_BUMPERS,
+    MAX_ORDER,
+    MAX_ROBOTS,
+    MAX_SONARS,
+    MAX_STORES,
+    MAX_TICKS,
+    MAX_TIME,
+    MAX_WORLD,
+    WIDEST_BEAM,
+    RobotSpec,
+)
+from sleepcast.simulator.scenario import Scenario
+from sleepcast.simulator.signals import MAX_LIGHTS, MAX_QUEUE
+from sleepcast.simulator.simulation import Simulator
+from sleepcast.simulator.world import Shape
+from sleepcast.simulator.world_settings import MAX_SEED
+
+MAX_WORDS = 16_384
+"""Characters of one saying: what a message holds."""
+
+
+class SimulatorParcel(msgspec.Struct):
+    """scenario, things: as `packing` writes them. following: the number that the next thing gets. said: time (s), robot
+    and words. measures: see `Measuring.state`."""
+
+    scenario: bytes
+    seed: int
+    tick: int
+    columns: Arrays
+    things: bytes
+    following: int
+    said: list[tuple[float, int, str]]
+    measures: list[tuple[int, list[list[float]]]]
+
+
+@dataclass(frozen=True, slots=True)
+class Things:
+    """What stands in a world, with its numbers."""
+
+    numbers: tuple[int, ...]
+    shapes: tuple[Shape, ...]
+
+
+def state_of(simulator: Simulator) -> SimulatorParcel:
+    """The simulator between two ticks. Nothing of it is changed."""
+    world = simulator.world
+    return SimulatorParcel(
+        pack(simulator.scenario),
+        simulator.seed,
+        simulator.tick,
+        kept(simulator.bodies.arrays() | simulator.senses.arrays()),
+        pack(Things(tuple(world.shapes), tuple(world.shapes.values()))),
+        world.following,
+        [(saying.time, saying.robot, saying.text) for saying in simulator.said],
+        simulator.measuring.state(),
+    )
+
+
+def resume(parcel: SimulatorParcel, seed: int | None = None, threads: int | None = None) -> Simulator:
+    """A simulator that goes on from there; seed: None is the one that it had. Raises ParcelError."""
+    scenario = scenario_in(parcel)
+    for number, low, high in ((parcel.seed, 0, MAX_SEED), (parcel.tick, 0, MAX_TICKS)):
+        if not low <= number <= high:
+            raise ParcelError(f"a seed or tick {number} that does not lie in {low}..{high}")
+    simulator = Simulator(scenario, parcel.seed if seed is None else seed, threads=threads)
+    bodies = simulator.bodies
+    bodies.tick = parcel.tick
+    put_back(parcel.columns, bodies.arrays() | simulator.senses.arrays())
+    _check(simulator)
+    try:
+        things = unpack(Things, parcel.things)
+        simulator.world.fill(dict(zip(things.numbers, things.shapes, strict=True)), parcel.following)
+    except (ValueError, SleepcastError) as error:
+        raise ParcelError(f"what stands in the world: {error}") from None
+    if len(parcel.said) > MAX_SAYINGS:
+        raise ParcelError(f"{len(parcel.said)} sayings, at most {MAX_SAYINGS} are kept")
+    for time, robot, text in parcel.said:
+        if not 0 <= robot < bodies.count or isnan(time) or len(text) > MAX_WORDS:
+            raise ParcelError("a saying of a robot that is not there, or without end")
+        simulator.said.append(Saying(time, robot, text))
+    simulator.measuring.restore(parcel.measures)
+    bodies.forget()
+    return simulator
+
+
+def _check(simulator: Simulator) -> None:
+    """Raises ParcelError for columns that no run comes to: the next ticks count on these."""
+    bodies = simulator.bodies
+    for name in ("x", "y", "encoder_x", "encoder_y", "target_x", "target_y"):
+        within(getattr(bodies, name), -2.0 * MAX_WORLD, 2.0 * MAX_WORLD, name)
+    for name in ("heading", "encoder_heading"):
+        within(getattr(bodies, name), -4.0, 4.0, name)
+    for name in ("speed", "left", "right", "wanted_speed", "wanted_turn", "swing", "roaming"):
+        within(getattr(bodies, name), -np.finfo(np.float64).max, np.finfo(np.float64).max, name)
+    within(bodies.mode, min(Mode), max(Mode), "mode")
+    for ring in bodies.rings:
+        columns = ring.arrays()
+        if columns:
+            within(ring.turn, 0, len(ring.ring.order) - 1, "turn")
+            within(ring.due, bodies.time, np.inf, "due")
+        if ring.crosstalk:
+            within(columns["ping_by"], 0, ring.ring.count - 1, "ping_by")
+            within(columns["ping_next"], 0, columns["ping_by"].shape[1] - 1, "ping_next")
+    if simulator.scenario.pings is not None:
+        within(simulator.senses.arrays()["pings"], 0, simulator.scenario.pings.queue, "pings")
+
+
+# ---- the scenario
+
+
+def scenario_in(parcel: SimulatorParcel) -> Scenario:
+    """The scenario of a snapshot. Raises ParcelError for one that cannot be simulated."""
+    try:
+        found = unpack(Scenario, parcel.scenario)
+    except (ValueError, RecursionError, SleepcastError) as error:
+        raise ParcelError(f"the scenario in it is not one of this version: {error}") from None
+    for name, number, least, most in _bounds(found):
+        if not least <= number <= most:
+            raise ParcelError(f"a scenario with {number} {name}, wanted {least:g} to {most:g}")
+    if _has_nan(found):
+        raise ParcelError("a scenario with a number that is none")
+    return found
+
+
+def _bounds(scenario: Scenario) -> Iterator[tuple[str, float, float, float]]:
+    """What has bounds on which memory and time depend: its name, the value, the least and the most."""
+    yield "s in a tick", scenario.tick, 1e-3, 60.0
+    yield "s between two samples", scenario.telemetry, LEAST, MAX_TIME
+    yield "simulated s in a second", scenario.speed_up, 1e-3, 1e6
+    yield "m across the world", scenario.width, LEAST, MAX_WORLD
+    yield "m up the world", scenario.height, LEAST, MAX_WORLD
+    yield "robots", scenario.robots.count, 1, MAX_ROBOTS
+    yield "lights", len(scenario.lights), 0, MAX_LIGHTS
+    if scenario.pings is not None:
+        yield "pings waiting", scenario.pings.queue, 1, MAX_QUEUE
+    for robots in (scenario.robots, *scenario.sorts):
+        yield from _bounds_of(robots)
+
+
+def _bounds_of(robots: RobotSpec) -> Iterator[tuple[str, float, float, float]]:
+    """The same of one sort of robots."""
+    ring = robots.ring
+    yield "robots of a sort", robots.count, 0, MAX_ROBOTS
+    yield "m as a radius", robots.geometry.radius, LEAST, MAX_WORLD
+    for limit in (robots.limits.speed, robots.limits.turn_rate, robots.limits.acceleration):
+        yield "as a limit of motion", limit, LEAST, 10_000.0
+    yield "stores", len(robots.stores), 0, MAX_STORES
+    yield "sonars", robots.geometry.sonars, 0, 360
+    yield "bumpers", robots.bumpers, 0, MAX_BUMPERS
+    yield "robots in groups", sum(group.count for group in robots.groups), 0, MAX_ROBOTS
+    if robots.wheels is not None:
+        yield "m between wheels", robots.wheels.track, LEAST, MAX_WORLD
+    if ring is not None:
+        yield "sonars", ring.count, 1, MAX_SONARS
+        yield "rad in a beam", ring.beam, LEAST, WIDEST_BEAM
+        yield "m in reach of a sonar", ring.most, LEAST, MAX_WORLD
+        yield "sonars in an order", len(ring.order), 1, MAX_ORDER
+        for sonar in ring.order:
+            yield "as a sonar in an order", sonar, 0, ring.count - 1
+
+
+def _has_nan(value: object) -> bool:
+    if isinstance(value, float):
+        return isnan(value)
+    if is_dataclass(value) and not isinstance(value, type):
+        return any(_has_nan(getattr(value, field.name)) for field in fields(value))
+    if isinstance(value, dict):
+        return any(map(_has_nan, value.values()))
+    return isinstance(value, tuple) and any(map(_has_nan, value))

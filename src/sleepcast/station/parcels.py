@@ -1,0 +1,86 @@
+"""What a desk knows when it is kept: its account, its roster, its journal and where it was in its numbers.
+
+Robots are named by their places on the roster: those of the minds come first, then whoever else has been heard.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from sleepcast.channel import Message
+from sleepcast.parcel import Array
+from sleepcast.station.journal import Event
+
+
+class AnswersParcel(msgspec.Struct, array_like=True):
+    """The first answer of each robot; see `Answers`."""
+
+    outcome: Array
+    heard: Array
+    value: Array
+    fault: Array | None
+    faults: tuple[str, ...]
+
+
+class CommandParcel(msgspec.Struct, array_like=True):
+    """See `Command`."""
+
+    message: Message
+    addressed: int
+    expected: Array
+    last_sent: float
+    answers: AnswersParcel
+
+
+class EntryParcel(msgspec.Struct, array_like=True):
+    """An entry of the journal without its number. robots: details that are robots, by their places."""
+
+    time: float
+    who: str
+    event: Event
+    subject: str
+    text: str
+    details: dict[str, object]
+    robots: dict[str, Array] = {}
+
+
+class JournalParcel(msgspec.Struct):
+    """The entries that are kept, and how many were dropped before them."""
+
+    dropped: int
+    entries: list[EntryParcel]
+
+
+class ReportParcel(msgspec.Struct, array_like=True):
+    """See `Report`."""
+
+    robot: str
+    heard: float
+    body: dict[str, object]
+
+
+class RosterParcel(msgspec.Struct):
+    """others: names on the roster that are none of the minds'. heard, told: see `Roster`."""
+
+    others: list[str]
+    heard: Array
+    told: Array
+
+
+class AccountParcel(msgspec.Struct):
+    """Who sends, what was sent and what was heard. latch: the last STOP or RELEASE."""
+
+    operator: str
+    epoch: int
+    sequence: int
+    commands: list[CommandParcel]
+    latch: CommandParcel | None
+    reports: list[ReportParcel]
+
+
+class DeskParcel(msgspec.Struct):
+    """Everything."""
+
+    account: AccountParcel
+    roster: RosterParcel
+    journal: JournalParcel

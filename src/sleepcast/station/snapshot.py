@@ -1,0 +1,38 @@
+"""The desk's journal as a parcel and back; the desk, its roster and its account keep themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sleepcast.channel.names import Names
+from sleepcast.channel.parcels import ascending
+from sleepcast.parcel import Array, ParcelError
+from sleepcast.station.journal import MAX_ENTRIES, Entry, Journal, MemoryJournal
+from sleepcast.station.parcels import EntryParcel, JournalParcel
+from sleepcast.station.roster import Some
+
+
+def journal_parcel(journal: Journal) -> JournalParcel:
+    """Every entry that a journal has."""
+    return JournalParcel(journal.dropped, [_entry_parcel(entry) for entry in journal.entries()])
+
+
+def refill(journal: MemoryJournal, parcel: JournalParcel, names: Names) -> None:
+    """Have the entries that were kept. Raises ParcelError."""
+    if parcel.dropped < 0 or len(parcel.entries) > MAX_ENTRIES:
+        raise ParcelError(f"a journal of {len(parcel.entries)} entries after {parcel.dropped}")
+    entries = enumerate(parcel.entries, parcel.dropped + 1)
+    journal.fill([_entry(number, entry, names) for number, entry in entries], parcel.dropped)
+
+
+def _entry_parcel(entry: Entry) -> EntryParcel:
+    robots = {key: value for key, value in entry.details.items() if isinstance(value, Some)}
+    details = {key: value for key, value in entry.details.items() if key not in robots}
+    places = {key: Array.of(some.places.astype(np.int32)) for key, some in robots.items()}
+    return EntryParcel(entry.time, entry.who, entry.event, entry.subject, entry.text, details, places)
+
+
+def _entry(number: int, parcel: EntryParcel, names: Names) -> Entry:
+    robots = {key: Some(names, ascending(places, len(names))) for key, places in parcel.robots.items()}
+    details = parcel.details | robots
+    return Entry(number, parcel.time, parcel.who, parcel.event, parcel.subject, parcel.text, details)

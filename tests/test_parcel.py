@@ -1,0 +1,142 @@
+"""Parcels: what goes in comes out, and nothing else does, whatever the bytes."""
+
+from __future__ import annotations
+
+import zlib
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from sleepcast.parcel import Array, Arrays, ParcelError, kept, pack, put_back, unpack, within
+
+SORTS = (np.float64, np.float32, np.int64, np.int32, np.int16, np.int8, np.uint8, np.uint64, np.bool_)
+MOST = 1 << 20
+
+
+class Box(msgspec.Struct):
+    name: str
+    numbers: Arrays
+    pairs: list[tuple[int, float]] = []
+
+
+def opened(data: bytes, most: int = MOST) -> Box:
+    return unpack(Box, data, most, "the box")
+
+
+@given(
+    values=st.sampled_from(SORTS).flatmap(
+        lambda sort: arrays.arrays(sort, arrays.array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=5))
+    )
+)
+def test_an_array_comes_back_as_it_was(values: np.ndarray[tuple[int, ...], np.dtype[np.generic]]) -> None:
+    found = opened(pack(Box("a", {"values": Array.of(values)}), MOST)).numbers["values"]
+    made = found.made(values.dtype.type, values.shape, "values")
+    assert (made.dtype, made.shape, made.tobytes()) == (values.dtype, values.shape, values.tobytes())
+    assert made.flags.writeable
+    before = values.tobytes()
+    made[...] = np.zeros_like(made)
+    assert values.tobytes() == before
+
+
+def test_an_array_that_lies_in_another_order_comes_back() -> None:
+    values = np.arange(12.0).reshape(3, 4).T[::2]
+    assert Array.of(values).made(np.float64, (2, 3), "values").tolist() == values.tolist()
+    assert Array.of(values.astype(">f8")).made(np.float64, (2, 3), "values").tolist() == values.tolist()
+
+
+@pytest.mark.parametrize(
+    ("array", "why"),
+    [
+        (Array("<f4", (3,), bytes(12)), r"values is <f4\[3\], wanted <f8\[3\]"),
+        (Array("<f8", (4,), bytes(32)), r"values is <f8\[4\], wanted <f8\[3\]"),
+        (Array("<f8", (3, 1), bytes(24)), "wanted"),
+        (Array("<f8", (3,), bytes(23)), "has 23 bytes, wanted 24"),
+        (Array("<f8", (3,), b""), "has 0 bytes"),
+        (Array("|O8", (3,), bytes(24)), "wanted"),
+        (Array("x" * 10_000, tuple(range(1000)), b""), "wanted"),
+    ],
+)
+def test_another_array_is_refused(array: Array, why: str) -> None:
+    with pytest.raises(ParcelError, match=why) as caught:
+        array.made(np.float64, (3,), "values")
+    assert len(str(caught.value)) < 100
+
+
+def test_a_truth_is_true_or_false() -> None:
+    with pytest.raises(ParcelError, match="neither true nor false"):
+        Array("|b1", (2,), b"\1\2").made(np.bool_, (2,), "flags")
+
+
+def test_a_list_has_its_longest() -> None:
+    assert Array.of(np.arange(3)).column(np.int64, 3, "list").tolist() == [0, 1, 2]
+    for wrong in (Array.of(np.arange(4)), Array.of(np.zeros((1, 1), np.int64)), Array("<i8", (-1,), b"")):
+        with pytest.raises(ParcelError, match="a list of at most 3"):
+            wrong.column(np.int64, 3, "list")
+
+
+def test_columns_are_written_in_place() -> None:
+    values = {"x": np.arange(3.0), "flags": np.array([True, False])}
+    parcel = kept(values)
+    x = values["x"]
+    x[:] = 0.0
+    put_back(parcel, values)
+    assert x.tolist() == [0.0, 1.0, 2.0]
+    for wrong in ({"x": parcel["x"]}, parcel | {"y": parcel["x"]}, parcel | {"x": parcel["flags"]}):
+        with pytest.raises(ParcelError):
+            put_back(wrong, values)
+
+
+def test_bounds_leave_out_what_is_no_number() -> None:
+    within(np.array([0.0, 1.0]), 0.0, 1.0, "share")
+    within(np.array([]), 0.0, 1.0, "share")
+    for wrong in (-0.1, 1.1, np.nan, np.inf):
+        with pytest.raises(ParcelError, match="share is not everywhere from 0 to 1"):
+            within(np.array([0.5, wrong]), 0.0, 1.0, "share")
+
+
+def test_a_bomb_does_not_go_off() -> None:
+    bomb = zlib.compress(b"\xc6\xff\xff\xff\xff" + bytes(50_000_000), 9)
+    with pytest.raises(ParcelError, match="has more than 1000 bytes"):
+        opened(bomb, 1000)
+
+
+def test_bytes_that_claim_more_than_they_are_ask_for_no_memory() -> None:
+    for claim in (b"\xdd\xff\xff\xff\xff", b"\xdf\xff\xff\xff\xff", b"\xc6\xff\xff\xff\xff"):
+        with pytest.raises(ParcelError):
+            opened(zlib.compress(claim))
+
+
+def test_what_is_nested_too_deep_is_refused() -> None:
+    name = msgspec.msgpack.encode("pairs")
+    with pytest.raises(ParcelError):
+        opened(zlib.compress(b"\x81" + name + b"\x91" * 200_000))
+
+
+WHOLE = pack(Box("whole", kept({"x": np.arange(40.0)}), [(1, 2.0)] * 30), MOST)
+
+
+@given(cut=st.integers(0, len(WHOLE) - 1))
+def test_a_parcel_that_ends_early_is_refused(cut: int) -> None:
+    with pytest.raises(ParcelError):
+        opened(WHOLE[:cut])
+
+
+@given(place=st.integers(0, len(WHOLE) - 1), bits=st.integers(1, 255))
+def test_a_parcel_with_a_changed_byte_is_refused_or_the_same(place: int, bits: int) -> None:
+    changed = bytearray(WHOLE)
+    changed[place] ^= bits
+    try:
+        assert opened(bytes(changed)) == opened(WHOLE)
+    except ParcelError:
+        return
+
+
+@given(data=st.binary(max_size=200))
+def test_any_bytes_are_refused(data: bytes) -> None:
+    for packed in (data, zlib.compress(data)):
+        with pytest.raises(ParcelError):
+            opened(packed)

@@ -30,7 +30,7 @@ def assemble(
     scenario: Scenario, seed: int | None, *, mission: bool, threads: int | None = None
 ) -> tuple[Swarm, Station]:
     """A swarm in its scenario and the operator's desk. mission: whether the desk sends the scenario's own orders.
-    threads: for the bodies; None is one for each core."""
+    threads: None is one for each core."""
     simulator = Simulator(scenario, seed, threads=threads)
     swarm = Swarm(simulator, scenario.mission if mission else ())
     station = desk_of(swarm)

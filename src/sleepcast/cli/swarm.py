@@ -62,7 +62,7 @@ _COMMON = (
     click.option("--robots", metavar="N", type=click.IntRange(min=1), help="So many robots; else the scenario's."),
     click.option("--density", metavar="M2", type=float, help="So many square metres for each robot."),
     click.option("--no-walls", is_flag=True, help="Leave out everything solid in the scenario."),
-    click.option("--threads", metavar="N", type=click.IntRange(1, 64), help="For the bodies; else one for each core."),
+    click.option("--threads", metavar="N", type=click.IntRange(1, 64), help="So many; else one for each core."),
     click.option("--seconds", metavar="S", type=float, help="Headless: how long to run, in simulated time."),
     click.option("--json", "as_json", is_flag=True, help="Headless: print the outcome as one JSON object."),
     click.option("--quiet", is_flag=True, help="Headless: show no progress on standard error."),

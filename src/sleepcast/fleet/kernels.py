@@ -25,6 +25,8 @@ from sleepcast.fleet.native import LANES, THERE, TROUBLED, Kernel, Sink, moment
 from sleepcast.language.machine import MAX_STEPS, Program
 from sleepcast.language.parts import walk
 
+MOST_THREADS = 2
+"""Threads that share the work of one piece of native code."""
 HOT = 4
 """Walks of the same programs before native code is made of them: a command is heard once, a rule stays."""
 MAX_KERNELS = 512
@@ -77,11 +79,11 @@ class Kernels:
     """The native code of a fleet's programs.
 
     hot: see `HOT`; with 0 nothing is ever walked that could be native, because all wait for the code. threads: that
-    share the work where there is much of it, 1 or 2.
+    share the work where there is much of it; more than `MOST_THREADS` are as many.
     """
 
-    def __init__(self, hot: int = HOT, threads: int = 2) -> None:
-        self._hot, self._threads = hot, threads
+    def __init__(self, hot: int = HOT, threads: int = MOST_THREADS) -> None:
+        self._hot, self._threads = hot, min(threads, MOST_THREADS)
         self._plans: dict[tuple[tuple[str, ...], tuple[Rule, ...]], Plan] = {}
         self._of_mind: WeakKeyDictionary[Mind, Plan] = WeakKeyDictionary()
         self._rules: dict[tuple[Rule, ...], Future[Kernel]] = {}

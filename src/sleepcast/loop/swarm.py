@@ -100,6 +100,7 @@ class Swarm:
             simulator.names,
             self.vocabulary,
             seed=simulator.seed,
+            threads=simulator.threads,
             bodies=simulator.robots,
             sensed=simulator.sensed,
         )

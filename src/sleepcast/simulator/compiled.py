@@ -10,8 +10,10 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from hashlib import sha256
 from pathlib import Path
+from stat import S_ISDIR
 from typing import Any, TypeVar, cast
 
 import numba
@@ -27,7 +29,10 @@ SOURCES = ("kernels*.py", "compiled.py", "lanes.py", "formulas.py", "driving.py"
 
 def cache_folder() -> Path:
     """The user's cache folder, or one among the temporary files where that cannot be written. Another one for each
-    state of the sources: numba itself would not notice a change in what a kernel takes from another module."""
+    state of the sources: numba itself would not notice a change in what a kernel takes from another module.
+
+    Code is loaded from there, so among the temporary files a folder serves that is this user's alone.
+    """
     caches = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
     sources = sorted(source for names in SOURCES for source in Path(__file__).parent.glob(names))
     state = sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:12]
@@ -38,7 +43,16 @@ def cache_folder() -> Path:
         writable = False
     else:
         writable = os.access(folder, os.W_OK)
-    return folder if writable else Path(tempfile.gettempdir()) / f"sleepcast-kernels-{os.getuid()}-{state}"
+    return folder if writable else _private(Path(tempfile.gettempdir()) / f"sleepcast-kernels-{os.getuid()}-{state}")
+
+
+def _private(folder: Path) -> Path:
+    """This folder, if nobody else can write to it, or a new one."""
+    with suppress(FileExistsError):
+        folder.mkdir(mode=0o700)
+    found = folder.lstat()
+    mine = S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o077
+    return folder if mine else Path(tempfile.mkdtemp(prefix="sleepcast-kernels-"))
 
 
 _settings: Any = numba.config

@@ -6,6 +6,7 @@ most pairs in single precision. What a machine computes never depends on its num
 
 from __future__ import annotations
 
+import os
 from importlib.util import find_spec
 from typing import Protocol
 
@@ -20,6 +21,12 @@ from sleepcast.simulator.steps import Columns, Draws, Proposal
 
 MAX_THREADS = 64
 """Threads of one machine: more cores than this share one memory badly."""
+
+
+def cores() -> int:
+    """Cores that this process may use, as far as they are of use."""
+    there = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(there, MAX_THREADS)
 
 
 class Machine(Protocol):
@@ -86,4 +93,4 @@ def choose(name: str | None = None, threads: int | None = None) -> Machine:
         raise MisuseError('the machine "numba" needs the package numba: install sleepcast[fast], or take "numpy"')
     from sleepcast.simulator.fast import NumbaMachine
 
-    return NumbaMachine(threads)
+    return NumbaMachine(threads or cores())

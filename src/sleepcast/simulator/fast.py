@@ -6,7 +6,6 @@ everything, because waking another one takes longer.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
@@ -38,12 +37,12 @@ FOLDED = 16
 
 
 class NumbaMachine:
-    """See `engine.Machine`. threads: None is one for each core."""
+    """See `engine.Machine`."""
 
     name = "numba"
 
-    def __init__(self, threads: int | None = None) -> None:
-        self.threads = threads or len(os.sched_getaffinity(0))
+    def __init__(self, threads: int) -> None:
+        self.threads = threads
         self._pool: ThreadPoolExecutor | None = None
         self._kept: Ranges = np.empty(0, np.float32)
         self._walls: list[tuple[Listed, Walls]] = []

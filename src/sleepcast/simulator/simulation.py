@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sleepcast.simulator.bodies import Bodies, Floats, Saying
 from sleepcast.simulator.body import model_of
-from sleepcast.simulator.engine import Machine, choose
+from sleepcast.simulator.engine import Machine, choose, cores
 from sleepcast.simulator.events import happen
 from sleepcast.simulator.measures import Measuring
 from sleepcast.simulator.motion import step
@@ -45,9 +45,11 @@ class Simulator:
     ) -> None:
         self.scenario = scenario
         self.seed = scenario.seed if seed is None else seed
+        self.threads = threads or cores()
+        """Threads that may work at once."""
         if machine is None:
             light = scenario.robots.ring is None and not scenario.robots.bumpers
-            machine = choose("numpy" if light else None, threads)
+            machine = choose("numpy" if light else None, self.threads)
         self.bodies = Bodies(scenario, self.seed, machine)
         self.world = self.bodies.world
         """The solid things, which may be changed between ticks."""

@@ -10,7 +10,6 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from sleepcast import loop
 from sleepcast.errors import MisuseError
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Changes, Simulator, Wall, choose, find_scenario
@@ -80,7 +79,7 @@ class TestChanges:
         assert scenario.fenced
 
     def test_more_robots_than_minds_are_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(loop, "MAX_MINDS", 9)
+        monkeypatch.setattr("sleepcast.loop.swarm.MAX_MINDS", 9)
         simulator = Simulator(find_scenario("crowd", Changes(robots=10, walls=False)))
         with pytest.raises(MisuseError, match=r"10 robots are too many: at most 9 minds"):
             Swarm(simulator)

@@ -198,7 +198,13 @@ class NumbaMachine:
         return self.threads == 1 or count <= ALONE
 
     def _together(self, work: Callable[[int, int], Result], borders: list[int]) -> list[Result]:
+        """Let all threads, this one among them, take the next stretch until none is left."""
         if self._pool is None:
-            self._pool = ThreadPoolExecutor(self.threads, "kernels")
-        jobs = [self._pool.submit(work, *pair) for pair in pairwise(borders) if pair[0] < pair[1]]
-        return [job.result() for job in jobs]
+            self._pool = ThreadPoolExecutor(self.threads - 1, "kernels")
+        stretches = iter([pair for pair in pairwise(borders) if pair[0] < pair[1]])  # of which each is given out once
+
+        def some() -> list[Result]:
+            return [work(*stretch) for stretch in stretches]
+
+        others = [self._pool.submit(some) for _ in range(self.threads - 1)]
+        return [*some(), *(result for other in others for result in other.result())]

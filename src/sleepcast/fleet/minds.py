@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 from sleepcast.errors import SleepcastError
 from sleepcast.language.machine import Library, Program
-from sleepcast.language.names import Declared, Operator, Stored, circle, clash, uses_in
+from sleepcast.language.names import Declared, Operator, circle, clash, declared_in, uses_in
 from sleepcast.language.reader import read_all
 from sleepcast.language.vocabulary import BUFFERS, Vocabulary, buffer_number
 
@@ -56,9 +56,7 @@ class Mind:
 
     def declared(self, key: str) -> Declared | None:
         """What is learned under `key`."""
-        if buffer_number(key) is not None and (kept := self.rules.get(key)) is not None:
-            return Stored(kept.name, kept.program.uses)
-        return self.learned.get(key)
+        return declared_in(self.rules, self.learned, key)
 
     def heard(self) -> Iterable[str]:
         """Every learned name as written."""
@@ -95,9 +93,7 @@ class Draft:
         self.effects: list[Effect] = []
 
     def declared(self, key: str) -> Declared | None:
-        if buffer_number(key) is not None and (kept := self.rules.get(key)) is not None:
-            return Stored(kept.name, kept.program.uses)
-        return self.learned.get(key)
+        return declared_in(self.rules, self.learned, key)
 
     def heard(self) -> Iterable[str]:
         return [found.name for found in self.learned.values()]

@@ -6,11 +6,11 @@ a robot's mind is one, and `FreshNames` is a robot that has learned nothing yet.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from sleepcast.language.vocabulary import Vocabulary
+from sleepcast.language.vocabulary import Vocabulary, buffer_number
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +48,30 @@ class Group:
 Declared = UserVariable | Stored | Operator | Group
 
 SORTS: dict[type, str] = {UserVariable: "user variable", Stored: "rule", Operator: "operator", Group: "group"}
+
+
+class Naming(Protocol):
+    """A program, as far as names go. uses: as in `Stored`."""
+
+    @property
+    def uses(self) -> frozenset[str]: ...
+
+
+class KeptExpression(Protocol):
+    """An expression that a mind keeps: a rule, or a buffer."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def program(self) -> Naming: ...
+
+
+def declared_in(kept: Mapping[str, KeptExpression], learned: Mapping[str, Declared], key: str) -> Declared | None:
+    """What a mind has learned under `key`. kept: its rules and buffers; learned: its other names."""
+    if buffer_number(key) is not None and (buffer := kept.get(key)) is not None:
+        return Stored(buffer.name, buffer.program.uses)
+    return learned.get(key)
 
 
 class Names(Protocol):

@@ -15,7 +15,7 @@ from sleepcast.errors import SleepcastError
 from sleepcast.language.chance import draw, stream
 from sleepcast.language.form import Form, Number, show
 from sleepcast.language.machine import Library, Program
-from sleepcast.language.names import Declared, Operator, Stored, UserVariable, circle, clash, uses_in
+from sleepcast.language.names import Declared, Operator, Stored, UserVariable, circle, clash, declared_in, uses_in
 from sleepcast.language.parts import Label, Part, Storing, host_of, written
 from sleepcast.language.reader import read_all
 from sleepcast.language.rehearsal import FLAGS, Answer, Refusal, Rehearsal
@@ -104,9 +104,7 @@ class RobotMemory:
 
     def declared(self, key: str) -> Declared | None:
         """What the robot has learned under `key`."""
-        if buffer_number(key) is not None and (buffer := self.rules.kept.get(key)) is not None:
-            return Stored(buffer.name, buffer.program.uses)
-        return self.learned.get(key)
+        return declared_in(self.rules.kept, self.learned, key)
 
     def heard(self) -> Iterable[str]:
         """Every learned name as written."""

@@ -12,10 +12,10 @@ counter-clockwise from the x axis.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import nan
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from sleepcast.units import Dimension, Quantity
 
@@ -132,3 +132,149 @@ class Robot(Protocol):
 
     def hold(self, still: bool) -> None:
         """Keep still for as long as `still` was the last word; then the motion of before goes on."""
+
+
+# ---- many simulated bodies, driven axis by axis: what a server of such robots needs of their world
+
+
+class Axes(NamedTuple):
+    """A number for each of a body's three axes; NaN leaves that axis alone, or means that it has none.
+
+    Of a body on two wheels: the right wheel, the left wheel, nothing; m (and m/s, m/s2). Of one that steers all its
+    wheels together: the way, the direction it goes in, its turret; m and rad (and per s, per s2).
+    """
+
+    first: float = nan
+    second: float = nan
+    third: float = nan
+
+
+class Pose(NamedTuple):
+    """Where a body is: x, y in m, heading and turret in rad, counter-clockwise from the x axis. Without a turret of its
+    own, a body's turret is its heading."""
+
+    x: float
+    y: float
+    heading: float
+    turret: float
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """What there is to know of one simulated body at `time` (s of simulated time).
+
+    believed: the pose that its encoders give; real: where it is. speeds: of its axes, 0 for one that it lacks. moving:
+    which axes are turning or about to. sonars: m, what each last read, NaN before it has ever fired; infrared: m,
+    likewise, empty for none. touched: angle of each contact that the bumper feels, rad from the heading.
+    battery: from 0, empty, to 1.
+    """
+
+    time: float
+    believed: Pose
+    real: Pose
+    speeds: Axes
+    moving: tuple[bool, bool, bool]
+    sonars: tuple[float, ...]
+    infrared: tuple[float, ...]
+    touched: tuple[float, ...]
+    battery: float
+
+
+class Contact(NamedTuple):
+    """Where a body that follows a path would first touch something: x, y of the body in m, and the direction from the
+    touched point back into the body, rad in the world's frame."""
+
+    x: float
+    y: float
+    normal: float
+
+
+Corners = Sequence[tuple[float, float]]
+"""Of a polygon, x and y in m."""
+
+
+class SimulatedWorld(Protocol):
+    """Simulated robots, by their index from 0, and the solid things around them. SI units, one frame for everybody.
+
+    Every robot does what it was last asked, within its limits, until it is asked anew. Nothing here waits: `step` alone
+    lets time pass. Raises IndexError for a robot that there is not.
+    """
+
+    @property
+    def count(self) -> int:
+        """How many robots there are."""
+
+    @property
+    def time(self) -> float:
+        """Simulated seconds since the start."""
+
+    @property
+    def tick(self) -> float:
+        """Simulated seconds of one step."""
+
+    def steers(self, robot: int) -> bool:
+        """Whether its axes are way, direction and turret, and not two wheels."""
+
+    def radius(self, robot: int) -> float:
+        """Of its body, m."""
+
+    def step(self) -> None:
+        """Let one tick pass."""
+
+    def observe(self, robot: int) -> Condition: ...
+
+    def set_speeds(self, robot: int, speeds: Axes) -> None:
+        """Turn the axes at these speeds from now on."""
+
+    def travel(self, robot: int, distances: Axes) -> None:
+        """Turn each axis by this much, at most as fast as `cruise` says, and rest there."""
+
+    def cruise(self, robot: int, speeds: Axes) -> None:
+        """How fast `travel` goes, at least 0."""
+
+    def accelerate(self, robot: int, accelerations: Axes) -> None:
+        """How fast speeds change, more than 0; never beyond the robot's limits."""
+
+    def limp(self, robot: int, axes: tuple[bool, bool, bool]) -> None:
+        """Let go of these axes: they roll out by friction and no longer hold."""
+
+    def rest(self, robot: int) -> None:
+        """Come to rest and hold the position."""
+
+    def zero(self, robot: int) -> None:
+        """Come to rest, turn the turret home and be at the origin with heading 0: by belief in any case, with the body
+        where there is room for it. `moving` until that is done."""
+
+    def believe(self, robot: int, x: float = nan, y: float = nan, heading: float = nan, turret: float = nan) -> None:
+        """Correct the pose that the encoders give; NaN leaves a number as it is. The body stays where it is."""
+
+    def place(self, robot: int, pose: Pose) -> None:
+        """Put the body somewhere, at rest; it believes to be there."""
+
+    def fire(self, robot: int, order: Sequence[int], pause: float) -> None:
+        """Fire these sonars one after the other for ever, each `pause` s after the echo before; none for an empty
+        order. A sonar that does not fire keeps its reading."""
+
+    def solids(self) -> Sequence[Corners]:
+        """The polygons that there are now, those of the world's file too, circles with many corners."""
+
+    def add(self, corners: Corners) -> bool:
+        """Put up a polygon; False if the world is full or that is none."""
+
+    def remove(self, corners: Corners) -> bool:
+        """Take the polygon with these corners away; False if there is none."""
+
+    def move(self, corners: Corners, across: float, up: float) -> bool:
+        """Move the polygon with these corners by so many m; False if there is none."""
+
+    def clear(self) -> None:
+        """Take everything away, the edge of the world apart."""
+
+    def predict(self, robot: int, pose: Pose) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """What its sonars and its infrared sensors would read there: m, without noise, other robots left out."""
+
+    def along(self, robot: int, start: tuple[float, float], end: tuple[float, float]) -> Contact | None:
+        """Where its body touches something on the straight way; None if it is free."""
+
+    def round(self, robot: int, centre: tuple[float, float], radius: float, begin: float, end: float) -> Contact | None:
+        """The same on a circular way round `centre` (m), from the angle `begin` to `end` (rad)."""

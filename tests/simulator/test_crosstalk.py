@@ -173,7 +173,7 @@ class TestTwoRobots:
     def test_a_ping_sent_a_little_later_comes_later(self, tmp_path: Path) -> None:
         simulator = facing(tmp_path)
         assert simulator.bodies.echoes
-        simulator.bodies.echoes.due[1] = 0.002
+        simulator.bodies.echoes.firing.due[1] = 0.002
         simulator.step()
         first, second = (row[-1] for row in simulator.readings())
         assert first == pytest.approx((2.0 + SOUND * 0.002) / 2, abs=1e-5)
@@ -196,7 +196,7 @@ class TestTwoRobots:
     def test_a_ping_of_the_tick_before_is_heard(self, tmp_path: Path) -> None:
         simulator = facing(tmp_path)
         assert simulator.bodies.echoes
-        due = simulator.bodies.echoes.due
+        due = simulator.bodies.echoes.firing.due
         due[:] = 0.098, 0.101  # just before the end of the first tick, and just after it
         simulator.step()
         simulator.step()

@@ -10,12 +10,15 @@ import pytest
 
 from machines import ALL
 from sleepcast.channel.chance import key
+from sleepcast.errors import MisuseError
 from sleepcast.simulator import Simulator
+from sleepcast.simulator.echoes import Echoes
 from sleepcast.simulator.noise import Noise
 from small_worlds import scouts
 
 NOTHING = 255 * 0.0254
 """255 inches."""
+BOTH = np.arange(2)
 
 
 def before_a_wall(folder: Path, sonar: str, robots: int = 400) -> Simulator:
@@ -119,8 +122,8 @@ class TestFiringOrder:
         while time < 0.1:
             time += costs[fired % 2]
             fired += 1
-        assert isclose(float(sim.bodies.echoes.due[0]), time, rel_tol=1e-6)
-        assert int(sim.bodies.echoes.turn[0]) == fired % 2
+        assert isclose(float(sim.bodies.echoes.firing.due[0]), time, rel_tol=1e-6)
+        assert int(sim.bodies.echoes.firing.turn[0]) == fired % 2
 
     def test_a_reading_is_as_old_as_it_would_be(self, tmp_path: Path) -> None:
         sim = before_a_wall(tmp_path, 'pause = "0.95s"\norder = [0]', 1)
@@ -143,3 +146,132 @@ class TestFiringOrder:
         assert one.bodies.echoes is not None
         one.bodies.echoes.readings[1, 2] += 0.5
         assert one.state_hash() != other.state_hash()
+
+
+def rings(sim: Simulator) -> Echoes:
+    assert isinstance(sim.bodies.echoes, Echoes)
+    return sim.bodies.echoes
+
+
+def run(sim: Simulator, ticks: int) -> None:
+    for _ in range(ticks):
+        sim.step()
+
+
+def fired(sim: Simulator, robot: int) -> set[int]:
+    """Sonars of this robot that have ever fired."""
+    return set(np.flatnonzero(~np.isnan(rings(sim).readings[robot])).tolist())
+
+
+class TestArranging:
+    """Orders and pauses of each robot's own, while it runs."""
+
+    def test_each_robot_has_its_own_order(self, tmp_path: Path) -> None:
+        sim = before_a_wall(tmp_path, 'pause = "1ms"', 3)
+        rings(sim).arrange(1, [0, 2, 4], 0.002)
+        run(sim, 10)
+        assert [fired(sim, robot) for robot in range(3)] == [set(range(16)), {0, 2, 4}, set(range(16))]
+
+    def test_each_robot_has_its_own_pause(self, tmp_path: Path) -> None:
+        sim = before_a_wall(tmp_path, 'pause = "24ms"\norder = [0]', 2)
+        rings(sim).arrange(1, [0], 0.5)
+        sim.step()
+        assert (rings(sim).firing.due >= 0.1).tolist() == [True, True]
+        assert rings(sim).firing.due[1] == pytest.approx(0.5 + 2.0 / 343.0, abs=1e-6)
+        assert rings(sim).firing.due[0] < 0.2
+
+    def test_without_an_order_the_readings_stay(self, tmp_path: Path) -> None:
+        sim = before_a_wall(tmp_path, 'pause = "1ms"', 2)
+        run(sim, 10)
+        before = sim.bodies.echo()[0].copy()
+        rings(sim).arrange(0, [], 0.0)
+        sim.place(0, 5.0, 10.0, 0.0)
+        run(sim, 100)
+        assert (sim.bodies.echo()[0] == before).all()
+        rings(sim).arrange(0, [8], 0.03)  # goes on from now, and does not make up for what it has missed
+        assert rings(sim).firing.due[0] == pytest.approx(sim.time - 0.1)
+        sim.step()
+        assert (np.flatnonzero(sim.bodies.echo()[0] != before) == [8]).all()
+
+    def test_the_pause_that_has_begun_comes_first(self, tmp_path: Path) -> None:
+        sim = before_a_wall(tmp_path, 'pause = "0.5s"\norder = [0]', 1)
+        sim.step()
+        rings(sim).arrange(0, [8], 0.0)
+        run(sim, 4)
+        assert fired(sim, 0) == {0}
+        run(sim, 1)
+        assert fired(sim, 0) == {0, 8}
+
+    def test_where_all_fire_at_once_others_still_do(self, tmp_path: Path) -> None:
+        sim = before_a_wall(tmp_path, "", 2)
+        run(sim, 30)
+        rings(sim).arrange(1, [8, 0], 0.04)
+        sim.step()
+        first, second = sim.bodies.echo()
+        assert (~np.isnan(first)).all()
+        assert set(np.flatnonzero(~np.isnan(second)).tolist()) == {0, 8}
+        assert second[[0, 8]].tolist() == first[[0, 8]].tolist()
+        assert rings(sim).firing.due[1] > sim.time
+
+    def test_arranging_what_is_already_so_changes_nothing(self, tmp_path: Path) -> None:
+        for sonar in ('pause = "4ms"\nnoise = "2%"', 'pause = "4ms"\n[robots.sonar.crosstalk]\nchance = 1'):
+            as_it_is, arranged = before_a_wall(tmp_path, sonar, 5), before_a_wall(tmp_path, sonar, 5)
+            rings(arranged).arrange(2, range(16), 0.004)
+            for _ in range(20):
+                as_it_is.step()
+                arranged.step()
+                assert np.array_equal(as_it_is.bodies.echo(), arranged.bodies.echo(), equal_nan=True)
+
+    def test_a_long_pause_cures_one_robot_of_cross_talk(self, tmp_path: Path) -> None:
+        """Two robots side by side in one room, the second of which waits until no echo is left."""
+        sonar = 'pause = "4ms"\nbeam = "25deg"\n[robots.sonar.crosstalk]\nrobots = false'
+        sim = before_a_wall(tmp_path, sonar, 2)
+        sim.place(1, 10.83, 25.0, 0.0)
+        run(sim, 3)
+        rings(sim).arrange(1, range(16), 0.04)
+        wrong = np.zeros(2)
+        for _ in range(60):
+            sim.step()
+            look = sim.bodies.machine.ranges(rings(sim)._view((sim.bodies.x, sim.bodies.y, sim.bodies.heading)), BOTH)
+            wrong += (
+                (np.clip(look, 6 * 0.0254, NOTHING) - rings(sim).readings > 0.5).sum(axis=1) if sim.tick > 20 else 0
+            )
+        assert wrong[0] > 50
+        assert wrong[1] == 0
+
+    @pytest.mark.parametrize(
+        ("robot", "order", "pause", "said"),
+        [
+            (0, [16], 0.1, "sonars from 0 to 15"),
+            (0, [-1], 0.1, "sonars from 0 to 15"),
+            (0, [0] * 257, 0.1, "at most 256 sonars"),
+            (0, [0], -0.001, "is 0 to 60 s"),
+            (0, [0], float("nan"), "is 0 to 60 s"),
+        ],
+    )
+    def test_a_mistake_is_told_and_changes_nothing(
+        self, tmp_path: Path, robot: int, order: list[int], pause: float, said: str
+    ) -> None:
+        sim = before_a_wall(tmp_path, 'pause = "4ms"', 1)
+        with pytest.raises(MisuseError, match=said):
+            rings(sim).arrange(robot, order, pause)
+        assert not rings(sim).firing.arranged
+
+    def test_a_robot_that_there_is_not(self, tmp_path: Path) -> None:
+        sim = before_a_wall(tmp_path, 'pause = "4ms"', 1)
+        for robot in (-1, 1):
+            with pytest.raises(IndexError):
+                rings(sim).arrange(robot, [0], 0.1)
+
+
+@pytest.mark.parametrize("sonar", ["", 'pause = "1ms"'])
+def test_a_turret_turns_the_ring(tmp_path: Path, sonar: str) -> None:
+    """A quarter to the left is four sonars; the heading stays."""
+    plain, turned = before_a_wall(tmp_path, sonar, 3), before_a_wall(tmp_path, sonar, 3)
+    rings(turned).turret = np.array([0.0, np.pi / 2, -np.pi / 2])
+    run(plain, 10)
+    run(turned, 10)
+    straight, read = plain.bodies.echo(), turned.bodies.echo()
+    for robot, sonars in enumerate((0, 4, -4)):
+        assert read[robot] == pytest.approx(np.roll(straight[robot], -sonars), abs=1e-5)
+    assert turned.bodies.heading.tolist() == [0.0, 0.0, 0.0]

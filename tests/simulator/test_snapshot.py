@@ -50,6 +50,19 @@ def talking(folder: Path) -> Simulator:
     return scouts(folder, TALK, MANY, WANDER)
 
 
+def arranged(folder: Path, table: tuple[str, str] = TALK) -> Simulator:
+    """Sonars of some robots fire in orders of their own, those of one not at all."""
+    sim = scouts(folder, table, MANY, WANDER)
+    for robot, order, pause in ((2, (3, 3, 1), 0.001), (5, (), 0.0), (7, range(16), 0.2)):
+        sim.bodies.rings[0].arrange(robot, order, pause)
+    return sim
+
+
+def arranged_in_part(folder: Path) -> Simulator:
+    """The same where those of the others fire in every tick."""
+    return arranged(folder, (SONAR[0], '[robots.sonar]\nnoise = "1%"\n'))
+
+
 def of_several_sorts(folder: Path) -> Simulator:
     """One sort has sonars that fire in order, one all at once, and one has none."""
     return mixed(folder, SORTS.replace("[robots.stores.battery]", f"{SONAR[1]}\n[robots.stores.battery]", 1))
@@ -98,7 +111,10 @@ def everything(sim: Simulator) -> object:
     return sim.state_hash(), sim.measured(), list(sim.said), dict(sim.world.shapes), np.array(sim.readings()).tobytes()
 
 
-@pytest.mark.parametrize("make", [crafts, firing, listening, in_rooms, talking, of_several_sorts, eventful])
+@pytest.mark.parametrize(
+    "make",
+    [crafts, firing, listening, in_rooms, talking, arranged, arranged_in_part, of_several_sorts, eventful],
+)
 def test_it_goes_on_to_the_last_bit(tmp_path: Path, make: Callable[[Path], Simulator]) -> None:
     sim = make(tmp_path)
     run(sim, 0, BEFORE)

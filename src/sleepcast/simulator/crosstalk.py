@@ -78,8 +78,7 @@ class Crosstalk:
         self._model, self._ring, self._axes, self._radius, self._seed = model, ring, axes, radius, seed
         self._longest = 2.0 * ring.most / SOUND
         """s for which a ping is heard."""
-        shortest = max((ring.pause or 0.0) + 2.0 * ring.least / SOUND, QUICKEST)
-        under_way = max(1, ceil(self._longest / shortest))
+        under_way = self._most_under_way(ring.pause or 0.0)
         self._sent: Floats = np.full((count, under_way), -np.inf)
         """When each robot's latest pings were sent, s; by which sonar, and what it saw, m."""
         self._by: Whole = np.zeros((count, under_way), np.int64)
@@ -90,6 +89,20 @@ class Crosstalk:
         self._draws = 0
         self._reach = ring.most + 2.0 * radius
         self._grid = grid
+
+    def make_room(self) -> None:
+        """From now on a ring may have any pause: keep as many pings as there may be under way with none."""
+        more = self._most_under_way(0.0) - self._sent.shape[1]
+        oldest_first = (self._next[:, None] + np.arange(self._sent.shape[1])) % self._sent.shape[1]
+        self._next[:] = self._sent.shape[1] if more else 0
+        for name, empty in (("_sent", -np.inf), ("_by", 0), ("_seen", 0.0)):
+            kept = np.take_along_axis(getattr(self, name), oldest_first, axis=1)
+            setattr(self, name, np.pad(kept, ((0, 0), (0, more)), constant_values=empty))
+
+    def _most_under_way(self, pause: float) -> int:
+        """How many pings of one ring may be heard at a time, with this pause (s)."""
+        shortest = max(pause + 2.0 * self._ring.least / SOUND, QUICKEST)
+        return max(1, ceil(self._longest / shortest))
 
     def columns(self) -> dict[str, NDArray[np.generic]]:
         """The arrays that a run changes and that the next ticks depend on, by name."""

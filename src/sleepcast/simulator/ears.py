@@ -21,10 +21,6 @@ class Ears:
     def __init__(self, rings: Sequence[Echoes], sensed: Floats) -> None:
         self.rings, self.sensed = rings, sensed
 
-    @property
-    def fires_in_order(self) -> bool:
-        return any(ring.fires_in_order for ring in self.rings)
-
     def of(self, robot: int) -> Echoes | None:
         """The sonars of the robot with this index, if it has any."""
         return next((ring for ring in self.rings if ring.robots.start <= robot < ring.robots.stop), None)

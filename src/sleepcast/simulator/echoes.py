@@ -1,14 +1,13 @@
 """What the sonars of all robots read: the exact ranges of their cones with noise, losses, limits and age.
 
 Without a firing order every sonar fires in every tick, and readings are made when somebody asks for them. With one, a
-robot's sonars fire one after the other for ever: the next one `pause` s after the echo of the one before has come
-back, or after as long as an echo from the farthest would take. A sonar keeps its reading until it fires again, so a
-reading is as old as it would be.
+robot's sonars fire one after the other (see `firing`). A sonar keeps its reading until it fires again, so a reading is
+as old as it would be.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import pi
 
 import numpy as np
@@ -18,6 +17,8 @@ from sleepcast.channel.chance import key
 from sleepcast.simulator.cones import Cones, Ranges, View
 from sleepcast.simulator.crosstalk import QUICKEST, SOUND, Crosstalk
 from sleepcast.simulator.engine import Machine
+from sleepcast.simulator.firing import Firing
+from sleepcast.simulator.formulas import wrap
 from sleepcast.simulator.grid import Floats, Whole
 from sleepcast.simulator.neighbours import Neighbours
 from sleepcast.simulator.noise import Ear, Noise
@@ -31,9 +32,10 @@ class Echoes:
     """The sonars of many robots.
 
     sensed: where the robots find what their sonars read, and in the last row the least of those in front: m, shape
-    (sonars + 1, robots); brought up to date by `sense`. Where sonars fire in order, readings: what each read when it
-    last fired, m, shape (robots, sonars), float32, NaN for one that has not fired yet; due: when each robot's next
-    sonar fires, s; turn: its place in the firing order.
+    (sonars + 1, robots); brought up to date by `sense`. firing: which sonar fires when. Where they fire in order,
+    readings: what each read when it last fired, m, shape (robots, sonars), float32, NaN for one that has not fired yet.
+    turret: what the ring is turned by against each robot's heading, rad; None for not at all. It belongs to whoever
+    gives it, who changes it between ticks.
 
     Where there are other sorts of robots, robots: which of all have these sonars; radii: of all bodies, m. Then the
     arrays have only these robots, and indices are still those of all.
@@ -54,9 +56,10 @@ class Echoes:
         count = sensed.shape[1]
         self.robots = robots or slice(0, count)
         self._radii = radii
-        self.readings: Ranges = np.full((count if self.fires_in_order else 0, ring.count), np.nan, np.float32)
-        self.due: Floats = np.zeros(count)
-        self.turn: Whole = np.zeros(count, np.int64)
+        self.firing = Firing(ring, count)
+        self.readings: Ranges = np.empty((0, ring.count), np.float32)
+        self._make_room()
+        self.turret: Floats | None = None
         self.front = np.flatnonzero(np.abs((self.cones.axes + pi) % (2.0 * pi) - pi) <= FRONT + 1e-9)
         """Numbers of the front sonars."""
         self._near, self._machine, self._seed = near, machine, seed
@@ -68,9 +71,29 @@ class Echoes:
         self._version = -1
         self._fresh = np.zeros(count, bool)
 
-    @property
-    def fires_in_order(self) -> bool:
-        return self.ring.pause is not None
+    def arrange(self, robot: int, order: Sequence[int], pause: float) -> None:
+        """Let the sonars of the robot with this index fire in this order from now on, each `pause` s after the echo of
+        the one before; none for an empty order. The ping that is under way and its pause come first. A sonar that does
+        not fire keeps its reading, unknown if it has never fired in order. Raises MisuseError for a sonar that there is
+        not, or too long an order or pause, and IndexError for a robot that has not got these sonars."""
+        row = robot - self.robots.start
+        if not 0 <= row < self.sensed.shape[1]:
+            raise IndexError(f"robot {robot} has not got these sonars")
+        self.firing.check(order, pause)
+        self.part()
+        self.firing.arrange(row, order, pause)
+
+    def part(self) -> None:
+        """Have room for orders and pauses of each robot's own."""
+        if self.crosstalk and not self.firing.arranged:
+            self.crosstalk.make_room()
+        self.firing.part()
+        self._make_room()
+
+    def _make_room(self) -> None:
+        """Room for readings, where sonars fire in order."""
+        if self.firing.in_order and not len(self.readings):
+            self.readings = np.full((self.sensed.shape[1], self.ring.count), np.nan, np.float32)
 
     def forget(self) -> None:
         """Bodies or obstacles have moved: what was looked at is no longer so."""
@@ -79,7 +102,7 @@ class Echoes:
     def sense(self, which: Whole | None, tick: int, pose: tuple[Floats, Floats, Floats]) -> None:
         """Bring the readings of the robots with indices `which` (None: all that have these sonars) up to date for this
         tick. pose: where all bodies really are: x, y in m and heading in rad."""
-        if not self.fires_in_order and self._version != self._near.world.version:
+        if self._version != self._near.world.version:
             self.forget()
             self._version = self._near.world.version
         own = None if which is None else which - self.robots.start
@@ -87,54 +110,65 @@ class Echoes:
         if not len(old):
             return
         self._fresh[old] = True
-        ear = Ear(self.ring.least, self.ring.most, self.front, None if self.fires_in_order else self._noise(tick))
-        if self.fires_in_order:
-            self._machine.tell(self.readings[old], old, ear, self.sensed)
-        elif self._radii is not None:
+        if self.firing.in_order:
+            in_order = self.firing.length[old] >= 0
+            old, kept = old[~in_order], old[in_order]
+            self._machine.tell(self.readings[kept], kept, self._ear(None), self.sensed)
+        if not len(old):
+            return
+        ear = self._ear(self._noise(tick))
+        if self._radii is not None:
             self._machine.tell(self._machine.ranges(self._view(pose), old + self.robots.start), old, ear, self.sensed)
         else:
             self._machine.hear(self._view(pose), old, ear, self.sensed)
 
     def fire(self, tick: int, until: float, pose: tuple[Floats, Floats, Floats]) -> None:
         """Fire the sonars that are due before the time `until` (s) and keep what they read."""
-        pause = self.ring.pause
-        if pause is None:
+        firing = self.firing
+        if not firing.in_order:
             return
-        order, every, noise = np.array(self.ring.order), np.arange(len(self.due)), self._noise(tick)
-        seen = self._machine.ranges(self._view(pose), every + self.robots.start)
+        firing.begin(tick, until)
+        every, noise, view = np.arange(len(firing.due)), self._noise(tick), self._view(pose)
+        seen = self._machine.ranges(view, every + self.robots.start)
         if noise is not None:
             self._machine.disturb(seen, every, noise)
         np.clip(seen, self.ring.least, self.ring.most, out=seen)
-        while len(due := np.flatnonzero(self.due < until)):
-            sonar = order[self.turn[due]]
+        while len(due := firing.ready(until)):
+            sonar = firing.order[due, firing.turn[due]].astype(np.int64)
             heard = seen[due, sonar]
             if self.crosstalk:
-                heard = self.crosstalk.hear(tick, due, sonar, self.due[due], heard)
+                heard = self.crosstalk.hear(tick, due, sonar, firing.due[due], heard)
             self.readings[due, sonar] = heard
-            self.due[due] += np.maximum(pause + 2.0 * heard.astype(np.float64) / SOUND, QUICKEST)
-            self.turn[due] = (self.turn[due] + 1) % len(order)
+            firing.due[due] += np.maximum(firing.pause[due] + 2.0 * heard.astype(np.float64) / SOUND, QUICKEST)
+            firing.turn[due] = (firing.turn[due] + 1) % firing.length[due]
         if self.crosstalk:
-            x, y, heading = (each[self.robots] for each in pose)
+            x, y, heading = (each[self.robots] for each in view.pose)
             self.crosstalk.end(tick, (x, y, heading), self.readings)
 
     def state(self) -> Iterable[NDArray[np.generic]]:
         """What the next ticks depend on."""
-        if self.fires_in_order:
-            yield from (self.readings, self.due, self.turn)
-        if self.crosstalk:
-            yield from self.crosstalk.columns().values()
+        yield from self.arrays().values()
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """The arrays that a run changes and that the next ticks depend on, by name."""
-        if not self.fires_in_order:
+        if not self.firing.in_order:
             return {}
-        own: dict[str, NDArray[np.generic]] = {"readings": self.readings, "due": self.due, "turn": self.turn}
-        return own | (self.crosstalk.columns() if self.crosstalk else {})
+        return {
+            "readings": self.readings,
+            **self.firing.arrays(),
+            **(self.crosstalk.columns() if self.crosstalk else {}),
+        }
 
     def _view(self, pose: tuple[Floats, Floats, Floats]) -> View:
-        near = self._near
+        near, (x, y, heading) = self._near, pose
+        if self.turret is not None:
+            heading = heading.copy()
+            heading[self.robots] = wrap(heading[self.robots] + self.turret)
         listed = near.solids(self.cones.radius + self.cones.most)
-        return View(self.cones, near.grid, near.points(pose[0], pose[1]), listed, near.world.solids, pose, self._radii)
+        return View(self.cones, near.grid, near.points(x, y), listed, near.world.solids, (x, y, heading), self._radii)
+
+    def _ear(self, noise: Noise | None) -> Ear:
+        return Ear(self.ring.least, self.ring.most, self.front, noise)
 
     def _noise(self, tick: int) -> Noise | None:
         """What disturbs the echoes of this tick."""

@@ -22,6 +22,8 @@ MAX_BUMPERS = 24
 """Parts of a bumper that can tell of a contact apart: as many as fit into the bits of the Nomad's wire."""
 MAX_ORDER = 256
 """Sonars in a firing order."""
+MAX_PAUSE = 60.0
+"""s between an echo and the next ping: the Nomads' longest is one."""
 MAX_TIME = 10_000_000.0
 """Seconds of one run: four months."""
 MAX_TICKS = 10_000_000_000
@@ -243,7 +245,7 @@ def _ring(robots: Table) -> Ring:
             noise=table.number("noise", default=0.0, low=0.0, high=1.0),
             dropout=table.number("dropout", default=0.0, low=0.0, high=1.0),
             incidence=table.number("incidence", default=pi / 2, low=LEAST, high=pi / 2),
-            pause=table.number("pause", TIME, low=0.0, high=60.0) if table.has("pause") else None,
+            pause=table.number("pause", TIME, low=0.0, high=MAX_PAUSE) if table.has("pause") else None,
             order=table.wholes("order", tuple(range(count)), low=0, high=count - 1, most=MAX_ORDER),
             crosstalk=_crosstalk(table) if table.has("crosstalk") else None,
         )

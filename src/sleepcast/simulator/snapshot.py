@@ -17,11 +17,13 @@ import numpy as np
 from sleepcast.errors import SleepcastError
 from sleepcast.parcel import Arrays, ParcelError, kept, put_back, within
 from sleepcast.simulator.bodies import MAX_SAYINGS, Mode, Saying
+from sleepcast.simulator.firing import AT_ONCE, Firing
 from sleepcast.simulator.packing import pack, unpack
 from sleepcast.simulator.robot_settings import (
     LEAST,
     MAX_BUMPERS,
     MAX_ORDER,
+    MAX_PAUSE,
     MAX_ROBOTS,
     MAX_SONARS,
     MAX_STORES,
@@ -87,6 +89,9 @@ def resume(parcel: SimulatorParcel, seed: int | None = None, threads: int | None
     simulator = Simulator(scenario, parcel.seed if seed is None else seed, threads=threads)
     bodies = simulator.bodies
     bodies.tick = parcel.tick
+    for number, ring in enumerate(bodies.rings):
+        if f"order of ring {number}" in parcel.columns:
+            ring.part()
     put_back(parcel.columns, bodies.arrays() | simulator.senses.arrays())
     _check(simulator)
     try:
@@ -118,13 +123,23 @@ def _check(simulator: Simulator) -> None:
     for ring in bodies.rings:
         columns = ring.arrays()
         if columns:
-            within(ring.turn, 0, len(ring.ring.order) - 1, "turn")
-            within(ring.due, bodies.time, np.inf, "due")
+            _check_firing(ring.firing, ring.ring.count)
         if ring.crosstalk:
             within(columns["ping_by"], 0, ring.ring.count - 1, "ping_by")
             within(columns["ping_next"], 0, columns["ping_by"].shape[1] - 1, "ping_next")
     if simulator.scenario.pings is not None:
         within(simulator.senses.arrays()["pings"], 0, simulator.scenario.pings.queue, "pings")
+
+
+def _check_firing(firing: Firing, sonars: int) -> None:
+    """The same of the order in which sonars fire."""
+    within(firing.due, 0.0, np.inf, "due")
+    within(firing.order, 0, sonars - 1, "order")
+    within(firing.length, AT_ONCE, firing.order.shape[1], "length")
+    within(firing.pause, 0.0, MAX_PAUSE, "pause")
+    within(firing.turn, 0, firing.order.shape[1] - 1, "turn")
+    if (firing.turn > np.maximum(firing.length - 1, 0)).any():
+        raise ParcelError("turn is not everywhere within the order")
 
 
 # ---- the scenario

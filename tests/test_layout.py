@@ -50,6 +50,7 @@ HOUSE = {
     "language": room(),
     "channel": room(libraries="msgspec numpy"),
     "robot": room(),
+    "nomad": room("robot"),
     "node": room("language channel robot", late="numpy"),
     "fleet": room("language channel robot", "numpy msgspec", late="llvmlite"),
     "simulator": room("channel robot", "numpy msgspec mcap numba llvmlite", late="yaml PIL"),
@@ -57,7 +58,8 @@ HOUSE = {
     "station": room("language channel", "msgspec numpy"),
     "console": room("language station", "starlette uvicorn msgspec numpy"),
     "cli": room(
-        "language channel robot node fleet simulator loop station console", "click rich prompt_toolkit msgspec numpy"
+        "language channel robot nomad node fleet simulator loop station console",
+        "click rich prompt_toolkit msgspec numpy",
     ),
     "__main__": room("cli"),
 }
@@ -65,6 +67,7 @@ MESSAGES = frozenset({"msgspec", "typing_extensions"})  # msgspec takes the seco
 LIGHT = {  # what these rooms may load of the libraries when they are imported: a short job starts with them
     "language": frozenset[str](),
     "robot": frozenset[str](),
+    "nomad": frozenset[str](),
     "channel": MESSAGES,
     "node": MESSAGES,
     "station": MESSAGES | {"numpy"},

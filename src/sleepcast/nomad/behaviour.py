@@ -1,0 +1,229 @@
+"""One simulated robot as it behaves behind the wire: commands in words in, motion in SI out, and what it tells.
+
+Every request of a client, and every command from the page, counts as a sign of life: a robot that is told to
+(`conf_tm`) stops when none has come for so many simulated seconds. What it tells is made at most once in a tick, and
+anew after a command that is not the one before once more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import inf, nan
+
+from sleepcast.nomad import units
+from sleepcast.nomad.records import Records
+from sleepcast.nomad.requests import Kind, Mode, Reply, firing_order, moves, name_of
+from sleepcast.nomad.state import RING, Mask, axes, state_of, tail
+from sleepcast.nomad.windows import RobotWindow
+from sleepcast.nomad.wire import Layout, encode
+from sleepcast.robot import Axes, Condition, Pose, SimulatedWorld
+
+LONGEST_TIMEOUT = 255
+"""s, the most that conf_tm and ws say."""
+LONGEST_PAUSE = 255
+"""The slowest firing rate of sonars."""
+NO_LASER = (0,)
+"""A laser block without points."""
+
+Words = Sequence[int]
+
+
+class Behaviour:
+    """See the module. clients: who drives it, as text. accelerations: what ac last asked for."""
+
+    def __init__(self, world: SimulatedWorld, robot: int, window: RobotWindow) -> None:
+        self.world, self.robot, self.window = world, robot, window
+        self.steers = world.steers(robot)
+        self.clients: list[str] = []
+        self.accelerations = (0, 0, 0)
+        self.speed = 1.0
+        """Of the simulation, as the state tells it."""
+        self._timeout = inf
+        self._asked = world.time
+        self._last: tuple[int, Words] = (0, ())
+        self._zeroing = self._compass = False
+        self._records: Records | None = None
+        self._condition: Condition | None = None
+        self._state: list[int] = []
+        self._replies: dict[Layout | None, bytes] = {}
+
+    def alive(self) -> None:
+        """Somebody has asked something of it."""
+        self._asked = self.world.time
+
+    def command(self, kind: int, words: Words) -> None:
+        """Do what a command (a key of `COMMANDS`) asks, of which the number of words is right."""
+        self.alive()
+        if (kind, words) == self._last:
+            return
+        self._last = (kind, words)
+        self._condition = None
+        self._note(f"{name_of(kind)}({', '.join(map(str, words))})")
+        COMMANDS[kind](self, words)
+
+    def _note(self, command: str) -> None:
+        """Show a command in the window, once for many that are the same."""
+        commands = self.window.commands
+        if not commands or commands[-1][1] != command:
+            commands.append((self.world.time, command))
+
+    def after_tick(self) -> None:
+        """A tick has passed: what was known is old."""
+        self._condition = None
+        self._last = (0, ())
+        if self._zeroing and not any(self.condition().moving):
+            self._zeroing = False
+        if self.world.time - self._asked > self._timeout and not self._zeroing:
+            self._asked = inf
+            self._note("stopped: nothing came in time")
+            self.world.rest(self.robot)
+            self._condition = None
+        if self._records is not None:
+            self._records.look(self.condition())
+
+    # ---- what it tells
+
+    def condition(self) -> Condition:
+        """What there is to know now."""
+        if self._condition is None:
+            self._condition = self.world.observe(self.robot)
+            self._state.clear()
+            self._replies.clear()
+        return self._condition
+
+    def state(self) -> list[int]:
+        """The state vector now."""
+        condition = self.condition()
+        if not self._state:
+            self._state = state_of(condition, steers=self.steers, speed=self.speed, compass=self._compass)
+        return self._state
+
+    def state_reply(self, layout: Layout | None, mask: Mask) -> bytes:
+        """The reply to whatever gets the state."""
+        condition = self.condition()
+        plain = mask.everything and not mask.posdata
+        if plain and (known := self._replies.get(layout)) is not None:
+            return known
+        words = [*mask.sift(self.state()), *NO_LASER, *self.posdata(mask.posdata), *tail(condition)]
+        reply = encode(layout, Reply.STATE, words)
+        if plain:
+            self._replies[layout] = reply
+        return reply
+
+    def posdata(self, sensors: int) -> list[int]:
+        """The PosData of these sensors (bits as in the mask). They are kept from the first time that somebody asks."""
+        if not sensors:
+            return []
+        if self._records is None:
+            self._records = Records(steers=self.steers)
+            self._records.look(self.condition())
+        return self._records.words(sensors)
+
+    def stopped(self, flags: Sequence[int]) -> bool:
+        """Whether none of the axes that are waited for is moving."""
+        return not any(flag and moving for flag, moving in zip(flags, self.condition().moving, strict=True))
+
+    @property
+    def zeroing(self) -> bool:
+        """Whether `zr` is still under way."""
+        return self._zeroing
+
+    # ---- what it does
+
+    def _accelerate(self, words: Words) -> None:
+        self.accelerations = (words[0], words[1], words[2])
+        self.world.accelerate(self.robot, _positive(axes(words, steers=self.steers)))
+
+    def _cruise(self, words: Words) -> None:
+        self.world.cruise(self.robot, _magnitude(axes(words, steers=self.steers)))
+
+    def _drive(self, words: Words) -> None:
+        self.world.set_speeds(self.robot, axes(words, steers=self.steers))
+
+    def _travel(self, words: Words) -> None:
+        self.world.travel(self.robot, axes(words, steers=self.steers))
+
+    def _rest(self, words: Words) -> None:
+        self.world.rest(self.robot)
+
+    def _limp(self, words: Words) -> None:
+        self.world.limp(self.robot, (True, True, True))
+
+    def _move(self, words: Words) -> None:
+        values = axes(words[1::2], steers=self.steers)
+        if Mode.ACCELERATION in words[::2]:
+            self.world.accelerate(self.robot, _positive(moves(words, Mode.ACCELERATION, values)))
+        if Mode.SPEED in words[::2]:
+            self.world.cruise(self.robot, _magnitude(moves(words, Mode.SPEED, values)))
+        limp = tuple(mode == Mode.LIMP for mode in words[::2])
+        if any(limp):
+            self.world.limp(self.robot, (limp[0], limp[1], limp[2]))
+        if Mode.VELOCITY in words[::2]:
+            self.world.set_speeds(self.robot, moves(words, Mode.VELOCITY, values))
+        if Mode.POSITION in words[::2]:
+            self.world.travel(self.robot, moves(words, Mode.POSITION, values))
+
+    def _zero(self, words: Words) -> None:
+        self._zeroing = True
+        self.world.zero(self.robot)
+
+    def _define_place(self, words: Words) -> None:
+        self.world.believe(self.robot, x=units.metres(words[0]), y=units.metres(words[1]))
+
+    def _define_angles(self, words: Words) -> None:
+        turret = units.radians(words[1]) if self.steers else nan
+        self.world.believe(self.robot, heading=units.radians(words[0]), turret=turret)
+
+    def _place(self, words: Words) -> None:
+        self.world.place(self.robot, self.pose(words))
+
+    def _watch(self, words: Words) -> None:
+        seconds = min(words[0], LONGEST_TIMEOUT)
+        self._timeout = float(seconds) if seconds > 0 else inf
+
+    def _fire(self, words: Words) -> None:
+        pause = max(0, min(words[0], LONGEST_PAUSE)) * units.CONFIGURED_PAUSE
+        self.world.fire(self.robot, firing_order(words[1 : 1 + RING]), pause)
+
+    def _switch_compass(self, words: Words) -> None:
+        self._compass = self.steers and words[0] != 0
+
+    def _nothing_there(self, words: Words) -> None:
+        """It has nothing that this would configure."""
+
+    def pose(self, words: Words) -> Pose:
+        """x, y, steering and turret of the wire; a body without a turret has it where its heading is."""
+        heading = units.radians(words[2])
+        turret = units.radians(words[3]) if self.steers else heading
+        return Pose(units.metres(words[0]), units.metres(words[1]), heading, turret)
+
+
+COMMANDS: dict[int, Callable[[Behaviour, Words], None]] = {
+    Kind.AC: Behaviour._accelerate,
+    Kind.SP: Behaviour._cruise,
+    Kind.VM: Behaviour._drive,
+    Kind.PR: Behaviour._travel,
+    Kind.ST: Behaviour._rest,
+    Kind.LP: Behaviour._limp,
+    Kind.MV: Behaviour._move,
+    Kind.ZR: Behaviour._zero,
+    Kind.DP: Behaviour._define_place,
+    Kind.DA: Behaviour._define_angles,
+    Kind.PLACE_ROBOT: Behaviour._place,
+    Kind.CONF_TM: Behaviour._watch,
+    Kind.CONF_SN: Behaviour._fire,
+    Kind.CONF_CP: Behaviour._switch_compass,
+    Kind.CONF_IR: Behaviour._nothing_there,
+    Kind.CONF_LS: Behaviour._nothing_there,
+    Kind.CONF_SG: Behaviour._nothing_there,
+}
+"""What changes a robot, by type of request."""
+
+
+def _positive(wanted: Axes) -> Axes:
+    """With NaN, which changes nothing, for what is not more than 0."""
+    return Axes(*(value if value > 0.0 else nan for value in wanted))
+
+
+def _magnitude(wanted: Axes) -> Axes:
+    return Axes(*map(abs, wanted))

@@ -1,0 +1,133 @@
+"""One connection of the server: thin; what is said on it is the session's business.
+
+Requests are answered in order, one at a time, a few in a turn of the loop, so that a client that sends many does not
+keep others waiting. Memory is bounded: whoever does not read what it is answered is not read from, and what is too long
+is read past.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Protocol
+
+from sleepcast.nomad.session import Service, Session, Wait
+from sleepcast.nomad.wire import Parser
+
+TURN = 16
+"""Requests of one client that are answered before others get their turn."""
+MAX_BUFFERED = 64 * 1024
+"""Bytes of requests that wait, and of replies: beyond that no more is read."""
+DOUBT = 0.25
+"""Seconds after which a request that may be whole or half is taken for whole."""
+
+
+class Host(Protocol):
+    """What a line needs of the server."""
+
+    service: Service
+    lines: set[Line]
+    waiting: set[Line]
+
+    def admit(self, line: Line) -> bool:
+        """Take a new line; False if there are too many."""
+
+    def news(self) -> None:
+        """A line has asked, got its answer, or gone."""
+
+
+class Line(asyncio.Protocol):
+    """See the module. wait: the reply that is still to come. asked: when the client last asked, on the loop's clock."""
+
+    def __init__(self, host: Host) -> None:
+        self.wait: Wait | None = None
+        self.asked = 0.0
+        self.session: Session
+        self._host = host
+        self._parser = Parser()
+        self._transport: asyncio.Transport
+        self._loop = asyncio.get_running_loop()
+        self._choked = self._turning = False
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.Transport)
+        self._transport = transport
+        transport.set_write_buffer_limits(high=MAX_BUFFERED)
+        name = transport.get_extra_info("peername")
+        peer = f"{name[0]}:{name[1]}" if name else "somebody"
+        self.session = Session(self._host.service, peer, self._parser)
+        self.asked = self._loop.time()
+        if not self._host.admit(self):
+            transport.abort()
+
+    def data_received(self, data: bytes) -> None:
+        self._parser.feed(data)
+        if not self._turning:
+            self._serve()
+
+    def connection_lost(self, error: Exception | None) -> None:
+        self.session.leave()
+        self.wait = None
+        self._host.lines.discard(self)
+        self._host.waiting.discard(self)
+        self._host.news()
+
+    def pause_writing(self) -> None:
+        self._choked = True
+
+    def resume_writing(self) -> None:
+        self._choked = False
+        self._turn()
+
+    def look(self) -> None:
+        """Send the reply that is waited for if it is time."""
+        if self.wait is not None and (reply := self.wait.ready()) is not None:
+            self.wait = None
+            self._host.waiting.discard(self)
+            self._transport.write(reply)
+            self._turn()
+
+    def end(self) -> None:
+        """The server ends."""
+        self._transport.close()
+
+    def _serve(self) -> None:
+        """Answer what has come, for one turn."""
+        self._turning = False
+        if self._transport.is_closing():
+            return
+        for _ in range(TURN):
+            if self.wait is not None or self._choked:
+                break
+            request = self._parser.next()
+            if request is None:
+                break
+            self.asked = self._loop.time()
+            answer = self.session.answer(request)
+            if isinstance(answer, bytes):
+                self._transport.write(answer)
+            elif answer is not None:
+                self.wait = answer
+                self._host.waiting.add(self)
+                self._host.news()
+        else:
+            self._turn()
+        if self._parser.undecided:
+            self._loop.call_later(DOUBT, self._decide)
+        self._flow()
+
+    def _turn(self) -> None:
+        """Go on when the others have had their turn."""
+        if not self._turning:
+            self._turning = True
+            self._loop.call_soon(self._serve)
+
+    def _flow(self) -> None:
+        """Read on only while there is room. A client that waits is read from all the same: it might hang up."""
+        if self._choked or self._parser.buffered > MAX_BUFFERED:
+            self._transport.pause_reading()
+        else:
+            self._transport.resume_reading()
+
+    def _decide(self) -> None:
+        self._parser.decide()
+        self._turn()

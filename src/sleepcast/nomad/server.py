@@ -1,0 +1,232 @@
+"""The Nomad's server: it listens, lets simulated time pass, and gives every client its turn.
+
+Everything runs in one loop and one thread: between ticks the sockets are served, a few requests of each client at a
+time. Time goes at a pace on the wall; or in lockstep, where each tick comes as soon as every client waits for one, so
+that runs with programs repeat and go as fast as the programs.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import socket
+from collections.abc import Callable, Sequence
+
+from sleepcast.clock import Clock, WallClock
+from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.nomad.behaviour import COMMANDS, Behaviour
+from sleepcast.nomad.line import Line
+from sleepcast.nomad.notes import Notes
+from sleepcast.nomad.pace import Pace
+from sleepcast.nomad.requests import Kind, misfit
+from sleepcast.nomad.session import Service
+from sleepcast.nomad.texts import ByteOrder
+from sleepcast.nomad.units import GREATEST_WORD, LEAST_WORD
+from sleepcast.nomad.windows import Windows
+from sleepcast.robot import SimulatedWorld
+
+DEFAULT_PORT = 7019
+"""Where programs of the Nomad's day look for the server."""
+LOCAL_HOST = "127.0.0.1"
+MAX_CLIENTS = 1000
+"""Connections at once: many for each of many robots, and their buffers are less than 200 MB together."""
+SLICE = 0.004
+"""Seconds for which ticks may run before clients are served."""
+PATIENCE = 0.5
+"""Seconds on the wall for which a client that does not ask holds up the others in lockstep."""
+GLANCE = 0.05
+"""Simulated seconds between two looks of the windows at the robots."""
+
+
+class ServerError(SleepcastError):
+    """The server cannot listen there."""
+
+
+class Nserver:
+    """The server of one world's robots.
+
+    windows: what it shows; tk_order: byte order of the clients' machines, for their texts; may_quit: whether a client
+    can end it; lockstep: see the module; headless: nobody can click at a window; say: tells the person at the terminal.
+    """
+
+    def __init__(
+        self,
+        world: SimulatedWorld,
+        *,
+        windows: Windows,
+        tk_order: ByteOrder = "little",
+        may_quit: bool = False,
+        lockstep: bool = False,
+        headless: bool = False,
+        say: Callable[[str], None] = print,
+        clock: Clock | None = None,
+    ) -> None:
+        robots = [Behaviour(world, robot, windows.robots[robot]) for robot in range(world.count)]
+        said = Notes(say, clock or WallClock())
+        self.service = Service(world, windows, robots, said, tk_order, may_quit, lockstep, headless)
+        self.world, self.windows = world, windows
+        self.lines: set[Line] = set()
+        self.waiting: set[Line] = set()
+        self._servers: list[asyncio.Server] = []
+        self._news = asyncio.Event()
+        self._glanced = world.time - GLANCE
+
+    @property
+    def port(self) -> int:
+        """Where it listens, 0 before it does."""
+        return self.service.port
+
+    async def listen(self, hosts: Sequence[str], port: int) -> None:
+        """Listen on these addresses, all on one port; 0 takes any that is free. Raises ServerError."""
+        for host in hosts:
+            listener = _listener(host, self.port or port)
+            self.service.port = listener.getsockname()[1]
+            loop = asyncio.get_running_loop()
+            self._servers.append(await loop.create_server(lambda: Line(self), sock=listener))
+
+    async def run(self, pace: Pace) -> None:
+        """Let time pass until a client that may has ended the server; however this ends, all connections are closed."""
+        try:
+            while not self.service.quitting:
+                if self.service.lockstep:
+                    await self._keep_step()
+                else:
+                    await self._keep_pace(pace)
+        finally:
+            await self.close()
+
+    async def close(self) -> None:
+        """Stop listening and hang up."""
+        for server in self._servers:
+            server.close()
+        for line in list(self.lines):
+            line.end()
+        for server in self._servers:
+            await server.wait_closed()
+        self._servers.clear()
+
+    def step(self) -> None:
+        """Let one tick pass, and answer who waits for it."""
+        self.world.step()
+        for behaviour in self.service.behaviours:
+            behaviour.after_tick()
+        for line in list(self.waiting):
+            line.look()
+        if not self.service.headless and self.world.time - self._glanced >= GLANCE:
+            self._glanced = self.world.time
+            for behaviour in self.service.behaviours:
+                behaviour.window.look(behaviour.condition(), self.world.radius(behaviour.robot))
+
+    # ---- for the page
+
+    def perform(self, robot: int, name: str, numbers: Sequence[int]) -> None:
+        """Do what a command of a client would do: `name` as in the C library, such as vm, `numbers` as on the wire.
+
+        Raises MisuseError for what no client could send.
+        """
+        try:
+            kind = Kind[name.upper()]
+        except KeyError:
+            raise MisuseError(f"there is no command {name}") from None
+        if kind not in COMMANDS:
+            raise MisuseError(f"{name} is no command to a robot; those are {', '.join(commands())}")
+        wrong = misfit(kind, len(numbers))
+        if wrong:
+            raise MisuseError(wrong)
+        if not all(LEAST_WORD <= number <= GREATEST_WORD for number in numbers):
+            raise MisuseError(f"{name}: each number must fit into 32 bits")
+        self.service.behaviours[robot].command(kind, tuple(numbers))
+
+    def click(self, robot: int, x: float, y: float) -> None:
+        """Somebody has clicked in this robot's window, at x, y in m: who waits for that gets it."""
+        for line in list(self.waiting):
+            if line.session.robot == robot:
+                line.session.clicked = (x, y)
+                line.look()
+
+    # ---- for the lines
+
+    def admit(self, line: Line) -> bool:
+        """Take a new connection; False if there are too many."""
+        if len(self.lines) >= MAX_CLIENTS:
+            self.service.say(f"{line.session.peer} is turned away: {MAX_CLIENTS} clients are enough")
+            return False
+        self.lines.add(line)
+        return True
+
+    def news(self) -> None:
+        """A client waits, or has gone."""
+        self._news.set()
+
+    # ---- time
+
+    async def _keep_pace(self, pace: Pace) -> None:
+        tick = self.world.tick
+        for behaviour in self.service.behaviours:
+            behaviour.speed = pace.speed
+        loop = asyncio.get_running_loop()
+        pace.look(tick)
+        until = loop.time() + SLICE
+        while pace.due(tick) and not self.service.quitting:
+            self.step()
+            if loop.time() > until:
+                break
+        await asyncio.sleep(pace.wait(tick))
+
+    async def _keep_step(self) -> None:
+        """One tick, once every client waits for it, those apart that have not asked for a while."""
+        loop = asyncio.get_running_loop()
+        held = [line for line in self.lines if line.session.robot >= 0 and not (line.wait and line.wait.ticks)]
+        patience = max((line.asked + PATIENCE - loop.time() for line in held), default=0.0)
+        ready = any(line.wait is not None and line.wait.ticks for line in self.waiting)
+        if ready and patience <= 0.0:
+            self.step()
+            await asyncio.sleep(0)
+            return
+        self._news.clear()
+        try:
+            async with asyncio.timeout(patience if ready else None):
+                await self._news.wait()
+        except TimeoutError:
+            return
+
+
+def commands() -> list[str]:
+    """Names of what `Nserver.perform` can do."""
+    return [Kind(kind).name.lower() for kind in COMMANDS]
+
+
+def own_addresses() -> list[str]:
+    """127.0.0.1, and the loopback addresses that this machine's own name stands for: where programs that name no
+    server look for one."""
+    try:
+        found = socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET, socket.SOCK_STREAM)
+    except OSError:
+        found = []
+    own = {str(address[0]) for *_, address in found}
+    return [LOCAL_HOST, *sorted(host for host in own if host.startswith("127.") and host != LOCAL_HOST)]
+
+
+def _listener(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((host, port))
+        listener.listen(MAX_CLIENTS)
+    except OSError as error:
+        listener.close()
+        raise ServerError(_why_not(host, port, error)) from None
+    listener.setblocking(False)
+    return listener
+
+
+def _why_not(host: str, port: int, error: OSError) -> str:
+    if error.errno == errno.EADDRINUSE:
+        return (
+            f"port {port} of {host} is in use, perhaps by another nserver: stop that one, or take another with "
+            f"--port {DEFAULT_PORT + 1} (--port 0 finds a free one)"
+        )
+    if error.errno == errno.EACCES:
+        return f"port {port} needs more rights than you have: take one above 1023, such as --port {DEFAULT_PORT}"
+    return f"cannot listen on {host} port {port}: {error.strerror or error}"

@@ -1,23 +1,25 @@
 """The Nomad wire: a server that programs of the Nomad's day run against.
 
-units -> wire -> requests -> state -> records -> behaviour -> session -> line -> server
+units -> wire -> requests -> state -> behaviour -> session -> answers -> line -> server
 
 The wire is pure (bytes in, requests out; words in, bytes out) and so is a session with one client; sockets and time
 come in with lines and the server. Lengths in inches live in `units` alone.
 """
 
 from sleepcast.nomad.pace import Pace
-from sleepcast.nomad.server import DEFAULT_PORT, Nserver, ServerError, commands, own_addresses
+from sleepcast.nomad.relay import RealRobot, real_robot
+from sleepcast.nomad.server import DEFAULT_PORT, Nserver, ServerError, own_addresses
 from sleepcast.nomad.windows import RobotWindow, Sketch, Windows
 
 __all__ = [
     "DEFAULT_PORT",
     "Nserver",
     "Pace",
+    "RealRobot",
     "RobotWindow",
     "ServerError",
     "Sketch",
     "Windows",
-    "commands",
     "own_addresses",
+    "real_robot",
 ]

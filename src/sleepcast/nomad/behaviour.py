@@ -38,6 +38,8 @@ class Behaviour:
         self.accelerations = (0, 0, 0)
         self.speed = 1.0
         """Of the simulation, as the state tells it."""
+        self.held = False
+        """Whether it is kept at rest, whatever is asked."""
         self._timeout = inf
         self._asked = world.time
         self._last: tuple[int, Words] = (0, ())
@@ -54,12 +56,20 @@ class Behaviour:
     def command(self, kind: int, words: Words) -> None:
         """Do what a command (a key of `COMMANDS`) asks, of which the number of words is right."""
         self.alive()
+        if self.held and kind in MOTIONS:
+            kind, words = Kind.ST, ()
         if (kind, words) == self._last:
             return
         self._last = (kind, words)
         self._condition = None
         self._note(f"{name_of(kind)}({', '.join(map(str, words))})")
         COMMANDS[kind](self, words)
+
+    def hold(self, still: bool) -> None:
+        """Keep it at rest from now on, or no longer; nothing old resumes."""
+        self.held = still
+        if still:
+            self.command(Kind.ST, ())
 
     def _note(self, command: str) -> None:
         """Show a command in the window, once for many that are the same."""
@@ -218,6 +228,9 @@ COMMANDS: dict[int, Callable[[Behaviour, Words], None]] = {
     Kind.CONF_SG: Behaviour._nothing_there,
 }
 """What changes a robot, by type of request."""
+
+MOTIONS = frozenset({Kind.VM, Kind.PR, Kind.MV, Kind.ZR})
+"""Those that move it."""
 
 
 def _positive(wanted: Axes) -> Axes:

@@ -10,6 +10,8 @@ from __future__ import annotations
 import asyncio
 from typing import Protocol
 
+from sleepcast.nomad.answers import answer
+from sleepcast.nomad.hand import Hand
 from sleepcast.nomad.session import Service, Session, Wait
 from sleepcast.nomad.wire import Parser
 
@@ -26,7 +28,7 @@ class Host(Protocol):
 
     service: Service
     lines: set[Line]
-    waiting: set[Line]
+    waiting: set[Line | Hand]
 
     def admit(self, line: Line) -> bool:
         """Take a new line; False if there are too many."""
@@ -54,7 +56,7 @@ class Line(asyncio.Protocol):
         transport.set_write_buffer_limits(high=MAX_BUFFERED)
         name = transport.get_extra_info("peername")
         peer = f"{name[0]}:{name[1]}" if name else "somebody"
-        self.session = Session(self._host.service, peer, self._parser)
+        self.session = Session(self._host.service, peer, self._parser, self.look)
         self.asked = self._loop.time()
         if not self._host.admit(self):
             transport.abort()
@@ -102,11 +104,11 @@ class Line(asyncio.Protocol):
             if request is None:
                 break
             self.asked = self._loop.time()
-            answer = self.session.answer(request)
-            if isinstance(answer, bytes):
-                self._transport.write(answer)
-            elif answer is not None:
-                self.wait = answer
+            found = answer(self.session, request)
+            if isinstance(found, bytes):
+                self._transport.write(found)
+            elif found is not None:
+                self.wait = found
                 self._host.waiting.add(self)
                 self._host.news()
         else:

@@ -9,9 +9,12 @@ from sleepcast.clock import Clock
 LONGEST_DEBT = 0.25
 """Seconds on the wall that a server that could not keep up makes up for; what is older is let go."""
 
+STANDSTILL = 0.05
+"""Seconds on the wall after which it is looked again whether time goes on."""
+
 
 class Pace:
-    """speed: simulated seconds in a second of `clock`, infinite for as fast as possible; it may be changed at any time.
+    """speed: simulated seconds in a second of `clock`, 0 for none, infinite for as fast as possible; it may be changed.
     let_go: simulated seconds that were not made up for."""
 
     def __init__(self, clock: Clock, speed: float = 1.0) -> None:
@@ -44,7 +47,9 @@ class Pace:
         return True
 
     def wait(self, tick: float) -> float:
-        """Seconds on the wall until the next tick is due."""
+        """Seconds on the wall to wait for the next tick, or until speed is to be looked at again."""
         if self.speed == inf or self._credit >= tick:
             return 0.0
-        return (tick - self._credit) / self.speed
+        if self.speed <= 0.0:
+            return STANDSTILL
+        return min(STANDSTILL, (tick - self._credit) / self.speed)

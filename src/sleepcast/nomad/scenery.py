@@ -7,6 +7,7 @@ from typing import Literal
 
 from sleepcast.nomad import units
 from sleepcast.nomad.requests import Kind
+from sleepcast.nomad.session import Refusal
 from sleepcast.nomad.state import BUMPER, ENTRIES, INFRARED, SONAR, ring
 from sleepcast.nomad.windows import LAYERS, SENSORS, TRACES, Layer, Sketch
 from sleepcast.robot import Contact, Pose, SimulatedWorld
@@ -33,11 +34,11 @@ ERASED: dict[int, tuple[Layer, ...]] = {
 """The layers of the windows that each request clears."""
 
 
-def polygon(words: Words, more: int = 0) -> Corners | None:
-    """n, x1, y1 ... xn, yn and so many more words as corners in m; None if that is not what the words are."""
+def polygon(words: Words, more: int = 0) -> Corners:
+    """n, x1, y1 ... xn, yn and so many more words as corners in m. Raises Refusal if that is not what they are."""
     corners = words[0]
     if corners < LEAST_CORNERS or len(words) != 1 + 2 * corners + more:
-        return None
+        raise Refusal(f"a polygon of {corners} corners in {len(words)} words")
     lengths = [units.metres(word) for word in words[1 : 1 + 2 * corners]]
     return list(zip(lengths[::2], lengths[1::2], strict=True))
 
@@ -67,8 +68,8 @@ def prediction(world: SimulatedWorld, robot: int, pose: Pose) -> list[int]:
     return words
 
 
-def checked(world: SimulatedWorld, robot: int, words: Words) -> list[int] | None:
-    """The words of the reply to motion_check; None for a way of a kind that there is not."""
+def checked(world: SimulatedWorld, robot: int, words: Words) -> list[int]:
+    """The words of the reply to motion_check. Raises Refusal for a way of a kind that there is not."""
     start = (_hundredths(words[1]), _hundredths(words[2]))
     if words[0] == SEGMENT:
         met = world.along(robot, start, (_hundredths(words[3]), _hundredths(words[4])))
@@ -77,7 +78,7 @@ def checked(world: SimulatedWorld, robot: int, words: Words) -> list[int] | None
         begin, end = words[3] / units.MILLIONTHS, words[4] / units.MILLIONTHS
         met = world.round(robot, centre, _hundredths(words[5]), begin, end)
     else:
-        return None
+        raise Refusal(f"motion_check knows ways of types {SEGMENT} and {ARC}, not {words[0]}")
     return [0, 0, 0, 0] if met is None else _contact(met)
 
 

@@ -10,18 +10,19 @@ from __future__ import annotations
 import asyncio
 import errno
 import socket
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from sleepcast.clock import Clock, WallClock
-from sleepcast.errors import MisuseError, SleepcastError
-from sleepcast.nomad.behaviour import COMMANDS, Behaviour
+from sleepcast.errors import SleepcastError
+from sleepcast.nomad.behaviour import Behaviour
+from sleepcast.nomad.hand import Hand
 from sleepcast.nomad.line import Line
 from sleepcast.nomad.notes import Notes
 from sleepcast.nomad.pace import Pace
-from sleepcast.nomad.requests import Kind, misfit
+from sleepcast.nomad.relay import RealRobot, Relay
+from sleepcast.nomad.requests import Kind
 from sleepcast.nomad.session import Service
 from sleepcast.nomad.texts import ByteOrder
-from sleepcast.nomad.units import GREATEST_WORD, LEAST_WORD
 from sleepcast.nomad.windows import Windows
 from sleepcast.robot import SimulatedWorld
 
@@ -46,7 +47,8 @@ class Nserver:
     """The server of one world's robots.
 
     windows: what it shows; tk_order: byte order of the clients' machines, for their texts; may_quit: whether a client
-    can end it; lockstep: see the module; headless: nobody can click at a window; say: tells the person at the terminal.
+    can end it; lockstep: see the module; headless: nobody can click at a window; real: the real robots, by the index of
+    the simulated one in whose place a client can put them; say: tells the person at the terminal.
     """
 
     def __init__(
@@ -58,15 +60,17 @@ class Nserver:
         may_quit: bool = False,
         lockstep: bool = False,
         headless: bool = False,
+        real: Mapping[int, RealRobot] | None = None,
         say: Callable[[str], None] = print,
         clock: Clock | None = None,
     ) -> None:
         robots = [Behaviour(world, robot, windows.robots[robot]) for robot in range(world.count)]
         said = Notes(say, clock or WallClock())
-        self.service = Service(world, windows, robots, said, tk_order, may_quit, lockstep, headless)
+        self.service = Service(world, windows, robots, said, tk_order, may_quit, lockstep, headless, dict(real or {}))
         self.world, self.windows = world, windows
         self.lines: set[Line] = set()
-        self.waiting: set[Line] = set()
+        self.waiting: set[Line | Hand] = set()
+        self._hands: dict[int, Hand] = {}
         self._servers: list[asyncio.Server] = []
         self._news = asyncio.Event()
         self._glanced = world.time - GLANCE
@@ -96,14 +100,19 @@ class Nserver:
             await self.close()
 
     async def close(self) -> None:
-        """Stop listening and hang up."""
+        """Stop listening and hang up; real robots are stopped."""
         for server in self._servers:
             server.close()
+        relays = self._relays()
+        for relay in relays:
+            relay.close()
         for line in list(self.lines):
             line.end()
         for server in self._servers:
             await server.wait_closed()
         self._servers.clear()
+        for relay in relays:
+            await relay.gone()
 
     def step(self) -> None:
         """Let one tick pass, and answer who waits for it."""
@@ -119,30 +128,45 @@ class Nserver:
 
     # ---- for the page
 
-    def perform(self, robot: int, name: str, numbers: Sequence[int]) -> None:
-        """Do what a command of a client would do: `name` as in the C library, such as vm, `numbers` as on the wire.
-
-        Raises MisuseError for what no client could send.
-        """
-        try:
-            kind = Kind[name.upper()]
-        except KeyError:
-            raise MisuseError(f"there is no command {name}") from None
-        if kind not in COMMANDS:
-            raise MisuseError(f"{name} is no command to a robot; those are {', '.join(commands())}")
-        wrong = misfit(kind, len(numbers))
-        if wrong:
-            raise MisuseError(wrong)
-        if not all(LEAST_WORD <= number <= GREATEST_WORD for number in numbers):
-            raise MisuseError(f"{name}: each number must fit into 32 bits")
-        self.service.behaviours[robot].command(kind, tuple(numbers))
+    async def perform(self, robot: int, name: str, numbers: Sequence[int]) -> None:
+        """Do what a client's request would do, until it is done: `name` as in the C library, such as vm, `numbers` as
+        on the wire. Raises MisuseError for what is refused."""
+        hand = self._hands.get(robot)
+        if hand is None:
+            hand = self._hands[robot] = Hand(self.service, robot)
+        async with hand.turn:
+            hand.ask(name, numbers)
+            if hand.wait is not None:
+                self.waiting.add(hand)
+                self.news()
+                try:
+                    await hand.done()
+                finally:
+                    hand.wait = None
+                    self.waiting.discard(hand)
 
     def click(self, robot: int, x: float, y: float) -> None:
-        """Somebody has clicked in this robot's window, at x, y in m: who waits for that gets it."""
-        for line in list(self.waiting):
-            if line.session.robot == robot:
-                line.session.clicked = (x, y)
-                line.look()
+        """Somebody has clicked in this robot's window, at x, y in m: whoever waits for that gets it."""
+        for each in list(self.waiting):
+            if each.session.robot == robot:
+                each.session.click(x, y)
+
+    @property
+    def held(self) -> bool:
+        """Whether all robots are held."""
+        return all(behaviour.held for behaviour in self.service.behaviours)
+
+    def hold(self, still: bool) -> None:
+        """Keep all robots at rest from now on, whatever is asked, or no longer; real ones too."""
+        for behaviour in self.service.behaviours:
+            behaviour.hold(still)
+        if still:
+            for relay in self._relays():
+                relay.ask(Kind.ST, ())
+
+    def _relays(self) -> list[Relay]:
+        sessions = [*(line.session for line in self.lines), *(hand.session for hand in self._hands.values())]
+        return [session.relay for session in sessions if session.relay is not None]
 
     # ---- for the lines
 
@@ -189,11 +213,6 @@ class Nserver:
                 await self._news.wait()
         except TimeoutError:
             return
-
-
-def commands() -> list[str]:
-    """Names of what `Nserver.perform` can do."""
-    return [Kind(kind).name.lower() for kind in COMMANDS]
 
 
 def own_addresses() -> list[str]:

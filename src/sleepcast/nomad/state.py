@@ -89,9 +89,10 @@ def tail(condition: Condition) -> tuple[int, int, int]:
 class Mask:
     """Which entries of the state vector one client wants, and what they were when it last wanted them.
 
-    posdata: bits of the sensors whose PosData it wants.
+    words: of the last ct. posdata: bits of the sensors whose PosData it wants.
     """
 
+    words: Sequence[int] = EVERYTHING
     posdata: int = 0
     _wanted: list[bool] = field(default_factory=lambda: [True] * ENTRIES)
     _held: list[int] = field(default_factory=lambda: [0] * ENTRIES)
@@ -100,6 +101,7 @@ class Mask:
 
     def configure(self, words: Sequence[int]) -> None:
         """Take the words of ct."""
+        self.words = words
         bits = [bool(word >> bit & 1) for word in words[:5] for bit in range(8)]
         self._wanted = [True, *bits, True, bool(words[5] & 4), bool(words[5] & 8), True]
         self.posdata = words[6] & 0x1F

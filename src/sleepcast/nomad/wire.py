@@ -147,6 +147,11 @@ def encode_request(layout: Layout, kind: int, words: Sequence[int] = ()) -> byte
     return encode(layout, kind, words)
 
 
+def decode(body: bytes) -> tuple[int, ...]:
+    """The words of a reply in the layout of 4 bytes."""
+    return _numbers(len(body) // 4).unpack(body)
+
+
 @lru_cache(maxsize=256)
 def _numbers(count: int) -> Struct:
     return Struct(f">{count}i")

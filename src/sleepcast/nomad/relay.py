@@ -1,0 +1,139 @@
+"""A real robot in place of a simulated one: a client's requests go to another server, and its replies come back.
+
+The other server takes this one for one more program. What it is asked waits its turn, one request at a time, as the
+wire wants it. A real robot that loses whoever drives it is stopped.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+from sleepcast.errors import MisuseError
+from sleepcast.nomad.requests import Kind
+from sleepcast.nomad.wire import HEADER, Layout, decode, encode_request
+
+CONNECT_SECONDS = 10.0
+"""For the other server to answer at first."""
+ANSWER_SECONDS = 600.0
+"""For any other answer: twice the longest that a request of the wire may take."""
+MAX_WAITING = 64
+"""Requests that wait to be sent; a client has one under way, and everybody may stop the robot beside it."""
+FAREWELL_SECONDS = 2.0
+"""For the other server to take the last words."""
+
+
+@dataclass(frozen=True, slots=True)
+class RealRobot:
+    """Where a real robot is: `nomad://host:port#number`."""
+
+    host: str
+    port: int
+    number: int
+
+    def __str__(self) -> str:
+        return f"nomad://{self.host}:{self.port}#{self.number}"
+
+
+@dataclass(slots=True)
+class Pending:
+    """A request on its way, and its reply once that has come: type and words."""
+
+    kind: int
+    words: Sequence[int]
+    reply: tuple[int, Sequence[int]] | None = None
+
+
+class Relay:
+    """See the module. mask: words of `ct` that the client has sent. nudge: called whenever an answer has come. broken:
+    why nothing can be asked any more, "" while all is well."""
+
+    def __init__(
+        self, robot: RealRobot, mask: Sequence[int], nudge: Callable[[], None], say: Callable[[str], None]
+    ) -> None:
+        self.robot, self.broken = robot, ""
+        self._nudge, self._say = nudge, say
+        self._closed = False
+        self._asked: asyncio.Queue[Pending | None] = asyncio.Queue(MAX_WAITING)
+        self.ask(Kind.CT, mask)
+        self._task = asyncio.get_running_loop().create_task(self._converse())
+
+    def ask(self, kind: int, words: Sequence[int]) -> Pending:
+        """Send a request when its turn comes."""
+        pending = Pending(kind, words)
+        if not self.broken:
+            try:
+                self._asked.put_nowait(pending)
+            except asyncio.QueueFull:
+                self._break("it does not answer")
+        return pending
+
+    def close(self) -> None:
+        """Stop the robot and let it go, if nobody has done so before."""
+        if self._closed:
+            return
+        self._closed = True
+        if self._asked.full():
+            self._task.cancel()
+        else:
+            self._asked.put_nowait(None)
+
+    async def gone(self) -> None:
+        """Wait, not for long, until the robot is let go."""
+        await asyncio.wait({self._task}, timeout=2 * FAREWELL_SECONDS)
+
+    async def _converse(self) -> None:
+        writer = None
+        try:
+            async with asyncio.timeout(CONNECT_SECONDS):
+                reader, writer = await asyncio.open_connection(self.robot.host, self.robot.port)
+                _, accepted = await _ask(reader, writer, Kind.CONNECT_ROBOT, (self.robot.number, os.getpid()))
+            if not (accepted and accepted[0]):
+                self._break(f"it has no robot {self.robot.number}")
+                return
+            while (pending := await self._asked.get()) is not None:
+                async with asyncio.timeout(ANSWER_SECONDS):
+                    pending.reply = await _ask(reader, writer, pending.kind, pending.words)
+                self._nudge()
+            async with asyncio.timeout(FAREWELL_SECONDS):
+                await _ask(reader, writer, Kind.ST, ())
+            writer.write(encode_request(Layout.FOUR, Kind.DISCONNECT_ROBOT, (self.robot.number, os.getpid())))
+        except TimeoutError:
+            self._break("it does not answer in time")
+        except (OSError, asyncio.IncompleteReadError) as error:
+            self._break(f"the connection is lost ({getattr(error, 'strerror', None) or 'it has ended'})")
+        finally:
+            if writer is not None:
+                writer.close()
+                with suppress(OSError):
+                    await writer.wait_closed()
+
+    def _break(self, why: str) -> None:
+        self.broken = why
+        self._say(f"the real robot at {self.robot} does not obey: {why}")
+        self._nudge()
+
+
+async def _ask(
+    reader: asyncio.StreamReader, writer: asyncio.StreamWriter, kind: int, words: Sequence[int]
+) -> tuple[int, Sequence[int]]:
+    writer.write(encode_request(Layout.FOUR, kind, words))
+    answered, size = HEADER.unpack(await reader.readexactly(HEADER.size))
+    return answered, decode(await reader.readexactly(4 * size))
+
+
+def real_robot(text: str) -> RealRobot:
+    """`nomad://HOST:PORT#NUMBER` as where a robot is. Raises MisuseError."""
+    from urllib.parse import urlsplit
+
+    try:
+        parts = urlsplit(text)
+        host, port, number = parts.hostname, parts.port, int(parts.fragment or "1")
+    except ValueError:
+        host, port, number = None, None, 0
+    if host is None or port is None or parts.scheme != "nomad" or number < 1:
+        raise MisuseError(f"wanted a robot such as nomad://scout.local:7019#1, not {text!r}")
+    return RealRobot(host, port, number)

@@ -71,8 +71,7 @@ class Bodies:
     """`count` bodies at the start of a scenario; see the module.
 
     Arrays of shape (count,) unless said otherwise. x, y: m in the world's frame; heading: rad, -pi..pi,
-    counter-clockwise from the x axis: where the body really is. aim: where its first sonar looks, rad; the heading,
-    unless somebody turns them apart. encoder_x, encoder_y, encoder_heading: where it
+    counter-clockwise from the x axis: where the body really is. encoder_x, encoder_y, encoder_heading: where it
     believes to be; the same arrays without wheels. sensed: shape (sensors, count), NaN for what was never measured.
     known: the first rows of it, without noise. speed: m/s along the heading. left, right: of the wheels, m/s.
     bumper: the part that touches something, from 1 in front counter-clockwise, or 0; hit_x, hit_y: from the body to
@@ -108,7 +107,6 @@ class Bodies:
         self.x: Floats = apart[0]
         self.y: Floats = apart[1]
         self.heading: Floats = apart[2]
-        self.aim: Floats = self.heading
         self.speed: Floats = self.known[3]
         self.stores: Floats = self.known[4 : 4 + len(robots.stores)]
         self.store_names = tuple(store.name.casefold() for store in robots.stores)
@@ -232,13 +230,13 @@ class Bodies:
         if self.scenario.noise:
             self._disturb(slice(None) if which is None else which)
         if echoes and self.echoes:
-            self.echoes.sense(which, self.tick, (self.x, self.y, self.aim))
+            self.echoes.sense(which, self.tick, (self.x, self.y, self.heading))
 
     def echo(self, numbers: Sequence[int] | None = None) -> Floats:
         """What the sonars of these robots (None: all) read, m, shape (robots, sonars). Only for robots with sonars."""
         assert self.echoes
         which = None if numbers is None else np.asarray(numbers, np.int64)
-        self.echoes.sense(which, self.tick, (self.x, self.y, self.aim))
+        self.echoes.sense(which, self.tick, (self.x, self.y, self.heading))
         return self.sensed[len(self.sensors) : -1, slice(None) if which is None else which].T
 
     def readings(self, numbers: Sequence[int] | None = None) -> list[list[float]]:

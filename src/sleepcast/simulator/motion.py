@@ -38,4 +38,4 @@ def step(bodies: Bodies) -> None:
     bodies.tick += 1
     bodies.near.forget()
     if bodies.echoes:
-        bodies.echoes.fire(bodies.tick, bodies.time, (bodies.x, bodies.y, bodies.aim))
+        bodies.echoes.fire(bodies.tick, bodies.time, (bodies.x, bodies.y, bodies.heading))

@@ -84,7 +84,8 @@ class NomadSenses:
         self._sonars = [tuple(row) for row in exact.tolist()]
         self._seen = [()] * bodies.count
         if self._infrared:
-            pose, near = (bodies.x, bodies.y, bodies.aim), bodies.near
+            aim = bodies.heading if self._echoes.turret is None else bodies.heading + self._echoes.turret
+            pose, near = (bodies.x, bodies.y, aim), bodies.near
             listed = near.solids(self._infrared.radius + self._infrared.most)
             view = View(self._infrared, near.grid, near.points(bodies.x, bodies.y), listed, near.world.solids, pose)
             seen = bodies.machine.ranges(view, np.arange(bodies.count))

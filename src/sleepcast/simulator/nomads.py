@@ -52,9 +52,11 @@ class NomadWorld:
         self._senses = NomadSenses(bodies, echoes, setup.infrared)
         self._obstacles = Obstacles(simulator.world, origin, EDGE)
         self._turns_turret = not isnan(setup.speeds.third)
-        self._turret_speed, self._turret = np.zeros(bodies.count), bodies.encoder_heading
+        self._turret_speed = np.zeros(bodies.count)
+        # Turrets against the headings, rad: as they are, and as their encoders give them.
+        self._turret, self._believed_turret = np.zeros((2, bodies.count))
         if self._turns_turret:
-            bodies.aim, self._turret = bodies.heading.copy(), bodies.encoder_heading.copy()
+            echoes.turret = self._turret
         self._zeroing: set[int] = set()
         self._conditions: list[Condition | None] = [None] * bodies.count
         bodies.mode[:] = Mode.DRIVE
@@ -132,24 +134,24 @@ class NomadWorld:
         else:
             bodies.wanted_speed[:] = (speeds[0] + speeds[1]) / 2.0
             bodies.wanted_turn[:] = (speeds[0] - speeds[1]) / self.setup.track
-        heading, believed = bodies.heading.copy(), bodies.encoder_heading.copy()
-        x, y = bodies.encoder_x.copy(), bodies.encoder_y.copy()
-        if self._turns_turret:
-            self._turret_speed[:] = speeds[2]
-            bodies.aim += speeds[2] * tick
+        self._turn_turrets(speeds)
+        x, y, heading = bodies.encoder_x.copy(), bodies.encoder_y.copy(), bodies.encoder_heading.copy()
         self.simulator.step()
-        turned = _wrap(bodies.encoder_heading - believed)
-        way = _way(bodies.encoder_x - x, bodies.encoder_y - y, believed, turned)
-        if self._turns_turret:
-            carried = 0.0 if self.setup.steers else turned  # a base that steers only its wheels does not turn
-            bodies.aim[:] = _wrap(bodies.aim + _wrap(bodies.heading - heading) - turned + carried)
-            self._turret[:] = _wrap(self._turret + speeds[2] * tick + carried)
+        turned = _wrap(bodies.encoder_heading - heading)
+        way = _way(bodies.encoder_x - x, bodies.encoder_y - y, heading, turned)
         aside = turned * self.setup.track / 2.0
         first, second = (way, turned) if self.setup.steers else (way + aside, way - aside)
         motors.count(np.stack((first, second, speeds[2] * tick)), speeds, tick)
         for robot in sorted(self._zeroing):
             self._zero_on(robot)
         self._forget()
+
+    def _turn_turrets(self, speeds: Floats) -> None:
+        """A base whose wheels steer does not turn with them, and so its turret turns against their direction."""
+        self._turret_speed[:] = speeds[2]
+        turned = (speeds[2] - speeds[1] if self.setup.steers else speeds[2]) * self.tick
+        self._turret[:] = _wrap(self._turret + turned)
+        self._believed_turret[:] = _wrap(self._believed_turret + turned)
 
     def _speeds(self) -> Floats:
         """How fast the axes turn, shape (3, count)."""
@@ -162,8 +164,8 @@ class NomadWorld:
         """The next thing that zeroing asks for, once everything rests."""
         if any(self._motors.moving(robot, self._speeds_of(robot))):
             return
-        away = float(_wrap(self._bodies.encoder_heading[robot] - self._turret[robot])) if self._turns_turret else 0.0
-        if abs(away) > HOME:
+        away = float(-self._believed_turret[robot])
+        if self._turns_turret and abs(away) > HOME:
             self._motors.travel(robot, Axes(third=away))
             if not self._motors.cruise[2, robot]:
                 self._motors.set_cruise(robot, Axes(third=self.setup.speeds.third))
@@ -186,18 +188,14 @@ class NomadWorld:
     def _condition(self, robot: int) -> Condition:
         bodies, (x, y), speeds = self._bodies, self.origin, self._speeds_of(robot)
         believed, real = float(bodies.encoder_heading[robot]), float(bodies.heading[robot])
+        turrets = float(_wrap(believed + self._believed_turret[robot])), float(_wrap(real + self._turret[robot]))
         moving = self._motors.moving(robot, speeds)
         if robot in self._zeroing:
             moving = (True, True, self._turns_turret)
         return Condition(
             time=bodies.time,
-            believed=Pose(
-                float(bodies.encoder_x[robot]) - x,
-                float(bodies.encoder_y[robot]) - y,
-                believed,
-                float(self._turret[robot]),
-            ),
-            real=Pose(float(bodies.x[robot]) - x, float(bodies.y[robot]) - y, real, float(bodies.aim[robot])),
+            believed=Pose(float(bodies.encoder_x[robot]) - x, float(bodies.encoder_y[robot]) - y, believed, turrets[0]),
+            real=Pose(float(bodies.x[robot]) - x, float(bodies.y[robot]) - y, real, turrets[1]),
             speeds=speeds,
             moving=moving,
             sonars=self._senses.sonars(robot),
@@ -223,13 +221,15 @@ class NomadWorld:
     def believe(self, robot: int, x: float = nan, y: float = nan, heading: float = nan, turret: float = nan) -> None:
         self._check(robot)
         bodies = self._bodies
-        columns = [bodies.encoder_x, bodies.encoder_y, bodies.encoder_heading]
-        values = [x + self.origin[0], y + self.origin[1], float(_wrap(heading))]
-        if self._turns_turret:
-            columns, values = [*columns, self._turret], [*values, float(_wrap(turret))]
+        looks = float(bodies.encoder_heading[robot] + self._believed_turret[robot])
+        columns = (bodies.encoder_x, bodies.encoder_y, bodies.encoder_heading)
+        values = (x + self.origin[0], y + self.origin[1], float(_wrap(heading)))
         for column, value in zip(columns, values, strict=True):
             if isfinite(value):
                 column[robot] = value
+        if self._turns_turret:
+            looks = turret if isfinite(turret) else looks
+            self._believed_turret[robot] = _wrap(looks - bodies.encoder_heading[robot])
         self._conditions[robot] = None
 
     def place(self, robot: int, pose: Pose) -> None:
@@ -242,12 +242,17 @@ class NomadWorld:
             wanted = float(now[robot]) if isnan(value) else value + shift
             spot.append(max(radius, min(wanted, size - radius)))
         heading = pose.heading if isfinite(pose.heading) else float(bodies.heading[robot])
-        turret = pose.turret if isfinite(pose.turret) else float(bodies.aim[robot])
+        turret = pose.turret if isfinite(pose.turret) else float(bodies.heading[robot] + self._turret[robot])
         bodies.place(robot, spot[0], spot[1], float(_wrap(heading)))
         self._turret_speed[robot] = 0.0
         if self._turns_turret:
-            bodies.aim[robot] = self._turret[robot] = _wrap(turret)
+            self._turret[robot] = self._believed_turret[robot] = _wrap(turret - heading)
         self._forget()
+
+    def fire(self, robot: int, order: Sequence[int], pause: float) -> None:
+        """Raises MisuseError for a sonar that there is not, or an odd pause."""
+        self._check(robot)
+        self._echoes.arrange(robot, order, pause)
 
     # ---- the world
 

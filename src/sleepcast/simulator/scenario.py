@@ -119,6 +119,7 @@ def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  #
     document = toml_document(file)
     with document.root() as root:
         _check_format(root)
+        root.has("nomad")  # for `sites`
         constants = read_constants(root)
         tables = robot_tables(root)
         groups = [read_groups(table, constants, MAX_ROBOTS) for table in tables]

@@ -1,0 +1,107 @@
+"""A world of Nomads from files: a site, a setup, and robots put into it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import ceil, pi
+from pathlib import Path
+
+from sleepcast.channel.memory import RadioModel
+from sleepcast.errors import MisuseError
+from sleepcast.simulator.engine import Machine
+from sleepcast.simulator.nomads import NomadWorld
+from sleepcast.simulator.robot_settings import MAX_TIME, CrosstalkModel, RobotSpec
+from sleepcast.simulator.room import has_room, spread
+from sleepcast.simulator.scenario import Scenario
+from sleepcast.simulator.settings import SettingsError
+from sleepcast.simulator.setups import Setup, read_setup
+from sleepcast.simulator.simulation import Simulator
+from sleepcast.simulator.sites import CELL, MAX_NOMADS, Site, read_site
+from sleepcast.simulator.world import edge
+
+TICK = 0.02
+"""s: a Scout at its fastest gets 2 cm farther between two looks of its sonars, less than the whole inches they tell;
+and fifty of them take a few hundredths of one core."""
+CROSSTALK = CrosstalkModel(chance=1.0, spread=pi / 6.0, robots=True)
+"""Sonars that hear each other, where a setup does not say how."""
+
+
+def nomad_world(
+    world: Path | None = None,
+    setup: Path | str = "ideal",
+    robots: int | None = None,
+    seed: int | None = None,
+    *,
+    crosstalk: bool | None = None,
+    tick: float = TICK,
+    machine: Machine | None = None,
+) -> NomadWorld:
+    """A world with robots in it.
+
+    world: a file or folder, see `sites`; None is an empty room. setup: its name or a file, see `setups`. robots: how
+    many; None as many as the world has starts, or one. seed: replaces the world's own. crosstalk: whether sonars take
+    each other's pings for their own; None as the setup says. tick: s of simulated time in one step. machine: see
+    `Simulator`.
+
+    The first robot starts at the origin, heading east, and others round it, if the world does not say where. Raises
+    MisuseError, and SettingsError for what is wrong in a file.
+    """
+    if robots is not None and not 1 <= robots <= MAX_NOMADS:
+        raise MisuseError(f"{robots} robots: wanted 1 to {MAX_NOMADS}")
+    if not 1e-3 <= tick <= 1.0:
+        raise MisuseError(f"a tick of {tick} s: wanted 0.001 to 1")
+    made, site = _heard(read_setup(setup), crosstalk), read_site(world, robots, seed)
+    count = robots or max(1, len(site.starts))
+    # The bodies begin in an empty world, so that there is room whatever the site is like; then they go to their starts.
+    simulator = Simulator(_scenario(site, made.robots, count, tick), machine=machine)
+    for shape in site.shapes:
+        simulator.world.add(shape)
+    starts = [(start.x, start.y, start.heading) for start in site.starts[:count]]
+    for robot, start in enumerate(starts):
+        if not has_room(simulator.bodies, start[0], start[1], robot, range(robot)):
+            raise SettingsError(f"{site.path}: nomad.starts[{robot}]: there is no room for a robot")
+        simulator.bodies.place(robot, *start)
+    least = CELL * ceil(2.2 * made.robots.geometry.radius / CELL)
+    spread(simulator.bodies, range(len(starts)), site.origin, (2.0 * least, least))
+    return NomadWorld(simulator, made, site.origin)
+
+
+def _heard(setup: Setup, crosstalk: bool | None) -> Setup:
+    """The setup with or without cross-talk."""
+    ring = setup.robots.ring
+    assert ring  # a setup has sonars
+    if crosstalk is None or crosstalk == (ring.crosstalk is not None):
+        return setup
+    ring = replace(ring, crosstalk=CROSSTALK if crosstalk else None)
+    return replace(setup, robots=replace(setup.robots, ring=ring))
+
+
+def _scenario(site: Site, robots: RobotSpec, count: int, tick: float) -> Scenario:
+    """The site as a scenario with nothing but robots and its edge."""
+    radius = robots.geometry.radius
+    if min(site.width, site.height) < 4.0 * radius:
+        raise MisuseError(f"{site.path}: a world of {site.width:g} by {site.height:g} m has no room for a robot")
+    limits = replace(robots.limits, fence=(0.0, 0.0, site.width, site.height))
+    inner = [(2.0 * radius, size - 2.0 * radius) for size in (site.width, site.height)]
+    return Scenario(
+        name="nomads",
+        path=site.path,
+        title="Nomads",
+        about="",
+        seed=site.seed,
+        tick=tick,
+        speed_up=1.0,
+        seconds=MAX_TIME,
+        width=site.width,
+        height=site.height,
+        length_unit="in",
+        shapes=(edge(site.width, site.height),),
+        fenced=False,
+        robots=replace(robots, count=count, limits=limits, x=inner[0], y=inner[1]),
+        places=(),
+        noise={},
+        radio=RadioModel(),
+        telemetry=1.0,
+        commands=(),
+        mission=(),
+    )

@@ -97,7 +97,7 @@ class Behaviour:
         """What there is to know now."""
         if self._condition is None:
             self._condition = self.world.observe(self.robot)
-            self._state.clear()
+            self._state = []  # a mask may still hold the old one
             self._replies.clear()
         return self._condition
 

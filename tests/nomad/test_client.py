@@ -171,7 +171,8 @@ def test_other_requests(nomad: Nomad) -> None:
     assert nomad.ask_for_pose().heading == nomad.state.heading
     assert len(nomad.get_rpx()) == 2
     nomad.simulated_robot()
-    nomad.quit_server()  # which is not permitted here
+    with pytest.raises(RequestError, match="quit_server"):
+        nomad.quit_server()  # which is not permitted here
     nomad.lp()
     nomad.accelerate(1.0, 1.0)
     assert nomad.gs().clock > 0

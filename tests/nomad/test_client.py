@@ -180,7 +180,7 @@ def test_other_requests(nomad: Nomad) -> None:
 
 def test_a_refused_request_says_which_and_the_connection_goes_on(nomad: Nomad) -> None:
     with pytest.raises(RequestError, match="refused special_request with error") as refused:
-        nomad.special_request(1, 40, b"\1\2")
+        nomad.special_request(1, 99, b"\1\2")  # a packet that nobody understands
     assert nomad.state.words[44] == refused.value.code != 0
     assert nomad.gs().words[44] == 0
     with pytest.raises(MisuseError, match="whole numbers"):

@@ -72,14 +72,14 @@ def inches(metres: float) -> int:
     """What a sonar says that has measured this, in whole inches; NaN: it has measured nothing."""
     if isnan(metres):
         return NOTHING_HEARD
-    return max(NEAREST_ECHO, min(NOTHING_HEARD, round(metres / INCH)))
+    return round(max(NEAREST_ECHO, min(NOTHING_HEARD, metres / INCH)))
 
 
 def infrared(metres: float) -> int:
     """What an infrared sensor says that has measured this; NaN: it has measured nothing."""
     if isnan(metres):
         return NOTHING_NEAR
-    return max(0, min(NOTHING_NEAR, round(metres / INFRARED_STEP)))
+    return round(max(0, min(NOTHING_NEAR, metres / INFRARED_STEP)))
 
 
 def milliseconds(seconds: float) -> int:

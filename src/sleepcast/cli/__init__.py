@@ -29,6 +29,7 @@ COMMANDS = {
     "demo": ("sleepcast.cli.swarm", "demo"),
     "run": ("sleepcast.cli.swarm", "run"),
     "replay": ("sleepcast.cli.replay", "replay"),
+    "nserver": ("sleepcast.cli.nserver", "nserver"),
     "scenarios": ("sleepcast.cli.gallery", "scenarios"),
     "eval": ("sleepcast.cli.evaluate", "evaluate"),
     "check": ("sleepcast.cli.check", "check"),

@@ -1,0 +1,125 @@
+"""`sleepcast nserver`: simulated Nomads, for programs of their day and for those of today.
+
+The robots and their world are the simulator's, the wire is the room `nomad`'s; here they are put together, with the
+page that shows the windows or, headless, without.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import click
+
+from sleepcast.cli.interrupts import Interrupts
+from sleepcast.cli.streams import ReaderGone, announce, complain
+from sleepcast.errors import MisuseError
+
+if TYPE_CHECKING:
+    from sleepcast.nomad import Nserver, Pace, RealRobot
+
+SLOWEST = 0.01
+"""Simulated seconds in a second."""
+
+
+@click.command("nserver", short_help="Simulated Nomads for programs that speak their wire.")
+@click.argument("world", required=False, metavar="[WORLD]", type=click.Path(path_type=Path))
+@click.option("--setup", metavar="ROBOT", default="ideal", show_default=True, help="ideal, noisy, nomad200, or a file.")
+@click.option("--robots", metavar="N", type=click.IntRange(min=1), help="So many; else as the world says, or one.")
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="What all chance depends on; else the world's.")
+@click.option("--port", type=click.IntRange(0, 65_535), default=7019, show_default=True, help="For programs; 0 is any.")
+@click.option("--host", "hosts", metavar="ADDRESS", multiple=True, help="Listen here too; else for this machine only.")
+@click.option(
+    "--speed", metavar="X", type=click.FloatRange(SLOWEST), default=1.0, help="Times real time; inf: no wait."
+)
+@click.option("--lockstep", is_flag=True, help="A tick comes when every program waits for one: runs repeat.")
+@click.option(
+    "--tk-order", type=click.Choice(["little", "big"]), default="little", help="Byte order of programs' texts."
+)
+@click.option("--real", metavar="N=URI", multiple=True, help="A real robot for real_robot(): 1=nomad://host:7019#1.")
+@click.option("--may-quit", is_flag=True, help="Let programs end the server with quit_server().")
+@click.option("--headless", is_flag=True, help="Without windows: get_robot_conf() is answered at once.")
+@click.option("--json", "as_json", is_flag=True, help="Say as JSON where the server listens.")
+def nserver(
+    world: Path | None,
+    setup: str,
+    robots: int | None,
+    seed: int | None,
+    port: int,
+    hosts: tuple[str, ...],
+    speed: float,
+    lockstep: bool,
+    tk_order: Literal["little", "big"],
+    real: tuple[str, ...],
+    may_quit: bool,
+    headless: bool,
+    as_json: bool,
+) -> int:
+    """Simulate Nomads in WORLD (a TOML file, a list of polygons, or a map of ROS; none is an empty room) and serve them
+    to programs: C programs linked with Nclient, Python ones, SLEEP nodes.
+
+    \b
+    Examples:
+      sleepcast nserver
+      sleepcast nserver lab.toml --setup noisy --robots 2
+      sleepcast nserver --headless --lockstep --port 0 --json
+    """
+    with Interrupts() as interrupts:
+        import asyncio
+
+        from sleepcast.clock import WallClock
+        from sleepcast.nomad import Nserver, Pace, Windows, own_addresses
+        from sleepcast.simulator.nomad_worlds import nomad_world
+
+        simulated = nomad_world(world, setup, robots, seed)
+        server = Nserver(
+            simulated,
+            windows=Windows(simulated.count),
+            tk_order=tk_order,
+            may_quit=may_quit,
+            lockstep=lockstep,
+            headless=headless,
+            real=_real_robots(real, simulated.count),
+            say=_say,
+        )
+        pace = Pace(WallClock(), speed)
+        addresses = list(dict.fromkeys([*own_addresses(), *hosts]))
+        interrupts.release()  # from here on Ctrl-C ends the loop in good order
+        asyncio.run(_serve(server, pace, addresses, port, as_json=as_json))
+    return 0
+
+
+async def _serve(server: Nserver, pace: Pace, hosts: Sequence[str], port: int, *, as_json: bool) -> None:
+    """Serve programs until one that may ends the server, or Ctrl-C."""
+    await server.listen(hosts, port)
+    robots = server.world.count
+    if as_json:
+        announce(json.dumps({"hosts": list(hosts), "port": server.port, "robots": robots}))
+    else:
+        where = ", ".join(f"{host} port {server.port}" for host in hosts)
+        announce(f"{robots} robot{'s' if robots > 1 else ''} at {where}. Ctrl-C ends it.")
+    await server.run(pace)
+
+
+def _real_robots(given: Sequence[str], count: int) -> dict[int, RealRobot]:
+    """The real robots of --real by the index of the simulated one. Raises MisuseError."""
+    from sleepcast.nomad import real_robot
+
+    found = {}
+    for text in given:
+        number, _, uri = text.partition("=")
+        if not (number.isdecimal() and 1 <= int(number) <= count):
+            raise MisuseError(
+                f"--real wants the number of a robot, 1 to {count}, and where it is: 1=nomad://host:7019#1"
+            )
+        found[int(number) - 1] = real_robot(uri)
+    return found
+
+
+def _say(line: str) -> None:
+    """Tell the person at the terminal; the server goes on if there is none."""
+    with suppress(ReaderGone):
+        complain(line)

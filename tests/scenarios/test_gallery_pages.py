@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from sleepcast.cli.learned import LearnedNames
 from sleepcast.language import check
-from sleepcast.language.names import FreshNames
 from sleepcast.loop import Swarm, vocabulary_of
 from sleepcast.simulator import Scenario, SettingsError, Simulator, find_scenario, load, parse_mission, scenario_names
 from sleepcast.simulator.gallery import GALLERY
@@ -28,9 +28,14 @@ def page(scenario: Scenario) -> str:
 
 
 def test_ready_made_commands_and_orders_are_without_a_finding(scenario: Scenario) -> None:
-    names = FreshNames(vocabulary_of(Simulator(scenario).model))
-    for text in (*(c.text for c in scenario.commands), *(order.text for order in scenario.mission)):
-        assert not check(text, names).findings, text
+    """Each may use what those before it declare."""
+    vocabulary = vocabulary_of(Simulator(scenario).model)
+    for texts in ([c.text for c in scenario.commands], [order.text for order in scenario.mission]):
+        names = LearnedNames(vocabulary)
+        for text in texts:
+            checked = check(text, names)
+            assert not checked.findings, text
+            names.learn(checked.required().form)
 
 
 def test_the_mission_says_what_the_ready_made_commands_say(scenario: Scenario) -> None:
@@ -46,7 +51,7 @@ def test_things_to_try_can_be_tried(scenario: Scenario) -> None:
     swarm = Swarm(Simulator(scenario))
     examples = re.findall(r"`(\([^`]+\))`", page(scenario))
     assert examples
-    for text in examples:
+    for text in (*(command.text for command in scenario.commands), *examples):
         assert not swarm.evaluate(swarm.simulator.names[0], text).faults, text
 
 

@@ -80,7 +80,7 @@ def test_the_complete_example_has_every_key(tmp_path: Path) -> None:
     file = tmp_path / "scenario.toml"
     for number in (tables[0] - 1, *tables):
         if lines[number].startswith(("[places.", "[robots.stores.", "[noise]", "[constants]", "[nomad", "[[nomad")):
-            continue  # those below have names that people choose, or are seen with their keys here, or `sites` reads them
+            continue  # those below have names that people choose, or are seen with their keys here, or `sites` reads
         file.write_text("\n".join((*lines[: number + 1], "nonsense_key = 1", *lines[number + 1 :])), encoding="utf-8")
         with pytest.raises(SettingsError, match="unknown key") as caught:
             load(file)

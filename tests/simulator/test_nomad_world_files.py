@@ -221,7 +221,7 @@ class TestSetups:
             ("[infrared]", "[infrard]", r"own\.toml:\d+: infrard: unknown key \(did you mean infrared\?\)"),
             ('pause = "4ms"', "", r"own\.toml:\d+: sonar: wanted sonars that fire one after the other"),
             ('[wheels]\ntrack = "0.3m"', "", r"own\.toml:1: wheels: is missing"),
-            ('range = "15in"', 'range = "-1in"', r"own\.toml:\d+: infrared\.range"),
+            ('range = "24in"', 'range = "-1in"', r"own\.toml:\d+: infrared\.range"),
         ],
     )
     def test_mistakes(self, tmp_path: Path, old: str, new: str, said: str) -> None:

@@ -116,11 +116,11 @@ class TestSensors:
 
     def test_infrared_sees_what_is_near_and_along_the_turret(self, nomad: NomadWorld) -> None:
         nomad.place(0, Pose(0.6, 0.0, radians(45), radians(90)))
-        assert nomad.observe(0).infrared == pytest.approx((15 * 0.0254,) * 16)
+        assert nomad.observe(0).infrared == pytest.approx((24 * 0.0254,) * 16)
         nomad.add(EAST)
         seen = nomad.observe(0).infrared
         assert min(seen) == seen[12] == pytest.approx(0.4 - RADIUS, abs=1e-5)
-        assert seen[4] == pytest.approx(15 * 0.0254)
+        assert seen[4] == pytest.approx(24 * 0.0254)
 
     def test_infrared_sees_other_robots(self) -> None:
         for machine in ALL:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from machines import ALL
+from machines import ALL, MACHINES
 from sleepcast.errors import MisuseError
 from sleepcast.robot import Axes, Pose
 from sleepcast.simulator.engine import Machine
@@ -202,6 +202,28 @@ class TestContact:
             x, y = scout.observe(0).real[:2]
             assert max(abs(x), abs(y)) + 0.17 <= 2.0
         assert scout.observe(0).touched
+
+    @pytest.mark.parametrize("machine", MACHINES)
+    @pytest.mark.parametrize("setup", ["noisy", "nomad200"])
+    def test_a_crowd_under_random_commands_never_overlaps(self, machine: Machine, setup: str) -> None:
+        world = nomad_world(setup=setup, robots=8, machine=machine)
+        radius, half, chance = world.radius(0), 1.5, np.random.default_rng(5)
+        world.add([(-half, -half), (half, -half), (half, half), (-half, half)])
+        touches = 0
+        for step in range(200):
+            robot = int(chance.integers(8))
+            ask = (world.set_speeds, world.travel)[int(chance.integers(2))]
+            ask(robot, Axes(*chance.uniform(-1.0, 1.0, 3)))
+            if step % 50 == 49:
+                world.limp(robot, (True, True, False))
+            world.step()
+            poses = [world.observe(number).real for number in range(8)]
+            inside = [pose for pose in poses if max(abs(pose.x), abs(pose.y)) < half]
+            assert all(max(abs(pose.x), abs(pose.y)) + radius <= half for pose in inside)
+            gaps = [hypot(a.x - b.x, a.y - b.y) for i, a in enumerate(poses) for b in poses[:i]]
+            assert min(gaps) >= 2 * radius
+            touches += sum(bool(world.observe(number).touched) for number in range(8))
+        assert touches > 10
 
     def test_the_bumper_feels_it_until_the_body_leaves(self, scout: NomadWorld) -> None:
         scout.place(0, Pose(0.0, 0.0, radians(10.0), 0.0))

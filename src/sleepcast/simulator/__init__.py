@@ -7,6 +7,9 @@ what lies inside, `bodies` have the robots' state.
 `motion` moves them by `wheels` or without, until `bumpers` touch; `echoes` are their sonars, `senses` see lights and
 hear pings. The heavy work is done by a machine of `engine`: `cones`, `contact` and `grid` in NumPy, or `fast` with its
 compiled `kernels`. `simulation` puts everything together.
+
+`nomads` drives such bodies axis by axis, as a server of robots does: with `motors`, in worlds of `sites`, built as
+`setups` say.
 """
 
 from sleepcast.simulator.bodies import Saying

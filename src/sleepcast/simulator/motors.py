@@ -9,8 +9,6 @@ v = s / (n + 1) + A n / 2.
 
 from __future__ import annotations
 
-from enum import IntEnum
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,18 +25,15 @@ FARTHEST = 1e7
 ROLL_OUT = 0.25
 """Share of its greatest acceleration with which friction slows an axis down that nobody drives or brakes."""
 
-
-class Drive(IntEnum):
-    """What an axis does."""
-
-    SPEED, TRAVEL, LIMP = range(3)
+SPEED, TRAVEL, LIMP = range(3)
+"""What an axis does."""
 
 
 class Motors:
     """The axes of `count` bodies, arrays of shape (3, count), SI.
 
-    most_speed, most_acceleration: the limits, NaN for an axis that a body lacks. drive: a `Drive`; speed: wanted by
-    SPEED; left: of the way, by TRAVEL; cruise: how fast it goes; acceleration: how fast speeds change.
+    most_speed, most_acceleration: the limits, NaN for an axis that a body lacks. drive: SPEED, TRAVEL or LIMP; speed:
+    wanted by SPEED; left: of the way, by TRAVEL; cruise: how fast it goes; acceleration: how fast speeds change.
     """
 
     def __init__(self, count: int, speeds: Axes, accelerations: Axes) -> None:
@@ -46,7 +41,7 @@ class Motors:
             return np.repeat(np.array(values, np.float64)[:, None], count, axis=1)
 
         self.most_speed, self.most_acceleration = each(speeds), each(accelerations)
-        self.drive: NDArray[np.int8] = np.full((AXES, count), Drive.SPEED, np.int8)
+        self.drive: NDArray[np.int8] = np.full((AXES, count), SPEED, np.int8)
         self.speed, self.left = np.zeros((AXES, count)), np.zeros((AXES, count))
         self.cruise, self.acceleration = each(speeds), each(accelerations)
 
@@ -54,13 +49,13 @@ class Motors:
         """Turn these axes at these speeds from now on."""
         named = self._named(robot, speeds)
         most = self.most_speed[named, robot]
-        self.drive[named, robot] = Drive.SPEED
+        self.drive[named, robot] = SPEED
         self.speed[named, robot] = np.clip(np.array(speeds)[named], -most, most)
 
     def travel(self, robot: int, distances: Axes) -> None:
         """Turn these axes by so much and rest there."""
         named = self._named(robot, distances)
-        self.drive[named, robot] = Drive.TRAVEL
+        self.drive[named, robot] = TRAVEL
         self.left[named, robot] = np.clip(np.array(distances)[named], -FARTHEST, FARTHEST)
 
     def set_cruise(self, robot: int, speeds: Axes) -> None:
@@ -75,15 +70,15 @@ class Motors:
         self.acceleration[named, robot] = np.minimum(wanted[named], self.most_acceleration[named, robot])
 
     def let_go(self, robot: int, axes: tuple[bool, bool, bool]) -> None:
-        self.drive[np.flatnonzero(axes), robot] = Drive.LIMP
+        self.drive[np.flatnonzero(axes), robot] = LIMP
 
     def rest(self, robot: int) -> None:
-        self.drive[:, robot] = Drive.SPEED
+        self.drive[:, robot] = SPEED
         self.speed[:, robot] = 0.0
 
     def next_speeds(self, speeds: Floats, tick: float) -> Floats:
         """How fast the axes are to turn in the next tick (s), shape (3, count). speeds: how fast they turn now."""
-        limp, travels = self.drive == Drive.LIMP, self.drive == Drive.TRAVEL
+        limp, travels = self.drive == LIMP, self.drive == TRAVEL
         change = np.where(limp, ROLL_OUT * self.most_acceleration, self.acceleration) * tick
         left = np.abs(self.left) / tick
         braking = np.floor((np.sqrt(1.0 + 8.0 * left / change) - 1.0) / 2.0)
@@ -94,25 +89,25 @@ class Motors:
 
     def count(self, gone: Floats, speeds: Floats, tick: float) -> None:
         """The axes have turned by `gone` in a tick (s) at these `speeds`, both of shape (3, count)."""
-        travels = self.drive == Drive.TRAVEL
+        travels = self.drive == TRAVEL
         self.left -= np.where(travels, gone, 0.0)
         slow = np.abs(speeds) <= self.acceleration * tick + SLOWEST
         there = travels & (np.abs(self.left) < ARRIVED) & slow
-        self.drive[there] = Drive.SPEED
+        self.drive[there] = SPEED
         self.speed[there] = self.left[there] = 0.0
 
     def moving(self, robot: int, speeds: Axes) -> tuple[bool, bool, bool]:
         """Which of a body's axes turn, or are about to. speeds: how fast they turn now."""
-        first, second, third = (self._moves(axis, robot, speed) for axis, speed in enumerate(speeds))
-        return first, second, third
+        first, second, third = speeds
+        return self._moves(0, robot, first), self._moves(1, robot, second), self._moves(2, robot, third)
 
     def _moves(self, axis: int, robot: int, speed: float) -> bool:
         if abs(speed) > SLOWEST:
             return True
-        drive = self.drive[axis, robot]
-        if drive == Drive.TRAVEL:
+        drive = int(self.drive[axis, robot])
+        if drive == TRAVEL:
             return bool(self.cruise[axis, robot] > 0.0)
-        return drive == Drive.SPEED and bool(self.speed[axis, robot] != 0.0)
+        return drive == SPEED and bool(self.speed[axis, robot] != 0.0)
 
     def _named(self, robot: int, values: Axes) -> NDArray[np.intp]:
         """The axes that this body has and that `values` speak of."""

@@ -13,7 +13,6 @@ from sleepcast.simulator.nomads import NomadWorld
 from sleepcast.simulator.robot_settings import MAX_TIME, CrosstalkModel, RobotSpec
 from sleepcast.simulator.room import has_room, spread
 from sleepcast.simulator.scenario import Scenario
-from sleepcast.simulator.settings import SettingsError
 from sleepcast.simulator.setups import Setup, read_setup
 from sleepcast.simulator.simulation import Simulator
 from sleepcast.simulator.sites import CELL, MAX_NOMADS, Site, read_site
@@ -56,11 +55,11 @@ def nomad_world(
     simulator = Simulator(_scenario(site, made.robots, count, tick), machine=machine)
     for shape in site.shapes:
         simulator.world.add(shape)
-    starts = [(start.x, start.y, start.heading) for start in site.starts[:count]]
+    starts = site.starts[:count]
     for robot, start in enumerate(starts):
-        if not has_room(simulator.bodies, start[0], start[1], robot, range(robot)):
-            raise SettingsError(f"{site.path}: nomad.starts[{robot}]: there is no room for a robot")
-        simulator.bodies.place(robot, *start)
+        if not has_room(simulator.bodies, start.x, start.y, robot, range(robot)):
+            raise start.no_room
+        simulator.bodies.place(robot, start.x, start.y, start.heading)
     least = CELL * ceil(2.2 * made.robots.geometry.radius / CELL)
     spread(simulator.bodies, range(len(starts)), site.origin, (2.0 * least, least))
     return NomadWorld(simulator, made, site.origin)

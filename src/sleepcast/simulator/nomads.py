@@ -11,13 +11,14 @@ A Nomad's frame has its 0, 0 at the origin of its site; the simulator's lies in 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite, isnan, nan, pi
+from math import isfinite, isnan, nan, pi, remainder
 
 import numpy as np
 
 from sleepcast.errors import MisuseError
 from sleepcast.robot import Axes, Condition, Contact, Corners, Pose
 from sleepcast.simulator.bodies import Mode
+from sleepcast.simulator.formulas import wrap
 from sleepcast.simulator.grid import Floats
 from sleepcast.simulator.motors import Motors
 from sleepcast.simulator.nomad_senses import NomadSenses
@@ -137,7 +138,7 @@ class NomadWorld:
         self._turn_turrets(speeds)
         x, y, heading = bodies.encoder_x.copy(), bodies.encoder_y.copy(), bodies.encoder_heading.copy()
         self.simulator.step()
-        turned = _wrap(bodies.encoder_heading - heading)
+        turned = wrap(bodies.encoder_heading - heading)
         way = _way(bodies.encoder_x - x, bodies.encoder_y - y, heading, turned)
         aside = turned * self.setup.track / 2.0
         first, second = (way, turned) if self.setup.steers else (way + aside, way - aside)
@@ -150,8 +151,8 @@ class NomadWorld:
         """A base whose wheels steer does not turn with them, and so its turret turns against their direction."""
         self._turret_speed[:] = speeds[2]
         turned = (speeds[2] - speeds[1] if self.setup.steers else speeds[2]) * self.tick
-        self._turret[:] = _wrap(self._turret + turned)
-        self._believed_turret[:] = _wrap(self._believed_turret + turned)
+        self._turret[:] = wrap(self._turret + turned)
+        self._believed_turret[:] = wrap(self._believed_turret + turned)
 
     def _speeds(self) -> Floats:
         """How fast the axes turn, shape (3, count)."""
@@ -188,7 +189,7 @@ class NomadWorld:
     def _condition(self, robot: int) -> Condition:
         bodies, (x, y), speeds = self._bodies, self.origin, self._speeds_of(robot)
         believed, real = float(bodies.encoder_heading[robot]), float(bodies.heading[robot])
-        turrets = float(_wrap(believed + self._believed_turret[robot])), float(_wrap(real + self._turret[robot]))
+        turrets = _wrap_one(believed + self._believed_turret[robot]), _wrap_one(real + self._turret[robot])
         moving = self._motors.moving(robot, speeds)
         if robot in self._zeroing:
             moving = (True, True, self._turns_turret)
@@ -223,13 +224,13 @@ class NomadWorld:
         bodies = self._bodies
         looks = float(bodies.encoder_heading[robot] + self._believed_turret[robot])
         columns = (bodies.encoder_x, bodies.encoder_y, bodies.encoder_heading)
-        values = (x + self.origin[0], y + self.origin[1], float(_wrap(heading)))
+        values = (x + self.origin[0], y + self.origin[1], _wrap_one(heading))
         for column, value in zip(columns, values, strict=True):
             if isfinite(value):
                 column[robot] = value
         if self._turns_turret:
             looks = turret if isfinite(turret) else looks
-            self._believed_turret[robot] = _wrap(looks - bodies.encoder_heading[robot])
+            self._believed_turret[robot] = _wrap_one(looks - bodies.encoder_heading[robot])
         self._conditions[robot] = None
 
     def place(self, robot: int, pose: Pose) -> None:
@@ -243,10 +244,10 @@ class NomadWorld:
             spot.append(max(radius, min(wanted, size - radius)))
         heading = pose.heading if isfinite(pose.heading) else float(bodies.heading[robot])
         turret = pose.turret if isfinite(pose.turret) else float(bodies.heading[robot] + self._turret[robot])
-        bodies.place(robot, spot[0], spot[1], float(_wrap(heading)))
+        bodies.place(robot, spot[0], spot[1], _wrap_one(heading))
         self._turret_speed[robot] = 0.0
         if self._turns_turret:
-            self._turret[robot] = self._believed_turret[robot] = _wrap(turret - heading)
+            self._turret[robot] = self._believed_turret[robot] = _wrap_one(turret - heading)
         self._forget()
 
     def fire(self, robot: int, order: Sequence[int], pause: float) -> None:
@@ -321,10 +322,9 @@ class NomadWorld:
         self._conditions = [None] * self._bodies.count
 
 
-def _wrap(angle: Floats | float) -> Floats:
-    """The same angle from -pi up to pi."""
-    wrapped: Floats = np.mod(np.asarray(angle, np.float64) + pi, TURN) - pi
-    return wrapped
+def _wrap_one(angle: float) -> float:
+    """The same angle from -pi to pi."""
+    return remainder(angle, TURN) if isfinite(angle) else nan
 
 
 def _way(across: Floats, up: Floats, heading: Floats, turned: Floats) -> Floats:

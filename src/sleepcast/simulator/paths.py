@@ -39,7 +39,7 @@ def first_along(things: Floats, radius: float, start: Point, end: Point) -> Cont
     return Contact(
         start[0] + way * (end[0] - start[0]),
         start[1] + way * (end[1] - start[1]),
-        atan2(-to_y[first], -to_x[first]),
+        _back(float(to_x[first]), float(to_y[first])),
     )
 
 
@@ -97,7 +97,12 @@ def already(things: Floats, radius: float, place: Point) -> Contact | None:
 
 def _at(thing: Floats, place: Point) -> Contact:
     across, up = nearest_point(np.array(place[0]), np.array(place[1]), *thing[:4])
-    return Contact(*place, atan2(-float(up), -float(across)))
+    return Contact(*place, _back(float(across), float(up)))
+
+
+def _back(across: float, up: float) -> float:
+    """The direction back from what lies `across` and `up`, rad."""
+    return atan2(0.0 - up, 0.0 - across)  # with minus zero, west would be -pi
 
 
 def discs(x: Floats, y: Floats, radii: Floats) -> Floats:

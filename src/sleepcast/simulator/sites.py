@@ -47,11 +47,12 @@ FULL_TURN = 2.0 * pi
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Where a robot begins, m and rad in the world's frame."""
+    """Where a robot begins, m and rad in the world's frame. no_room: what to raise if it does not fit there."""
 
     x: float
     y: float
     heading: float
+    no_room: SettingsError
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +111,9 @@ def _nomad(root: Table, size: Point) -> tuple[Point, tuple[Start, ...]]:
             with each:
                 x = each.number("x", LENGTH, low=0.0, high=size[0])
                 y = each.number("y", LENGTH, low=0.0, high=size[1])
-                starts.append(Start(x, y, each.number("heading", default=0.0, low=-FULL_TURN, high=FULL_TURN)))
+                heading = each.number("heading", default=0.0, low=-FULL_TURN, high=FULL_TURN)
+                no_room = each.document.error(each.where, "no robot fits here: something else is in the way")
+                starts.append(Start(x, y, heading, no_room))
     return origin, tuple(starts)
 
 

@@ -1,6 +1,7 @@
 """PosData: where a robot was, and how fast, when each of its sensors last measured.
 
-A record is latched when a reading changes: a bumper's when it feels something that it did not feel before.
+A sonar's record is latched when its reading changes, a bumper's when it begins to feel something; infrared sensors
+and the compass measure all the time.
 """
 
 from __future__ import annotations
@@ -39,13 +40,11 @@ class Records:
         clock = tail(condition)[0]
         now = (*position(condition.believed), *velocity(condition.speeds, steers=self._steers), clock, clock)
         before, self._before, self._now = self._before, condition, now
-        for records, readings, old in (
-            (self._infrared, condition.infrared, before.infrared if before else ()),
-            (self._sonar, condition.sonars, before.sonars if before else ()),
-        ):
-            for number, reading in enumerate(readings[:RING]):
-                if number >= len(old) or reading != old[number]:
-                    records[number] = now
+        self._infrared = [now if number < len(condition.infrared) else BLANK for number in range(RING)]
+        heard = before.sonars if before else ()
+        for number, reading in enumerate(condition.sonars[:RING]):
+            if number >= len(heard) or reading != heard[number]:
+                self._sonar[number] = now
         if condition.touched and not (before and before.touched):
             self._bumper = now
 

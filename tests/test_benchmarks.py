@@ -103,3 +103,17 @@ def test_the_rivals_benchmark_names_everybody() -> None:
     assert rows["sleepcast, the same rule"]["realtime"] > 0
     assert {*rows, *report["absent"]} >= {"navground", "ir-sim", "vmas, one world"}
     assert all(row["note"] or row["realtime"] > 0 for row in rows.values())
+
+
+def test_the_nomad_benchmark_asks_every_client_s_robot() -> None:
+    command = [sys.executable, "-m", "benchmarks.nomad", "--quick", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    report = json.loads(done.stdout)
+    bare, asked = report["trips"]
+    assert (bare["ratio"], asked["us"] > 0, asked["ratio"] > 0) == (1.0, True, True)
+    (crowd,) = report["crowds"]
+    assert crowd["robots"] == 5
+    assert 0 < crowd["least"] <= crowd["most"]
+    assert 0 < crowd["realtime"] < 1.5
+    assert [bar["wanted"] for bar in report["bars"]] == [3.0, 0.98]

@@ -20,9 +20,13 @@ from sleepcast.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.nomad import Nserver, Pace, RealRobot
+    from sleepcast.robot import SimulatedWorld
 
 SLOWEST = 0.01
 """Simulated seconds in a second."""
+
+WARM_TICKS = 3
+"""Of a warm-up: what happens only when something has moved happens by then."""
 
 
 @click.command("nserver", short_help="Simulated Nomads for programs that speak their wire.")
@@ -74,6 +78,7 @@ def nserver(
         from sleepcast.nomad import Nserver, Pace, Windows, own_addresses
         from sleepcast.simulator.nomad_worlds import nomad_world
 
+        _warm_up(nomad_world(world, setup, 1, seed))
         simulated = nomad_world(world, setup, robots, seed)
         server = Nserver(
             simulated,
@@ -102,6 +107,13 @@ async def _serve(server: Nserver, pace: Pace, hosts: Sequence[str], port: int, *
         where = ", ".join(f"{host} port {server.port}" for host in hosts)
         announce(f"{robots} robot{'s' if robots > 1 else ''} at {where}. Ctrl-C ends it.")
     await server.run(pace)
+
+
+def _warm_up(world: SimulatedWorld) -> None:
+    """Load and compile all that a tick needs, so that no program has to wait for it."""
+    for _ in range(WARM_TICKS):
+        world.step()
+        world.observe(0)
 
 
 def _real_robots(given: Sequence[str], count: int) -> dict[int, RealRobot]:

@@ -24,8 +24,9 @@ DOUBT = 0.25
 
 
 class Host(Protocol):
-    """What a line needs of the server."""
+    """What a line needs of the server. room: where all lines read to, one after the other."""
 
+    room: memoryview
     service: Service
     lines: set[Line]
     waiting: set[Line | Hand]
@@ -37,7 +38,7 @@ class Host(Protocol):
         """A line has asked, got its answer, or gone."""
 
 
-class Line(asyncio.Protocol):
+class Line(asyncio.BufferedProtocol):
     """See the module. wait: the reply that is still to come. asked: when the client last asked, on the loop's clock."""
 
     def __init__(self, host: Host) -> None:
@@ -61,8 +62,11 @@ class Line(asyncio.Protocol):
         if not self._host.admit(self):
             transport.abort()
 
-    def data_received(self, data: bytes) -> None:
-        self._parser.feed(data)
+    def get_buffer(self, sizehint: int) -> memoryview:
+        return self._host.room
+
+    def buffer_updated(self, nbytes: int) -> None:
+        self._parser.feed(self._host.room[:nbytes])
         if not self._turning:
             self._serve()
 

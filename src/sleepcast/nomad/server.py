@@ -31,6 +31,8 @@ DEFAULT_PORT = 7019
 LOCAL_HOST = "127.0.0.1"
 MAX_CLIENTS = 1000
 """Connections at once: many for each of many robots, and their buffers are less than 200 MB together."""
+MAX_READ = 64 * 1024
+"""Bytes that are read from a client at a time."""
 SLICE = 0.004
 """Seconds for which ticks may run before clients are served."""
 PATIENCE = 0.5
@@ -68,6 +70,7 @@ class Nserver:
         said = Notes(say, clock or WallClock())
         self.service = Service(world, windows, robots, said, tk_order, may_quit, lockstep, headless, dict(real or {}))
         self.world, self.windows = world, windows
+        self.room = memoryview(bytearray(MAX_READ))
         self.lines: set[Line] = set()
         self.waiting: set[Line | Hand] = set()
         self._hands: dict[int, Hand] = {}

@@ -72,7 +72,7 @@ class Parser:
         if self.undecided:
             self.layout = Layout.FOUR
 
-    def feed(self, data: bytes) -> None:
+    def feed(self, data: bytes | memoryview) -> None:
         """Take what has come."""
         if self._skip:
             skipped = min(self._skip, len(data))

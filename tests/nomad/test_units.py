@@ -34,7 +34,7 @@ def test_a_sonar_tells_whole_inches_within_its_limits(metres: float, inches: int
     assert units.inches(metres) == inches
 
 
-@pytest.mark.parametrize(("metres", "told"), [(nan, 15), (2.0, 15), (14 * 0.0254, 14), (0.0, 0)])
+@pytest.mark.parametrize(("metres", "told"), [(nan, 15), (2.0, 15), (24 * 0.0254, 15), (0.3048, 8), (0.0, 0)])
 def test_an_infrared_sensor_tells_0_to_15(metres: float, told: int) -> None:
     assert units.infrared(metres) == told
 

@@ -25,8 +25,8 @@ NEAREST_ECHO, NOTHING_HEARD = 6, 255
 """Inches: the least that a sonar reads, and what it reads where there is nothing."""
 NOTHING_NEAR = 15
 """What an infrared sensor reads where there is nothing."""
-INFRARED_STEP = INCH
-"""m of one step of an infrared reading."""
+INFRARED_STEP = 24 * INCH / NOTHING_NEAR
+"""m of one step of an infrared reading: nothing is seen beyond 24 inches."""
 CONFIGURED_PAUSE = 0.004
 """s in the unit of a sonar's firing rate."""
 REAL_TIME = 10

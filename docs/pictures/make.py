@@ -1,4 +1,4 @@
-"""Make the pictures of the README: real runs on the real page, in Chromium.
+"""Make the pictures of the documentation: real runs, and the real page in Chromium.
 
     .venv/bin/python docs/pictures/make.py            # after python3 go.py test has set up the tools
     .venv/bin/python docs/pictures/make.py maze       # one of them
@@ -8,6 +8,8 @@ photographed as fast as the machine can; each photograph is shown for as long as
 
 maze: 100,000 Scouts run the mission of the scenario `maze` for some simulated minutes, recorded and without a page;
 then the recording is shown on the page, and its last moment is photographed.
+
+stop: sixty runs of the scenario `stop`, without a page, and histograms of where its robots came to rest.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import apng
+import stops
 from playwright.sync_api import Page, ViewportSize, sync_playwright
 
 FOLDER = Path(__file__).resolve().parent
@@ -166,7 +169,11 @@ def opened(address: str, size: ViewportSize, fine: float = 1) -> Iterator[Page]:
         browser.close()
 
 
-PICTURES = {"bravo": bravo, "maze": maze}
+def stop() -> None:
+    stops.stop(FOLDER / "stop.svg")
+
+
+PICTURES = {"bravo": bravo, "maze": maze, "stop": stop}
 
 
 def main() -> None:

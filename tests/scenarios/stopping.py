@@ -65,14 +65,14 @@ def laboratory(pause: float | None = None, *, loss: float = 0.0) -> Scenario:
     )
 
 
-def ruler(shapes: tuple[Shape, ...]) -> Floats:
-    """Points along all sides, m, shape (points, 2)."""
+def ruler(shapes: tuple[Shape, ...], fine: float = FINE) -> Floats:
+    """Points along all sides, at most `fine` m apart, m, shape (points, 2)."""
     lines = []
     for shape in shapes:
         assert isinstance(shape, Polygon | Wall)
         corners = shape.corners + shape.corners[:1] if isinstance(shape, Polygon) else shape.points
         for (x, y), (to_x, to_y) in pairwise(corners):
-            count = 2 + int(hypot(to_x - x, to_y - y) / FINE)
+            count = 2 + int(hypot(to_x - x, to_y - y) / fine)
             lines.append(np.column_stack((np.linspace(x, to_x, count), np.linspace(y, to_y, count))))
     return np.concatenate(lines)
 

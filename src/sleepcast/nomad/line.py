@@ -84,6 +84,11 @@ class Line(asyncio.BufferedProtocol):
         self._choked = False
         self._turn()
 
+    @property
+    def kept(self) -> int:
+        """Bytes that are kept for this client: requests that wait, and replies that it has not read."""
+        return self._parser.buffered + self._transport.get_write_buffer_size()
+
     def look(self) -> None:
         """Send the reply that is waited for if it is time."""
         if self.wait is not None and (reply := self.wait.ready()) is not None:

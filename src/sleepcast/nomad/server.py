@@ -85,11 +85,15 @@ class Nserver:
 
     async def listen(self, hosts: Sequence[str], port: int) -> None:
         """Listen on these addresses, all on one port; 0 takes any that is free. Raises ServerError."""
-        for host in hosts:
-            listener = _listener(host, self.port or port)
-            self.service.port = listener.getsockname()[1]
-            loop = asyncio.get_running_loop()
-            self._servers.append(await loop.create_server(lambda: Line(self), sock=listener))
+        loop = asyncio.get_running_loop()
+        try:
+            for host in hosts:
+                listener = _listener(host, self.port or port)
+                self.service.port = listener.getsockname()[1]
+                self._servers.append(await loop.create_server(lambda: Line(self), sock=listener))
+        except ServerError:
+            await self.close()
+            raise
 
     async def run(self, pace: Pace) -> None:
         """Let time pass until a client that may has ended the server; however this ends, all connections are closed."""
@@ -203,7 +207,7 @@ class Nserver:
     async def _keep_step(self) -> None:
         """One tick, once every client waits for it, those apart that have not asked for a while."""
         loop = asyncio.get_running_loop()
-        held = [line for line in self.lines if line.session.robot >= 0 and not (line.wait and line.wait.ticks)]
+        held = [line for line in self.lines if line.session.simulated and not (line.wait and line.wait.ticks)]
         patience = max((line.asked + PATIENCE - loop.time() for line in held), default=0.0)
         ready = any(line.wait is not None and line.wait.ticks for line in self.waiting)
         if ready and patience <= 0.0:

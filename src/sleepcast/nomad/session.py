@@ -109,6 +109,11 @@ class Session:
             self.service.say(f"{self.name} has left robot {self.robot + 1}")
         self.behaviour, self.robot = None, -1
 
+    @property
+    def simulated(self) -> bool:
+        """Whether it drives a simulated robot."""
+        return self.behaviour is not None and self.relay is None
+
     def _tell_window(self, behaviour: Behaviour) -> None:
         behaviour.window.client = ", ".join(behaviour.clients)
 

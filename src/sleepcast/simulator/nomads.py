@@ -75,8 +75,14 @@ class NomadWorld:
         return self.simulator.scenario.tick
 
     @property
+    def area(self) -> tuple[float, float, float, float]:
+        """Within the world's edge: least x and y, greatest x and y, m."""
+        (x, y), (width, height) = self.origin, self.size
+        return -x, -y, width - x, height - y
+
+    @property
     def size(self) -> tuple[float, float]:
-        """Width and height of the world's edge, m; its lower left corner lies at minus `origin`."""
+        """Width and height of the world's edge, m."""
         return self.simulator.scenario.width, self.simulator.scenario.height
 
     def steers(self, robot: int) -> bool:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from machines import ALL, MACHINES
+from machines import ALL
 from sleepcast.errors import MisuseError
 from sleepcast.robot import Axes, Pose
 from sleepcast.simulator.engine import Machine
@@ -203,9 +203,8 @@ class TestContact:
             assert max(abs(x), abs(y)) + 0.17 <= 2.0
         assert scout.observe(0).touched
 
-    @pytest.mark.parametrize("machine", MACHINES)
-    @pytest.mark.parametrize("setup", ["noisy", "nomad200"])
-    def test_a_crowd_under_random_commands_never_overlaps(self, machine: Machine, setup: str) -> None:
+    @pytest.mark.parametrize(("setup", "machine"), [("noisy", machine) for machine in ALL] + [("nomad200", ALL[-1])])
+    def test_a_crowd_under_random_commands_never_overlaps(self, setup: str, machine: Machine) -> None:
         world = nomad_world(setup=setup, robots=8, machine=machine)
         radius, half, chance = world.radius(0), 1.5, np.random.default_rng(5)
         world.add([(-half, -half), (half, -half), (half, half), (-half, half)])
@@ -288,7 +287,7 @@ class TestSlip:
             world = nomad_world(setup="noisy", robots=3, seed=seed, crosstalk=True)
             for robot in range(3):
                 world.set_speeds(robot, Axes(0.3, 0.2 + 0.05 * robot))
-            run(world, 5.0)
+            run(world, 2.0)
             return [world.observe(robot).real for robot in range(3)]
 
         assert place(1) == place(1)
@@ -320,8 +319,8 @@ class TestSetup:
         file = tmp_path / "closet.toml"
         file.write_text('format = 1\n[world]\nwidth = "2m"\nheight = "2m"\n')
         assert nomad_world(file, robots=4).count == 4
-        with pytest.raises(MisuseError, match="do not fit"):
-            nomad_world(file, robots=30)
+        with pytest.raises(MisuseError, match="12 robots do not fit into this world"):
+            nomad_world(file, robots=12)
 
     @pytest.mark.parametrize("robots", [0, -1, 1001])
     def test_too_few_or_too_many(self, robots: int) -> None:

@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 
 from sleepcast.errors import MisuseError
-from sleepcast.robot import Pose
-from sleepcast.simulator import SettingsError, find_scenario, load, scenario_names
+from sleepcast.robot import Corners, Pose
+from sleepcast.simulator import Area, SettingsError, find_scenario, load, scenario_names
+from sleepcast.simulator.areas import inside
 from sleepcast.simulator.engine import choose
+from sleepcast.simulator.keyholes import without_holes
 from sleepcast.simulator.nomad_worlds import nomad_world
 from sleepcast.simulator.nomads import NomadWorld
+from sleepcast.simulator.outlines import outlines
 from sleepcast.simulator.setups import SETUPS, read_setup, setup_names
 from sleepcast.simulator.sites import ROOM, read_site
 from small_worlds import SCOUTS
@@ -186,8 +189,45 @@ class TestMaps:
         found = world.along(0, (0.0, 0.0), (-3.0, 0.0))
         assert found is not None
         assert found.x == pytest.approx(-0.5 + 0.17, abs=1e-5)
+        assert world.area == pytest.approx((-1.0, -2.0, 2.0, 1.0))
+        (walls,) = world.solids()
+        assert len(walls) == 4 + 4 + 2
+        assert _area(walls) == pytest.approx(3.0 * 3.0 - 2.0 * 2.0)
         world.zero(0)
         assert world.observe(0).real[:2] == (0.0, 0.0)
+
+
+def _area(corners: Corners) -> float:
+    """m2 inside a polygon, more than 0 if its corners go round counter-clockwise."""
+    x, y = np.array(corners).T
+    return float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2.0)
+
+
+class TestKeyholes:
+    OUTER = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0))
+
+    @staticmethod
+    def square(x: float, y: float, side: float) -> tuple[tuple[float, float], ...]:
+        return ((x, y), (x, y + side), (x + side, y + side), (x + side, y))
+
+    def test_a_plain_area_is_itself(self) -> None:
+        assert without_holes(Area((self.OUTER,))) == [self.OUTER]
+
+    def test_holes_are_cut_out_and_islands_in_them_stand_alone(self) -> None:
+        holes = [self.square(1.0, 1.0, 3.0), self.square(5.0, 5.0, 4.0), self.square(1.0, 6.0, 2.0)]
+        island = self.square(6.0, 6.0, 1.0)
+        found = without_holes(Area((holes[1], self.OUTER, island, *holes[::2])))
+        assert sorted(map(_area, found)) == pytest.approx([1.0, 100.0 - 9.0 - 16.0 - 4.0])
+
+    @pytest.mark.parametrize("seed", range(5))
+    def test_what_is_solid_stays_so(self, seed: int) -> None:
+        """Random cells: a point is inside one of the polygons, by the even-odd rule, if it is inside the area."""
+        chance = np.random.default_rng(seed)
+        solid = chance.random((12, 15)) < 0.6
+        area = Area(tuple(tuple((float(x), float(y)) for x, y in line) for line in outlines(solid)))
+        x, y = chance.uniform(0.0, 15.0, 2_000), chance.uniform(0.0, 12.0, 2_000)
+        times = sum(inside(Area((corners,)), x, y).astype(int) for corners in without_holes(area))
+        assert (times == inside(area, x, y)).all()
 
 
 class TestSetups:

@@ -85,6 +85,22 @@ class TestAxes:
         assert condition.speeds == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
 
 
+class TestEmptyBattery:
+    def test_nothing_turns_the_turret_but_itself(self, tmp_path: Path) -> None:
+        text = (SETUPS / "nomad200.toml").read_text(encoding="utf-8")
+        file = tmp_path / "short.toml"
+        file.write_text(text.replace('["100%", "100%"]', '["100%", "100%"]\nreach = "0.5m"'), encoding="utf-8")
+        world = nomad_world(setup=file)
+        world.set_speeds(0, Axes(0.4, 0.4))
+        run(world, 3.0)
+        begin = world.observe(0)
+        assert begin.battery == 0.0
+        assert begin.speeds == (0.0, 0.0, 0.0)
+        run(world, 1.0)
+        assert world.observe(0).real == begin.real
+        assert begin.real.turret == pytest.approx(0.0, abs=1e-9)
+
+
 class TestBelief:
     def test_corrected_angles_leave_the_body_alone(self, nomad: NomadWorld) -> None:
         nomad.believe(0, heading=radians(30), turret=radians(50))

@@ -81,7 +81,7 @@ def _scenario(site: Site, robots: RobotSpec, count: int, tick: float) -> Scenari
     if min(site.width, site.height) < 4.0 * radius:
         raise MisuseError(f"{site.path}: a world of {site.width:g} by {site.height:g} m has no room for a robot")
     limits = replace(robots.limits, fence=(0.0, 0.0, site.width, site.height))
-    inner = [(2.0 * radius, size - 2.0 * radius) for size in (site.width, site.height)]
+    inner = [(1.01 * radius, size - 1.01 * radius) for size in (site.width, site.height)]
     return Scenario(
         name="nomads",
         path=site.path,

@@ -75,8 +75,14 @@ class NomadWorld:
         return self.simulator.scenario.tick
 
     @property
+    def area(self) -> tuple[float, float, float, float]:
+        """Within the world's edge: least x and y, greatest x and y, m."""
+        (x, y), (width, height) = self.origin, self.size
+        return -x, -y, width - x, height - y
+
+    @property
     def size(self) -> tuple[float, float]:
-        """Width and height of the world's edge, m; its lower left corner lies at minus `origin`."""
+        """Width and height of the world's edge, m."""
         return self.simulator.scenario.width, self.simulator.scenario.height
 
     def steers(self, robot: int) -> bool:
@@ -135,7 +141,7 @@ class NomadWorld:
         else:
             bodies.wanted_speed[:] = (speeds[0] + speeds[1]) / 2.0
             bodies.wanted_turn[:] = (speeds[0] - speeds[1]) / self.setup.track
-        self._turn_turrets(speeds)
+        self._turn_turrets(speeds[2] - speeds[1] if self.setup.steers else speeds[2])
         x, y, heading = bodies.encoder_x.copy(), bodies.encoder_y.copy(), bodies.encoder_heading.copy()
         self.simulator.step()
         turned = wrap(bodies.encoder_heading - heading)
@@ -143,16 +149,18 @@ class NomadWorld:
         aside = turned * self.setup.track / 2.0
         first, second = (way, turned) if self.setup.steers else (way + aside, way - aside)
         motors.count(np.stack((first, second, speeds[2] * tick)), speeds, tick)
+        self._turret_speed[:] = speeds[2]
+        if self.setup.steers:
+            self._turn_turrets(speeds[1] - turned / tick)  # what wheels did not turn that should have
         for robot in sorted(self._zeroing):
             self._zero_on(robot)
         self._forget()
 
-    def _turn_turrets(self, speeds: Floats) -> None:
-        """A base whose wheels steer does not turn with them, and so its turret turns against their direction."""
-        self._turret_speed[:] = speeds[2]
-        turned = (speeds[2] - speeds[1] if self.setup.steers else speeds[2]) * self.tick
-        self._turret[:] = wrap(self._turret + turned)
-        self._believed_turret[:] = wrap(self._believed_turret + turned)
+    def _turn_turrets(self, rates: Floats) -> None:
+        """Turn them against the headings for a tick at these rates. Where wheels steer, the base does not turn with
+        them, and so a turret turns back as far as they turn."""
+        for turret in (self._turret, self._believed_turret):
+            turret[:] = wrap(turret + rates * self.tick)
 
     def _speeds(self) -> Floats:
         """How fast the axes turn, shape (3, count)."""

@@ -12,6 +12,7 @@ from math import cos, isfinite, pi, sin
 import numpy as np
 
 from sleepcast.robot import Corners
+from sleepcast.simulator.keyholes import without_holes
 from sleepcast.simulator.paths import encloses
 from sleepcast.simulator.robot_settings import MAX_WORLD
 from sleepcast.simulator.world import Area, Circle, Point, Polygon, Shape, Wall, World
@@ -38,12 +39,20 @@ class Obstacles:
         self._world, self._origin, self._edge = world, origin, edge
         self._put_up: dict[int, int] = {}
         """How many sides each polygon has that was put up in mid-run."""
+        self._shown: dict[int, tuple[Shape, list[Corners]]] = {}
 
     def shown(self) -> list[Corners]:
-        """All that stands there but the edge, as polygons."""
+        """All that stands there but the edge, as polygons, in the order in which they were put up."""
+        things = {number: shape for number, shape in self._world.shapes.items() if number != self._edge}
+        for number in [*self._shown]:
+            if things.get(number) is not self._shown[number][0]:
+                del self._shown[number]
         x, y = self._origin
-        things = (shape for number, shape in self._world.shapes.items() if number != self._edge)
-        return [tuple((at - x, up - y) for at, up in corners) for shape in things for corners in _outlines(shape)]
+        for number, shape in things.items():
+            if number not in self._shown:
+                lines: list[Corners] = [tuple((at - x, up - y) for at, up in corners) for corners in _outlines(shape)]
+                self._shown[number] = shape, lines
+        return [corners for number in things for corners in self._shown[number][1]]
 
     def add(self, corners: Corners) -> bool:
         """Put a polygon up; False if that is none or there are too many."""
@@ -123,7 +132,7 @@ def _outlines(shape: Shape) -> Iterator[tuple[Point, ...]]:
     if isinstance(shape, Polygon):
         yield shape.corners
     elif isinstance(shape, Area):
-        yield from shape.outlines
+        yield from without_holes(shape)
     elif isinstance(shape, Circle):
         angles = [2.0 * pi * step / ROUND for step in range(ROUND)]
         yield tuple((shape.x + shape.radius * cos(each), shape.y + shape.radius * sin(each)) for each in angles)

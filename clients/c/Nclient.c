@@ -2,8 +2,8 @@
  * Nclient.c: the calls of Nclient.h, over one TCP connection to an Nserver.
  *
  * The plan: a call writes its request into `message` (begin, put), exchange() sends it and reads the whole answer to
- * the same place, and the call takes the answer apart (take) once it knows that it is all there. Nothing of an answer is
- * believed before that, and an answer that makes no sense changes nothing of what programs read.
+ * the same place, and the call takes the answer apart (take) once it knows that it is all there. Nothing of an answer
+ * is believed before that, and an answer that makes no sense changes nothing of what programs read.
  *
  * A message is a type and a number of words, two bytes each, then the words, four bytes each, all with the high byte
  * first. Bytes are put together and taken apart by shifting alone, so that neither the size of a long nor the order of

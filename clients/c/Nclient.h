@@ -22,7 +22,7 @@ extern "C" {
 #define INFRAREDS 16
 #define SONARS 16
 #define MAX_VERTICES 10 /* of an obstacle */
-#define NUM_RPX 100     /* robots that get_rpx() tells of; its array holds 1 + 3 * NUM_RPX numbers */
+#define NUM_RPX 1000    /* robots that get_rpx() tells of; its array holds 1 + 3 * NUM_RPX numbers */
 #define USER_BUFFER_LENGTH 65535
 
 /* What a program may call its robot in connect_robot(); every model is driven in the same way. */

@@ -1,0 +1,102 @@
+/* datagrams.c: the sockets and the text behind datagrams.h. */
+#define _XOPEN_SOURCE 600
+#define _DARWIN_C_SOURCE
+
+#include "datagrams.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/types.h>
+#include <unistd.h>
+
+int listen_at(int port)
+{
+    struct sockaddr_in address;
+    int one = socket(AF_INET, SOCK_DGRAM, 0);
+
+    memset(&address, 0, sizeof address);
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_ANY);
+    address.sin_port = htons((unsigned short) port);
+    if (one != -1 && bind(one, (struct sockaddr *) &address, sizeof address) == 0 &&
+        fcntl(one, F_SETFL, O_NONBLOCK) == 0)
+        return one;
+    fprintf(stderr, "Cannot hear datagrams at port %d: %s.\n", port, strerror(errno));
+    if (one != -1)
+        close(one);
+    return -1;
+}
+
+int hear(int listening, double numbers[NUMBERS])
+{
+    char text[DATAGRAM + 1];
+    ssize_t length;
+
+    while ((length = recv(listening, text, DATAGRAM, 0)) >= 0) {
+        text[length] = '\0';
+        if (sscanf(text, "%lf %lf %lf", &numbers[0], &numbers[1], &numbers[2]) == NUMBERS)
+            return 1;
+        fprintf(stderr, "A datagram came without three numbers.\n");
+    }
+    return 0;
+}
+
+int send_to(const char *host, int port, double numbers[NUMBERS])
+{
+    struct addrinfo wanted, *found;
+    char text[DATAGRAM] = "", name[16];
+    int one, problem, sent;
+
+    sprintf(text, "%12.2f %12.2f %12.2f", numbers[0], numbers[1], numbers[2]);
+    sprintf(name, "%d", port);
+    memset(&wanted, 0, sizeof wanted);
+    wanted.ai_family = AF_INET;
+    wanted.ai_socktype = SOCK_DGRAM;
+    problem = getaddrinfo(host, name, &wanted, &found);
+    if (problem != 0) {
+        fprintf(stderr, "No machine %s: %s.\n", host, gai_strerror(problem));
+        return 0;
+    }
+    one = socket(AF_INET, SOCK_DGRAM, 0);
+    sent = one != -1 && sendto(one, text, sizeof text, 0, found->ai_addr, found->ai_addrlen) == DATAGRAM;
+    if (!sent)
+        fprintf(stderr, "Cannot send to %s, port %d: %s.\n", host, port, strerror(errno));
+    if (one != -1)
+        close(one);
+    freeaddrinfo(found);
+    return sent;
+}
+
+int read_numbers(char **words, double numbers[NUMBERS])
+{
+    char *end;
+    int i;
+
+    for (i = 0; i < NUMBERS; i++) {
+        numbers[i] = strtod(words[i], &end);
+        if (end == words[i] || *end != '\0' || !(numbers[i] >= LEAST_NUMBER && numbers[i] <= GREATEST_NUMBER)) {
+            fprintf(stderr, "%s is no number from %.2f to %.2f.\n", words[i], LEAST_NUMBER, GREATEST_NUMBER);
+            return 0;
+        }
+    }
+    return 1;
+}
+
+int read_whole(const char *word, int least, int most, int *number)
+{
+    char *end;
+    long found = strtol(word, &end, 10);
+
+    if (end == word || *end != '\0' || found < least || found > most) {
+        fprintf(stderr, "%s is no whole number from %d to %d.\n", word, least, most);
+        return 0;
+    }
+    *number = (int) found;
+    return 1;
+}

@@ -23,6 +23,9 @@ class RealRobot(Robot, Protocol):
     `sense` raises SleepcastError when the body can no longer be reached.
     """
 
+    def now(self) -> float:
+        """The time of the last reading: in step, a body is its mind's clock."""
+
     def complaints(self) -> list[str]:
         """What has gone wrong since the last call, in sentences, without anything being lost by it."""
 

@@ -53,7 +53,7 @@ class Served:
         self._loop.call_soon_threadsafe(do, *arguments)
 
     def end(self) -> None:
-        if self._task is not None:
+        if self._task is not None and not self._task.done():
             self.call(self._task.cancel)
 
 

@@ -31,6 +31,7 @@ COMMANDS = {
     "replay": ("sleepcast.cli.replay", "replay"),
     "nserver": ("sleepcast.cli.nserver", "nserver"),
     "scenarios": ("sleepcast.cli.gallery", "scenarios"),
+    "node": ("sleepcast.cli.node", "node"),
     "eval": ("sleepcast.cli.evaluate", "evaluate"),
     "check": ("sleepcast.cli.check", "check"),
     "repl": ("sleepcast.cli.repl", "repl"),

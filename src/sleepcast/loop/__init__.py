@@ -1,5 +1,7 @@
-"""The loop owns the time of a simulated swarm; between two ticks a swarm can be put away, to go on later."""
+"""The loop owns time: of a simulated swarm, which can be put away between two ticks, to go on later; and of a mind with
+a real body."""
 
+from sleepcast.loop.real import Watch, run_robot, step_robot
 from sleepcast.loop.snapshots import SnapshotError, load, resume, save, snapshot
 from sleepcast.loop.swarm import LONGEST_CATCH_UP, MAX_MINDS, Desk, Pace, Swarm, Witness, step_swarm, vocabulary_of
 
@@ -10,11 +12,14 @@ __all__ = [
     "Pace",
     "SnapshotError",
     "Swarm",
+    "Watch",
     "Witness",
     "load",
     "resume",
+    "run_robot",
     "save",
     "snapshot",
+    "step_robot",
     "step_swarm",
     "vocabulary_of",
 ]

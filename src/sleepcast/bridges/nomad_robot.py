@@ -1,0 +1,348 @@
+"""A Scout behind a Nserver as a body for a mind.
+
+A mind never waits, and every word with a Nserver is a wait. So the connection belongs to a thread of its own, the
+courier, which goes round and round: it takes along what the mind wants done, tells the server, and lays down what the
+server answered. The mind only reads what lies there, and notes what it wants.
+
+Safety lies here and not in the language. What is asked beyond the limits is brought within them. The server stops the
+robot when this process is gone (`TIMEOUT`), and the courier brings it to rest when the mind has not looked at its body
+for `UNATTENDED` s though the process lives. No expression can change that.
+
+In step, for simulations that wait for their programs, there is no courier: each `sense` is one round.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from math import isnan, nan, pi
+from threading import Event, Lock, Thread
+from types import TracebackType
+from typing import Literal, NamedTuple, Self
+
+from sleepcast.clock import Clock, WallClock
+from sleepcast.errors import SleepcastError
+from sleepcast.nomad.client import Nomad, NomadError, Pose, RequestError, State
+from sleepcast.nomad.units import INCH, NOTHING_HEARD, TENTH
+from sleepcast.robot import Limits, Reading, RobotModel, Setpoint
+
+RADIUS, TRACK = 0.17, 0.3452
+"""m: of a Scout's body, and between its wheels."""
+SCOUT = Limits(speed=1.0, turn_rate=pi, acceleration=2.0)
+"""What a Scout is asked for at most. Its wheels could turn it twice as fast on the spot, but no sonar could follow."""
+TIMEOUT = 1
+"""Whole seconds without a request after which the server stops the robot: as every program of the thesis has it."""
+UNATTENDED = 1.0
+"""Seconds without a look from the mind after which the courier brings the robot to rest."""
+ROUND = 0.05
+"""Seconds between two rounds of the courier when there is nothing to take along: half of a usual tick."""
+PATIENCE = 5.0
+"""Seconds for an answer: a server that needs longer has been lost."""
+MAX_ERRANDS = 64
+"""Things to be done that wait for the courier; what finds no room is refused, and the language counts a fault."""
+MAX_COMPLAINTS = 100
+"""Sentences that wait to be read; the oldest go."""
+FARTHEST = 1_000.0
+"""m that a wheel may be asked to go in one go, and by which a body may be moved about."""
+FRONT = range(-4, 5)
+"""Numbers of the sonars in front, within a quarter turn to both sides."""
+
+Sort = Literal["rest", "speeds", "way", "limp"]
+
+
+class BusyError(SleepcastError):
+    """The body has more to do than it can remember."""
+
+
+class Motion(NamedTuple):
+    """What the wheels are to do: rest, turn at speeds (m/s), go a way (m), or be let go."""
+
+    sort: Sort
+    right: float = 0.0
+    left: float = 0.0
+
+
+REST = Motion("rest")
+
+
+class NomadRobot:
+    """See the module; functions of its own are named in `nomad_names`. SI units; x, y and heading are what its encoders
+    give, in the frame of the server's world.
+
+    model: what it answers to. clock: by which the mind's looks are timed. It is a `Robot`; `sense` raises LostError
+    when the server is gone.
+    """
+
+    def __init__(self, nomad: Nomad, model: RobotModel, *, clock: Clock | None = None, in_step: bool = False) -> None:
+        self.model = model
+        self._nomad, self._clock, self._in_step = nomad, clock or WallClock(), in_step
+        self._lock = Lock()
+        """Held to change what follows; never while anybody waits for the server."""
+        self._motion = REST
+        self._told: Motion | None = None
+        """What the server was last told, the very object."""
+        self._stopped = self._held = False
+        self._errands: deque[Callable[[Nomad], object]] = deque()
+        self._complaints: deque[str] = deque(maxlen=MAX_COMPLAINTS)
+        self._zeroing: Thread | None = None
+        self._lost: NomadError | None = None
+        self._state = nomad.state
+        self._attended = self._clock.now()
+        self._wake, self._ending = Event(), False
+        self._greet()
+        self._courier = Thread(target=self._go_round, name="courier", daemon=True)
+        if not in_step:
+            self._courier.start()
+
+    def _greet(self) -> None:
+        """What a server is told first."""
+        limits = self.model.limits
+        self._nomad.conf_tm(TIMEOUT)
+        self._nomad.st()
+        self._nomad.cruise(self._whole(limits.speed), self._whole(limits.speed))
+        self._state = self._nomad.state
+
+    # ---- a Robot
+
+    @property
+    def stopped(self) -> bool:
+        return self._stopped
+
+    @property
+    def state(self) -> State:
+        """What the server last told."""
+        return self._state
+
+    def sense(self) -> Reading:
+        if self._in_step and self._lost is None:
+            self._round()
+        if self._lost is not None:
+            raise self._lost
+        self._attended = self._clock.now()
+        return self.reading()
+
+    def reading(self) -> Reading:
+        """What was sensed last, without looking anew."""
+        return Reading(self._state.time, self._values(self._state))
+
+    def now(self) -> float:
+        """The time of the last reading: in step, the robot is its mind's clock."""
+        return self._state.time
+
+    def act(self, wanted: Setpoint) -> None:
+        motion = self._motion
+        right, left = (motion.right, motion.left) if motion.sort == "speeds" else (0.0, 0.0)
+        speed = (right + left) / 2.0 if isnan(wanted.speed) else wanted.speed
+        turn = (right - left) / TRACK if isnan(wanted.turn_rate) else wanted.turn_rate
+        self.drive(speed, turn)
+
+    def stop(self) -> None:
+        with self._lock:
+            self._stopped, self._motion = True, REST
+        self._wake.set()
+
+    def release(self) -> None:
+        self._stopped = False
+
+    def hold(self, still: bool) -> None:
+        with self._lock:
+            self._held = still
+            if still and self._motion.sort == "way":  # how much of it is left, nobody knows
+                self._motion = REST
+        self._wake.set()
+
+    # ---- its end
+
+    def complaints(self) -> list[str]:
+        """What the server has refused since the last call."""
+        said: list[str] = []
+        while self._complaints:
+            said.append(self._complaints.popleft())
+        return said
+
+    def close(self) -> None:
+        """Bring the robot to rest, if it can be reached, and let go of it."""
+        self._ending = True
+        self._wake.set()
+        if self._courier.is_alive():
+            self._courier.join(PATIENCE + 1.0)
+        with suppress(NomadError):
+            self._nomad.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # ---- what expressions may ask; see nomad_names
+
+    def drive(self, speed: float, turn_rate: float) -> None:
+        self.turn_wheels(speed + turn_rate * TRACK / 2.0, speed - turn_rate * TRACK / 2.0)
+
+    def turn_wheels(self, right: float, left: float) -> None:
+        self._move(Motion("speeds", *self._within(right, left)))
+
+    def travel(self, right: float, left: float) -> None:
+        self._move(Motion("way", *(min(max(way, -FARTHEST), FARTHEST) for way in (right, left))))
+
+    def halt(self) -> None:
+        self._move(Motion("rest"))
+
+    def limp(self) -> None:
+        self._move(Motion("limp"))
+
+    def cruise(self, right: float, left: float) -> None:
+        speeds = [self._whole(min(abs(speed), self.model.limits.speed)) for speed in (right, left)]
+        self._send(lambda nomad: nomad.cruise(*speeds))
+
+    def accelerate(self, right: float, left: float) -> None:
+        most = self.model.limits.acceleration
+        wanted = [max(TENTH, self._whole(min(abs(acceleration), most))) for acceleration in (right, left)]
+        self._send(lambda nomad: nomad.accelerate(*wanted))
+
+    def zero(self) -> None:
+        """Over a connection of its own: it may take two minutes, and STOP must not wait for it."""
+        if self._stopped:
+            return
+        if self._zeroing is not None and self._zeroing.is_alive():
+            raise BusyError("it is still on its way home from the last ZR")
+        self._move(Motion("rest"))
+        self._zeroing = Thread(target=self._zero, name="zeroing", daemon=True)
+        self._zeroing.start()
+
+    def believe_place(self, x: float, y: float) -> None:
+        self._send(lambda nomad: nomad.believe_place(x, y))
+
+    def believe_heading(self, heading: float) -> None:
+        self._send(lambda nomad: nomad.believe_heading(heading, heading))
+
+    def place(self, x: float, y: float, heading: float) -> None:
+        if not self._stopped:
+            self._send(lambda nomad: nomad.place(Pose(x, y, heading, heading)))
+
+    def say(self, text: str) -> None:
+        self._send(lambda nomad: nomad.say(text))
+
+    def fire_sonars(self, pause: float, *order: float) -> None:
+        sonars = tuple(int(number) for number in order if 0 <= number < self.model.geometry.sonars)
+        every = range(self.model.geometry.sonars)
+        self._send(lambda nomad: nomad.fire_sonars(min(max(pause, 0.0), 1.02), sonars if order else every))
+
+    def sonar(self, which: float) -> float:
+        return self._state.sonars[int(which) % self.model.geometry.sonars]
+
+    def nearest(self, first: float, last: float) -> float:
+        sonars = self._state.sonars
+        turn, step = 2.0 * pi, 2.0 * pi / len(sonars)
+        wide = last - first if last - first >= turn else (last - first) % turn
+        seen = [found for number, found in enumerate(sonars) if (number * step - first) % turn <= wide]
+        return min(seen, default=self.model.geometry.sonar_range)
+
+    # ---- what the mind leaves for the courier
+
+    def _move(self, motion: Motion) -> None:
+        with self._lock:
+            if not self._stopped:
+                self._motion = motion
+        self._wake.set()
+
+    def _send(self, errand: Callable[[Nomad], object]) -> None:
+        with self._lock:
+            if len(self._errands) >= MAX_ERRANDS:
+                raise BusyError(f"{MAX_ERRANDS} things wait already to be told to the robot")
+            self._errands.append(errand)
+        self._wake.set()
+
+    def _within(self, right: float, left: float) -> tuple[float, float]:
+        """Speeds of the wheels within the limits: of the body, of its turning, and, on the same curve, of a wheel."""
+        limits = self.model.limits
+        speed = min(max((right + left) / 2.0, -limits.speed), limits.speed)
+        turn = min(max((right - left) / TRACK, -limits.turn_rate), limits.turn_rate)
+        right, left = speed + turn * TRACK / 2.0, speed - turn * TRACK / 2.0
+        most = self._whole(limits.speed)
+        share = min(1.0, most / max(abs(right), abs(left), most))
+        return right * share, left * share
+
+    @staticmethod
+    def _whole(size: float) -> float:
+        """As much of a length or speed as the wire can say, at most."""
+        return int(size / TENTH + 1e-6) * TENTH
+
+    # ---- the courier
+
+    def _go_round(self) -> None:
+        while not self._ending and self._lost is None:
+            self._wake.wait(ROUND)
+            self._wake.clear()
+            if self._clock.now() - self._attended > UNATTENDED:
+                with self._lock:
+                    self._motion = REST
+            self._round()
+
+    def _round(self) -> None:
+        """One round with the server: what brings to rest first, then errands, then other motion; the state in any
+        case, and once if nothing else brings it."""
+        with self._lock:
+            motion = REST if self._stopped or self._held else self._motion
+            errands, self._errands = self._errands, deque()
+        todo: list[Callable[[Nomad], object]] = list(errands)
+        if motion is not self._told:
+            todo.insert(0 if motion.sort == "rest" else len(todo), partial(_carry_out, motion))
+            self._told = motion
+        try:
+            answers = [self._done(errand) for errand in todo]
+            if not any(isinstance(answer, State) for answer in answers):
+                self._nomad.gs()
+        except NomadError as error:
+            self._lost = error
+        self._state = self._nomad.state
+
+    def _done(self, errand: Callable[[Nomad], object]) -> object:
+        try:
+            return errand(self._nomad)
+        except RequestError as error:
+            self._complaints.append(str(error))
+            return None
+
+    def _zero(self) -> None:
+        connection = self._nomad.connection
+        try:
+            other = Nomad.connect(connection.host, connection.port, robot=self._nomad.robot, timeout=PATIENCE)
+            try:
+                other.zr()
+            finally:
+                other.disconnect_robot()
+        except NomadError as error:
+            self._complaints.append(f"ZR: {error}")
+
+    # ---- readings
+
+    def _values(self, state: State) -> tuple[float, ...]:
+        """In the order of `nomad.SENSORS`."""
+        sonars = [inches * INCH if 0 < inches <= NOTHING_HEARD else nan for inches in state.sonar_inches]
+        return (
+            state.x,
+            state.y,
+            state.heading,
+            (state.right_speed + state.left_speed) / 2.0,
+            (state.right_speed - state.left_speed) / TRACK,
+            float(any(state.moving)),
+            float((state.bumper & -state.bumper).bit_length()),
+            state.computer_volts,
+            state.motor_volts,
+            *sonars,
+            min((sonars[number] for number in FRONT if sonars[number] == sonars[number]), default=nan),
+        )
+
+
+def _carry_out(motion: Motion, nomad: Nomad) -> State:
+    if motion.sort == "speeds":
+        return nomad.drive(motion.right, motion.left)
+    if motion.sort == "way":
+        return nomad.travel(motion.right, motion.left)
+    return nomad.lp() if motion.sort == "limp" else nomad.st()

@@ -1,0 +1,87 @@
+"""`sleepcast node`: one robot's mind as a process, with a real body."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+
+import click
+
+from sleepcast.cli.interrupts import Interrupts
+from sleepcast.errors import MisuseError
+
+STANDARD, NOMAD = "standard", "nomad"
+
+
+@click.command("node", short_help="Run one robot's mind with a real body.")
+@click.option("--name", default="r1", show_default=True, help="What the robot is called.")
+@click.option("--body", "uri", metavar="URI", required=True, help="The body, as nomad://HOST:PORT#1.")
+@click.option(
+    "--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions to begin with, or a mission script."
+)
+@click.option("--datagrams", metavar="PORT", type=click.IntRange(0, 65_535), help="Hear plain datagrams of 3 numbers.")
+@click.option("--host", default="127.0.0.1", show_default=True, help="The address at which datagrams are heard.")
+@click.option(
+    "--vocabulary",
+    type=click.Choice([STANDARD, NOMAD]),
+    default=STANDARD,
+    show_default=True,
+    help="nomad: VM, PR and the like in tenths of inches.",
+)
+@click.option("--tick", type=click.FloatRange(0.01, 10.0), default=0.1, show_default=True, help="Seconds of a tick.")
+@click.option("--lockstep", is_flag=True, help="For a server in lockstep: a tick is one of the server's.")
+@click.option("--seconds", metavar="S", type=click.FloatRange(min=0.0), help="End after so long; else at Ctrl-C.")
+@click.option("--id", "number", type=click.IntRange(0, 1_000_000), help="Its id in expressions; else as in its name.")
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="What chance depends on.")
+def node(
+    name: str,
+    uri: str,
+    rules: Path | None,
+    datagrams: int | None,
+    host: str,
+    vocabulary: str,
+    tick: float,
+    lockstep: bool,
+    seconds: float | None,
+    number: int | None,
+    seed: int,
+) -> int:
+    """Give the body at URI a mind of its own, until Ctrl-C, which stops the body first.
+
+    Lines on standard input are commands to it, STOP and RELEASE among them. A FILE has expressions, evaluated at the
+    start, or orders with their times (@10s ...). With --datagrams a datagram of three numbers as text sets `message` to
+    TRUE and `m0`, `m1` and `m2` to the numbers. If this process dies, the server stops the robot.
+
+    \b
+    Examples:
+      sleepcast node --name r1 --body nomad://127.0.0.1:7019#1 --rules stop.sleep --datagrams 5001
+      sleepcast node --body nomad://127.0.0.1#2 --vocabulary nomad
+      sleepcast node --body 'nomad://127.0.0.1:7019?speed=0.3#1'
+    """
+    _check_name(name)
+    with Interrupts() as interrupts, ExitStack() as stack:
+        from sleepcast.bridges import open_robot
+        from sleepcast.channel.datagrams import Datagrams
+        from sleepcast.cli.node_life import Life, read_beginning
+
+        beginning = None if rules is None else read_beginning(rules)
+        ears = None if datagrams is None else stack.enter_context(Datagrams(host, datagrams))
+        robot = stack.enter_context(open_robot(uri, in_step=lockstep))
+        interrupts.defer()
+        life = Life(name, robot, ears, nomad=vocabulary == NOMAD, number=_id(name, number), seed=seed)
+        life.begin(beginning)
+        life.go_on(interrupts.check, 0.0 if lockstep else tick, seconds)
+    return 0
+
+
+def _check_name(name: str) -> None:
+    from sleepcast.channel.message import MAX_NAME
+
+    if not 0 < len(name) <= MAX_NAME or not name.isprintable() or " " in name:
+        raise MisuseError(f"--name {name!r:.80}: wanted 1 to {MAX_NAME} characters without blanks, for example r1")
+
+
+def _id(name: str, number: int | None) -> int:
+    """The number of a robot: as said, or what stands at the end of its name, or 0."""
+    digits = name[len(name.rstrip("0123456789")) :]
+    return number if number is not None else int(digits[-6:] or "0")

@@ -1,0 +1,106 @@
+"""The life of one node: its names, its beginning, its ticks, and what is told of them at the end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+
+from sleepcast.bridges import RealRobot
+from sleepcast.channel.datagrams import Datagrams
+from sleepcast.cli.node_desk import NOTHING_HEARD, NodeDesk, Typed
+from sleepcast.cli.streams import announce, complain, pieces, read_file
+from sleepcast.clock import Clock, WallClock
+from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.language import read_all
+from sleepcast.loop import Watch, run_robot, vocabulary_of
+from sleepcast.node.node import Node
+from sleepcast.nomad.vocabulary import nomad_vocabulary
+from sleepcast.simulator.mission import Order, parse_mission
+
+
+class BeginningError(SleepcastError):
+    """What a robot is to begin with went wrong."""
+
+
+@dataclass(frozen=True, slots=True)
+class Beginning:
+    """What a robot begins with: expressions with their places (file and line), and orders for later."""
+
+    expressions: tuple[tuple[str, str], ...] = ()
+    orders: tuple[Order, ...] = ()
+
+
+def read_beginning(path: Path) -> Beginning:
+    """A file of expressions, or, where it begins with a time, a mission script. Raises MisuseError."""
+    text = read_file(path)
+    if any(line.startswith("@") for line in text.split("\n")):
+        return Beginning(orders=parse_mission(text, str(path)))
+    return Beginning(tuple(_expressions(text, path)))
+
+
+def _expressions(text: str, path: Path) -> Iterator[tuple[str, str]]:
+    for line, piece in pieces(text):
+        place = f"{path}:{line}"
+        try:
+            forms = read_all(piece)
+        except SleepcastError as error:
+            raise MisuseError(f"{place}: {error}") from error
+        yield from ((place, piece[form.start : form.end]) for form in forms)
+
+
+class Life:
+    """A mind in a body. ears: where plain datagrams come in, if they do. nomad: whether functions with Nclient's names
+    take its units."""
+
+    def __init__(
+        self, name: str, robot: RealRobot, ears: Datagrams | None, *, nomad: bool, number: int, seed: int
+    ) -> None:
+        self.robot, self.ears, self.watch = robot, ears, Watch()
+        names = vocabulary_of(nomad_vocabulary(robot.model) if nomad else robot.model)
+        self.node = Node(name, names, number=number, seed=seed, body=robot)
+        self._orders: tuple[Order, ...] = ()
+
+    def begin(self, beginning: Beginning | None) -> None:
+        """Evaluate what the robot begins with. Raises MisuseError for an expression that it cannot run, BeginningError
+        for one that goes wrong."""
+        self.node.sense(self.robot.sense().values, 0.0)
+        if self.ears is not None:
+            self.node.evaluate(NOTHING_HEARD)
+        if beginning is None:
+            return
+        self._orders = beginning.orders
+        for place, text in beginning.expressions:
+            try:
+                result = self.node.evaluate(text)
+            except SleepcastError as error:
+                raise MisuseError(f"{place}: {error}") from error
+            if result.faults:
+                raise BeginningError(f"{place}: {result.faults[0]}")
+
+    def go_on(self, check: Callable[[], None], tick: float, seconds: float | None) -> None:
+        """Live, and say at the end how it went. check: raises KeyboardInterrupt when it is time. tick: s, 0 in step.
+        seconds: to live, None for ever. Raises SleepcastError when the body fails."""
+        clock: Clock = WallClock() if tick else self.robot
+        desk = NodeDesk(self.node.name, clock, self._orders, Typed(), self.ears)
+        end = inf if seconds is None else clock.now() + seconds
+
+        def going() -> bool:
+            for complaint in self.robot.complaints():
+                complain(f"{self.node.name}: {complaint}")
+            check()
+            return clock.now() < end
+
+        announce(f"{self.node.name} is up, with {len(self.node.rules())} rules; Ctrl-C stops its body and ends it")
+        try:
+            run_robot(self.node, self.robot, clock, desk, tick=tick, going=going, watch=self.watch)
+        finally:
+            complain(self._account(desk))
+
+    def _account(self, desk: NodeDesk) -> str:
+        said = f"{self.node.name}: {self.watch}"
+        if self.ears is not None:
+            counts = self.ears.counts
+            said += f"; {counts.taken} datagrams, {counts.dropped + desk.lost} others dropped"
+        return f"{said}; its body has been stopped"

@@ -1,0 +1,291 @@
+"""A Scout behind a real server with a real simulation: it keeps the contract, obeys its mind, and stops without it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from math import hypot, isclose, nan, pi
+from typing import cast
+
+import pytest
+
+from nomad.serving import LONGEST, Served, serving
+from robot_contract import Rig, RobotContract
+from sleepcast.bridges import BodyError, open_robot
+from sleepcast.bridges.nomad_robot import MAX_ERRANDS, BusyError, NomadRobot
+from sleepcast.loop import vocabulary_of
+from sleepcast.nomad.client import LostError, Nomad, RefusedError
+from sleepcast.nomad.units import TENTH
+from sleepcast.robot import Setpoint
+from sleepcast.simulator.engine import NumPyMachine
+from sleepcast.simulator.nomad_worlds import nomad_world
+from sleepcast.simulator.nomads import NomadWorld
+
+TICK = 0.1
+
+
+@pytest.fixture
+def world() -> NomadWorld:
+    return nomad_world(None, "ideal", 1, 1, tick=TICK, machine=NumPyMachine())
+
+
+@pytest.fixture
+def stepped(world: NomadWorld) -> Iterator[Served]:
+    """A server whose time waits for its clients."""
+    with serving(world, lockstep=True, headless=True) as served:
+        yield served
+
+
+@pytest.fixture
+def running(world: NomadWorld) -> Iterator[Served]:
+    """A server in five times real time."""
+    with serving(world, speed=5.0, headless=True) as served:
+        yield served
+
+
+def reach(served: Served, tail: str = "#1", *, in_step: bool = False) -> NomadRobot:
+    return cast(NomadRobot, open_robot(f"nomad://127.0.0.1:{served.port}{tail}", in_step=in_step))
+
+
+@pytest.fixture
+def robot(stepped: Served) -> Iterator[NomadRobot]:
+    with reach(stepped, in_step=True) as found:
+        yield found
+
+
+def until(true: Callable[[], bool], look: Callable[[], object] = lambda: None) -> None:
+    deadline = time.monotonic() + LONGEST
+    while not true():
+        assert time.monotonic() < deadline
+        look()
+        time.sleep(0.005)
+
+
+def sensed(robot: NomadRobot) -> dict[str, float]:
+    return dict(zip((sensor.name for sensor in robot.model.sensors), robot.sense().values, strict=True))
+
+
+class LookOnly(Rig):
+    """In step, to sense is to let a tick pass; here only `wait` does."""
+
+    def sensed(self) -> dict[str, float]:
+        robot = cast(NomadRobot, self.robot)
+        return dict(zip((sensor.name for sensor in robot.model.sensors), robot.reading().values, strict=True))
+
+
+class TestScoutBehindAServer(RobotContract):
+    @pytest.fixture
+    def rig(self, robot: NomadRobot) -> Rig:
+        def wait(seconds: float) -> None:
+            end = robot.now() + seconds - TICK / 2
+            while robot.now() < end:
+                robot.sense()
+
+        return LookOnly(robot, wait, resolution=2 * TENTH)
+
+
+# ---- what is asked, and its limits
+
+
+def test_wheels_are_brought_within_the_limits_on_the_same_curve(stepped: Served, world: NomadWorld) -> None:
+    with reach(stepped, "?speed=0.3&turn_rate=1#1", in_step=True) as robot:
+        assert (robot.model.limits.speed, robot.model.limits.turn_rate) == (0.3, 1.0)
+        robot.turn_wheels(5.0, 2.5)
+        robot.sense()
+        right, left = robot.state.velocities[:2]
+        for _ in range(30):
+            robot.sense()
+            right, left = robot.state.velocities[:2]
+            assert max(abs(right), abs(left)) * TENTH <= 0.3
+        assert isclose((right - left) / (right + left), 1.0 * 0.3452 / 0.6, rel_tol=0.03)
+        robot.travel(-1e12, 0.0)
+        robot.cruise(9.0, 9.0)
+        for _ in range(30):
+            robot.sense()
+            assert abs(robot.state.velocities[0]) * TENTH <= 0.3
+
+
+def test_short_commands(robot: NomadRobot, stepped: Served, world: NomadWorld) -> None:
+    for _ in range(30):
+        robot.sense()
+    robot.travel(0.5, 0.5)
+    robot.sense()
+    assert sensed(robot)["moving"] == 1.0
+    for _ in range(30):
+        robot.sense()
+    assert sensed(robot)["x"] == pytest.approx(0.5, abs=0.01)
+    assert sensed(robot)["moving"] == 0.0
+    robot.believe_place(1.0, -1.0)
+    robot.believe_heading(pi / 2)
+    found = sensed(robot)
+    assert (found["x"], found["y"], found["heading"]) == pytest.approx((1.0, -1.0, pi / 2), abs=0.003)
+    robot.place(0.5, 0.0, pi)
+    robot.sense()
+    assert world.observe(0).real.heading % (2 * pi) == pytest.approx(pi)
+    assert hypot(world.observe(0).real.x - 0.5, world.observe(0).real.y) < 0.01
+    robot.say("hello")
+    robot.limp()
+    robot.accelerate(0.5, 0.5)
+    robot.sense()
+    assert stepped.nserver.windows.robots[0].said[-1][1] == "hello"
+    assert robot.complaints() == []
+
+
+def test_each_look_asks_the_server_once(robot: NomadRobot, world: NomadWorld) -> None:
+    before = world.time
+    for _ in range(10):
+        robot.sense()
+    robot.turn_wheels(0.1, 0.1)
+    robot.sense()
+    robot.say("this has a reply without the state")
+    robot.sense()
+    assert round((world.time - before) / TICK) == 12
+
+
+def test_sonars_are_fired_as_told(robot: NomadRobot) -> None:
+    robot.fire_sonars(0.0)
+    for _ in range(20):
+        robot.sense()
+    assert sensed(robot)["front_range"] == robot.nearest(-pi / 2, pi / 2) == robot.sonar(0.0) == pytest.approx(6.477)
+    robot.fire_sonars(0.024, 0.0, 2.0, 15.0)
+    robot.sense()
+    assert robot.complaints() == []
+
+
+def test_a_way_that_was_held_up_is_not_gone_afterwards(robot: NomadRobot) -> None:
+    robot.travel(5.0, 5.0)
+    for _ in range(10):
+        robot.sense()
+    robot.hold(True)
+    for _ in range(20):
+        robot.sense()
+    robot.hold(False)
+    there = sensed(robot)["x"]
+    for _ in range(10):
+        robot.sense()
+    assert sensed(robot)["x"] == there > 0.0
+
+
+def test_what_is_stopped_does_nothing_until_it_is_asked_anew(robot: NomadRobot, world: NomadWorld) -> None:
+    robot.stop()
+    robot.travel(1.0, 1.0)
+    robot.limp()
+    robot.zero()
+    robot.place(1.0, 1.0, 0.0)
+    for _ in range(10):
+        robot.sense()
+    robot.release()
+    for _ in range(10):
+        assert sensed(robot)["speed"] == 0.0
+    assert hypot(*world.observe(0).real[:2]) < 0.01
+
+
+def test_more_errands_than_it_remembers_are_refused(robot: NomadRobot) -> None:
+    for _ in range(MAX_ERRANDS):
+        robot.say("x")
+    with pytest.raises(BusyError, match="64 things wait"):
+        robot.say("x")
+    robot.sense()
+    robot.say("x")
+
+
+def test_its_names_fit_the_language(robot: NomadRobot) -> None:
+    names = {name.casefold() for name in vocabulary_of(robot.model).names()}
+    wanted = {"vm", "pr", "st", "tk", "zr", "dp", "da", "conf_sn", "front_range", "sonar15", "bumper", "x", "y"}
+    assert wanted | {"heading", "speed", "motor_volts", "drive_speed", "drive_turn"} <= names
+
+
+# ---- the courier
+
+
+def test_the_mind_never_waits_and_the_courier_brings_everything(running: Served, world: NomadWorld) -> None:
+    with reach(running) as robot:
+        robot.act(Setpoint(0.3, 0.0))
+        robot.say("on my way")
+        until(lambda: robot.state.right_speed > 0.25, robot.sense)
+        robot.stop()
+        until(lambda: robot.state.velocities == (0, 0, 0), robot.sense)
+        assert running.nserver.windows.robots[0].said[-1][1] == "on my way"
+        robot.release()
+        robot.act(Setpoint(nan, 0.5))
+        until(lambda: robot.state.right_speed > 0.05 > -0.05 > robot.state.left_speed, robot.sense)
+    assert world.observe(0).speeds[0] == pytest.approx(0.0, abs=0.3)
+    until(lambda: world.observe(0).speeds[:2] == (0.0, 0.0))
+
+
+def test_a_mind_that_no_longer_looks_loses_its_robot(running: Served) -> None:
+    with reach(running) as robot:
+        robot.act(Setpoint(0.3, 0.0))
+        until(lambda: robot.state.right_speed > 0.25, robot.sense)
+        until(lambda: robot.state.velocities == (0, 0, 0))
+        robot.sense()
+        time.sleep(0.2)
+        assert robot.state.velocities == (0, 0, 0)  # nothing old resumes
+
+
+def test_a_process_that_is_gone_loses_its_robot(running: Served, world: NomadWorld) -> None:
+    robot = reach(running)
+    robot.act(Setpoint(0.3, 0.0))
+    until(lambda: robot.state.right_speed > 0.25, robot.sense)
+    robot._nomad.connection.close()
+    until(lambda: world.observe(0).speeds[:2] == (0.0, 0.0))
+    with pytest.raises(LostError):
+        until(lambda: False, robot.sense)
+    robot.act(Setpoint(0.3, 0.0))
+    robot.stop()
+    robot.close()
+
+
+def test_zeroing_takes_its_time_and_stop_does_not_wait_for_it(running: Served) -> None:
+    with reach(running) as robot:
+        robot.act(Setpoint(0.5, 0.3))
+        until(lambda: robot.state.x > 0.2, robot.sense)
+        robot.zero()
+        with pytest.raises(BusyError, match="still on its way home"):
+            robot.zero()
+        until(lambda: robot.state.words[34:37] == (0, 0, 0) and not any(robot.state.moving), robot.sense)
+        assert robot.complaints() == []
+
+
+def test_what_the_server_refuses_is_told(robot: NomadRobot) -> None:
+    def refused(nomad: Nomad) -> object:
+        return nomad.special_request(1, 40)
+
+    robot._send(refused)
+    robot.sense()
+    assert [text.partition(" with")[0] for text in robot.complaints()] == ["the server refused special_request"]
+    assert robot.sense().time > 0
+
+
+# ---- URIs
+
+
+@pytest.mark.parametrize(
+    ("uri", "error"),
+    [
+        ("nomat://127.0.0.1", "did you mean nomad"),
+        ("127.0.0.1:7019", "names no body; wanted something like nomad://127.0.0.1:7019#1"),
+        ("", "names no body"),
+        ("nomad://", "has no host"),
+        ("nomad://:7019", "has no host"),
+        ("nomad://127.0.0.1:70190#1", "Port out of range"),
+        ("nomad://127.0.0.1:port", "leads nowhere"),
+        ("nomad://[::1", "leads nowhere"),
+        ("nomad://127.0.0.1/extra#1", "has no host, or more"),
+        ("nomad://127.0.0.1#0", "robots are numbered from 1"),
+        ("nomad://127.0.0.1#one", "robots are numbered from 1"),
+        ("nomad://127.0.0.1#" + "9" * 5000, "robots are numbered from 1"),
+        ("nomad://127.0.0.1?sped=1#1", "did you mean speed"),
+        ("nomad://127.0.0.1?speed=fast#1", "speed is a number above 0"),
+        ("nomad://127.0.0.1?turn_rate=nan#1", "turn_rate is a number above 0"),
+        ("nomad://127.0.0.1?speed=#1", "speed is a number above 0"),
+    ],
+)
+def test_a_uri_that_leads_nowhere(uri: str, error: str) -> None:
+    with pytest.raises(BodyError, match=error):
+        open_robot(uri)
+
+
+def test_a_robot_that_there_is_not(running: Served) -> None:
+    with pytest.raises(RefusedError, match="has no robot 2"):
+        reach(running, "#2")

@@ -1,0 +1,230 @@
+"""`sleepcast node` against the real server: rules, datagrams, what is typed, both vocabularies, and how it ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from io import TextIOWrapper
+from pathlib import Path
+from threading import Thread
+
+import pytest
+
+from cli.calling import LONGEST
+from nomad.serving import Served, serving
+from sleepcast.channel.datagrams import Datagrams, send
+from sleepcast.cli import main
+from sleepcast.simulator.engine import NumPyMachine
+from sleepcast.simulator.nomad_worlds import nomad_world
+from sleepcast.simulator.nomads import NomadWorld
+
+TICK = 0.1
+
+
+@pytest.fixture
+def world() -> NomadWorld:
+    return nomad_world(None, "ideal", 1, 1, tick=TICK, machine=NumPyMachine())
+
+
+@pytest.fixture
+def stepped(world: NomadWorld) -> Iterator[Served]:
+    with serving(world, lockstep=True, headless=True) as served:
+        yield served
+
+
+def until(true: Callable[[], object]) -> None:
+    deadline = time.monotonic() + LONGEST
+    while not true():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+@pytest.fixture
+def call(stepped: Served, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+    """Run a node in step for some simulated time, in this process, with expressions in a file."""
+
+    def calling(rules: str | None, *options: str, seconds: float = 3.0) -> tuple[int, str, str]:
+        file = tmp_path / "rules.sleep"
+        given = ("--lockstep", "--seconds", str(seconds), *options)
+        if rules is not None:
+            file.write_text(rules, encoding="utf-8")
+            given = (*given, "--rules", str(file))
+        status = main(["node", "--body", f"nomad://127.0.0.1:{stepped.port}#1", *given])
+        captured = capfd.readouterr()
+        return status, captured.out, captured.err.replace(f"{tmp_path}/", "")
+
+    return calling
+
+
+Call = Callable[..., tuple[int, str, str]]
+
+ROAM = """; a first line that says something
+(RULE roam (COND
+  ((< front_range 15in) (VM -0.1m/s 0.1m/s))
+  (TRUE (VM 0.4m/s 0.4m/s))))
+(RULE say (WHEN (= tick 20) (REPORT "speed" speed)))
+"""
+
+
+def test_rules_of_a_file_drive_the_body(call: Call, world: NomadWorld) -> None:
+    status, out, err = call(ROAM)
+    assert status == 0, err
+    assert out == "r1 is up, with 2 rules; Ctrl-C stops its body and ends it\nr1: speed: 0.39878\n"
+    assert err == "r1: 30 ticks, 0 late; its body has been stopped\n"
+    assert world.observe(0).real.x > 0.8
+
+
+def test_the_vocabulary_nomad_takes_tenths_of_inches(call: Call, stepped: Served) -> None:
+    status, _, err = call("(PROGN (VM 75 50) (DP 100 -50) (DA 900) (CONF_SN 6 0 2 15))", "--vocabulary", "nomad")
+    assert status == 0, err
+    commands = [text for _, text in stepped.nserver.windows.robots[0].commands]
+    assert "vm(75, 50, 0)" in commands
+    assert "dp(100, -50)" in commands
+    assert "da(900, 900)" in commands
+    assert "conf_sn(6, 0, 2, 15, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255)" in commands
+
+
+def test_orders_come_at_their_times(call: Call) -> None:
+    script = '@0.5s (PROGN (REPORT "a" time)\n  (VM 0.1m/s 0.1m/s))\n@1s STOP\n@1.5s (UNHEARD 1)\n@2s (TELL (ST))\n'
+    status, out, err = call(script, "--name", "scout-7")
+    assert status == 0
+    assert "scout-7: a: 0.5" in out
+    assert "scout-7: stopped" in out
+    assert "scout-7: fault, UNKNOWN" in out
+    assert "tells others, whom nobody reaches from here: (ST)" in out
+    assert "scout-7: " in err
+    assert "UNHEARD" in err
+
+
+def test_plain_datagrams_become_variables(world: NomadWorld, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    with Datagrams("127.0.0.1", 0) as free:
+        port = free.port
+    rules = tmp_path / "rules.sleep"
+    rules.write_text(
+        '(DEFVAR m1 7) (IF message UNKNOWN (REPORT "at first" message m1))\n'
+        '(RULE obey (WHEN message (PROGN (REPORT "got" m0 m1 m2) (SETQ message FALSE))))'
+    )
+
+    def play() -> None:
+        send((1.25, -2.0, 3.0), ("127.0.0.1", port))
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.sendto(b"(VM 1 1)", ("127.0.0.1", port))
+        send((4.0, 5.0, 6.0), ("127.0.0.1", port))
+
+    with serving(world, speed=1.0, headless=True) as served, once_it_listens(port, play):
+        body = f"nomad://127.0.0.1:{served.port}#1"
+        options = ("--seconds", "3", "--rules", str(rules), "--datagrams", str(port))
+        status = main(["node", "--body", body, *options])
+    out, err = capfd.readouterr()
+    assert status == 0, err
+    assert "r1: at first: 0 7" in out
+    assert [line for line in out.splitlines() if "got" in line] == ["r1: got: 1.25 -2 3", "r1: got: 4 5 6"]
+    assert "; 2 datagrams, 1 others dropped; its body has been stopped" in err
+
+
+@contextmanager
+def once_it_listens(port: int, play: Callable[[], None]) -> Iterator[None]:
+    """Call `play` as soon as somebody has this port."""
+
+    def watch() -> None:
+        def taken() -> bool:
+            try:
+                Datagrams("127.0.0.1", port).close()
+            except Exception:
+                return True
+            return False
+
+        until(taken)
+        play()
+
+    thread = Thread(target=watch)
+    thread.start()
+    yield
+    thread.join(LONGEST)
+
+
+def test_lines_that_are_typed_are_commands(call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    reading, writing = os.pipe()
+    os.write(writing, b'(REPORT "typed"\n\n  (+ 1 2))\n; nothing\nrelease\n(SETQ\xff 1)\n(unfinished')
+    os.close(writing)
+    with TextIOWrapper(os.fdopen(reading, "rb")) as typed:
+        monkeypatch.setattr(sys, "stdin", typed)
+        status, out, err = call(None)
+    assert status == 0
+    assert "r1: typed: 3\n" in out
+    assert "r1: released" in out
+    assert out.count("r1: fault, UNKNOWN") == 2
+    assert err.count("r1: ") == 3  # two faults and the end
+
+
+@pytest.mark.parametrize(
+    ("rules", "options", "status", "said"),
+    [
+        ("(RULE a (VM 1))", (), 2, "rules.sleep:1: "),
+        ("(ST)\n(+ 1", (), 2, "rules.sleep:2: "),
+        ("(SETQ x 1)", (), 2, "rules.sleep:1: "),
+        ("(PROGN (+ 1 (SETQQ E0 1)))", (), 2, "rules.sleep:1: "),
+        ("@soon (ST)", (), 2, "rules.sleep:1: wanted a time"),
+        (None, ("--name", "a b"), 2, "--name 'a b': wanted 1 to 64 characters"),
+        (None, ("--body", "nomat://127.0.0.1"), 2, "did you mean nomad"),
+        (None, ("--body", "nomad://127.0.0.1:1#1"), 1, "no server listens at 127.0.0.1:1"),
+        (None, ("--rules", "/nowhere/rules.sleep"), 2, "there is no file"),
+        (None, ("--datagrams", "5001", "--host", "no such host"), 1, "there is no address 'no such host'"),
+    ],
+)
+def test_what_is_wrong_is_said_in_a_sentence(
+    call: Call, rules: str | None, options: tuple[str, ...], status: int, said: str
+) -> None:
+    ended, out, err = call(rules, *options)
+    assert (ended, out) == (status, "")
+    assert said in err
+    assert "Traceback" not in err
+
+
+def test_a_server_that_goes_away_ends_the_node(world: NomadWorld, capfd: pytest.CaptureFixture[str]) -> None:
+    with serving(world, speed=1.0, headless=True) as served:
+        ending = Thread(target=lambda: (until(lambda: served.nserver.lines), served.end()))
+        ending.start()
+        status = main(["node", "--body", f"nomad://127.0.0.1:{served.port}", "--seconds", "30"])
+        ending.join(LONGEST)
+    captured = capfd.readouterr()
+    assert status == 1
+    assert "see whether it is still running" in captured.err
+
+
+def test_ctrl_c_stops_the_body_and_ends_it(world: NomadWorld, tmp_path: Path) -> None:
+    rules = tmp_path / "go.sleep"
+    rules.write_text("(RULE go (VM 0.3m/s 0.3m/s))", encoding="utf-8")
+    with serving(world, speed=1.0, headless=True) as served:
+        process = subprocess.Popen(
+            [sys.executable, "-c", START, "node", "--body", f"nomad://127.0.0.1:{served.port}#1", "--rules", rules],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            until(lambda: world.observe(0).speeds[0] > 0.2)
+            process.send_signal(signal.SIGINT)
+            out, err = process.communicate(timeout=LONGEST)
+        finally:
+            process.kill()
+        assert process.returncode == 130, err
+        assert "r1 is up, with 1 rules" in out
+        assert err.strip().endswith("its body has been stopped")
+        assert "st()" in [text for _, text in served.nserver.windows.robots[0].commands][-1]
+        until(lambda: world.observe(0).speeds[:2] == (0.0, 0.0))
+
+
+START = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from sleepcast.__main__ import start
+sys.exit(start())
+"""

@@ -167,7 +167,7 @@ def _see_solids(
     x, y, heading = pose
     cell = grid.cells_of(x[some], y[some])
     i, item = spread(some, listed.start[cell], listed.start[cell + 1])
-    item = listed.items[item]
+    item = listed.items[item].astype(np.int64)
     far = cones.radius + cones.most + solids[item, 4]
     across, up = nearest_point(x[i], y[i], *solids[item, :4].T)
     near = across * across + up * up <= far * far

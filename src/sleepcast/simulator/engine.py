@@ -10,6 +10,8 @@ import os
 from importlib.util import find_spec
 from typing import Protocol
 
+import numpy as np
+
 from sleepcast.errors import MisuseError
 from sleepcast.simulator import cones, contact, grid, noise, steps
 from sleepcast.simulator.cones import Ranges, View
@@ -42,6 +44,9 @@ class Machine(Protocol):
     def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats, /) -> None:
         """`ranges`, then `tell`."""
 
+    def room(self, count: int, /) -> tuple[Proposal, Floats]:
+        """Room for where so many bodies are going in a tick, and for the share of it that they may go."""
+
     def propose(self, bodies: Columns, laws: Laws, draws: Draws, proposal: Proposal, /) -> None: ...
 
     def commit(self, bodies: Columns, laws: Laws, proposal: Proposal, settled: Settled, /) -> None: ...
@@ -55,8 +60,9 @@ class Machine(Protocol):
         radii: Floats,
         place: tuple[Floats, Floats],
         way: tuple[Floats, Floats],
+        settled: Settled,
         /,
-    ) -> Settled: ...
+    ) -> None: ...
 
     def disturb(self, seen: Ranges, which: Whole, noise: Noise, /) -> None: ...
 
@@ -74,6 +80,9 @@ class NumPyMachine:
     settle = staticmethod(contact.settle)
     disturb = staticmethod(noise.disturb)
     tell = staticmethod(noise.tell)
+
+    def room(self, count: int) -> tuple[Proposal, Floats]:
+        return Proposal(*np.empty((6, count))), np.empty(count)
 
     def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats) -> None:
         noise.tell(cones.ranges(view, which), which, ear, sensed)

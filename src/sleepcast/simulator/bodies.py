@@ -215,11 +215,13 @@ class Bodies:
         wanted = {"drive_speed": self.wanted_speed, "drive_turn": self.wanted_turn}
         if actuator not in wanted:
             raise MisuseError(f'no actuator "{actuator}"{did_you_mean(actuator, wanted)}: wanted {" or ".join(wanted)}')
-        asked = ~self.stopped[which]
-        robots = np.arange(self.count)[which][asked]
-        self.mode[robots] = Mode.DRIVE
-        named = ~np.isnan(values[asked])
-        wanted[actuator][robots[named]] = values[asked][named]
+        free, named = ~self.stopped[which], ~np.isnan(values)
+        if isinstance(which, slice):
+            np.copyto(self.mode[which], np.int8(Mode.DRIVE), where=free)
+            np.copyto(wanted[actuator][which], values, where=free & named)
+        else:
+            self.mode[which[free]] = Mode.DRIVE
+            wanted[actuator][which[free & named]] = values[free & named]
 
     def sense(self, which: Whole | None = None, echoes: bool = True) -> None:
         """Bring the table up to date for the robots with these indices (None: all): noise, and what their sonars hear

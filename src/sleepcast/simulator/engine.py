@@ -14,7 +14,7 @@ import numpy as np
 
 from sleepcast.errors import MisuseError
 from sleepcast.simulator import cones, contact, grid, noise, steps
-from sleepcast.simulator.cones import Ranges, View
+from sleepcast.simulator.cones import Ranges, Seen, View
 from sleepcast.simulator.contact import Settled
 from sleepcast.simulator.driving import Laws
 from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole
@@ -38,6 +38,9 @@ class Machine(Protocol):
     def name(self) -> str: ...
 
     def sort(self, grid: Grid, x: Floats, y: Floats, /) -> Sorted: ...
+
+    def in_sight(self, listed: Listed, solids: Floats, /) -> Seen:
+        """These rows of `solids` as `ranges` and `hear` like them best."""
 
     def ranges(self, view: View, which: Whole, /) -> Ranges: ...
 
@@ -80,6 +83,9 @@ class NumPyMachine:
     settle = staticmethod(contact.settle)
     disturb = staticmethod(noise.disturb)
     tell = staticmethod(noise.tell)
+
+    def in_sight(self, listed: Listed, solids: Floats) -> Listed:
+        return listed
 
     def room(self, count: int) -> tuple[Proposal, Floats]:
         return Proposal(*np.empty((6, count))), np.empty(count)

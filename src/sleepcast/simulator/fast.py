@@ -31,8 +31,6 @@ ALONE = 5_000
 """Robots up to which one thread is faster than several."""
 STRETCHES = 4
 """Stretches of rows for each thread: when one thread is done early it takes over some of the rest."""
-MAX_LISTS = 8
-"""Lists of solids whose walls are kept: one for each sort of robots with sonars."""
 FOLDED = 16
 """Sonars of a ring whose bearings the kernel can fold."""
 
@@ -46,13 +44,15 @@ class NumbaMachine:
         self.threads = threads
         self._pool: ThreadPoolExecutor | None = None
         self._scratch = Scratch()
-        self._walls: list[tuple[Listed, Walls]] = []
 
     def sort(self, grid: Grid, x: Floats, y: Floats) -> Sorted:
         cells, order = np.empty((2, len(x)), np.int32)
         start = np.empty(grid.cells + 1, np.int32)
         kernels.sort(x, y, grid.size, grid.across, grid.up, cells, start, order)
         return Sorted(order, start)
+
+    def in_sight(self, listed: Listed, solids: Floats) -> Walls:
+        return walls_of(listed, solids)
 
     def ranges(self, view: View, which: Whole) -> Ranges:
         squares, rank = self._squares(view, which)
@@ -94,7 +94,7 @@ class NumbaMachine:
         wide = scratch.take(np.float64, robots)
         wide[:] = cones.radius if radii is None else radii[order]
         mixed = radii is not None and bool((radii != cones.radius).any())
-        walls = self._walls_of(listed, solids)
+        walls = listed if isinstance(listed, Walls) else walls_of(listed, solids)
 
         def see(first: int, last: int) -> None:
             kernels_sonar.see(
@@ -107,14 +107,6 @@ class NumbaMachine:
 
         self._share_rows(see, grid, points.start)
         return squares, rank
-
-    def _walls_of(self, listed: Listed, solids: Floats) -> Walls:
-        """The walls of a list, kept: each sort of robots has a list of its own."""
-        for known, walls in self._walls:
-            if known is listed:
-                return walls
-        self._walls = [*self._walls[1 - MAX_LISTS :], (listed, walls_of(listed, solids))]
-        return self._walls[-1][1]
 
     def room(self, count: int) -> tuple[Proposal, Floats]:
         self._scratch.begin()

@@ -6,6 +6,7 @@ import math
 from random import Random
 from unittest.mock import patch
 
+import numpy as np
 import pytest
 from hypothesis import given, note, settings
 from hypothesis import strategies as st
@@ -239,11 +240,15 @@ def test_a_thousand_matches_are_all_counted() -> None:
     twins.sense([[float(i)] * len(SENSORS) for i in range(ROBOTS)])
     twins.do("(RULE r (WHEN (> x 2) (SETQ lamp x)))")
     made.settle()
-    with patch.object(tallies, "MOST_FRESH", 7):
-        for _ in range(40):
+    with patch.object(tallies, "MOST_FRESH", 7), patch.object(tallies, "NARROW", 250):
+        for tick in range(300):
             twins.think()
+            if tick == 40:
+                twins.compare()
+                assert twins.fleet.memory.tallies["r"].firings.dtype == np.uint16
+    assert twins.fleet.memory.tallies["r"].firings.dtype == np.uint32
     twins.compare()
-    assert twins.views[3].rules()[0].firings == 41
+    assert twins.views[3].rules()[0].firings == 301
 
 
 def test_a_text_that_is_asked_again_and_again_becomes_native() -> None:

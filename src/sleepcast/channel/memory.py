@@ -102,7 +102,7 @@ class Radio:
         self.model = model
         self.counts = RadioCounts()
         self._x, self._y, self._seed, self._clock = x, y, seed, clock
-        self._robots: Numbers = np.arange(len(x), dtype=np.int64)
+        self._count = len(x)
         self._waiting: list[Launch] = []
         self._on_the_way = 0
         """Copies in all that waits."""
@@ -191,7 +191,7 @@ class Radio:
     def samples(self) -> Numbers:
         """The robots from which a sample sent to the operator just now gets through."""
         near = self._near_operator()
-        robots = self._robots if near is None else self._robots[near]
+        robots = self._everybody() if near is None else np.flatnonzero(near)
         if self.model.loss:
             robots = robots[self._drawn(robots, (self._seed, "sample", self._clock.now())) >= self.model.loss]
         return robots
@@ -199,17 +199,21 @@ class Radio:
     def _receivers(self, transmitter: int, message: Message) -> tuple[Numbers, Numbers]:
         """Who should hear this, and those of them who are in reach."""
         if transmitter == OPERATOR:
-            near = self._near_operator()
-            return self._robots, self._robots if near is None else self._robots[near]
+            near, everybody = self._near_operator(), self._everybody()
+            return everybody, everybody if near is None else everybody[near]
         if message.kind in TO_OPERATOR:
             near = self._near_operator()
             operator = np.array([OPERATOR], np.int64)
             return operator, operator if near is None or near[transmitter] else operator[:0]
-        others = self._robots[self._robots != transmitter]
+        others = np.delete(self._everybody(), transmitter)
         if self.model.reach == inf:
             return others, others
         near = self._within(float(self._x[transmitter]), float(self._y[transmitter]), self.model.reach)
         return others, others[near[others]]
+
+    def _everybody(self) -> Numbers:
+        """All robots."""
+        return np.arange(self._count, dtype=np.int64)
 
     def _near_operator(self) -> NDArray[np.bool_] | None:
         """Whether each robot and the operator are in each other's reach; None if all are."""
@@ -304,7 +308,7 @@ class Radio:
 
     def restore(self, parcel: RadioParcel, names: Sequence[str]) -> None:
         """Be as that radio was. names: of the robots. Raises ParcelError."""
-        count = len(self._robots)
+        count = self._count
         self._waiting = [Launch(*unpacked_launch(each, names)) for each in parcel.waiting]
         self._on_the_way = sum(launch.size for launch in self._waiting)
         if self._on_the_way > MAX_WAITING or parcel.counts.keys() != asdict(self.counts).keys():

@@ -6,7 +6,7 @@ A variable's column is made when robots first differ in it; until then one numbe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from copy import copy
 from math import nan
 from typing import TypeAlias
@@ -203,12 +203,15 @@ class FleetState:
         found._same, found._columns, found.groups = [nan] * len(self._same), [None] * len(self._same), {}
         return found
 
-    def copy_from(self, other: FleetState, rows: Rows) -> None:
-        """Take over the variables and groups of these robots."""
-        for slot in other.slots():
+    def copy_from(self, other: FleetState, rows: Rows, slots: Iterable[int]) -> None:
+        """Take over some variables of these robots."""
+        for slot in slots:
             values = other.read(slot, rows)
             if isinstance(values, np.ndarray) or not self._is(slot, values):
                 self.assign(slot, rows, values)
+
+    def copy_groups(self, other: FleetState, rows: Rows) -> None:
+        """Take over who of these robots is in which group."""
         for key, members in other.groups.items():
             self.group(key)[rows.index] = members[rows.index]
 

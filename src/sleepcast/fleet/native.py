@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from sleepcast.fleet.assembly import Assembly
 from sleepcast.fleet.columns import Column, FleetState, Rows
-from sleepcast.fleet.lowering import Columns, Lowering
+from sleepcast.fleet.lowering import Columns, Lowering, enters
 from sleepcast.fleet.meanings import Meaning, Size
 from sleepcast.language.machine import Program
 from sleepcast.language.parts import walk
@@ -55,7 +55,7 @@ Entry: TypeAlias = tuple[str, int | str]
 
 
 class Sink(NamedTuple):
-    """Where the results of one program go. fresh: one more where it matched. steps: None where nobody counts them."""
+    """Where the results of one program go. fresh: one more where it matched. steps: None where they are not written."""
 
     value: Column
     fresh: NDArray[np.uint8]
@@ -123,7 +123,7 @@ class Writer:
         results = []
         for program in self._programs:
             value = a.cell(a.real, low.program(program, lanes))
-            results.append((value, low.matched, low.steps or a.cell(a.whole, a.integer("i32", program.cost))))
+            results.append((value, low.matched, low.steps))
         trouble = a.both(lanes, a.get(low.trouble, a.truth))
         well = a.both(lanes, a.neither(trouble))
         with a.when(a.any(trouble)):
@@ -143,7 +143,8 @@ class Writer:
                 continue
             self._keep("value", number, a.get(value, a.real), well)
             self._count(number, a.both(well, a.get(matched, a.truth)))
-            self._keep("steps", number, a.convert("trunc", a.whole, a.get(steps, a.whole), a.short), well)
+            if steps:
+                self._keep("steps", number, a.convert("trunc", a.whole, a.get(steps, a.whole), a.short), well)
 
     def _give(self, sort: str, value: str, mask: str) -> None:
         """Write a column that nobody has written yet."""
@@ -203,6 +204,8 @@ class Kernel:
         self.lanes, self.parts = lanes, sum(size.parts for size in sizes)
         self.steps = [size.steps for size in sizes]
         """Steps of each program at most."""
+        self.entering = [enters(program, names) for program in programs]
+        """Whether each program enters others: if not, its steps are always as many."""
         self._slots = [what for sort, what in self._entries if sort == "slot" and isinstance(what, int)]
         self._acted = [what for sort, what in self._entries if sort == "acted" and isinstance(what, int)]
         self._groups = [what for sort, what in self._entries if sort == "group" and isinstance(what, str)]

@@ -31,10 +31,13 @@ class StateParcel(msgspec.Struct):
 
 
 class ToldParcel(msgspec.Struct):
-    """What robots last told of themselves, and who was stopped then."""
+    """What robots last told of themselves, and who was stopped then. asked: of a large fleet, the slots that are told,
+    each with who has told it; None where that was not kept yet. last: those who told last."""
 
     values: ValuesParcel
     stopped: Array
+    asked: dict[int, Array] | None = None
+    last: Array | None = None
 
 
 class Meaning(msgspec.Struct, array_like=True):

@@ -127,12 +127,13 @@ class Rounds:
         tallies = [memory.tallies[key] for key in keys]
         one = int(rows.index.start if isinstance(rows.index, slice) else rows.index[0])
         when = moment(memory.state, Rows.run(one, one + 1))  # all robots of a round think at the same moment
-        left = kernels.evaluate(kernel, memory.state, rows, when, [tally.sink for tally in tallies])
+        sinks = [tally.sink(steps=entering) for tally, entering in zip(tallies, kernel.entering, strict=True)]
+        left = kernels.evaluate(kernel, memory.state, rows, when, sinks)
         done = rows.take(~np.isin(rows.robots, left.robots)) if left.size else rows
-        for tally, steps in zip(tallies, kernel.steps, strict=True):
-            tally.ran(steps, done)
+        for tally, steps, entering in zip(tallies, kernel.steps, kernel.entering, strict=True):
+            tally.ran(steps, done, kept=entering)
             if not last:
-                self._used[done.index] += tally.steps[done.index]
+                self._used[done.index] += np.asarray(tally.steps(done), np.int32)
         return left
 
     # ---- which rules, in which order
@@ -157,7 +158,7 @@ class Rounds:
         for mind, some, mask in memory.divide(rows, lambda number: memory.minds[number]):
             tallies = [(kept.program.cost, memory.tallies[kept.key]) for kept in mind.running]
             if sum(max(cost, tally.most_steps) for cost, tally in tallies) > TICK_STEPS:
-                expected = sum(np.maximum(cost, tally.steps[some.index].astype(np.int32)) for cost, tally in tallies)
+                expected = sum(np.maximum(cost, np.asarray(tally.steps(some), np.int32)) for cost, tally in tallies)
                 found[... if mask is None else mask] = expected > TICK_STEPS
         if self.left_over:
             found |= np.isin(rows.robots, list(self.left_over))
@@ -170,7 +171,7 @@ class Rounds:
         budget = TICK_STEPS
         taken: set[str] = set()
         for kept in sorted(running, key=lambda k: (-k.priority, k.key not in left_over)):
-            budget -= max(kept.program.cost, int(self._memory.tallies[kept.key].steps[robot]))
+            budget -= max(kept.program.cost, self._memory.tallies[kept.key].steps_of(robot))
             if budget < 0 and taken:
                 break
             taken.add(kept.key)
@@ -249,12 +250,11 @@ class Rounds:
             rows, values, faulted = rows.take(here), values[here], faulted[here]
             steps = steps if isinstance(steps, int) else steps[here]
         tally.last_value[rows.index] = values
-        tally.steps[rows.index] = steps
+        tally.used(steps, rows)
         tally.most_steps = max(tally.most_steps, int(np.max(steps, initial=0)))
-        tally.firings[rows.index] += memory.matched[rows.index].view(np.int8)
+        tally.fired(rows, memory.matched[rows.index])
         if first or tally.faulted:
-            tally.faulted = True
-            tally.in_row[rows.index] = np.where(faulted, np.minimum(tally.in_row[rows.index], 100) + 1, 0)
+            tally.failed(rows, faulted)
         if first:
             tally.last_fault.update(first)
             self._deactivate(key, tally, rows.take(faulted))
@@ -262,7 +262,7 @@ class Rounds:
     def _deactivate(self, key: str, tally: Tally, rows: Rows) -> None:
         """Deactivate a rule where it has had nothing but faults for too long, unless it is built in."""
         memory = self._memory
-        worn = rows.take(tally.in_row[rows.index] >= MAX_FAULTS_IN_ROW)
+        worn = rows.take(tally.in_row(rows) >= MAX_FAULTS_IN_ROW)
         for number, some, _ in memory.divide(worn, lambda number: number):
             kept = memory.minds[number].rules[key]
             if not kept.protected:

@@ -8,63 +8,135 @@ from math import inf, nan
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.fleet.columns import Column, FleetState, Mask, Rows
+from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.minds import Effect
 from sleepcast.fleet.native import Sink
 from sleepcast.fleet.parcels import TalliesParcel, TallyParcel
 from sleepcast.language.vocabulary import ACTIVE0, buffer_number
-from sleepcast.parcel import Arrays, ParcelError, kept, put_back
+from sleepcast.parcel import Arrays, ParcelError, kept, put_back, within
 
 MOST_FRESH = 255
 """Evaluations by native code until their matches, counted in single bytes, are added to the others."""
+NARROW = 65_535
+"""Matches that two bytes can count; after that it takes four."""
 
 
 class Tally:
     """One key's columns: last value, steps of the last evaluation, firings, faults in a row; texts of last faults.
 
-    sink: those that native code writes.
+    What all robots have in common takes no column, and counts are as narrow as they can be.
     """
 
     def __init__(self, count: int) -> None:
         self.last_value: Column = np.full(count, nan)
-        self.steps: NDArray[np.uint16] = np.zeros(count, np.uint16)
         self.most_steps = 0
         """No robot has used more steps in an evaluation."""
-        self._firings: NDArray[np.int32] = np.zeros(count, np.int32)
+        self._steps: NDArray[np.uint16] | int = 0
+        self._firings: NDArray[np.uint16 | np.uint32] = np.zeros(count, np.uint16)
+        self._fired = 0
+        """No robot has fired more often."""
         self._fresh: NDArray[np.uint8] = np.zeros(count, np.uint8)
         self._counted = 0
-        self.in_row: NDArray[np.int8] = np.zeros(count, np.int8)
-        self.faulted = False
-        """Whether any evaluation has ever had a fault: until then nothing has to be counted."""
+        self._in_row: NDArray[np.int8] | None = None
+        """Made by the first fault."""
         self.last_fault: dict[int, str] = {}
-        self.sink = Sink(self.last_value, self._fresh, self.steps)
+        self._sink = Sink(self.last_value, self._fresh, None)
+
+    def sink(self, *, steps: bool) -> Sink:
+        """The columns that native code writes. steps: whether those as well."""
+        if steps and self._sink.steps is None:
+            self._sink = self._sink._replace(steps=self._own_steps())
+        return self._sink
+
+    # ---- steps
+
+    def steps(self, rows: Rows) -> NDArray[np.uint16] | int:
+        """Steps of the last evaluation of each of these robots, or of all alike."""
+        return self._steps if isinstance(self._steps, int) else self._steps[rows.index]
+
+    def steps_of(self, robot: int) -> int:
+        return self._steps if isinstance(self._steps, int) else int(self._steps[robot])
+
+    def used(self, steps: NDArray[np.int32] | int, rows: Rows) -> None:
+        """These robots have used so many steps, each or all alike."""
+        if isinstance(steps, int) and isinstance(self._steps, int):
+            if self._steps == steps:
+                return
+            if rows.size == len(self._fresh):
+                self._steps = steps
+                return
+        self._own_steps()[rows.index] = steps
+
+    def _own_steps(self) -> NDArray[np.uint16]:
+        if isinstance(self._steps, int):
+            self._steps = np.full(len(self._fresh), self._steps, np.uint16)
+        return self._steps
+
+    # ---- firings
 
     @property
-    def firings(self) -> NDArray[np.int32]:
+    def firings(self) -> NDArray[np.uint16 | np.uint32]:
         """How often each robot has matched."""
         if self._counted:
-            self._add_fresh()
+            self._gather()
         return self._firings
 
-    def _add_fresh(self) -> None:
-        self._firings += self._fresh
+    def _gather(self) -> None:
+        """Add what native code has counted."""
+        self._count(slice(None), self._fresh, self._counted)
         self._fresh[...] = 0
         self._counted = 0
 
-    def ran(self, steps: int, rows: Rows) -> None:
-        """Native code has evaluated the expression on these robots, without a fault. steps: at most, of one of them."""
+    def fired(self, rows: Rows, matched: Mask) -> None:
+        """Those of these robots have matched once more that are `matched`."""
+        self._count(rows.index, matched.view(np.uint8), 1)
+
+    def _count(self, index: slice | Index, more: NDArray[np.uint8], most: int) -> None:
+        """Add to firings. most: no robot's `more` is greater."""
+        if self._fired + most > NARROW and self._firings.dtype == np.uint16:
+            self._fired = int(self._firings.max(initial=0))
+            if self._fired + most > NARROW:
+                self._firings = self._firings.astype(np.uint32)
+        self._fired += most
+        self._firings[index] += more
+
+    # ---- faults
+
+    @property
+    def faulted(self) -> bool:
+        """Whether any evaluation has ever had a fault: until then nothing has to be counted."""
+        return self._in_row is not None
+
+    def in_row(self, rows: Rows) -> NDArray[np.int8]:
+        """Evaluations of each of these robots, one after the other, that had a fault."""
+        return np.zeros(rows.size, np.int8) if self._in_row is None else self._in_row[rows.index]
+
+    def failed(self, rows: Rows, faulted: Mask) -> None:
+        """Evaluations of these robots: of those that are `faulted` with a fault, of the others without."""
+        if self._in_row is None:
+            self._in_row = np.zeros(len(self._fresh), np.int8)
+        self._in_row[rows.index] = np.where(faulted, np.minimum(self._in_row[rows.index], 100) + 1, 0)
+
+    # ---- what happens to an expression
+
+    def ran(self, steps: int, rows: Rows, *, kept: bool) -> None:
+        """Native code has evaluated the expression on these robots, without a fault. steps: at most, of one of them;
+        kept: whether it has kept those of each, else all have used as many."""
+        if not kept:
+            self.used(steps, rows)
         if steps > self.most_steps:
-            self.most_steps = max(self.most_steps, int(self.steps[rows.index].max(initial=0)))
+            self.most_steps = max(self.most_steps, int(np.max(self.steps(rows), initial=0)))
         self._counted += 1
         if self._counted == MOST_FRESH:
-            self._add_fresh()
-        if self.faulted and self.in_row[rows.index].any():
-            self.in_row[rows.index] = 0
+            self._gather()
+        if self._in_row is not None and self._in_row[rows.index].any():
+            self._in_row[rows.index] = 0
 
     def renew(self, rows: Rows) -> None:
         """The expression is another one now: nothing is known of its last evaluation."""
         self.last_value[rows.index] = nan
-        self.in_row[rows.index] = 0
+        if self._in_row is not None:
+            self._in_row[rows.index] = 0
         if self.last_fault:
             for robot in rows.robots.tolist():
                 self.last_fault.pop(robot, None)
@@ -72,26 +144,37 @@ class Tally:
     def begin(self, rows: Rows) -> None:
         """The expression has just come to these robots."""
         self.renew(rows)
-        self.steps[rows.index] = 0
+        self.used(0, rows)
         self.firings[rows.index] = 0
 
+    # ---- kept and made again
+
     def state(self) -> TallyParcel:
-        return TallyParcel(kept(self._arrays()), self.most_steps, self.faulted, dict(self.last_fault))
+        everybody = Rows.run(0, len(self._fresh))
+        steps = np.broadcast_to(np.asarray(self.steps(everybody), np.uint16), everybody.size)
+        firings, in_row = self.firings.astype(np.int32), self.in_row(everybody)
+        arrays: dict[str, NDArray[np.generic]] = {
+            "last_value": self.last_value,
+            "steps": steps,
+            "firings": firings,
+            "in_row": in_row,
+        }
+        return TallyParcel(kept(arrays), self.most_steps, self.faulted, dict(self.last_fault))
 
     def restore(self, parcel: TallyParcel) -> None:
         """Be as that tally was. Raises ParcelError."""
-        put_back(parcel.arrays, self._arrays())
-        if not all(0 <= robot < len(self.steps) for robot in parcel.last_fault):
+        count = len(self._fresh)
+        steps, firings = np.zeros(count, np.uint16), np.zeros(count, np.int32)
+        in_row = np.zeros(count, np.int8)
+        put_back(parcel.arrays, {"last_value": self.last_value, "steps": steps, "firings": firings, "in_row": in_row})
+        if not all(0 <= robot < count for robot in parcel.last_fault):
             raise ParcelError("the fault of a robot that is not there")
-        self.most_steps, self.faulted, self.last_fault = parcel.most_steps, parcel.faulted, dict(parcel.last_fault)
-
-    def _arrays(self) -> dict[str, NDArray[np.generic]]:
-        return {
-            "last_value": self.last_value,
-            "steps": self.steps,
-            "firings": self.firings,
-            "in_row": self.in_row,
-        }
+        within(firings, 0, inf, "how often an expression has matched")
+        self._steps = int(steps[0]) if (steps == steps[0]).all() else steps
+        self._fired = int(firings.max())
+        self._firings = firings.astype(np.uint16 if self._fired <= NARROW else np.uint32)
+        self._in_row = in_row if parcel.faulted else None
+        self.most_steps, self.last_fault = parcel.most_steps, dict(parcel.last_fault)
 
 
 class Tallies:

@@ -164,7 +164,7 @@ class RobotView:
                     kept.active,
                     float(tally.last_value[self.place]),
                     tally.last_fault.get(self.place, ""),
-                    int(tally.steps[self.place]),
+                    tally.steps_of(self.place),
                     int(tally.firings[self.place]),
                     inf if leases is None else float(leases[self.place]),
                     kept.priority,

@@ -37,7 +37,7 @@ from sleepcast.simulator.robot_settings import RobotSpec
 from sleepcast.simulator.robot_types import slices
 from sleepcast.simulator.scenario import Scenario
 from sleepcast.simulator.sensors import sensors_of
-from sleepcast.simulator.steps import Columns, Proposal
+from sleepcast.simulator.steps import Columns
 from sleepcast.simulator.world import Area, Circle, World
 
 Floats = NDArray[np.float64]
@@ -120,8 +120,6 @@ class Bodies:
         self.swing, self.roaming = np.zeros(self.count), np.zeros(self.count)
         self.stopped, self.held = np.zeros(self.count, bool), np.zeros(self.count, bool)
         self.machine, self.laws = machine, laws_of(scenario)
-        self.proposal = Proposal(*np.zeros((6, self.count)))
-        """Where the bodies were going in the last tick."""
         self.parts = [self._part(*each) for each in zip(sorts, self.of_each_sort, strict=True)] if sorts[1:] else [self]
         """The bodies of each sort by themselves: views of these, with what holds for that sort."""
         size, cones = (scenario.width, scenario.height), [self._cones(sort) for sort in sorts]
@@ -148,7 +146,6 @@ class Bodies:
         part.count, part.parts = which.stop - which.start, [part]
         part.scenario = replace(self.scenario, robots=replace(sort, count=part.count), sorts=())
         part.limits, part.geometry, part.laws = sort.limits, sort.geometry, laws_of(part.scenario)
-        part.proposal = Proposal(*(each[which] for each in self.proposal))
         return part
 
     def part_of(self, number: int) -> Bodies:
@@ -218,11 +215,13 @@ class Bodies:
         wanted = {"drive_speed": self.wanted_speed, "drive_turn": self.wanted_turn}
         if actuator not in wanted:
             raise MisuseError(f'no actuator "{actuator}"{did_you_mean(actuator, wanted)}: wanted {" or ".join(wanted)}')
-        asked = ~self.stopped[which]
-        robots = np.arange(self.count)[which][asked]
-        self.mode[robots] = Mode.DRIVE
-        named = ~np.isnan(values[asked])
-        wanted[actuator][robots[named]] = values[asked][named]
+        free, named = ~self.stopped[which], ~np.isnan(values)
+        if isinstance(which, slice):
+            np.copyto(self.mode[which], np.int8(Mode.DRIVE), where=free)
+            np.copyto(wanted[actuator][which], values, where=free & named)
+        else:
+            self.mode[which[free]] = Mode.DRIVE
+            wanted[actuator][which[free & named]] = values[free & named]
 
     def sense(self, which: Whole | None = None, echoes: bool = True) -> None:
         """Bring the table up to date for the robots with these indices (None: all): noise, and what their sonars hear

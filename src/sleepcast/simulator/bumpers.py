@@ -31,12 +31,12 @@ class Bumpers:
         self.radii = radii
         self._near, self._machine, self._reach = near, machine, reach
 
-    def settle(self, x: Floats, y: Floats, across: Floats, up: Floats) -> Settled:
-        """How far bodies at x, y (m) get on their way `across` and `up` (m)."""
+    def settle(self, x: Floats, y: Floats, across: Floats, up: Floats, settled: Settled) -> None:
+        """How far bodies at x, y (m) get on their way `across` and `up` (m), put into `settled`."""
         near = self._near
         listed = near.solids(self._reach)
-        return self._machine.settle(
-            near.grid, near.points(x, y), listed, near.world.solids, self.radii, (x, y), (across, up)
+        self._machine.settle(
+            near.grid, near.points(x, y), listed, near.world.solids, self.radii, (x, y), (across, up), settled
         )
 
     def part(self, x: Floats, y: Floats, anew: Callable[[int], tuple[Floats, Floats]]) -> None:

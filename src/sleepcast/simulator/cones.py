@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole, nearest_point, pairs, spread
+from sleepcast.simulator.walls import Walls
 
 AT_ONCE = 500
 """Robots looked at together: their pairs with everything in reach then stay in a cache of some megabytes."""
@@ -80,15 +81,19 @@ class Cones:
         return max(most, 2.0 * self.radius) + self.most / 1_000
 
 
+Seen = Listed | Walls
+
+
 class View(NamedTuple):
     """What there is to see. pose: x, y in m and heading in rad of all robots; points: these positions, sorted in
-    `grid`; listed: the `solids` that come within `radius` + `most` of each of its cells. radii: of all bodies,
+    `grid`; listed: the `solids` that come within `radius` + `most` of each of its cells, as they are or as a machine
+    likes them. radii: of all bodies,
     m; None where all are alike."""
 
     cones: Cones
     grid: Grid
     points: Sorted
-    listed: Listed
+    listed: Seen
     solids: Floats
     pose: tuple[Floats, Floats, Floats]
     radii: Floats | None = None
@@ -98,6 +103,7 @@ def ranges(view: View, which: Whole) -> Ranges:
     """What the cones of the robots with indices `which` see: m from the rim, shape (len(which), count), float32;
     `most` where there is nothing."""
     cones, grid, points, listed, solids, pose, radii = view
+    assert isinstance(listed, Listed)
     found = np.full((len(which), cones.count), cones.most, np.float32)
     place = np.empty(len(pose[0]), np.int64)
     for begin in range(0, len(which), AT_ONCE):
@@ -167,7 +173,7 @@ def _see_solids(
     x, y, heading = pose
     cell = grid.cells_of(x[some], y[some])
     i, item = spread(some, listed.start[cell], listed.start[cell + 1])
-    item = listed.items[item]
+    item = listed.items[item].astype(np.int64)
     far = cones.radius + cones.most + solids[item, 4]
     across, up = nearest_point(x[i], y[i], *solids[item, :4].T)
     near = across * across + up * up <= far * far

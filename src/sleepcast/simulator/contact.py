@@ -38,14 +38,15 @@ def settle(
     radii: Floats,
     place: tuple[Floats, Floats],
     way: tuple[Floats, Floats],
-) -> Settled:
-    """How far bodies with these `radii` (m) at `place` (x, y; m) get on their `way` (across, up; m).
+    settled: Settled,
+) -> None:
+    """Put into `settled` how far bodies with these `radii` (m) at `place` (x, y; m) get on their `way` (across, up; m).
 
     points: the places, sorted in `grid`. listed: the `solids` that come within the greatest radius and the longest way
     of each of its cells.
     """
     (x, y), (dx, dy) = place, way
-    settled = Settled(np.ones(len(x)), np.zeros(len(x)), np.zeros(len(x)))
+    clear(settled)
     cell = grid.cells_of(x, y)
     i, item = spread(np.arange(len(x)), listed.start[cell], listed.start[cell + 1])
     lines = solids[listed.items[item]]
@@ -59,7 +60,13 @@ def settle(
     _take_first(settled, i, stop, across, up)
     left_x, left_y = settled.free * dx, settled.free * dy
     _meet(settled, i, j, place, (left_x, left_y), (dx, dy), apart)
-    return settled
+
+
+def clear(settled: Settled) -> None:
+    """Let nothing be in anybody's way."""
+    settled.free.fill(1.0)
+    settled.across.fill(0.0)
+    settled.up.fill(0.0)
 
 
 def _meet(

@@ -164,7 +164,7 @@ class Echoes:
         if self.turret is not None:
             heading = heading.copy()
             heading[self.robots] = wrap(heading[self.robots] + self.turret)
-        listed = near.solids(self.cones.radius + self.cones.most)
+        listed = near.in_sight(self.cones.radius + self.cones.most)
         return View(self.cones, near.grid, near.points(x, y), listed, near.world.solids, (x, y, heading), self._radii)
 
     def _ear(self, noise: Noise | None) -> Ear:

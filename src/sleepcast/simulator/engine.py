@@ -10,9 +10,11 @@ import os
 from importlib.util import find_spec
 from typing import Protocol
 
+import numpy as np
+
 from sleepcast.errors import MisuseError
 from sleepcast.simulator import cones, contact, grid, noise, steps
-from sleepcast.simulator.cones import Ranges, View
+from sleepcast.simulator.cones import Ranges, Seen, View
 from sleepcast.simulator.contact import Settled
 from sleepcast.simulator.driving import Laws
 from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole
@@ -37,10 +39,16 @@ class Machine(Protocol):
 
     def sort(self, grid: Grid, x: Floats, y: Floats, /) -> Sorted: ...
 
+    def in_sight(self, listed: Listed, solids: Floats, /) -> Seen:
+        """These rows of `solids` as `ranges` and `hear` like them best."""
+
     def ranges(self, view: View, which: Whole, /) -> Ranges: ...
 
     def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats, /) -> None:
         """`ranges`, then `tell`."""
+
+    def room(self, count: int, /) -> tuple[Proposal, Floats]:
+        """Room for where so many bodies are going in a tick, and for the share of it that they may go."""
 
     def propose(self, bodies: Columns, laws: Laws, draws: Draws, proposal: Proposal, /) -> None: ...
 
@@ -55,8 +63,9 @@ class Machine(Protocol):
         radii: Floats,
         place: tuple[Floats, Floats],
         way: tuple[Floats, Floats],
+        settled: Settled,
         /,
-    ) -> Settled: ...
+    ) -> None: ...
 
     def disturb(self, seen: Ranges, which: Whole, noise: Noise, /) -> None: ...
 
@@ -74,6 +83,12 @@ class NumPyMachine:
     settle = staticmethod(contact.settle)
     disturb = staticmethod(noise.disturb)
     tell = staticmethod(noise.tell)
+
+    def in_sight(self, listed: Listed, solids: Floats) -> Listed:
+        return listed
+
+    def room(self, count: int) -> tuple[Proposal, Floats]:
+        return Proposal(*np.empty((6, count))), np.empty(count)
 
     def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats) -> None:
         noise.tell(cones.ranges(view, which), which, ear, sensed)

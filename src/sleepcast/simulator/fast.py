@@ -16,11 +16,12 @@ import numpy as np
 
 from sleepcast.simulator import kernels, kernels_contact, kernels_motion, kernels_sonar, steps
 from sleepcast.simulator.cones import Ranges, View
-from sleepcast.simulator.contact import SKIN, Settled
+from sleepcast.simulator.contact import SKIN, Settled, clear
 from sleepcast.simulator.driving import Laws
-from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole
+from sleepcast.simulator.grid import Floats, Grid, Listed, Short, Sorted, Whole
 from sleepcast.simulator.lanes import LANES
 from sleepcast.simulator.noise import Ear, Noise
+from sleepcast.simulator.scratch import Scratch
 from sleepcast.simulator.steps import Columns, Draws, Proposal
 from sleepcast.simulator.walls import Walls, walls_of
 
@@ -30,8 +31,6 @@ ALONE = 5_000
 """Robots up to which one thread is faster than several."""
 STRETCHES = 4
 """Stretches of rows for each thread: when one thread is done early it takes over some of the rest."""
-MAX_LISTS = 8
-"""Lists of solids whose walls are kept: one for each sort of robots with sonars."""
 FOLDED = 16
 """Sonars of a ring whose bearings the kernel can fold."""
 
@@ -44,14 +43,16 @@ class NumbaMachine:
     def __init__(self, threads: int) -> None:
         self.threads = threads
         self._pool: ThreadPoolExecutor | None = None
-        self._kept: Ranges = np.empty(0, np.float32)
-        self._walls: list[tuple[Listed, Walls]] = []
+        self._scratch = Scratch()
 
     def sort(self, grid: Grid, x: Floats, y: Floats) -> Sorted:
-        cells, order = np.empty(len(x), np.int64), np.empty(len(x), np.int64)
-        start = np.empty(grid.cells + 1, np.int64)
+        cells, order = np.empty((2, len(x)), np.int32)
+        start = np.empty(grid.cells + 1, np.int32)
         kernels.sort(x, y, grid.size, grid.across, grid.up, cells, start, order)
         return Sorted(order, start)
+
+    def in_sight(self, listed: Listed, solids: Floats) -> Walls:
+        return walls_of(listed, solids)
 
     def ranges(self, view: View, which: Whole) -> Ranges:
         squares, rank = self._squares(view, which)
@@ -72,24 +73,28 @@ class NumbaMachine:
 
         self._share(len(which), work)
 
-    def _squares(self, view: View, which: Whole) -> tuple[Ranges, Whole]:
+    def _squares(self, view: View, which: Whole) -> tuple[Ranges, Short]:
         """The squared ranges that the robots `which` see, a row for each, and the number of each robot's row."""
         cones, grid, points, listed, solids, pose, radii = view
         robots, order = len(pose[0]), points.order
-        places = np.zeros((4, robots + LANES))
+        scratch = self._scratch
+        scratch.begin()
+        places = scratch.take(np.float64, 4, robots + LANES)
+        places[:, robots:] = 0.0
         self._share(robots, lambda first, last: kernels.arrange(order, *pose, first, last, places))
-        asked = np.zeros(robots, bool)
+        asked, rows, rank = scratch.take(np.bool_, robots), *scratch.take(np.int32, 2, robots)
+        asked.fill(False)
         asked[which] = True
-        rows, rank = np.empty(robots, np.int64), np.empty(robots, np.int64)
         kernels.enlist(order, asked, rows, rank)
         axes = np.append(cones.axes, np.zeros(-cones.count % LANES))
-        squares = self._room(len(which), len(axes))
+        squares = scratch.take(np.float32, len(which), len(axes))
         lone = cones.lone(2.0 * pi / cones.count) if cones.count == FOLDED else np.inf
         graze = sin(cones.incidence) if cones.incidence < pi / 2 else 1.0
         x, y, cosines, sines = places
-        wide = np.full(robots, cones.radius) if radii is None else radii[order]
+        wide = scratch.take(np.float64, robots)
+        wide[:] = cones.radius if radii is None else radii[order]
         mixed = radii is not None and bool((radii != cones.radius).any())
-        walls = self._walls_of(listed, solids)
+        walls = listed if isinstance(listed, Walls) else walls_of(listed, solids)
 
         def see(first: int, last: int) -> None:
             kernels_sonar.see(
@@ -103,13 +108,10 @@ class NumbaMachine:
         self._share_rows(see, grid, points.start)
         return squares, rank
 
-    def _walls_of(self, listed: Listed, solids: Floats) -> Walls:
-        """The walls of a list, kept: each sort of robots has a list of its own."""
-        for known, walls in self._walls:
-            if known is listed:
-                return walls
-        self._walls = [*self._walls[1 - MAX_LISTS :], (listed, walls_of(listed, solids))]
-        return self._walls[-1][1]
+    def room(self, count: int) -> tuple[Proposal, Floats]:
+        self._scratch.begin()
+        rows = self._scratch.take(np.float64, 7, count)
+        return Proposal(*rows[:6]), rows[6]
 
     def propose(self, bodies: Columns, laws: Laws, draws: Draws, proposal: Proposal) -> None:
         if not laws.track:  # crafts without wheels are few
@@ -139,16 +141,17 @@ class NumbaMachine:
         radii: Floats,
         place: tuple[Floats, Floats],
         way: tuple[Floats, Floats],
-    ) -> Settled:
-        count, (order, start) = len(place[0]), points
-        rows = np.empty((5, count))
+        settled: Settled,
+    ) -> None:
+        count, (order, start), scratch = len(place[0]), points, self._scratch
+        rows = scratch.take(np.float64, 5, count)
         ways = rows[0], rows[1], rows[2], rows[3], rows[4]
         lengths = self._share(
             count, lambda first, last: kernels_contact.gather(order, *place, *way, radii, first, last, rows)
         )
         reach = 2.0 * float(radii.max(initial=0.0)) + SKIN + 2.0 * sqrt(max(lengths))
-        near, stopped = np.empty(count, bool), Settled(*np.empty((3, count)))
-        settled = Settled(np.ones(count), np.zeros(count), np.zeros(count))
+        near, stopped = scratch.take(np.bool_, count), Settled(*scratch.take(np.float64, 3, count))
+        clear(settled)
 
         def at_old(first: int, last: int) -> None:
             cells = start, grid.size, grid.across, grid.up
@@ -160,7 +163,6 @@ class NumbaMachine:
 
         self._share_rows(at_old, grid, start)
         self._share_rows(at_ways, grid, start)
-        return settled
 
     def disturb(self, seen: Ranges, which: Whole, noise: Noise) -> None:
         keys = np.uint64(noise.key), np.uint64(noise.dropout_key)
@@ -171,19 +173,13 @@ class NumbaMachine:
             self.disturb(seen, which, ear.noise)
         kernels.tell(seen, which, ear.least, ear.most, ear.front, sensed)
 
-    def _room(self, rows: int, columns: int) -> Ranges:
-        """Room for numbers of this shape, the same again each time: fresh memory costs more than the work."""
-        if rows * columns > self._kept.size:
-            self._kept = np.empty(rows * columns, np.float32)
-        return self._kept[: rows * columns].reshape(rows, columns)
-
     def _share(self, count: int, work: Callable[[int, int], Result]) -> list[Result]:
         """Let `work` be done for so many things, in stretches of numbers; gives what comes of each."""
         if self._alone(count):
             return [work(0, count)]
         return self._together(work, [count * share // self.threads for share in range(self.threads + 1)])
 
-    def _share_rows(self, work: Callable[[int, int], None], grid: Grid, start: Whole) -> None:
+    def _share_rows(self, work: Callable[[int, int], None], grid: Grid, start: Short) -> None:
         """Let `work` be done for all rows of cells, in stretches of about as many robots."""
         count = int(start[-1])
         if self._alone(count):

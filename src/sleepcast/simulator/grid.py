@@ -17,8 +17,12 @@ from sleepcast.simulator.world import World
 
 Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]
+Short = NDArray[np.int32]
+"""Indices that are kept: of robots, solids and cells, of which there are some millions at most."""
 
 CELLS_PER_POINT = 4
+AT_ONCE = 8_192
+"""Solids, or cells, worked on together: what is needed for a moment stays small beside what is kept."""
 LEAST_CELLS = 4_096
 """Cells that a grid may have beside `CELLS_PER_POINT` for each point: more would only be walked over empty."""
 
@@ -49,15 +53,15 @@ class Grid:
 class Sorted(NamedTuple):
     """Points in the order of their cells. order: their indices; start: where each cell begins, shape (cells + 1,)."""
 
-    order: Whole
-    start: Whole
+    order: Short
+    start: Short
 
 
 class Listed(NamedTuple):
     """Solids by cell. start: where each cell's begin, shape (cells + 1,); items: rows of the world's solids."""
 
-    start: Whole
-    items: Whole
+    start: Short
+    items: Short
 
 
 def grid_over(width: float, height: float, size: float, points: int) -> Grid:
@@ -70,9 +74,14 @@ def grid_over(width: float, height: float, size: float, points: int) -> Grid:
 def sort(grid: Grid, x: Floats, y: Floats) -> Sorted:
     """The points x, y (m) by cell, those of one cell in the order of their indices."""
     cells = grid.cells_of(x, y)
-    start = np.zeros(grid.cells + 1, np.int64)
-    np.cumsum(np.bincount(cells, minlength=grid.cells), out=start[1:])
-    return Sorted(np.argsort(cells, kind="stable"), start)
+    return Sorted(np.argsort(cells, kind="stable").astype(np.int32), starts(cells, grid.cells))
+
+
+def starts(cells: Whole | Short, count: int) -> Short:
+    """Where the entries of each of `count` cells begin among all, sorted by cell. cells: of each entry."""
+    start = np.zeros(count + 1, np.int32)
+    np.cumsum(np.bincount(cells, minlength=count), dtype=np.int32, out=start[1:])
+    return start
 
 
 def pairs(grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float, first: Whole) -> tuple[Whole, Whole]:
@@ -86,7 +95,7 @@ def pairs(grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float, first:
         there = np.flatnonzero((row + step >= 0) & (row + step < grid.up))
         base = (row[there] + step) * grid.across
         i, place = spread(first[there], start[base + left[there]], start[base + right[there] + 1])
-        j = order[place]
+        j = order[place].astype(np.int64)
         near = (x[i] - x[j]) ** 2 + (y[i] - y[j]) ** 2 <= reach * reach
         near &= i != j
         found_first.append(i[near])
@@ -106,9 +115,9 @@ def candidates(grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float) -
     return found
 
 
-def spread(items: Whole, begin: Whole, end: Whole) -> tuple[Whole, Whole]:
+def spread(items: Whole, begin: Whole | Short, end: Whole | Short) -> tuple[Whole, Whole]:
     """Each of `items` beside every number from its `begin` up to, not with, its `end`: two arrays."""
-    counts = end - begin
+    counts = (end - begin).astype(np.int64)
     total = int(counts.sum())
     skipped = np.repeat(np.cumsum(counts) - counts, counts)
     return np.repeat(items, counts), np.arange(total) - skipped + np.repeat(begin, counts)
@@ -117,23 +126,28 @@ def spread(items: Whole, begin: Whole, end: Whole) -> tuple[Whole, Whole]:
 def list_solids(grid: Grid, world: World, reach: float) -> Listed:
     """The solids that come within `reach` m of any point of each cell, in the order of their rows."""
     solids = world.solids
-    x0, y0, x1, y1, radius = solids.T
+    pieces = [_cells_near(grid, solids, reach, at, at + AT_ONCE) for at in range(0, len(solids), AT_ONCE)]
+    cells, item = (np.concatenate([np.empty(0, np.int32), *(each[i] for each in pieces)]) for i in (0, 1))
+    return Listed(starts(cells, grid.cells), item[np.argsort(cells, kind="stable")])
+
+
+def _cells_near(grid: Grid, solids: Floats, reach: float, first: int, last: int) -> tuple[Short, Short]:
+    """The solids in these rows, each beside the number of every cell that it comes near to."""
+    x0, y0, x1, y1, radius = solids[first:last].T
     far = reach + radius
     left, right = grid.columns(np.minimum(x0, x1) - far), grid.columns(np.maximum(x0, x1) + far)
     bottom, top = grid.rows(np.minimum(y0, y1) - far), grid.rows(np.maximum(y0, y1) + far)
     # Each solid beside each row, then beside each cell of the box round it, then without the cells that it passes by.
-    item, row = spread(np.arange(len(solids)), bottom, top + 1)
+    item, row = spread(np.arange(len(far)), bottom, top + 1)
     place, column = spread(np.arange(len(item)), left[item], right[item] + 1)
     item, row = item[place], row[place]
     middle_x = (column.astype(np.float64) + 0.5) * grid.size
     middle_y = (row.astype(np.float64) + 0.5) * grid.size
-    away = distance(middle_x, middle_y, *solids[item, :4].T)
+    away = distance(middle_x, middle_y, x0[item], y0[item], x1[item], y1[item])
     edge = (column == 0) | (row == 0) | (column == grid.across - 1) | (row == grid.up - 1)
     near = edge | (away <= far[item] + grid.size * sqrt(0.5))
-    cells, item = (row * grid.across + column)[near], item[near]
-    start = np.zeros(grid.cells + 1, np.int64)
-    np.cumsum(np.bincount(cells, minlength=grid.cells), out=start[1:])
-    return Listed(start, item[np.lexsort((item, cells))])
+    cells = (row * grid.across + column)[near]
+    return cells.astype(np.int32), (item[near] + first).astype(np.int32)
 
 
 def distance(x: Floats, y: Floats, x0: Floats, y0: Floats, x1: Floats, y1: Floats) -> Floats:

@@ -6,11 +6,9 @@ then all go as far as they are free to.
 
 from __future__ import annotations
 
-import numpy as np
-
 from sleepcast.channel.chance import GOLDEN, key
 from sleepcast.simulator.bodies import Bodies
-from sleepcast.simulator.contact import Settled
+from sleepcast.simulator.contact import Settled, clear
 from sleepcast.simulator.steps import Draws
 
 _BITS = 0xFFFF_FFFF_FFFF_FFFF
@@ -24,15 +22,17 @@ def step(bodies: Bodies) -> None:
         key(bodies.seed, "slip", "left", bodies.tick),
         key(bodies.seed, "slip", "right", bodies.tick),
     )
-    machine, parts = bodies.machine, bodies.parts
-    for part in parts:
-        machine.propose(part.columns, part.laws, draws, part.proposal)
-    settled = Settled(np.ones(bodies.count), bodies.hit_x, bodies.hit_y)
+    machine, sorts = bodies.machine, list(zip(bodies.parts, bodies.of_each_sort, strict=True))
+    proposal, free = machine.room(bodies.count)
+    for part, which in sorts:
+        machine.propose(part.columns, part.laws, draws, proposal.of(which))
+    settled = Settled(free, bodies.hit_x, bodies.hit_y)
     if bodies.contact:
-        settled = bodies.contact.settle(bodies.x, bodies.y, bodies.proposal.across, bodies.proposal.up)
-        bodies.hit_x[:], bodies.hit_y[:] = settled.across, settled.up
-    for part, which in zip(parts, bodies.of_each_sort, strict=True):
-        machine.commit(part.columns, part.laws, part.proposal, Settled(*(each[which] for each in settled)))
+        bodies.contact.settle(bodies.x, bodies.y, proposal.across, proposal.up, settled)
+    else:
+        clear(settled)
+    for part, which in sorts:
+        machine.commit(part.columns, part.laws, proposal.of(which), Settled(*(each[which] for each in settled)))
         if not part.laws.track and part is not bodies:  # others may have wheels, so what these believe lies apart
             part.encoder_x[:], part.encoder_y[:], part.encoder_heading[:] = part.x, part.y, part.heading
     bodies.tick += 1

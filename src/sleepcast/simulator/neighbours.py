@@ -4,6 +4,7 @@ when something has moved.
 
 from __future__ import annotations
 
+from sleepcast.simulator.cones import Seen
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.grid import Floats, Listed, Sorted, grid_over, list_solids
 from sleepcast.simulator.world import World
@@ -18,6 +19,7 @@ class Neighbours:
         self._machine = machine
         self._points: Sorted | None = None
         self._listed: dict[float, Listed] = {}
+        self._in_sight: dict[float, Seen] = {}
         self._version = -1
 
     def forget(self) -> None:
@@ -32,9 +34,22 @@ class Neighbours:
 
     def solids(self, reach: float) -> Listed:
         """The world's solids that come within `reach` m of each cell."""
-        if self._version != self.world.version:
-            self._listed.clear()
-            self._version = self.world.version
+        self._keep_up()
         if reach not in self._listed:
             self._listed[reach] = list_solids(self.grid, self.world, reach)
         return self._listed[reach]
+
+    def in_sight(self, reach: float) -> Seen:
+        """The same solids as the machine's sonars want them."""
+        self._keep_up()
+        if reach not in self._in_sight:
+            listed = list_solids(self.grid, self.world, reach)
+            self._in_sight[reach] = self._machine.in_sight(listed, self.world.solids)
+        return self._in_sight[reach]
+
+    def _keep_up(self) -> None:
+        """Forget the lists of a world that has changed."""
+        if self._version != self.world.version:
+            self._listed.clear()
+            self._in_sight.clear()
+            self._version = self.world.version

@@ -86,7 +86,7 @@ class NomadSenses:
         if self._infrared:
             aim = bodies.heading if self._echoes.turret is None else bodies.heading + self._echoes.turret
             pose, near = (bodies.x, bodies.y, aim), bodies.near
-            listed = near.solids(self._infrared.radius + self._infrared.most)
+            listed = near.in_sight(self._infrared.radius + self._infrared.most)
             view = View(self._infrared, near.grid, near.points(bodies.x, bodies.y), listed, near.world.solids, pose)
             seen = bodies.machine.ranges(view, np.arange(bodies.count))
             self._seen = [tuple(row) for row in np.minimum(seen.astype(np.float64), self._infrared.most).tolist()]

@@ -133,7 +133,7 @@ class _Ears:
         """Let all who are in reach hear what was sent, so many of them at a time that their pairs fit into memory."""
         bodies = self._bodies
         points = sort(self._grid, bodies.x[senders], bodies.y[senders])
-        points = Sorted(senders[points.order], points.start)
+        points = Sorted(senders[points.order].astype(np.int32), points.start)
         chances = candidates(self._grid, points, bodies.x, bodies.y, self._reach)
         hearers = np.flatnonzero(chances)
         block = np.cumsum(chances[hearers]) // MAX_PAIRS

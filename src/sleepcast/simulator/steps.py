@@ -74,6 +74,10 @@ class Proposal(NamedTuple):
     seen_up: Floats
     seen_turn: Floats
 
+    def of(self, which: slice) -> Proposal:
+        """Of some of the bodies."""
+        return Proposal(*(each[which] for each in self))
+
 
 class Draws(NamedTuple):
     """What chance depends on in this tick: 64 bits each. roam: for wandering; left, right: for the slip of wheels."""

@@ -9,12 +9,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.simulator.grid import Floats, Listed, Whole
+from sleepcast.simulator.grid import AT_ONCE, Floats, Listed, Short, Whole
 
 SAME_LINE, NEW_LINE, NEW_DIRECTION, ROUND = 0, 1, 2, 3
 """What listed solids have in common with those before them."""
 SAME_ANGLE, SAME_HEIGHT = 1e-9, 1e-7
 """rad and m by which pieces may differ that are taken as parts of one line."""
+
+News = NDArray[np.int8]
 
 
 class Walls(NamedTuple):
@@ -24,32 +26,44 @@ class Walls(NamedTuple):
     entry, shape (entries, 2). news: SAME_LINE and so on for each entry."""
 
     solids: Floats
-    start: Whole
-    items: NDArray[np.int32]
-    news: NDArray[np.int8]
+    start: Short
+    items: Short
+    news: News
 
 
 def walls_of(listed: Listed, solids: Floats) -> Walls:
     """The `listed` rows of `solids` (see `world.World.solids`)."""
     columns, direction, line = _columns(solids)
-    cell = np.repeat(np.arange(len(listed.start) - 1), np.diff(listed.start))
-    items = listed.items[np.lexsort((listed.items, line[listed.items], direction[listed.items], cell))]
+    cells = len(listed.start) - 1
+    pieces = [
+        _entries(listed, direction, line, first, min(first + AT_ONCE, cells)) for first in range(0, cells, AT_ONCE)
+    ]
+    start = np.zeros(cells + 1, np.int32)
+    np.cumsum(np.concatenate([counts for counts, _, _ in pieces]), dtype=np.int32, out=start[1:])
+    items, news = (np.concatenate([each[i] for each in pieces]) for i in (1, 2))
+    return Walls(columns, start, items, news)
+
+
+def _entries(listed: Listed, direction: Whole, line: Whole, first: int, last: int) -> tuple[Whole, Short, News]:
+    """How many entries each cell from `first` up to `last` has, and all their `items` and `news`."""
+    nothing = len(direction)
+    start = listed.start[first : last + 1]
+    cell, items = np.repeat(np.arange(last - first), np.diff(start)), listed.items[start[0] : start[-1]]
+    items = items[np.lexsort((items, line[items], direction[items], cell))]
     if not len(items):
-        return Walls(columns, listed.start, np.empty((0, 2), np.int32), np.empty(0, np.int8))
+        return np.zeros(last - first, np.int64), np.empty((0, 2), np.int32), np.empty(0, np.int8)
     other_cell = _changes(cell)
     other_direction = other_cell | _changes(direction[items])
     other_line = other_direction | _changes(line[items]) | (direction[items] < 0)
     # Every second piece of a run on one line goes with the one before it.
     places = np.arange(len(items))
-    first = (places - np.maximum.accumulate(np.where(other_line, places, 0))) % 2 == 0
-    paired = np.append(~first[1:], False)[first]
-    following = np.append(items[1:], 0)[first]
-    news = np.where(other_direction, NEW_DIRECTION, np.where(other_line, NEW_LINE, SAME_LINE))[first]
-    news[direction[items[first]] < 0] = ROUND
-    start = np.zeros(len(listed.start), np.int64)
-    np.cumsum(np.bincount(cell[first], minlength=len(start) - 1), out=start[1:])
-    entries = np.stack((items[first], np.where(paired, following, len(solids))), axis=1)
-    return Walls(columns, start, entries.astype(np.int32), news.astype(np.int8))
+    leads = (places - np.maximum.accumulate(np.where(other_line, places, 0))) % 2 == 0
+    paired = np.append(~leads[1:], False)[leads]
+    following = np.append(items[1:], 0)[leads]
+    news = np.where(other_direction, NEW_DIRECTION, np.where(other_line, NEW_LINE, SAME_LINE))[leads]
+    news[direction[items[leads]] < 0] = ROUND
+    entries = np.stack((items[leads], np.where(paired, following, nothing)), axis=1)
+    return np.bincount(cell[leads], minlength=last - first), entries.astype(np.int32), news.astype(np.int8)
 
 
 def _columns(solids: Floats) -> tuple[Floats, Whole, Whole]:

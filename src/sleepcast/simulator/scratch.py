@@ -1,0 +1,38 @@
+"""Scratch memory: the same for every task of every tick. Fresh memory costs more than the work that is done in it, and
+what one task needs another one can do with.
+"""
+
+from __future__ import annotations
+
+from math import prod
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+LINE = 64
+"""Bytes of a line of the processor's caches; every array begins with one."""
+
+Scalar = TypeVar("Scalar", bound=np.generic)
+
+
+class Scratch:
+    """One block of memory, given out from its beginning and taken back as a whole."""
+
+    def __init__(self) -> None:
+        self._block: NDArray[np.uint8] = np.empty(0, np.uint8)
+        self._used = 0
+
+    def begin(self) -> None:
+        """A task begins: what was given out to the one before is free. The block is as large as any has needed."""
+        if self._used > len(self._block):
+            self._block = np.empty(self._used + LINE, np.uint8)
+        self._used = -self._block.ctypes.data % LINE
+
+    def take(self, sort: type[Scalar], *shape: int) -> NDArray[Scalar]:
+        """An array that holds anything. Where the block is too small it is memory of its own, this time."""
+        size = prod(shape) * np.dtype(sort).itemsize
+        start, self._used = self._used, self._used + size + -size % LINE
+        if self._used > len(self._block):
+            return np.empty(shape, sort)
+        return self._block[start : start + size].view(sort).reshape(shape)

@@ -78,8 +78,9 @@ def nserver(
         from sleepcast.nomad import Nserver, Pace, Windows, own_addresses
         from sleepcast.simulator.nomad_worlds import nomad_world
 
-        _warm_up(nomad_world(world, setup, 1, seed))
         simulated = nomad_world(world, setup, robots, seed)
+        real_robots = _real_robots(real, simulated.count)
+        _warm_up(nomad_world(world, setup, 1, seed))
         server = Nserver(
             simulated,
             windows=Windows(simulated.count),
@@ -87,7 +88,7 @@ def nserver(
             may_quit=may_quit,
             lockstep=lockstep,
             headless=headless,
-            real=_real_robots(real, simulated.count),
+            real=real_robots,
             say=_say,
         )
         pace = Pace(WallClock(), speed)

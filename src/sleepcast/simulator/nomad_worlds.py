@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from math import ceil, pi
 from pathlib import Path
 
@@ -21,6 +22,8 @@ from sleepcast.simulator.world import edge
 TICK = 0.02
 """s: a Scout at its fastest gets 2 cm farther between two looks of its sonars, less than the whole inches they tell;
 and fifty of them take a few hundredths of one core."""
+WARM_ROBOTS, WARM_TICKS = 2, 3
+"""Of a warm-up: all that happens only between robots, or when something has moved."""
 CROSSTALK = CrosstalkModel(chance=1.0, spread=pi / 6.0, robots=True)
 """Sonars that hear each other, where a setup does not say how."""
 
@@ -51,6 +54,8 @@ def nomad_world(
         raise MisuseError(f"a tick of {tick} s: wanted 0.001 to 1")
     made, site = _heard(read_setup(setup), crosstalk), read_site(world, robots, seed)
     count = robots or max(1, len(site.starts))
+    if machine is None:
+        _warm_up()
     # The bodies begin in an empty world, so that there is room whatever the site is like; then they go to their starts.
     simulator = Simulator(_scenario(site, made.robots, count, tick), machine=machine)
     for shape in site.shapes:
@@ -63,6 +68,17 @@ def nomad_world(
     least = CELL * ceil(2.2 * made.robots.geometry.radius / CELL)
     spread(simulator.bodies, range(len(starts)), site.origin, (2.0 * least, least))
     return NomadWorld(simulator, made, site.origin)
+
+
+@cache
+def _warm_up() -> None:
+    """Have the kernels of the machine that is installed, once in a process, before anybody waits for a tick."""
+    setup = read_setup("nomad200")
+    simulator = Simulator(_scenario(read_site(None), setup.robots, WARM_ROBOTS, TICK))
+    nomads = NomadWorld(simulator, setup, (0.0, 0.0))
+    for _ in range(WARM_TICKS):
+        nomads.step()
+        nomads.observe(0)
 
 
 def _heard(setup: Setup, crosstalk: bool | None) -> Setup:

@@ -253,30 +253,31 @@ def test_socket_shell_sends_what_is_typed_and_prints_what_comes(programs: Path) 
         assert complaint in err
 
 
-@pytest.mark.parametrize(
-    "command",
-    [
-        *(["socket_send"], ["socket_send", "1", "2", "x"], ["socket_send", "1", "2", "nan"]),
-        *(["socket_send", "1", "2", "1e10"], ["socket_send", "1", "2", "3", "localhost", "65536"]),
-        *(
-            ["brdcst", "1"],
-            ["brdcst", "1", "2", "3", "localhost:"],
-            ["socket_read", "0"],
-            ["socket_read", "1", "2", "3"],
-        ),
-        *(
-            ["socket_read", "-?"],
-            ["socket_shell", "-?"],
-            ["socket_shell", "localhost", "x"],
-            ["tune_up", "-z"],
-            ["tune_up", "1"],
-            ["tune_up", "-p", "7019x"],
-        ),
-        *(["rob1", "-d", "0"], ["rob2", "-q", "-n"]),
-    ],
-)
-def test_misuse_is_a_sentence_and_status_2(programs: Path, command: list[str]) -> None:
-    with started(programs / command[0], *command[1:]) as program:
+MISUSES = """
+    socket_send
+    socket_send 1 2 x
+    socket_send 1 2 nan
+    socket_send 1 2 1e10
+    socket_send 1 2 3 localhost 65536
+    brdcst 1
+    brdcst 1 2 3 localhost:
+    socket_read 0
+    socket_read 1 2 3
+    socket_read -?
+    socket_shell -?
+    socket_shell localhost x
+    tune_up -z
+    tune_up 1
+    tune_up -p 7019x
+    rob1 -d 0
+    rob2 -q -n
+"""
+
+
+@pytest.mark.parametrize("command", [line.strip() for line in MISUSES.strip().splitlines()])
+def test_misuse_is_a_sentence_and_status_2(programs: Path, command: str) -> None:
+    name, *arguments = command.split()
+    with started(programs / name, *arguments) as program:
         status, out, err = rest_of(program)
     assert (status, out) == (2, "")
     assert "usage: " in err or " is no number from " in err or " is no whole number from " in err

@@ -44,6 +44,8 @@ ROOM = """
     x = "36in"
     y = "84in"
 """
+UNKNOWN = "x" * 70
+"""No machine's name can be as long as that, so that nobody has to be asked for it."""
 DATAGRAM = b"        1.50        -2.00 123456789.13".ljust(128, b"\0")
 
 
@@ -253,37 +255,49 @@ def test_socket_shell_sends_what_is_typed_and_prints_what_comes(programs: Path) 
         assert complaint in err
 
 
-@pytest.mark.parametrize(
-    "command",
-    [
-        *(["socket_send"], ["socket_send", "1", "2", "x"], ["socket_send", "1", "2", "nan"]),
-        *(["socket_send", "1", "2", "1e10"], ["socket_send", "1", "2", "3", "localhost", "65536"]),
-        *(
-            ["brdcst", "1"],
-            ["brdcst", "1", "2", "3", "localhost:"],
-            ["socket_read", "0"],
-            ["socket_read", "1", "2", "3"],
-        ),
-        *(
-            ["socket_read", "-?"],
-            ["socket_shell", "-?"],
-            ["socket_shell", "localhost", "x"],
-            ["tune_up", "-z"],
-            ["tune_up", "1"],
-            ["tune_up", "-p", "7019x"],
-        ),
-        *(["rob1", "-d", "0"], ["rob2", "-q", "-n"]),
-    ],
-)
-def test_misuse_is_a_sentence_and_status_2(programs: Path, command: list[str]) -> None:
-    with started(programs / command[0], *command[1:]) as program:
+MISUSES = """
+    socket_send
+    socket_send 1 2 x
+    socket_send 1 2 nan
+    socket_send 1 2 1e10
+    socket_send 1 2 3 localhost 65536
+    brdcst 1
+    brdcst 1 2 3 localhost:
+    socket_read 0
+    socket_read 1 2 127.0.0.1 4
+    socket_read -?
+    socket_shell -?
+    socket_shell localhost x
+    tune_up -z
+    tune_up 1
+    tune_up -p 7019x
+    rob1 -d 0
+    rob2 -q -n
+"""
+
+
+@pytest.mark.parametrize("command", [line.strip() for line in MISUSES.strip().splitlines()])
+def test_misuse_is_a_sentence_and_status_2(programs: Path, command: str) -> None:
+    name, *arguments = command.split()
+    with started(programs / name, *arguments) as program:
         status, out, err = rest_of(program)
     assert (status, out) == (2, "")
     assert "usage: " in err or " is no number from " in err or " is no whole number from " in err
 
 
 def test_an_unknown_machine_is_said_to_be_unknown(programs: Path) -> None:
-    with started(programs / "socket_send", "1", "2", "3", "x" * 70) as program:
+    with started(programs / "socket_send", "1", "2", "3", UNKNOWN) as program:
         status, _, err = rest_of(program)
     assert status == 1
-    assert err.startswith(f"No machine {'x' * 70}: ")
+    assert err.startswith(f"No machine {UNKNOWN}: ")
+
+
+@pytest.mark.parametrize(
+    "command", ["rob1 -l 192.0.2.1", "socket_read 4000 0 192.0.2.1", f"socket_shell localhost 1 4000 {UNKNOWN}"]
+)
+def test_an_address_that_is_not_this_machines_is_refused(programs: Path, command: str) -> None:
+    name, *arguments = command.split()
+    with started(programs / name, *arguments) as program:
+        status, out, err = rest_of(program)
+    assert (status, out) == (1, "")
+    assert err.startswith(("Cannot listen at 192.0.2.1, port ", f"No machine {UNKNOWN}: "))

@@ -9,7 +9,7 @@ static int read_place(char *place, const char **host, int *port)
 {
     char *colon = strrchr(place, ':');
 
-    *host = "127.0.0.1";
+    *host = THIS_MACHINE;
     if (colon == NULL)
         return read_whole(place, 1, 65535, port);
     *colon = '\0';
@@ -30,8 +30,8 @@ int main(int argc, char **argv)
     if (!read_numbers(argv + 1, numbers))
         return 2;
     if (argc == 4) {
-        failed += !send_to("127.0.0.1", ROB1_PORT, numbers);
-        failed += !send_to("127.0.0.1", ROB2_PORT, numbers);
+        failed += !send_to(THIS_MACHINE, ROB1_PORT, numbers);
+        failed += !send_to(THIS_MACHINE, ROB2_PORT, numbers);
     }
     for (i = 4; i < argc; i++) {
         if (!read_place(argv[i], &host, &port))

@@ -7,7 +7,6 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <netdb.h>
-#include <netinet/in.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,21 +14,39 @@
 #include <sys/types.h>
 #include <unistd.h>
 
-int listen_at(int port)
+/* The address of a port for datagrams; NULL, with a sentence, if the host is unknown. */
+static struct addrinfo *find(const char *host, int port)
 {
-    struct sockaddr_in address;
-    int one = socket(AF_INET, SOCK_DGRAM, 0);
+    struct addrinfo wanted, *found;
+    char name[16];
+    int problem;
 
-    memset(&address, 0, sizeof address);
-    address.sin_family = AF_INET;
-    address.sin_addr.s_addr = htonl(INADDR_ANY);
-    address.sin_port = htons((unsigned short) port);
-    if (one != -1 && bind(one, (struct sockaddr *) &address, sizeof address) == 0 &&
-        fcntl(one, F_SETFL, O_NONBLOCK) == 0)
+    memset(&wanted, 0, sizeof wanted);
+    wanted.ai_family = AF_INET;
+    wanted.ai_socktype = SOCK_DGRAM;
+    sprintf(name, "%d", port);
+    problem = getaddrinfo(host, name, &wanted, &found);
+    if (problem == 0)
+        return found;
+    fprintf(stderr, "No machine %s: %s.\n", host, gai_strerror(problem));
+    return NULL;
+}
+
+int listen_at(const char *address, int port)
+{
+    struct addrinfo *place = find(address, port);
+    int one, heard;
+
+    if (place == NULL)
+        return -1;
+    one = socket(AF_INET, SOCK_DGRAM, 0);
+    heard = one != -1 && bind(one, place->ai_addr, place->ai_addrlen) == 0 && fcntl(one, F_SETFL, O_NONBLOCK) == 0;
+    if (!heard)
+        fprintf(stderr, "Cannot listen at %s, port %d: %s.\n", address, port, strerror(errno));
+    freeaddrinfo(place);
+    if (heard || one == -1)
         return one;
-    fprintf(stderr, "Cannot hear datagrams at port %d: %s.\n", port, strerror(errno));
-    if (one != -1)
-        close(one);
+    close(one);
     return -1;
 }
 
@@ -49,27 +66,20 @@ int hear(int listening, double numbers[NUMBERS])
 
 int send_to(const char *host, int port, double numbers[NUMBERS])
 {
-    struct addrinfo wanted, *found;
-    char text[DATAGRAM] = "", name[16];
-    int one, problem, sent;
+    struct addrinfo *place = find(host, port);
+    char text[DATAGRAM] = "";
+    int one, sent;
 
-    sprintf(text, "%12.2f %12.2f %12.2f", numbers[0], numbers[1], numbers[2]);
-    sprintf(name, "%d", port);
-    memset(&wanted, 0, sizeof wanted);
-    wanted.ai_family = AF_INET;
-    wanted.ai_socktype = SOCK_DGRAM;
-    problem = getaddrinfo(host, name, &wanted, &found);
-    if (problem != 0) {
-        fprintf(stderr, "No machine %s: %s.\n", host, gai_strerror(problem));
+    if (place == NULL)
         return 0;
-    }
+    sprintf(text, "%12.2f %12.2f %12.2f", numbers[0], numbers[1], numbers[2]);
     one = socket(AF_INET, SOCK_DGRAM, 0);
-    sent = one != -1 && sendto(one, text, sizeof text, 0, found->ai_addr, found->ai_addrlen) == DATAGRAM;
+    sent = one != -1 && sendto(one, text, sizeof text, 0, place->ai_addr, place->ai_addrlen) == DATAGRAM;
     if (!sent)
         fprintf(stderr, "Cannot send to %s, port %d: %s.\n", host, port, strerror(errno));
     if (one != -1)
         close(one);
-    freeaddrinfo(found);
+    freeaddrinfo(place);
     return sent;
 }
 

@@ -10,13 +10,14 @@
 #define LEAST_NUMBER -99999999.99 /* what still fits into its field */
 #define GREATEST_NUMBER 999999999.99
 
+#define THIS_MACHINE "127.0.0.1"
 #define ROB1_PORT 5001
 #define ROB2_PORT 5002
 #define READER_PORT 4000
 
 /* Each of these says on standard error what went wrong. */
 
-int listen_at(int port);                                            /* a socket that hears them, -1 for none */
+int listen_at(const char *address, int port);                       /* a socket that hears them, -1 for none */
 int hear(int listening, double numbers[NUMBERS]);                   /* whether one waited that holds three numbers */
 int send_to(const char *host, int port, double numbers[NUMBERS]);   /* whether it is on its way */
 int read_numbers(char **words, double numbers[NUMBERS]);            /* whether the three words are numbers that fit */

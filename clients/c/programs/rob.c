@@ -30,13 +30,13 @@ static int stands(const struct scout *scout)
 
 int main(int argc, char **argv)
 {
-    struct scout scout = {"", 7019, ROBOT, 1, 20, 0, DATAGRAMS, 0};
+    struct scout scout = {"", 7019, ROBOT, 1, 20, 0, DATAGRAMS, THIS_MACHINE, 0};
     double numbers[NUMBERS];
     struct pollfd ready;
     int told = 0, stopped = 0;
 
-    read_options(argc, argv, "h:p:r:f:w:n:d:q", &scout);
-    ready.fd = listen_at(scout.datagrams);
+    read_options(argc, argv, "h:p:r:f:w:n:d:l:q", &scout);
+    ready.fd = listen_at(scout.listen, scout.datagrams);
     ready.events = POLLIN;
     if (ready.fd == -1 || !begin_scout(&scout))
         return 1;

@@ -57,6 +57,9 @@ void read_options(int argc, char **argv, const char *allowed, struct scout *scou
         case 'd':
             right &= read_whole(optarg, 1, 65535, &scout->datagrams);
             break;
+        case 'l':
+            scout->listen = optarg;
+            break;
         case 'q':
             scout->leave = 1;
             break;
@@ -67,7 +70,7 @@ void read_options(int argc, char **argv, const char *allowed, struct scout *scou
     if (right && optind == argc)
         return;
     fprintf(stderr, "usage: %s [-h HOST] [-p PORT] [-r ROBOT] [-f RATE] [-w MILLISECONDS] [-n LOOPS]%s\n", argv[0],
-            scout->datagrams != 0 ? " [-d DATAGRAM_PORT] [-q]" : "");
+            scout->datagrams != 0 ? " [-d DATAGRAM_PORT] [-l ADDRESS] [-q]" : "");
     exit(2);
 }
 

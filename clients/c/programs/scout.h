@@ -4,14 +4,15 @@
 
 /* What a person may say on the command line. */
 struct scout {
-    const char *host; /* -h: of the server, "" for this machine */
-    int port;         /* -p: of the server */
-    int robot;        /* -r: from 1 */
-    int rate;         /* -f: pause of the sonars, in 4 ms */
-    int pause;        /* -w: ms between two loops, 0 for a server in lockstep */
-    int loops;        /* -n: after which to end, 0 for never */
-    int datagrams;    /* -d: port at which to hear them */
-    int leave;        /* -q: end as soon as it has stopped */
+    const char *host;   /* -h: of the server, "" for this machine */
+    int port;           /* -p: of the server */
+    int robot;          /* -r: from 1 */
+    int rate;           /* -f: pause of the sonars, in 4 ms */
+    int pause;          /* -w: ms between two loops, 0 for a server in lockstep */
+    int loops;          /* -n: after which to end, 0 for never */
+    int datagrams;      /* -d: port at which to hear them */
+    const char *listen; /* -l: address at which to hear them */
+    int leave;          /* -q: end as soon as it has stopped */
 };
 
 /* Read the options that `allowed` names, as getopt() wants them; ends the program with a line of usage at others. */

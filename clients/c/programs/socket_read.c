@@ -13,13 +13,13 @@ int main(int argc, char **argv)
     struct pollfd ready;
     int port = READER_PORT, count = 0, heard = 0;
 
-    if (argc > 3 || (argc >= 2 && argv[1][0] == '-')) {
-        fprintf(stderr, "usage: %s [PORT [COUNT]] (%d, without end)\n", argv[0], port);
+    if (argc > 4 || (argc >= 2 && argv[1][0] == '-')) {
+        fprintf(stderr, "usage: %s [PORT [COUNT [ADDRESS]]] (%d, 0: without end, %s)\n", argv[0], port, THIS_MACHINE);
         return 2;
     }
-    if ((argc >= 2 && !read_whole(argv[1], 1, 65535, &port)) || (argc == 3 && !read_whole(argv[2], 1, INT_MAX, &count)))
+    if ((argc >= 2 && !read_whole(argv[1], 1, 65535, &port)) || (argc >= 3 && !read_whole(argv[2], 0, INT_MAX, &count)))
         return 2;
-    ready.fd = listen_at(port);
+    ready.fd = listen_at(argc == 4 ? argv[3] : THIS_MACHINE, port);
     ready.events = POLLIN;
     if (ready.fd == -1)
         return 1;

@@ -9,10 +9,10 @@ int main(int argc, char **argv)
     int port = ROB1_PORT;
 
     if (argc < 4 || argc > 6) {
-        fprintf(stderr, "usage: %s NUMBER NUMBER NUMBER [HOST [PORT]] (127.0.0.1, %d)\n", argv[0], port);
+        fprintf(stderr, "usage: %s NUMBER NUMBER NUMBER [HOST [PORT]] (%s, %d)\n", argv[0], THIS_MACHINE, port);
         return 2;
     }
     if (!read_numbers(argv + 1, numbers) || (argc == 6 && !read_whole(argv[5], 1, 65535, &port)))
         return 2;
-    return send_to(argc >= 5 ? argv[4] : "127.0.0.1", port, numbers) ? 0 : 1;
+    return send_to(argc >= 5 ? argv[4] : THIS_MACHINE, port, numbers) ? 0 : 1;
 }

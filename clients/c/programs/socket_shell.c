@@ -59,19 +59,20 @@ static int read_lines(const char *host, int port)
 
 int main(int argc, char **argv)
 {
-    const char *host = argc >= 2 ? argv[1] : "127.0.0.1";
+    const char *host = argc >= 2 ? argv[1] : THIS_MACHINE;
     double numbers[NUMBERS];
     struct pollfd ready[2];
     int port = ROB1_PORT, own = READER_PORT;
 
-    if (argc > 4 || (argc >= 2 && argv[1][0] == '-')) {
-        fprintf(stderr, "usage: %s [HOST [PORT [OWN_PORT]]] (127.0.0.1, %d, %d)\n", argv[0], port, own);
+    if (argc > 5 || (argc >= 2 && argv[1][0] == '-')) {
+        fprintf(stderr, "usage: %s [HOST [PORT [OWN_PORT [OWN_ADDRESS]]]] (%s, %d, %d, %s)\n", argv[0], THIS_MACHINE,
+                port, own, THIS_MACHINE);
         return 2;
     }
-    if ((argc >= 3 && !read_whole(argv[2], 1, 65535, &port)) || (argc == 4 && !read_whole(argv[3], 1, 65535, &own)))
+    if ((argc >= 3 && !read_whole(argv[2], 1, 65535, &port)) || (argc >= 4 && !read_whole(argv[3], 1, 65535, &own)))
         return 2;
     ready[0].fd = STDIN_FILENO;
-    ready[1].fd = listen_at(own);
+    ready[1].fd = listen_at(argc == 5 ? argv[4] : THIS_MACHINE, own);
     ready[0].events = ready[1].events = POLLIN;
     if (ready[1].fd == -1)
         return 1;

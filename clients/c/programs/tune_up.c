@@ -27,7 +27,7 @@ static int back_off(void)
 
 int main(int argc, char **argv)
 {
-    struct scout scout = {"", 7019, 1, 1, 20, 0, 0, 0};
+    struct scout scout = {"", 7019, 1, 1, 20, 0, 0, "", 0};
     int touched = 0;
 
     read_options(argc, argv, "h:p:r:f:w:n:", &scout);

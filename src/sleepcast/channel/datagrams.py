@@ -84,6 +84,10 @@ class Datagrams:
         port: int = self._socket.getsockname()[1]
         return port
 
+    def fileno(self) -> int:
+        """Of its socket, for `select`."""
+        return self._socket.fileno()
+
     def receive(self) -> list[Numbers]:
         """What has come since the last call, in order, `MAX_AT_ONCE` datagrams at most."""
         found: list[Numbers] = []

@@ -42,6 +42,8 @@ ALL = tuple(range(RING))
 """Sensors, in sequence."""
 LINE_NUMBERS, POINT_NUMBERS = 4, 2
 """Numbers of a line, and of a point, that a laser has seen."""
+ROTATION = 0.118597
+"""1/10 in that each wheel of a Scout goes while it turns by 1/10 deg."""
 MAX_ROBOTS = 1000
 """In an answer to `get_rpx`."""
 
@@ -133,6 +135,14 @@ class Nclient:
     def pr(self, first: int, second: int, third: int = 0) -> State:
         """Go so far and rest there, 1/10 in or 1/10 deg."""
         return self._state(Kind.PR, first, second, third)
+
+    def scout_vm(self, along: int, turn: int) -> State:
+        """Drive a Scout on at a speed along its heading, 1/10 in/s, and a rate of turning, 1/10 deg/s."""
+        return self.vm(*_wheels(along, turn))
+
+    def scout_pr(self, along: int, turn: int) -> State:
+        """Drive a Scout so far, 1/10 in, or turn it so far, 1/10 deg, or both at once."""
+        return self.pr(*_wheels(along, turn))
 
     def mv(self, first: tuple[int, int], second: tuple[int, int], third: tuple[int, int] = (0, 0)) -> State:
         """For each axis a mode (see `requests.Mode`) and its value. Raises MisuseError for a mode that is none."""
@@ -359,3 +369,9 @@ class Nclient:
             self.state = self.state.with_words(ERROR, (code,))
             raise RequestError(name_of(kind), code)
         return Answer(reply.words, self.connection.distrust)
+
+
+def _wheels(along: int, turn: int) -> tuple[int, int]:
+    """The right and the left wheel of a Scout; cut off to whole numbers as Nclient does it."""
+    part = int(turn * ROTATION)
+    return along + part, along - part

@@ -8,18 +8,21 @@ import os
 import socket
 import sys
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from ipaddress import ip_address
 from secrets import token_urlsafe
+from typing import Any
 
 import uvicorn
+from starlette.applications import Starlette
 
 from sleepcast.clock import Clock
 from sleepcast.console.app import LOOPBACK, Door, make_app
 from sleepcast.console.desk import Desk
 from sleepcast.console.driver import Driver
 from sleepcast.console.messages import MAX_BYTES
-from sleepcast.console.replay import ReplayDesk, ReplayDriver
+from sleepcast.console.replay import ReplayDesk
+from sleepcast.console.session import Session
 from sleepcast.console.swarm import Pace, Swarm
 from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.station import Station
@@ -68,8 +71,33 @@ def serve_desk(
 ) -> None:
     """Serve the page of a desk until Ctrl-C.
 
-    host, port: where to listen; port 0 takes any free one. insecure: allow a host that others can reach, though
-    nothing is encrypted. open_browser: open the page at once. say: tells the person at the terminal what is going on.
+    The rest is as for `serve_pages`.
+    """
+
+    def app(door: Door) -> Starlette:
+        return make_app("index.html", door, lambda socket: Session(socket, desk, clock).run())
+
+    pages = serve_pages(
+        app, desk.driver.run, host=host, port=port, insecure=insecure, open_browser=open_browser, say=say
+    )
+    asyncio.run(pages)
+
+
+async def serve_pages(
+    make: Callable[[Door], Starlette],
+    live: Callable[[], Coroutine[Any, Any, None]],
+    *,
+    host: str,
+    port: int,
+    insecure: bool,
+    open_browser: bool,
+    say: Callable[[str], None],
+) -> None:
+    """Serve an application until Ctrl-C, or until what it shows has ended.
+
+    make: gives the application that this door is for. live: lets what is shown live. host, port: where to listen; port
+    0 takes any free one. insecure: allow a host that others can reach, though nothing is encrypted. open_browser: open
+    the page at once. say: tells the person at the terminal what is going on.
     Raises MisuseError for a host that others can reach, PortError for a port that is taken or forbidden.
     """
     _check_host(host, insecure)
@@ -77,10 +105,8 @@ def serve_desk(
     token = token_urlsafe(16)
     taken: int = listener.getsockname()[1]
     address = f"http://{host}:{taken}/?token={token}" if ":" not in host else f"http://[{host}]:{taken}/?token={token}"
-    door = Door(token, LOOPBACK if is_loopback(host) else None, taken)
-    app = make_app(desk, door, clock)
     config = uvicorn.Config(
-        app,
+        make(Door(token, LOOPBACK if is_loopback(host) else None, taken)),
         log_level="error",
         access_log=False,
         ws_max_size=MAX_BYTES,
@@ -89,17 +115,13 @@ def serve_desk(
         server_header=False,
         lifespan="off",
     )
-
-    async def run() -> None:
-        say(_invitation(address, open_browser and _has_screen()))  # from here on Ctrl-C ends the loop in good order
-        await _run(uvicorn.Server(config), desk.driver, listener)
-
-    asyncio.run(run())
+    say(_invitation(address, open_browser and _has_screen()))  # from here on Ctrl-C ends the loop in good order
+    await _run(uvicorn.Server(config), live, listener)
 
 
-async def _run(server: uvicorn.Server, driver: Driver | ReplayDriver, listener: socket.socket) -> None:
-    """Serve while the swarm runs; what ends the swarm ends the server and is raised."""
-    running = asyncio.create_task(driver.run())
+async def _run(server: uvicorn.Server, live: Callable[[], Coroutine[Any, Any, None]], listener: socket.socket) -> None:
+    """Serve while that runs; what ends it ends the server and is raised."""
+    running = asyncio.create_task(live())
     running.add_done_callback(lambda _: setattr(server, "should_exit", True))
     try:
         await server.serve(sockets=[listener])

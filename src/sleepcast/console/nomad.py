@@ -36,9 +36,10 @@ class Sketch(Protocol):
 class RobotWindow(Protocol):
     """What there is to see of one robot. Each of the rows forgets its oldest entries.
 
-    actual, encoder: where it was, and where it believed to be. echoes: what its sonars saw. commands: what it was asked.
-    said: text that its program has sent. condition: the latest, None before the first. waiting: a program waits until somebody points at a place. client: who drives
-    it, "" for nobody. erased: how often each layer has been erased.
+    actual, encoder: where it was, and where it believed to be. echoes: what its sonars saw. commands: what it was
+    asked. said: text that its program has sent. condition: the latest, None before the first. waiting: how many
+    programs wait until somebody points at a place. client: who drives it, "" for nobody. erased: how often each layer
+    has been erased.
     """
 
     @property
@@ -54,7 +55,7 @@ class RobotWindow(Protocol):
     @property
     def condition(self) -> Condition | None: ...
     @property
-    def waiting(self) -> bool: ...
+    def waiting(self) -> int: ...
     @property
     def client(self) -> str: ...
     @property
@@ -107,10 +108,10 @@ class Nomads(Protocol):
     def step(self) -> None:
         """Let one tick pass."""
 
-    async def perform(self, robot: int, order: str, numbers: Sequence[int]) -> None:
-        """What a program's request of this name does, once it is done."""
+    def perform(self, robot: int, order: str, numbers: Sequence[int]) -> None:
+        """What a program's request of this name does."""
 
-    async def say(self, robot: int, text: str) -> None:
+    def say(self, robot: int, text: str) -> None:
         """What a program's `tk` does."""
 
     def click(self, robot: int, x: float, y: float) -> None:

@@ -11,7 +11,6 @@ from collections import deque
 import msgspec
 
 from sleepcast.clock import Clock
-from sleepcast.console import nomad_messages as messages
 from sleepcast.console.answers import Said
 from sleepcast.console.nomad import Nomads
 from sleepcast.console.nomad_orders import ORDERS, Order, check
@@ -123,24 +122,24 @@ class NomadDesk:
 
     # ---- orders
 
-    async def perform(self, robot: int, order: str, numbers: list[int], text: str) -> None:
+    def perform(self, robot: int, order: str, numbers: list[int], text: str) -> None:
         """What a program's request would do."""
         self._check_robot(robot)
         known = ORDERS.get(order)
         if known is not None and known.text:
             if not text or numbers:
                 raise MisuseError(f"{order} takes words, and no numbers beside them")
-            await self.nomads.say(robot, text)
+            self.nomads.say(robot, text)
             return
         if text:
             raise MisuseError(f"{order} takes numbers, not words")
-        await self.nomads.perform(robot, order, check(order, numbers))
+        self.nomads.perform(robot, order, check(order, numbers))
 
-    async def drive(self, robot: int, numbers: list[int]) -> None:
+    def drive(self, robot: int, numbers: list[int]) -> None:
         """Turn the axes this fast; rest where all are 0."""
         self._check_robot(robot)
         order, given = ("vm", check("vm", numbers)) if any(numbers) else ("st", [])
-        await self.nomads.perform(robot, order, given)
+        self.nomads.perform(robot, order, given)
 
     def click(self, robot: int, x: float, y: float) -> None:
         """Answer a program that waits for somebody to point at a place."""
@@ -176,19 +175,17 @@ class NomadDesk:
                 self._solids = Solids(self._solids.version + 1, found)
         return self._solids
 
-    def build(self, message: messages.Build) -> None:
+    def build(self, corners: Corners) -> None:
         """Put up a polygon."""
-        self._changed(self.nomads.add(message.corners), "this cannot be put up: a polygon that crosses itself, or too many")
+        self._changed(self.nomads.add(corners), "this cannot be put up: its sides cross, or the world is full")
 
-    def shift(self, message: messages.Shift) -> None:
-        """Move a polygon."""
-        corners = self._solid(message.version, message.solid)
-        self._changed(self.nomads.move(corners, message.across, message.up), "this one cannot be moved")
+    def shift(self, version: int, solid: int, across: float, up: float) -> None:
+        """Move a polygon, by its place among those of this version, by so many m."""
+        self._changed(self.nomads.move(self._solid(version, solid), across, up), "this one cannot be moved there")
 
-    def clear(self, message: messages.Clear) -> None:
-        """Take a polygon away."""
-        corners = self._solid(message.version, message.solid)
-        self._changed(self.nomads.remove(corners), "this one cannot be taken away")
+    def clear(self, version: int, solid: int) -> None:
+        """Take a polygon away, by its place among those of this version."""
+        self._changed(self.nomads.remove(self._solid(version, solid)), "this one cannot be taken away")
 
     def _solid(self, version: int, place: int) -> Corners:
         if version != self._solids.version or place >= len(self._solids.solids):

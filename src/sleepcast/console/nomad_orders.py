@@ -97,16 +97,6 @@ ORDERS: dict[str, Order] = {
         Order("conf_tm", "Stop when no command came for so long; 0: never.", (Field("s", "s", 0, 255, 1),), shown=True),
         Order("tk", "Say something.", text=True, shown=True),
         Order(
-            "ws",
-            "Wait until the chosen axes (1: wait for it) have stopped, at most so long.",
-            (
-                Field("right", "", 0, 1, 1),
-                Field("left", "", 0, 1, 1),
-                Field("third", "", 0, 1, 0),
-                Field("s", "s", 0, 255, 20),
-            ),
-        ),
-        Order(
             "mv",
             "For each axis a mode (0 leave, 1 speed, 2 distance, 3 limp, 4 acceleration, 5 cruise) and its number.",
             tuple(
@@ -135,18 +125,6 @@ ORDERS: dict[str, Order] = {
             tuple(Field(name, "", 0, 1023) for name in ("threshold", "points", "gap")),
         ),
         Order(
-            "ct",
-            "Which sensors the program hears of: seven bytes, a bit for each.",
-            tuple(
-                Field(name, "", 0, 255, usual)
-                for name, usual in zip(
-                    ("ir 1-8", "ir 9-16", "sonar 1-8", "sonar 9-16", "body", "others", "positions"),
-                    (255, 255, 255, 255, 255, 14, 0),
-                    strict=True,
-                )
-            ),
-        ),
-        Order(
             "add_obstacle",
             "Put up a polygon: how many corners, then x y of each, counter-clockwise.",
             (Field("corners", "", 3, MOST_VERTICES),),
@@ -172,7 +150,7 @@ ORDERS: dict[str, Order] = {
         ),
         Order("new_world", "Take all obstacles away."),
         Order("draw_robot", "Draw a robot.", (*_PLACE, _MODE)),
-        Order("draw_line", "Draw a line.", tuple(Field(name, LENGTH) for name in ("x1", "y1", "x2", "y2")) + (_MODE,)),
+        Order("draw_line", "Draw a line.", (*(Field(name, LENGTH) for name in ("x1", "y1", "x2", "y2")), _MODE)),
         Order(
             "draw_arc",
             "Draw a piece of an ellipse; x y is the upper left corner of its box.",
@@ -195,8 +173,6 @@ ORDERS: dict[str, Order] = {
         Order("refresh_sonar_sensor", "Erase what the sonars saw."),
         Order("refresh_laser_sensor", "Erase what the laser saw."),
         Order("refresh_client_graphics", "Erase what programs have drawn."),
-        Order("real_robot", "Let a real robot behind this server take the orders."),
-        Order("simulated_robot", "Let the simulated robot take the orders again."),
     )
 }
 
@@ -228,5 +204,3 @@ def _usual(order: Order, given: int) -> list[int]:
 def _wanted(order: Order) -> str:
     names = " ".join(field.name if field.usual is None else f"[{field.name}]" for field in order.fields)
     return f"{names} ..." if order.more is not None else names or "no numbers"
-
-

@@ -183,7 +183,7 @@ def _shown(window: RobotWindow) -> ShownRobot:
     nowhere = Pose(0.0, 0.0, 0.0, 0.0)
     real, believed = (nowhere, nowhere) if condition is None else (condition.real, condition.believed)
     touched = 0 if condition is None else len(condition.touched)
-    return ShownRobot(real, believed, touched, window.waiting, window.client)
+    return ShownRobot(real, believed, touched, window.waiting > 0, window.client)
 
 
 def _measured(readings: Sequence[float]) -> list[float | None]:

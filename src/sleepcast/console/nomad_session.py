@@ -8,12 +8,12 @@ its robot at rest.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable
+from collections.abc import Callable
 
 from starlette.websockets import WebSocket
 
 from sleepcast.clock import Clock
-from sleepcast.console import nomad_messages as messages
+from sleepcast.console import messages, nomad_messages
 from sleepcast.console.answers import Refused
 from sleepcast.console.line import Line, encode
 from sleepcast.console.nomad_desk import Done, NomadDesk
@@ -27,20 +27,17 @@ NEWS_PERIOD = 0.25
 HAND_OFF = 0.6
 """Seconds after which a robot that is driven by hand rests, unless it is driven on: a page says so three times as
 often."""
-MOST_UNDER_WAY = 64
-"""Orders of one page that may be under way at a time; some take long, such as waiting for a robot to stand."""
 
 
 class NomadSession:
     """One page; `run` lasts as long as it is open."""
 
     def __init__(self, socket: WebSocket, desk: NomadDesk, clock: Clock) -> None:
-        self._line: Line[messages.Incoming] = Line(socket, messages.decode, messages.Stop, clock)
+        self._line: Line[nomad_messages.Incoming] = Line(socket, nomad_messages.decode, messages.Stop, clock)
         self._desk = desk
         self._pictures = Pictures(desk.nomads)
         self._drawn = asyncio.Event()
         self._sent: dict[str, bytes] = {}
-        self._under_way: set[asyncio.Task[None]] = set()
         self._driven: int | None = None
         self._hand_off: asyncio.TimerHandle | None = None
 
@@ -51,14 +48,14 @@ class NomadSession:
         try:
             await self._line.read(self._answer)
         finally:
-            for task in (*others, *self._under_way):
-                task.cancel()
             self._let_go()
-            await asyncio.gather(*others, *self._under_way, return_exceptions=True)
+            for task in others:
+                task.cancel()
+            await asyncio.gather(*others, return_exceptions=True)
 
     # ---- what comes in
 
-    async def _answer(self, message: messages.Incoming) -> None:
+    async def _answer(self, message: nomad_messages.Incoming) -> None:
         desk = self._desk
         match message:
             case messages.Stop():
@@ -73,42 +70,22 @@ class NomadSession:
                 desk.set_pace(running, factor)
             case messages.Step():
                 desk.step()
-            case messages.Drive(robot, numbers):
-                self._drive(robot, numbers)
-            case messages.Perform(serial, robot, order, numbers, text):
-                if len(self._under_way) < MOST_UNDER_WAY:
-                    self._begin(desk.perform(robot, order, numbers, text), serial)
-                else:
-                    await self._line.say(Refused("too many orders wait to be done; this one was not begun", serial))
-            case _:
-                await self._reply(message)
+            case nomad_messages.Drive(robot, numbers):
+                await self._try(lambda: self._drive(robot, numbers), None)
+            case nomad_messages.Perform(serial, robot, order, numbers, text):
+                await self._try(lambda: desk.perform(robot, order, numbers, text), serial)
+            case nomad_messages.Click(serial, robot, x, y):
+                await self._try(lambda: desk.click(robot, x, y), serial)
+            case nomad_messages.Build(serial, corners):
+                await self._try(lambda: desk.build(corners), serial)
+            case nomad_messages.Shift(serial, version, solid, across, up):
+                await self._try(lambda: desk.shift(version, solid, across, up), serial)
+            case nomad_messages.Clear(serial, version, solid):
+                await self._try(lambda: desk.clear(version, solid), serial)
 
-    async def _reply(self, message: messages.Click | messages.Build | messages.Shift | messages.Clear) -> None:
-        desk = self._desk
+    async def _try(self, act: Callable[[], None], serial: int | None) -> None:
         try:
-            match message:
-                case messages.Click(_, robot, x, y):
-                    desk.click(robot, x, y)
-                case messages.Build():
-                    desk.build(message)
-                case messages.Shift():
-                    desk.shift(message)
-                case messages.Clear():
-                    desk.clear(message)
-        except SleepcastError as error:
-            await self._line.say(Refused(str(error), message.serial))
-        else:
-            await self._line.say(Done(message.serial))
-
-    def _begin(self, order: Awaitable[None], serial: int | None) -> None:
-        """Do it beside everything else: some orders take as long as the robot's motion."""
-        task = asyncio.create_task(self._see_through(order, serial))
-        self._under_way.add(task)
-        task.add_done_callback(self._under_way.discard)
-
-    async def _see_through(self, order: Awaitable[None], serial: int | None) -> None:
-        try:
-            await order
+            act()
         except SleepcastError as error:
             await self._line.say(Refused(str(error), serial))
         else:
@@ -124,10 +101,10 @@ class NomadSession:
             self._hand_off.cancel()
             self._hand_off = None
         self._driven = None
+        self._desk.drive(robot, numbers)
         if any(numbers):
             self._driven = robot
             self._hand_off = asyncio.get_running_loop().call_later(HAND_OFF, self._let_go)
-        self._begin(self._desk.drive(robot, numbers), None)
 
     def _let_go(self) -> None:
         """The hand is off the keys: what it drove rests."""

@@ -21,6 +21,9 @@ from sleepcast.console.app import LOOPBACK, Door, make_app
 from sleepcast.console.desk import Desk
 from sleepcast.console.driver import Driver
 from sleepcast.console.messages import MAX_BYTES
+from sleepcast.console.nomad import Nomads
+from sleepcast.console.nomad_desk import NomadDesk
+from sleepcast.console.nomad_session import NomadSession
 from sleepcast.console.replay import ReplayDesk
 from sleepcast.console.session import Session
 from sleepcast.console.swarm import Pace, Swarm
@@ -81,6 +84,28 @@ def serve_desk(
         app, desk.driver.run, host=host, port=port, insecure=insecure, open_browser=open_browser, say=say
     )
     asyncio.run(pages)
+
+
+async def serve_nomads(
+    nomads: Nomads,
+    clock: Clock,
+    *,
+    host: str,
+    port: int,
+    insecure: bool,
+    open_browser: bool,
+    say: Callable[[str], None],
+) -> None:
+    """Serve the page of Nomads until Ctrl-C, or until they have ended.
+
+    The rest is as for `serve_pages`.
+    """
+    desk = NomadDesk(nomads, clock)
+
+    def app(door: Door) -> Starlette:
+        return make_app("nomad/index.html", door, lambda socket: NomadSession(socket, desk, clock).run())
+
+    await serve_pages(app, nomads.live, host=host, port=port, insecure=insecure, open_browser=open_browser, say=say)
 
 
 async def serve_pages(

@@ -146,7 +146,7 @@ export function drawCones(pen, view, [x, y, , turret], radius, ranges, farthest,
     pen.arc(px, py, away, middle - half, middle + half);
     pen.closePath();
     pen.fillStyle = colour;
-    pen.globalAlpha = range < farthest ? 0.13 : 0.04;
+    pen.globalAlpha = range < farthest ? 0.1 : 0.03;
     pen.fill();
     if (range < farthest) {
       pen.beginPath();

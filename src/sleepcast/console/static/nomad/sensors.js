@@ -84,7 +84,7 @@ export class Sensors {
     }
     nose(pen, x, y - size + 20, 7, colours.quiet);
     const degrees = own.touched.map((angle) => Math.round((angle * 360) / TURN)).map((each) => `${each}°`);
-    const hit = degrees.length ? `hit at ${degrees.slice(0, 3).join(", ")}` : "free";
+    const hit = degrees.length ? `hit at ${degrees[0]}` : "free";
     pen.textAlign = "center";
     pen.textBaseline = "middle";
     pen.fillStyle = degrees.length ? colours.place : colours.quiet;
@@ -93,7 +93,7 @@ export class Sensors {
     pen.fillStyle = colours.quiet;
     pen.font = "11px system-ui, sans-serif";
     if (!own.infrared.length) pen.fillText("no infrared", x, height - 9);
-    this.short.setAttribute("aria-label", `Bumper: ${hit}`);
+    this.short.setAttribute("aria-label", `Bumper: ${degrees.length ? `hit at ${degrees.join(", ")} from the front` : "free"}`);
   }
 
   drawInfrared(pen, x, y, size, own) {

@@ -4,6 +4,7 @@ const MOST_POINTS = 4000; // of a trace that are kept here
 const MOST_ECHOES = 1000;
 const MOST_LINES = 200;
 const MOST_CONTACTS = 200; // places where the bumper felt something
+const APART = 0.05; // m between two of them
 const MOST_SKETCHES = 5000;
 
 export const LAYERS = [
@@ -93,7 +94,7 @@ export class State {
     for (const angle of own.touched) {
       const at = [x + this.kind.radius * Math.cos(heading + angle), y + this.kind.radius * Math.sin(heading + angle)];
       const [lastX, lastY] = this.contacts.slice(-2);
-      if (Math.hypot(at[0] - lastX, at[1] - lastY) < 0.01) continue;
+      if (Math.hypot(at[0] - lastX, at[1] - lastY) < APART) continue;
       grow(this.contacts, at, 2 * MOST_CONTACTS);
     }
   }

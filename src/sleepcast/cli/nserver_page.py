@@ -3,23 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import chain
 
 from sleepcast.cli.page import Address
 from sleepcast.cli.streams import announce
 from sleepcast.clock import Clock
 from sleepcast.console import serve_nomads
-from sleepcast.errors import MisuseError
-from sleepcast.nomad import Nserver, Pace, RobotWindow, Sketch, commands
-from sleepcast.nomad.requests import Kind
-from sleepcast.nomad.scenery import ERASED, polygon, sketch
+from sleepcast.nomad import Nserver, Pace, RobotWindow, Sketch
 from sleepcast.nomad.units import TENTH, TENTH_DEGREE
 from sleepcast.robot import Corners
-
-AROUND = 0.6
-"""m in sight around everything that there is."""
-LEAST = 3.0
-"""m in sight from the middle to each side at least, however little there is."""
 
 Area = tuple[float, float, float, float]
 
@@ -29,10 +20,9 @@ class NomadsOnPage:
 
     tenth, degree = TENTH, TENTH_DEGREE
 
-    def __init__(self, nserver: Nserver, pace: Pace, title: str) -> None:
+    def __init__(self, nserver: Nserver, pace: Pace, title: str, area: Area) -> None:
         self._nserver, self._pace, self._world = nserver, pace, nserver.world
-        self.title, self.held = title, False
-        self.area = area_of(nserver)
+        self.title, self.area = title, area
 
     @property
     def count(self) -> int:
@@ -48,6 +38,11 @@ class NomadsOnPage:
     def speed(self) -> float:
         """Simulated seconds in a second that are wanted."""
         return self._pace.speed
+
+    @property
+    def held(self) -> bool:
+        """Whether every robot is kept at rest."""
+        return self._nserver.held
 
     def steers(self, robot: int) -> bool:
         """See `SimulatedWorld`."""
@@ -81,33 +76,9 @@ class NomadsOnPage:
         """Let one tick pass."""
         self._nserver.step()
 
-    def perform(self, robot: int, order: str, numbers: Sequence[int]) -> None:
-        """Do what a program's request does. Raises MisuseError."""
-        if order in commands():
-            self._nserver.perform(robot, order, numbers)
-            return
-        kind = Kind[order.upper()]
-        if kind in ERASED:
-            self._nserver.windows.erase(robot, ERASED[kind])
-        elif kind in (Kind.DRAW_ROBOT, Kind.DRAW_LINE, Kind.DRAW_ARC):
-            self._nserver.windows.sketches.append(sketch(kind, numbers))
-        elif kind is Kind.NEW_WORLD:
-            self._world.clear()
-        else:
-            self._change_obstacle(kind, numbers)
-
-    def _change_obstacle(self, kind: Kind, numbers: Sequence[int]) -> None:
-        corners = polygon(numbers, more=2 if kind is Kind.MOVE_OBSTACLE else 0)
-        if corners is None:
-            raise MisuseError("these are not the corners of a polygon")
-        if kind is Kind.ADD_OBSTACLE:
-            done = self._world.add(corners)
-        elif kind is Kind.DELETE_OBSTACLE:
-            done = self._world.remove(corners)
-        else:
-            done = self._world.move(corners, numbers[-2] * TENTH, numbers[-1] * TENTH)
-        if not done:
-            raise MisuseError("there is no such polygon, or no room for it")
+    async def perform(self, robot: int, order: str, numbers: Sequence[int]) -> None:
+        """Do what a program's request does, until it is done. Raises MisuseError."""
+        await self._nserver.perform(robot, order, numbers)
 
     def say(self, robot: int, text: str) -> None:
         """What a program's `tk` does."""
@@ -119,7 +90,6 @@ class NomadsOnPage:
 
     def hold(self, still: bool) -> None:
         """Keep every robot at rest, or no longer."""
-        self.held = still
         self._nserver.hold(still)
 
     def add(self, corners: Corners) -> bool:
@@ -139,33 +109,23 @@ class NomadsOnPage:
         await self._nserver.run(self._pace)
 
 
-def area_of(nserver: Nserver) -> Area:
-    """Everything that there is, and a little around it."""
-    world = nserver.world
-    robots = [world.observe(robot).real for robot in range(world.count)]
-    points = [(pose.x, pose.y) for pose in robots] + list(chain.from_iterable(world.solids()))
-    left, right = min((x for x, _ in points), default=0.0), max((x for x, _ in points), default=0.0)
-    bottom, top = min((y for _, y in points), default=0.0), max((y for _, y in points), default=0.0)
-    across, up = max(LEAST, (right - left) / 2.0 + AROUND), max(LEAST, (top - bottom) / 2.0 + AROUND)
-    x, y = (left + right) / 2.0, (bottom + top) / 2.0
-    return (x - across, y - up, x + across, y + up)
-
-
 async def show(
     nserver: Nserver,
     pace: Pace,
     clock: Clock,
     *,
     title: str,
+    area: Area,
     address: Address,
     say: Callable[[str], None] = announce,
 ) -> None:
     """Serve the page of a server that listens already, and let its time pass, until Ctrl-C or until a program ends it.
 
-    Raises what the console raises for the address.
+    title: what the page calls it. area: the world's edge, least x, least y, greatest x, greatest y in m. Raises what the
+    console raises for the address.
     """
     await serve_nomads(
-        NomadsOnPage(nserver, pace, title),
+        NomadsOnPage(nserver, pace, title, area),
         clock,
         host=address.host,
         port=address.port,

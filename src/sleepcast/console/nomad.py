@@ -66,7 +66,7 @@ class Nomads(Protocol):
     """Robots that programs drive, and the solid things around them.
 
     title: what the page calls it. count: of the robots. tenth: m of one unit of the Nomad's lengths. degree: rad of one
-    unit of its angles. area: what is shown at first, least x, least y, greatest x, greatest y. speed: simulated seconds
+    unit of its angles. area: the world's edge, least x, least y, greatest x, greatest y. speed: simulated seconds
     in a second that are wanted, 0 while time stands still, infinite for as fast as possible. held: whether every body
     is kept at rest, whatever is asked. Raises SleepcastError for what cannot be done, IndexError for a robot that there
     is not.
@@ -108,8 +108,8 @@ class Nomads(Protocol):
     def step(self) -> None:
         """Let one tick pass."""
 
-    def perform(self, robot: int, order: str, numbers: Sequence[int]) -> None:
-        """What a program's request of this name does."""
+    async def perform(self, robot: int, order: str, numbers: Sequence[int]) -> None:
+        """What a program's request of this name does, until it is done."""
 
     def say(self, robot: int, text: str) -> None:
         """What a program's `tk` does."""

@@ -122,7 +122,7 @@ class NomadDesk:
 
     # ---- orders
 
-    def perform(self, robot: int, order: str, numbers: list[int], text: str) -> None:
+    async def perform(self, robot: int, order: str, numbers: list[int], text: str) -> None:
         """What a program's request would do."""
         self._check_robot(robot)
         known = ORDERS.get(order)
@@ -133,13 +133,13 @@ class NomadDesk:
             return
         if text:
             raise MisuseError(f"{order} takes numbers, not words")
-        self.nomads.perform(robot, order, check(order, numbers))
+        await self.nomads.perform(robot, order, check(order, numbers))
 
-    def drive(self, robot: int, numbers: list[int]) -> None:
+    async def drive(self, robot: int, numbers: list[int]) -> None:
         """Turn the axes this fast; rest where all are 0."""
         self._check_robot(robot)
         order, given = ("vm", check("vm", numbers)) if any(numbers) else ("st", [])
-        self.nomads.perform(robot, order, given)
+        await self.nomads.perform(robot, order, given)
 
     def click(self, robot: int, x: float, y: float) -> None:
         """Answer a program that waits for somebody to point at a place."""

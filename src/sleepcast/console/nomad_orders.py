@@ -173,6 +173,8 @@ ORDERS: dict[str, Order] = {
         Order("refresh_sonar_sensor", "Erase what the sonars saw."),
         Order("refresh_laser_sensor", "Erase what the laser saw."),
         Order("refresh_client_graphics", "Erase what programs have drawn."),
+        Order("real_robot", "Let the real robot behind this one take the orders, where there is one."),
+        Order("simulated_robot", "Let the simulated robot take the orders again."),
     )
 }
 

@@ -8,7 +8,7 @@ its robot at rest.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 
 from starlette.websockets import WebSocket
 
@@ -28,6 +28,9 @@ HAND_OFF = 0.6
 """Seconds after which a robot that is driven by hand rests, unless it is driven on: a page says so three times as
 often."""
 
+MOST_UNDER_WAY = 64
+"""Orders of one page that may be under way at a time; some take as long as a robot's motion."""
+
 
 class NomadSession:
     """One page; `run` lasts as long as it is open."""
@@ -38,6 +41,7 @@ class NomadSession:
         self._pictures = Pictures(desk.nomads)
         self._drawn = asyncio.Event()
         self._sent: dict[str, bytes] = {}
+        self._under_way: set[asyncio.Task[None]] = set()
         self._driven: int | None = None
         self._hand_off: asyncio.TimerHandle | None = None
 
@@ -48,10 +52,10 @@ class NomadSession:
         try:
             await self._line.read(self._answer)
         finally:
-            self._let_go()
-            for task in others:
+            for task in (*others, *self._under_way):
                 task.cancel()
-            await asyncio.gather(*others, return_exceptions=True)
+            self._let_go()
+            await asyncio.gather(*others, *self._under_way, return_exceptions=True)
 
     # ---- what comes in
 
@@ -71,9 +75,12 @@ class NomadSession:
             case messages.Step():
                 desk.step()
             case nomad_messages.Drive(robot, numbers):
-                await self._try(lambda: self._drive(robot, numbers), None)
+                self._drive(robot, numbers)
             case nomad_messages.Perform(serial, robot, order, numbers, text):
-                await self._try(lambda: desk.perform(robot, order, numbers, text), serial)
+                if len(self._under_way) < MOST_UNDER_WAY:
+                    self._begin(desk.perform(robot, order, numbers, text), serial)
+                else:
+                    await self._line.say(Refused("too many orders wait to be done; this one was not begun", serial))
             case nomad_messages.Click(serial, robot, x, y):
                 await self._try(lambda: desk.click(robot, x, y), serial)
             case nomad_messages.Build(serial, corners):
@@ -92,6 +99,21 @@ class NomadSession:
             if serial is not None:
                 await self._line.say(Done(serial))
 
+    def _begin(self, order: Coroutine[None, None, None], serial: int | None) -> None:
+        """Do it beside everything else: some orders take as long as the robot's motion."""
+        task = asyncio.create_task(self._see_through(order, serial))
+        self._under_way.add(task)
+        task.add_done_callback(self._under_way.discard)
+
+    async def _see_through(self, order: Coroutine[None, None, None], serial: int | None) -> None:
+        try:
+            await order
+        except SleepcastError as error:
+            await self._line.say(Refused(str(error), serial))
+        else:
+            if serial is not None:
+                await self._line.say(Done(serial))
+
     # ---- driving by hand
 
     def _drive(self, robot: int, numbers: list[int]) -> None:
@@ -101,7 +123,7 @@ class NomadSession:
             self._hand_off.cancel()
             self._hand_off = None
         self._driven = None
-        self._desk.drive(robot, numbers)
+        self._begin(self._desk.drive(robot, numbers), None)
         if any(numbers):
             self._driven = robot
             self._hand_off = asyncio.get_running_loop().call_later(HAND_OFF, self._let_go)

@@ -29,15 +29,13 @@ Words = Sequence[int]
 
 
 class Behaviour:
-    """See the module. clients: who drives it, as text. accelerations: what ac last asked for. held: whether the body is
-    kept at rest, whatever is asked; what would move it is not done then, and is not done later."""
+    """See the module. clients: who drives it, as text. accelerations: what ac last asked for."""
 
     def __init__(self, world: SimulatedWorld, robot: int, window: RobotWindow) -> None:
         self.world, self.robot, self.window = world, robot, window
         self.steers = world.steers(robot)
         self.clients: list[str] = []
         self.accelerations = (0, 0, 0)
-        self.held = False
         self.speed = 1.0
         """Of the simulation, as the state tells it."""
         self.held = False
@@ -65,18 +63,7 @@ class Behaviour:
         self._last = (kind, words)
         self._condition = None
         self._note(f"{name_of(kind)}({', '.join(map(str, words))})")
-        if not (self.held and kind in MOTIONS):
-            COMMANDS[kind](self, words)
-
-    def hold(self, still: bool) -> None:
-        """Keep the body at rest from now on, or no longer."""
-        if still != self.held:
-            self._note("held at rest" if still else "released")
-        self.held = still
-        if still:
-            self._zeroing = False
-            self.world.rest(self.robot)
-            self._condition = None
+        COMMANDS[kind](self, words)
 
     def hold(self, still: bool) -> None:
         """Keep it at rest from now on, or no longer; nothing old resumes."""
@@ -241,8 +228,6 @@ COMMANDS: dict[int, Callable[[Behaviour, Words], None]] = {
     Kind.CONF_SG: Behaviour._nothing_there,
 }
 """What changes a robot, by type of request."""
-MOTIONS = frozenset({Kind.VM, Kind.PR, Kind.MV, Kind.ZR, Kind.LP})
-"""What turns a robot's wheels, or lets them turn."""
 
 MOTIONS = frozenset({Kind.VM, Kind.PR, Kind.MV, Kind.ZR})
 """Those that move it."""

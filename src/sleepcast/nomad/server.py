@@ -152,11 +152,6 @@ class Nserver:
                     hand.wait = None
                     self.waiting.discard(hand)
 
-    def hold(self, still: bool) -> None:
-        """Keep every robot at rest from now on, whatever its clients ask, or no longer."""
-        for behaviour in self.service.behaviours:
-            behaviour.hold(still)
-
     def click(self, robot: int, x: float, y: float) -> None:
         """Somebody has clicked in this robot's window, at x, y in m: whoever waits for that gets it."""
         for each in list(self.waiting):

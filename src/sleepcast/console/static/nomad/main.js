@@ -49,7 +49,9 @@ wire.addEventListener("hello", ({ detail }) => {
 
 wire.addEventListener("picture", ({ detail }) => {
   pictures += 1;
+  const first = state.robots.length === 0;
   const traced = state.take(detail);
+  if (first) world.refit();
   world.repaint(...(traced ? ["trails", "robots"] : ["robots"]));
   own.repaint();
   about.show();
@@ -64,9 +66,11 @@ world.addEventListener("drawn", () => {
 });
 
 wire.addEventListener("solids", ({ detail }) => {
+  const first = state.version === 0;
   state.solids = detail.solids;
   state.version = detail.version;
   world.builder.renew();
+  if (first) world.refit();
 });
 
 wire.addEventListener("safety", ({ detail }) => safety.show(detail));

@@ -6,6 +6,8 @@ const MOST_LINES = 200;
 const MOST_CONTACTS = 200; // places where the bumper felt something
 const APART = 0.05; // m between two of them
 const MOST_SKETCHES = 5000;
+const AROUND = 0.4; // m in sight around everything that there is
+const LEAST = 2; // m in sight from the middle to each side at least
 
 export const LAYERS = [
   { name: "actual", title: "actual trace", order: "refresh_actual_trace" },
@@ -39,6 +41,8 @@ export class State {
     this.kinds = hello.robots;
     this.traces = this.kinds.map(() => [[], []]);
     this.sketches = [];
+    this.robots = [];
+    this.version = 0;
     if (this.chosen >= this.kinds.length) this.chosen = 0;
     this.forget();
   }
@@ -97,6 +101,19 @@ export class State {
       if (Math.hypot(at[0] - lastX, at[1] - lastY) < APART) continue;
       grow(this.contacts, at, 2 * MOST_CONTACTS);
     }
+  }
+
+  // Everything that there is with some room around it, within the world's edge: least x, least y, greatest x, greatest y.
+  extent() {
+    const points = [...this.solids.flat(), ...this.robots.map(({ real }) => real)];
+    if (!points.length) return this.area;
+    const [left, bottom, right, top] = this.area;
+    const middle = [0, 1].map((axis) => (Math.min(...points.map((at) => at[axis])) + Math.max(...points.map((at) => at[axis]))) / 2);
+    const half = [0, 1].map((axis) => Math.max(LEAST, ...points.map((at) => Math.abs(at[axis] - middle[axis]))) + AROUND);
+    return [
+      Math.max(left, middle[0] - half[0]), Math.max(bottom, middle[1] - half[1]),
+      Math.min(right, middle[0] + half[0]), Math.min(top, middle[1] + half[1]),
+    ];
   }
 
   // In the Nomad's own units.

@@ -30,13 +30,18 @@ export class World extends Pane {
   // ---- the view
 
   resized() {
-    if (this.fitted) this.fit();
+    this.refit();
   }
 
   fit() {
     if (!this.state.area) return;
-    this.view.fit(this.state.area);
+    this.view.fit(this.state.extent());
     this.moved(true);
+  }
+
+  // Something new has come: it is shown whole, unless somebody has moved the map.
+  refit() {
+    if (this.fitted) this.fit();
   }
 
   centre() {
@@ -64,11 +69,18 @@ export class World extends Pane {
 
   drawGround(pen) {
     const { view, state, colours } = this;
-    pen.fillStyle = colours.area;
+    const [left, bottom, right, top] = state.area;
+    const edge = [view.toScreenX(left), view.toScreenY(top), (right - left) * view.scale, (top - bottom) * view.scale];
+    pen.fillStyle = colours.ground;
     pen.fillRect(0, 0, view.width, view.height);
+    pen.fillStyle = colours.area;
+    pen.fillRect(...edge);
     const step = state.grid * view.scale < FINEST ? 10 * state.grid : state.grid;
     if (step * view.scale >= FINEST) drawGrid(pen, view, step, colours.grid);
     drawSolids(pen, view, state.solids, this.builder.chosen, colours);
+    pen.strokeStyle = colours.wall;
+    pen.lineWidth = 2;
+    pen.strokeRect(...edge);
     const shown = step * view.scale <= 160 ? { metres: step, label: `${state.inches(step)} in` } : gridStep(view, "in", 140);
     this.root.querySelector("#scale-bar").style.width = `${shown.metres * view.scale}px`;
     this.root.querySelector("#scale-text").textContent = shown.label;

@@ -56,7 +56,7 @@ HOUSE = {
     "simulator": room("channel robot", "numpy msgspec mcap numba llvmlite", late="yaml PIL"),
     "loop": room("language channel fleet simulator robot", "msgspec"),
     "station": room("language channel", "msgspec numpy"),
-    "console": room("language station", "starlette uvicorn msgspec numpy"),
+    "console": room("language station robot", "starlette uvicorn msgspec numpy"),
     "cli": room(
         "language channel robot nomad node fleet simulator loop station console",
         "click rich prompt_toolkit msgspec numpy",

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from sleepcast.cli.page import Address
 from sleepcast.cli.streams import announce
-from sleepcast.clock import Clock
+from sleepcast.clock import WallClock
 from sleepcast.console import serve_nomads
 from sleepcast.nomad import Nserver, Pace, RobotWindow, Sketch
 from sleepcast.nomad.units import TENTH, TENTH_DEGREE
@@ -112,7 +112,6 @@ class NomadsOnPage:
 async def show(
     nserver: Nserver,
     pace: Pace,
-    clock: Clock,
     *,
     title: str,
     area: Area,
@@ -121,15 +120,16 @@ async def show(
 ) -> None:
     """Serve the page of a server that listens already, and let its time pass, until Ctrl-C or until a program ends it.
 
-    title: what the page calls it. area: the world's edge, least x, least y, greatest x, greatest y in m. Raises what the
-    console raises for the address.
+    title: what the page calls it. area: the world's edge, least x, least y, greatest x, greatest y in m. Raises what
+    the console raises for the address.
     """
     await serve_nomads(
         NomadsOnPage(nserver, pace, title, area),
-        clock,
+        WallClock(),
         host=address.host,
         port=address.port,
         insecure=address.insecure,
         open_browser=address.browser,
+        port_option="--page-port",
         say=say,
     )

@@ -182,8 +182,9 @@ ORDERS: dict[str, Order] = {
 def check(name: str, numbers: Sequence[int]) -> list[int]:
     """The numbers of the order as a program would send them. Raises MisuseError, in words for who typed it."""
     order = ORDERS.get(name)
-    if order is None or order.text:
-        raise MisuseError(f"there is no order {name!r} with numbers{did_you_mean(name, ORDERS)}")
+    if order is None:
+        meant = did_you_mean(name, ORDERS) or ", as there is vm, pr or st"
+        raise MisuseError(f"there is no order {name!r}{meant}")
     given = [*numbers, *_usual(order, len(numbers))]
     most = order.at_most if order.more is not None else len(order.fields)
     if len(given) < len(order.fields) or len(given) > most:

@@ -95,6 +95,7 @@ async def serve_nomads(
     insecure: bool,
     open_browser: bool,
     say: Callable[[str], None],
+    port_option: str = "--port",
 ) -> None:
     """Serve the page of Nomads until Ctrl-C, or until they have ended.
 
@@ -105,7 +106,16 @@ async def serve_nomads(
     def app(door: Door) -> Starlette:
         return make_app("nomad/index.html", door, lambda socket: NomadSession(socket, desk, clock).run())
 
-    await serve_pages(app, nomads.live, host=host, port=port, insecure=insecure, open_browser=open_browser, say=say)
+    await serve_pages(
+        app,
+        nomads.live,
+        host=host,
+        port=port,
+        insecure=insecure,
+        open_browser=open_browser,
+        say=say,
+        port_option=port_option,
+    )
 
 
 async def serve_pages(
@@ -117,16 +127,17 @@ async def serve_pages(
     insecure: bool,
     open_browser: bool,
     say: Callable[[str], None],
+    port_option: str = "--port",
 ) -> None:
     """Serve an application until Ctrl-C, or until what it shows has ended.
 
     make: gives the application that this door is for. live: lets what is shown live. host, port: where to listen; port
     0 takes any free one. insecure: allow a host that others can reach, though nothing is encrypted. open_browser: open
-    the page at once. say: tells the person at the terminal what is going on.
+    the page at once. say: tells the person at the terminal what is going on. port_option: the option for the port.
     Raises MisuseError for a host that others can reach, PortError for a port that is taken or forbidden.
     """
     _check_host(host, insecure)
-    listener = listen(host, port)
+    listener = listen(host, port, port_option)
     token = token_urlsafe(16)
     taken: int = listener.getsockname()[1]
     address = f"http://{host}:{taken}/?token={token}" if ":" not in host else f"http://[{host}]:{taken}/?token={token}"
@@ -157,8 +168,8 @@ async def _run(server: uvicorn.Server, live: Callable[[], Coroutine[Any, Any, No
         running.result()
 
 
-def listen(host: str, port: int) -> socket.socket:
-    """A socket that listens. Raises PortError, with a sentence that names the port and offers another."""
+def listen(host: str, port: int, option: str = "--port") -> socket.socket:
+    """A socket that listens. Raises PortError, with a sentence that names the port and offers another by `option`."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listener = socket.socket(family, socket.SOCK_STREAM)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -167,19 +178,19 @@ def listen(host: str, port: int) -> socket.socket:
         listener.listen()
     except OSError as error:
         listener.close()
-        raise PortError(_why_not(host, port, error)) from None
+        raise PortError(_why_not(host, port, error, option)) from None
     return listener
 
 
-def _why_not(host: str, port: int, error: OSError) -> str:
+def _why_not(host: str, port: int, error: OSError, option: str = "--port") -> str:
     if error.errno == errno.EADDRINUSE:
         other = port + 1 if port < HIGHEST_PORT else DEFAULT_PORT
         return (
             f"port {port} of {host} is in use, perhaps by another sleepcast: "
-            f"stop that one, or take another port with --port {other} (--port 0 finds a free one)"
+            f"stop that one, or take another port with {option} {other} ({option} 0 finds a free one)"
         )
     if error.errno == errno.EACCES:
-        return f"port {port} needs more rights than you have: take one above 1023, such as --port {DEFAULT_PORT}"
+        return f"port {port} needs more rights than you have: take one above 1023, such as {option} {DEFAULT_PORT}"
     return f"cannot listen on {host} port {port}: {error.strerror or error}"
 
 

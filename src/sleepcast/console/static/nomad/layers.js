@@ -12,7 +12,6 @@ export class Layers extends EventTarget {
     const item = document.createElement("li");
     item.append(all);
     list.append(item);
-    if (window.matchMedia("(max-width: 75rem)").matches) root.querySelector("#layers").open = false;
   }
 
   line(layer, state) {

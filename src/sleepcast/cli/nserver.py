@@ -7,7 +7,7 @@ page that shows the windows or, headless, without.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -21,7 +21,10 @@ from sleepcast.errors import MisuseError
 if TYPE_CHECKING:
     from sleepcast.nomad import Nserver, Pace, RealRobot
     from sleepcast.robot import SimulatedWorld
+    from sleepcast.simulator.nomads import NomadWorld
 
+PAGE_PORT = 8318
+"""Where the page is, unless another port is wanted: beside the other page's, so that both can be open."""
 SLOWEST = 0.01
 """Simulated seconds in a second."""
 
@@ -45,7 +48,9 @@ WARM_TICKS = 3
 )
 @click.option("--real", metavar="N=URI", multiple=True, help="A real robot for real_robot(): 1=nomad://host:7019#1.")
 @click.option("--may-quit", is_flag=True, help="Let programs end the server with quit_server().")
-@click.option("--headless", is_flag=True, help="Without windows: get_robot_conf() is answered at once.")
+@click.option("--headless", is_flag=True, help="Without a page: get_robot_conf() is answered at once.")
+@click.option("--page-port", type=click.IntRange(0, 65_535), default=PAGE_PORT, show_default=True, help="0 is any.")
+@click.option("--no-browser", is_flag=True, help="Print the page's address, but open no browser.")
 @click.option("--json", "as_json", is_flag=True, help="Say as JSON where the server listens.")
 def nserver(
     world: Path | None,
@@ -60,6 +65,8 @@ def nserver(
     real: tuple[str, ...],
     may_quit: bool,
     headless: bool,
+    page_port: int,
+    no_browser: bool,
     as_json: bool,
 ) -> int:
     """Simulate Nomads in WORLD (a TOML file, a list of polygons, or a map of ROS; none is an empty room) and serve them
@@ -94,20 +101,43 @@ def nserver(
         pace = Pace(WallClock(), speed)
         addresses = list(dict.fromkeys([*own_addresses(), *hosts]))
         interrupts.release()  # from here on Ctrl-C ends the loop in good order
-        asyncio.run(_serve(server, pace, addresses, port, as_json=as_json))
+        title = f"{world.stem if world is not None else 'An empty room'}, {Path(setup).stem}"
+        page = None if headless else _page(simulated, pace, title, page_port, browser=not no_browser, as_json=as_json)
+        asyncio.run(_serve(server, pace, addresses, port, page, as_json=as_json))
     return 0
 
 
-async def _serve(server: Nserver, pace: Pace, hosts: Sequence[str], port: int, *, as_json: bool) -> None:
-    """Serve programs until one that may ends the server, or Ctrl-C."""
+def _page(
+    world: NomadWorld, pace: Pace, title: str, port: int, *, browser: bool, as_json: bool
+) -> Callable[[Nserver], Awaitable[None]]:
+    """What serves the page of a server until it ends."""
+    from sleepcast.cli.nserver_page import show
+    from sleepcast.cli.page import Address
+
+    (left, bottom), (width, height) = world.origin, world.size
+    area = (-left, -bottom, width - left, height - bottom)
+    address = Address("127.0.0.1", port, insecure=False, browser=browser)
+    return lambda server: show(server, pace, title=title, area=area, address=address, say=_say if as_json else announce)
+
+
+async def _serve(
+    server: Nserver,
+    pace: Pace,
+    hosts: Sequence[str],
+    port: int,
+    page: Callable[[Nserver], Awaitable[None]] | None,
+    *,
+    as_json: bool,
+) -> None:
+    """Serve programs, and the page where there is one, until a program that may ends the server, or Ctrl-C."""
     await server.listen(hosts, port)
     robots = server.world.count
     if as_json:
         announce(json.dumps({"hosts": list(hosts), "port": server.port, "robots": robots}))
     else:
         where = ", ".join(f"{host} port {server.port}" for host in hosts)
-        announce(f"{robots} robot{'s' if robots > 1 else ''} at {where}. Ctrl-C ends it.")
-    await server.run(pace)
+        announce(f"{robots} robot{'s' if robots > 1 else ''} at {where}.{'' if page else ' Ctrl-C ends it.'}")
+    await (server.run(pace) if page is None else page(server))
 
 
 def _warm_up(world: SimulatedWorld) -> None:

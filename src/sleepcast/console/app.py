@@ -7,6 +7,7 @@ site's script in the same browser can neither connect nor read.
 
 from __future__ import annotations
 
+from collections.abc import Awaitable, Callable
 from importlib.resources import files
 from pathlib import Path
 from secrets import compare_digest
@@ -19,11 +20,6 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
-
-from sleepcast.clock import Clock
-from sleepcast.console.desk import Desk
-from sleepcast.console.replay import ReplayDesk
-from sleepcast.console.session import Session
 
 MAX_PAGES = 16
 """Pages that may be open at one time; each gets its own frames."""
@@ -57,29 +53,29 @@ class Door:
         return origin == f"{scheme}://{socket.headers.get('host', '')}" and self.knows(socket)
 
 
-def make_app(desk: Desk | ReplayDesk, door: Door, clock: Clock) -> Starlette:
-    """The application: one desk, as many pages as `MAX_PAGES`."""
-    open_pages: set[Session] = set()
+def make_app(page: str, door: Door, attend: Callable[[WebSocket], Awaitable[None]]) -> Starlette:
+    """The application. page: its file in `static/`. attend: serves one open page until it goes away; there are
+    `MAX_PAGES` at most."""
+    open_pages: set[WebSocket] = set()
 
-    async def page(request: Request) -> Response:
+    async def front(request: Request) -> Response:
         if not door.knows(request):
             return PlainTextResponse(REFUSED, 403)
-        return Response((STATIC / "index.html").read_bytes(), media_type="text/html")
+        return Response((STATIC / page).read_bytes(), media_type="text/html")
 
     async def live(socket: WebSocket) -> None:
         if not door.trusts(socket) or len(open_pages) >= MAX_PAGES:
             await socket.close()  # before it was accepted: an HTTP answer 403
             return
         await socket.accept()
-        session = Session(socket, desk, clock)
-        open_pages.add(session)
+        open_pages.add(socket)
         try:
-            await session.run()
+            await attend(socket)
         finally:
-            open_pages.discard(session)
+            open_pages.discard(socket)
 
     routes = [
-        Route("/", page),
+        Route("/", front),
         WebSocketRoute("/live", live),
         Mount("/static", StaticFiles(directory=STATIC)),
     ]

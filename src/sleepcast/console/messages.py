@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import msgspec
 from msgspec import Meta
@@ -23,6 +23,7 @@ Serial = Annotated[int, Meta(ge=1, le=2**53 - 1)]
 Text = Annotated[str, Meta(max_length=16_384)]
 Id = Annotated[str, Meta(max_length=160)]
 Sort = Literal["once", "standing", "ask"]
+T = TypeVar("T")
 Index = Annotated[int, Meta(ge=-1, le=10_000_000)]
 
 
@@ -122,8 +123,13 @@ class MessageError(MisuseError):
 
 def decode(data: str | bytes) -> Incoming:
     """The message in `data`. Raises MessageError."""
+    return read(_DECODER, data)
+
+
+def read(decoder: msgspec.json.Decoder[T], data: str | bytes) -> T:
+    """The message in `data` as `decoder` knows it. Raises MessageError."""
     try:
-        return _DECODER.decode(data)
+        return decoder.decode(data)
     except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
         raise MessageError(f"not a message of this page: {error}") from None
 

@@ -8,18 +8,24 @@ import os
 import socket
 import sys
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from ipaddress import ip_address
 from secrets import token_urlsafe
+from typing import Any
 
 import uvicorn
+from starlette.applications import Starlette
 
 from sleepcast.clock import Clock
 from sleepcast.console.app import LOOPBACK, Door, make_app
 from sleepcast.console.desk import Desk
 from sleepcast.console.driver import Driver
 from sleepcast.console.messages import MAX_BYTES
-from sleepcast.console.replay import ReplayDesk, ReplayDriver
+from sleepcast.console.nomad import Nomads
+from sleepcast.console.nomad_desk import NomadDesk
+from sleepcast.console.nomad_session import NomadSession
+from sleepcast.console.replay import ReplayDesk
+from sleepcast.console.session import Session
 from sleepcast.console.swarm import Pace, Swarm
 from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.station import Station
@@ -68,19 +74,75 @@ def serve_desk(
 ) -> None:
     """Serve the page of a desk until Ctrl-C.
 
-    host, port: where to listen; port 0 takes any free one. insecure: allow a host that others can reach, though
-    nothing is encrypted. open_browser: open the page at once. say: tells the person at the terminal what is going on.
+    The rest is as for `serve_pages`.
+    """
+
+    def app(door: Door) -> Starlette:
+        return make_app("index.html", door, lambda socket: Session(socket, desk, clock).run())
+
+    pages = serve_pages(
+        app, desk.driver.run, host=host, port=port, insecure=insecure, open_browser=open_browser, say=say
+    )
+    asyncio.run(pages)
+
+
+async def serve_nomads(
+    nomads: Nomads,
+    clock: Clock,
+    *,
+    host: str,
+    port: int,
+    insecure: bool,
+    open_browser: bool,
+    say: Callable[[str], None],
+    port_option: str = "--port",
+) -> None:
+    """Serve the page of Nomads until Ctrl-C, or until they have ended.
+
+    The rest is as for `serve_pages`.
+    """
+    desk = NomadDesk(nomads, clock)
+
+    def app(door: Door) -> Starlette:
+        return make_app("nomad/index.html", door, lambda socket: NomadSession(socket, desk, clock).run())
+
+    await serve_pages(
+        app,
+        nomads.live,
+        host=host,
+        port=port,
+        insecure=insecure,
+        open_browser=open_browser,
+        say=say,
+        port_option=port_option,
+    )
+
+
+async def serve_pages(
+    make: Callable[[Door], Starlette],
+    live: Callable[[], Coroutine[Any, Any, None]],
+    *,
+    host: str,
+    port: int,
+    insecure: bool,
+    open_browser: bool,
+    say: Callable[[str], None],
+    port_option: str = "--port",
+) -> None:
+    """Serve an application until Ctrl-C, or until what it shows has ended.
+
+    make: gives the application that this door is for. live: lets what is shown live. host, port: where to listen; port
+    0 takes any free one. insecure: allow a host that others can reach, though nothing is encrypted. open_browser: open
+    the page at once. say: tells the person at the terminal what is going on. port_option: the option for the port.
     Raises MisuseError for a host that others can reach, PortError for a port that is taken or forbidden.
     """
     _check_host(host, insecure)
-    listener = listen(host, port)
+    listener = listen(host, port, port_option)
     token = token_urlsafe(16)
     taken: int = listener.getsockname()[1]
     address = f"http://{host}:{taken}/?token={token}" if ":" not in host else f"http://[{host}]:{taken}/?token={token}"
-    door = Door(token, LOOPBACK if is_loopback(host) else None, taken)
-    app = make_app(desk, door, clock)
     config = uvicorn.Config(
-        app,
+        make(Door(token, LOOPBACK if is_loopback(host) else None, taken)),
         log_level="error",
         access_log=False,
         ws_max_size=MAX_BYTES,
@@ -89,17 +151,13 @@ def serve_desk(
         server_header=False,
         lifespan="off",
     )
-
-    async def run() -> None:
-        say(_invitation(address, open_browser and _has_screen()))  # from here on Ctrl-C ends the loop in good order
-        await _run(uvicorn.Server(config), desk.driver, listener)
-
-    asyncio.run(run())
+    say(_invitation(address, open_browser and _has_screen()))  # from here on Ctrl-C ends the loop in good order
+    await _run(uvicorn.Server(config), live, listener)
 
 
-async def _run(server: uvicorn.Server, driver: Driver | ReplayDriver, listener: socket.socket) -> None:
-    """Serve while the swarm runs; what ends the swarm ends the server and is raised."""
-    running = asyncio.create_task(driver.run())
+async def _run(server: uvicorn.Server, live: Callable[[], Coroutine[Any, Any, None]], listener: socket.socket) -> None:
+    """Serve while that runs; what ends it ends the server and is raised."""
+    running = asyncio.create_task(live())
     running.add_done_callback(lambda _: setattr(server, "should_exit", True))
     try:
         await server.serve(sockets=[listener])
@@ -110,8 +168,8 @@ async def _run(server: uvicorn.Server, driver: Driver | ReplayDriver, listener: 
         running.result()
 
 
-def listen(host: str, port: int) -> socket.socket:
-    """A socket that listens. Raises PortError, with a sentence that names the port and offers another."""
+def listen(host: str, port: int, option: str = "--port") -> socket.socket:
+    """A socket that listens. Raises PortError, with a sentence that names the port and offers another by `option`."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listener = socket.socket(family, socket.SOCK_STREAM)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -120,19 +178,19 @@ def listen(host: str, port: int) -> socket.socket:
         listener.listen()
     except OSError as error:
         listener.close()
-        raise PortError(_why_not(host, port, error)) from None
+        raise PortError(_why_not(host, port, error, option)) from None
     return listener
 
 
-def _why_not(host: str, port: int, error: OSError) -> str:
+def _why_not(host: str, port: int, error: OSError, option: str = "--port") -> str:
     if error.errno == errno.EADDRINUSE:
         other = port + 1 if port < HIGHEST_PORT else DEFAULT_PORT
         return (
             f"port {port} of {host} is in use, perhaps by another sleepcast: "
-            f"stop that one, or take another port with --port {other} (--port 0 finds a free one)"
+            f"stop that one, or take another port with {option} {other} ({option} 0 finds a free one)"
         )
     if error.errno == errno.EACCES:
-        return f"port {port} needs more rights than you have: take one above 1023, such as --port {DEFAULT_PORT}"
+        return f"port {port} needs more rights than you have: take one above 1023, such as {option} {DEFAULT_PORT}"
     return f"cannot listen on {host} port {port}: {error.strerror or error}"
 
 

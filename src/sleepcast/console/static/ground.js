@@ -46,7 +46,8 @@ function drawLight(pen, view, light, colours) {
   drawLabel(pen, view, light.name, x + 10, y - 0.75 * GLOW, colours.ink, colours.area, "600 13px", []);
 }
 
-function drawGrid(pen, view, step, colour) {
+// Lines of the world's frame every `step` metres.
+export function drawGrid(pen, view, step, colour) {
   const [left, top] = view.toWorld(0, 0);
   const [right, bottom] = view.toWorld(view.width, view.height);
   pen.beginPath();

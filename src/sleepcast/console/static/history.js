@@ -1,11 +1,12 @@
 // Earlier commands, kept in the browser between sessions.
 
-const KEY = "sleepcast.history";
 const MOST = 200; // commands kept
 
 export class History {
-  constructor(storage) {
+  // key: under which this page's commands are kept.
+  constructor(storage, key) {
     this.storage = storage;
+    this.key = key;
     this.items = this.load(); // oldest first
     this.at = this.items.length;
     this.draft = "";
@@ -13,7 +14,7 @@ export class History {
 
   load() {
     try {
-      const found = JSON.parse(this.storage.getItem(KEY) ?? "[]");
+      const found = JSON.parse(this.storage.getItem(this.key) ?? "[]");
       return Array.isArray(found) ? found.filter((item) => typeof item === "string").slice(-MOST) : [];
     } catch {
       return []; // no storage, or something else wrote there: start anew
@@ -25,7 +26,7 @@ export class History {
     this.at = this.items.length;
     this.draft = "";
     try {
-      this.storage.setItem(KEY, JSON.stringify(this.items));
+      this.storage.setItem(this.key, JSON.stringify(this.items));
     } catch {
       // A full or forbidden storage only means that the history ends with this session.
     }

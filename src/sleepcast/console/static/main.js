@@ -5,6 +5,7 @@ import { picture, styleOf } from "./shapes.js";
 import { Prompt } from "./prompt.js";
 import { RobotPane } from "./robot.js";
 import { Safety } from "./safety.js";
+import { theme } from "./theme.js";
 import { Time } from "./time.js";
 import { Wire } from "./wire.js";
 import { World } from "./world.js";
@@ -174,33 +175,10 @@ const toggleTrails = () => find("trails-on").setAttribute("aria-pressed", String
 find("trails-on").addEventListener("click", toggleTrails);
 world.addEventListener("trails", toggleTrails);
 
-const dark = window.matchMedia("(prefers-color-scheme: dark)");
-
-function setTheme(theme) {
-  document.documentElement.dataset.theme = theme;
+theme(find("theme"), () => {
   world.recolour();
   drawLegend();
-}
-
-function keptTheme() {
-  try {
-    return window.localStorage.getItem("sleepcast.theme");
-  } catch {
-    return null;
-  }
-}
-
-find("theme").addEventListener("click", () => {
-  const theme = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
-  setTheme(theme);
-  try {
-    window.localStorage.setItem("sleepcast.theme", theme);
-  } catch {
-    // Without storage the choice holds for this session.
-  }
 });
-dark.addEventListener("change", () => keptTheme() ?? setTheme(dark.matches ? "dark" : "light"));
-setTheme(keptTheme() ?? (dark.matches ? "dark" : "light"));
 
 find("help").addEventListener("click", () => find("guide").showModal());
 window.addEventListener("keydown", (event) => {

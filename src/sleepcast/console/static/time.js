@@ -18,8 +18,8 @@ export class Time {
     this.find("run").addEventListener("click", () => this.toggle());
     this.find("step").addEventListener("click", () => this.step());
     this.find("speed").addEventListener("change", (event) => wire.tell("pace", { factor: Number(event.target.value) }));
-    this.scrub = this.find("scrub");
-    this.scrub.addEventListener("input", () => this.seek());
+    this.scrub = this.find("scrub"); // null on a page that shows no recordings
+    this.scrub?.addEventListener("input", () => this.seek());
     this.sought = 0; // the animation frame in which a seek goes out, 0 if none waits
     this.moved = -HELD; // when the slider was last moved by hand
     window.addEventListener("keydown", (event) => {
@@ -58,7 +58,7 @@ export class Time {
   }
 
   show(frame) {
-    if (!this.scrub.hidden && performance.now() - this.moved > HELD) {
+    if (this.scrub && !this.scrub.hidden && performance.now() - this.moved > HELD) {
       this.scrub.value = String(frame.time);
       this.scrub.setAttribute("aria-valuetext", clock(frame.time));
     }

@@ -4,6 +4,7 @@
 // view changes, the trails when there are new ones, the robots with every frame.
 
 import { decode, FLAG_NAMES } from "./frame.js";
+import { gestures } from "./gestures.js";
 import { drawGround, drawPlaces } from "./ground.js";
 import { Pings } from "./pings.js";
 import { palette, styleOf } from "./shapes.js";
@@ -13,7 +14,6 @@ import { gridStep, UNITS, View } from "./view.js";
 
 const ZOOM_STEP = 1.4;
 const NEAR = 14; // pixels: how far beside a robot a click may be
-const DRAG = 4; // pixels: what moves less is a click
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 export class World extends EventTarget {
@@ -252,61 +252,15 @@ export class World extends EventTarget {
   // ---- pointer and keys
 
   listen() {
-    const pointers = new Map();
-    let travelled = 0;
-    const place = (event) => {
-      const box = this.map.getBoundingClientRect();
-      return [event.clientX - box.left, event.clientY - box.top];
-    };
-    this.map.addEventListener("pointerdown", (event) => {
-      if (event.button !== 0) return;
-      this.map.setPointerCapture(event.pointerId);
-      pointers.set(event.pointerId, place(event));
-      travelled = 0;
+    gestures(this.map, {
+      drag: (dx, dy) => this.pan(dx, dy),
+      click: (x, y) => this.choose(this.at(x, y)),
+      hover: (x, y) => this.point(x ?? -1e9, y ?? -1e9),
+      zoom: (factor, x, y) => this.zoom(factor, x, y),
     });
-    this.map.addEventListener("pointermove", (event) => {
-      const now = place(event);
-      const before = pointers.get(event.pointerId);
-      if (!before) {
-        this.point(...now);
-        return;
-      }
-      const [dx, dy] = [now[0] - before[0], now[1] - before[1]];
-      travelled += Math.hypot(dx, dy);
-      if (pointers.size === 2) this.pinch(pointers, event.pointerId, before, now);
-      else if (travelled > DRAG) this.pan(dx, dy);
-      pointers.set(event.pointerId, now);
-      this.map.classList.toggle("dragging", travelled > DRAG);
-    });
-    const release = (event) => {
-      if (pointers.delete(event.pointerId) && event.type === "pointerup" && travelled <= DRAG) {
-        this.choose(this.at(...place(event)));
-      }
-      this.map.classList.remove("dragging");
-    };
-    this.map.addEventListener("pointerup", release);
-    this.map.addEventListener("pointercancel", release);
-    this.map.addEventListener("pointerleave", () => this.point(-1e9, -1e9));
-    this.map.addEventListener("dblclick", (event) => this.zoom(ZOOM_STEP ** 2, ...place(event)));
-    this.map.addEventListener(
-      "wheel",
-      (event) => {
-        event.preventDefault();
-        const lines = event.deltaMode === 1 ? 30 : 1;
-        const amount = Math.max(-240, Math.min(240, event.deltaY * lines));
-        this.zoom(Math.exp(-amount * (event.ctrlKey ? 0.01 : 0.0022)), ...place(event));
-      },
-      { passive: false },
-    );
     this.map.addEventListener("keydown", (event) => {
       if (this.frame && !event.ctrlKey && !event.metaKey && !event.altKey && this.key(event)) event.preventDefault();
     });
-  }
-
-  pinch(pointers, id, before, now) {
-    const [other] = [...pointers].filter(([key]) => key !== id).map(([, at]) => at);
-    const gap = (at) => Math.max(1, Math.hypot(at[0] - other[0], at[1] - other[1]));
-    this.zoom(gap(now) / gap(before), (now[0] + other[0]) / 2, (now[1] + other[1]) / 2);
   }
 
   // The pointer is over the pixel: show what is there.

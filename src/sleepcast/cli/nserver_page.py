@@ -1,0 +1,135 @@
+"""The Nomad's server on a page: its robots, windows and world put into the shape that the console shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from sleepcast.cli.page import Address
+from sleepcast.cli.streams import announce
+from sleepcast.clock import WallClock
+from sleepcast.console import serve_nomads
+from sleepcast.nomad import Nserver, Pace, RobotWindow, Sketch
+from sleepcast.nomad.units import TENTH, TENTH_DEGREE
+from sleepcast.robot import Corners
+
+Area = tuple[float, float, float, float]
+
+
+class NomadsOnPage:
+    """A server of Nomads as the console wants to see it (its `Nomads`)."""
+
+    tenth, degree = TENTH, TENTH_DEGREE
+
+    def __init__(self, nserver: Nserver, pace: Pace, title: str, area: Area) -> None:
+        self._nserver, self._pace, self._world = nserver, pace, nserver.world
+        self.title, self.area = title, area
+
+    @property
+    def count(self) -> int:
+        """How many robots there are."""
+        return self._world.count
+
+    @property
+    def time(self) -> float:
+        """Simulated seconds since the start."""
+        return self._world.time
+
+    @property
+    def speed(self) -> float:
+        """Simulated seconds in a second that are wanted."""
+        return self._pace.speed
+
+    @property
+    def held(self) -> bool:
+        """Whether every robot is kept at rest."""
+        return self._nserver.held
+
+    def steers(self, robot: int) -> bool:
+        """See `SimulatedWorld`."""
+        return self._world.steers(robot)
+
+    def radius(self, robot: int) -> float:
+        """See `SimulatedWorld`."""
+        return self._world.radius(robot)
+
+    def window(self, robot: int) -> RobotWindow:
+        """What there is to see of it now, also while time stands still."""
+        window = self._nserver.windows.robots[robot]
+        window.look(self._nserver.service.behaviours[robot].condition(), self._world.radius(robot))
+        return window
+
+    def sketches(self) -> Sequence[Sketch]:
+        """What programs have drawn."""
+        return self._nserver.windows.sketches
+
+    def solids(self) -> Sequence[Corners]:
+        """See `SimulatedWorld`."""
+        return self._world.solids()
+
+    # ---- what the page asks
+
+    def set_speed(self, speed: float) -> None:
+        """As fast as this from now on."""
+        self._pace.speed = speed
+
+    def step(self) -> None:
+        """Let one tick pass."""
+        self._nserver.step()
+
+    async def perform(self, robot: int, order: str, numbers: Sequence[int]) -> None:
+        """Do what a program's request does, until it is done. Raises MisuseError."""
+        await self._nserver.perform(robot, order, numbers)
+
+    def say(self, robot: int, text: str) -> None:
+        """What a program's `tk` does."""
+        self._nserver.windows.robots[robot].said.append((self._world.time, text))
+
+    def click(self, robot: int, x: float, y: float) -> None:
+        """Answer a program that waits for a place."""
+        self._nserver.click(robot, x, y)
+
+    def hold(self, still: bool) -> None:
+        """Keep every robot at rest, or no longer."""
+        self._nserver.hold(still)
+
+    def add(self, corners: Corners) -> bool:
+        """See `SimulatedWorld`."""
+        return self._world.add(corners)
+
+    def remove(self, corners: Corners) -> bool:
+        """See `SimulatedWorld`."""
+        return self._world.remove(corners)
+
+    def move(self, corners: Corners, across: float, up: float) -> bool:
+        """See `SimulatedWorld`."""
+        return self._world.move(corners, across, up)
+
+    async def live(self) -> None:
+        """Serve programs and let time pass until cancelled, or until a program ends the server."""
+        await self._nserver.run(self._pace)
+
+
+async def show(
+    nserver: Nserver,
+    pace: Pace,
+    *,
+    title: str,
+    area: Area,
+    address: Address,
+    say: Callable[[str], None] = announce,
+) -> None:
+    """Serve the page of a server that listens already, and let its time pass, until Ctrl-C or until a program ends it.
+
+    title: what the page calls it. area: the world's edge, least x, least y, greatest x, greatest y in m. Raises what
+    the console raises for the address.
+    """
+    await serve_nomads(
+        NomadsOnPage(nserver, pace, title, area),
+        WallClock(),
+        host=address.host,
+        port=address.port,
+        insecure=address.insecure,
+        open_browser=address.browser,
+        port_option="--page-port",
+        say=say,
+    )

@@ -1,0 +1,88 @@
+"""A line to one page: its messages, within a bounded rate, and what it is told.
+
+Whatever page is served, it is read in the same way: what is no message is refused with a sentence, what comes too fast
+is not read, and a peer that keeps on breaking the rules is not served any more. Urgent messages pass in any case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from typing import Generic, TypeVar
+
+import msgspec
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from sleepcast.clock import Clock
+from sleepcast.console import messages
+from sleepcast.console.answers import Refused
+
+MESSAGES_PER_SECOND = 120.0
+"""Of one page, over a longer time: thirty frames drawn, and the fastest typing many times over."""
+MESSAGES_AT_ONCE = 240.0
+"""A page may save up this many, for a burst after a pause."""
+MOST_DROPPED = 2_000
+"""Messages beyond the rate after which a page is not served any more."""
+MOST_MALFORMED = 200
+"""Messages that are none, after which a page is not served any more."""
+TOO_MUCH = 1008
+"""The WebSocket close code for a peer that breaks the rules."""
+
+M = TypeVar("M", bound=messages.Message)
+
+encode = msgspec.json.Encoder().encode
+
+
+class Line(Generic[M]):
+    """One page's socket. decode: gives a message or raises MessageError. urgent: messages that nothing may hold up."""
+
+    def __init__(self, socket: WebSocket, decode: Callable[[str | bytes], M], urgent: type[M], clock: Clock) -> None:
+        self._socket, self._decode, self._urgent, self._clock = socket, decode, urgent, clock
+        self._allowance, self._counted_at = MESSAGES_AT_ONCE, clock.now()
+        self._dropped = self._malformed = 0
+
+    async def read(self, take: Callable[[M], Awaitable[None]]) -> None:
+        """Hand every message to `take` until the page goes away or breaks the rules."""
+        try:
+            while True:
+                event = await self._socket.receive()
+                if event["type"] == "websocket.disconnect":
+                    return
+                await self._take(event.get("text") or event.get("bytes") or b"", take)
+                if self._dropped > MOST_DROPPED or self._malformed > MOST_MALFORMED:
+                    await self._socket.close(TOO_MUCH, "too many messages that are not this page's")
+                    return
+        except WebSocketDisconnect:
+            return
+
+    async def _take(self, data: str | bytes, take: Callable[[M], Awaitable[None]]) -> None:
+        try:
+            message = self._decode(data)
+        except messages.MessageError as error:
+            self._malformed += 1
+            await self.say(Refused(str(error), messages.serial_in(data)))
+            return
+        if isinstance(message, self._urgent) or self._may_pass():
+            await take(message)
+            return
+        self._dropped += 1
+        serial = getattr(message, "serial", None)
+        if serial is not None or self._dropped == 1:
+            await self.say(Refused("too many messages at once; this one was not read", serial))
+
+    def _may_pass(self) -> bool:
+        """Whether one more message keeps within the page's rate."""
+        now = self._clock.now()
+        saved = self._allowance + (now - self._counted_at) * MESSAGES_PER_SECOND
+        self._allowance, self._counted_at = min(saved, MESSAGES_AT_ONCE), now
+        if self._allowance < 1.0:
+            return False
+        self._allowance -= 1.0
+        return True
+
+    async def say(self, message: msgspec.Struct) -> None:
+        """Tell the page."""
+        await self._socket.send_text(encode(message).decode())
+
+    async def send(self, data: str | bytes) -> None:
+        """Send the page text, or bytes for a picture."""
+        await (self._socket.send_text(data) if isinstance(data, str) else self._socket.send_bytes(data))

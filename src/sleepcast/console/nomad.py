@@ -1,0 +1,133 @@
+"""What the page of the Nomads shows, and what it asks.
+
+The console knows no wire and no simulator. The roof gives it something with these few members: simulated robots, by
+their index from 0, with what their windows show. SI units in the world's frame, but for the numbers of an order, which
+are the Nomad's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Literal, Protocol
+
+from sleepcast.robot import Condition, Corners
+
+Point = tuple[float, float]
+"""x and y in m."""
+Layer = Literal["actual", "encoder", "bumper", "infrared", "sonar", "laser", "graphics"]
+"""What can be erased by itself."""
+Saying = tuple[float, str]
+"""When, in simulated seconds, and what."""
+
+
+class Sketch(Protocol):
+    """Something that a program has drawn. kind and numbers: "robot", x, y, heading, turret; "line", x and y of both
+    ends; "arc", x and y of the upper left corner of the ellipse's box, width, height, first and last angle. m and rad.
+    mode: a colour, 1 to 3 for the pen's own."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def numbers(self) -> Sequence[float]: ...
+    @property
+    def mode(self) -> int: ...
+
+
+class RobotWindow(Protocol):
+    """What there is to see of one robot. Each of the rows forgets its oldest entries.
+
+    actual, encoder: where it was, and where it believed to be. echoes: what its sonars saw. commands: what it was
+    asked. said: text that its program has sent. condition: the latest, None before the first. waiting: how many
+    programs wait until somebody points at a place. client: who drives it, "" for nobody. erased: how often each layer
+    has been erased.
+    """
+
+    @property
+    def actual(self) -> Sequence[Point]: ...
+    @property
+    def encoder(self) -> Sequence[Point]: ...
+    @property
+    def echoes(self) -> Sequence[Point]: ...
+    @property
+    def commands(self) -> Sequence[Saying]: ...
+    @property
+    def said(self) -> Sequence[Saying]: ...
+    @property
+    def condition(self) -> Condition | None: ...
+    @property
+    def waiting(self) -> int: ...
+    @property
+    def client(self) -> str: ...
+    @property
+    def erased(self) -> Mapping[Layer, int]: ...
+
+
+class Nomads(Protocol):
+    """Robots that programs drive, and the solid things around them.
+
+    title: what the page calls it. count: of the robots. tenth: m of one unit of the Nomad's lengths. degree: rad of one
+    unit of its angles. area: the world's edge, least x, least y, greatest x, greatest y. speed: simulated seconds
+    in a second that are wanted, 0 while time stands still, infinite for as fast as possible. held: whether every body
+    is kept at rest, whatever is asked. Raises SleepcastError for what cannot be done, IndexError for a robot that there
+    is not.
+    """
+
+    @property
+    def title(self) -> str: ...
+    @property
+    def count(self) -> int: ...
+    @property
+    def tenth(self) -> float: ...
+    @property
+    def degree(self) -> float: ...
+    @property
+    def area(self) -> tuple[float, float, float, float]: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def speed(self) -> float: ...
+    @property
+    def held(self) -> bool: ...
+
+    def steers(self, robot: int) -> bool:
+        """Whether its axes are way, direction and turret, and not two wheels."""
+
+    def radius(self, robot: int) -> float:
+        """Of its body, m."""
+
+    def window(self, robot: int) -> RobotWindow: ...
+
+    def sketches(self) -> Sequence[Sketch]:
+        """What programs have drawn and nobody has erased."""
+
+    def solids(self) -> Sequence[Corners]:
+        """The polygons that there are now."""
+
+    def set_speed(self, speed: float) -> None: ...
+
+    def step(self) -> None:
+        """Let one tick pass."""
+
+    async def perform(self, robot: int, order: str, numbers: Sequence[int]) -> None:
+        """What a program's request of this name does, until it is done."""
+
+    def say(self, robot: int, text: str) -> None:
+        """What a program's `tk` does."""
+
+    def click(self, robot: int, x: float, y: float) -> None:
+        """Somebody points at a place."""
+
+    def hold(self, still: bool) -> None:
+        """Keep every body at rest from now on, or no longer."""
+
+    def add(self, corners: Corners) -> bool:
+        """Put up a polygon; False if there is no room for more or that is none."""
+
+    def remove(self, corners: Corners) -> bool:
+        """Take the polygon with these corners away; False if there is none that can be taken."""
+
+    def move(self, corners: Corners, across: float, up: float) -> bool:
+        """Move the polygon with these corners by so many m; False if there is none that can be moved."""
+
+    async def live(self) -> None:
+        """Serve programs and let time pass until cancelled."""

@@ -1,0 +1,209 @@
+"""The orders that a page can give to a robot: every request of the Nomad's programs that makes something happen.
+
+Each has its name, its numbers in the Nomad's own units and bounds, and a sentence. The page makes its buttons, its
+completion and its explanations of this table, and what a page sends is checked against it once more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import msgspec
+
+from sleepcast.errors import MisuseError, did_you_mean
+
+MOST_VERTICES = 10
+"""Of a polygon in an order: the Nomad's programs promise no more."""
+LENGTH = "1/10 in"
+ANGLE = "1/10°"
+EITHER = "1/10 in/s or 1/10°/s"
+AWAY = "1/10 in or 1/10°"
+FAR = 1_000_000
+"""The greatest length of an order: 2.5 km in tenths of inches."""
+QUICK = 10_000
+"""The greatest speed or acceleration of an order; what is more than the robot's own is what the robot can do."""
+SONARS = 16
+END_OF_ORDER = 255
+"""Ends a list of sensors."""
+
+
+class Field(msgspec.Struct, frozen=True):
+    """One number: its name, unit, bounds, and what it is unless somebody says otherwise (None: it must be said)."""
+
+    name: str
+    unit: str = ""
+    least: int = -FAR
+    most: int = FAR
+    usual: int | None = None
+
+
+class Order(msgspec.Struct, frozen=True):
+    """One order. more: what may follow the fields, up to `at_most` numbers in all; filled: numbers that are missing
+    then are this. beside: its first number says how many corners follow, x and y of each, and so many numbers come
+    beside those; 0: it has no corners. text: takes words and no numbers. shown: has a button and fields on the page.
+    """
+
+    name: str
+    about: str
+    fields: tuple[Field, ...] = ()
+    more: Field | None = None
+    at_most: int = 0
+    filled: int | None = None
+    beside: int = 0
+    text: bool = False
+    shown: bool = False
+
+
+def _axes(unit: str, least: int, most: int, usual: int | None = None) -> tuple[Field, ...]:
+    return (
+        Field("right", unit, least, most, usual),
+        Field("left", unit, least, most, usual),
+        Field("third", unit, least, most, 0),
+    )
+
+
+_PLACE = (
+    Field("x", LENGTH),
+    Field("y", LENGTH),
+    Field("steering", ANGLE, -36_000, 36_000, 0),
+    Field("turret", ANGLE, -36_000, 36_000, 0),
+)
+_SENSOR = Field("sensor", "", -1, 255)
+_VERTEX = Field("x or y", LENGTH)
+_MODE = Field("colour", "", 1, 23, 1)
+
+ORDERS: dict[str, Order] = {
+    order.name: order
+    for order in (
+        Order("vm", "Turn the wheels this fast, until told otherwise.", _axes(EITHER, -QUICK, QUICK), shown=True),
+        Order("pr", "Go this far with each wheel, and stop.", _axes(AWAY, -FAR, FAR), shown=True),
+        Order("st", "Stop and hold the position.", shown=True),
+        Order("lp", "Let go: the wheels roll out.", shown=True),
+        Order("zr", "Zero: stand at the origin with heading 0.", shown=True),
+        Order("dp", "Say where the robot is; it does not move.", _PLACE[:2], shown=True),
+        Order("da", "Say which way the robot looks; it does not turn.", _PLACE[2:], shown=True),
+        Order("place_robot", "Put the robot there, body and belief.", _PLACE, shown=True),
+        Order("sp", "How fast pr goes.", _axes(EITHER, 0, QUICK), shown=True),
+        Order("ac", "How fast speeds change.", _axes(EITHER, 1, QUICK), shown=True),
+        Order(
+            "conf_sn",
+            "Fire the sonars in this order, pausing 4 ms times the rate between two; none for all off.",
+            (Field("rate", "4 ms", 0, 255, 1),),
+            more=_SENSOR,
+            at_most=1 + SONARS,
+            filled=END_OF_ORDER,
+            shown=True,
+        ),
+        Order("conf_tm", "Stop when no command came for so long; 0: never.", (Field("s", "s", 0, 255, 1),), shown=True),
+        Order("tk", "Say something.", text=True, shown=True),
+        Order(
+            "mv",
+            "For each axis a mode (0 leave, 1 speed, 2 distance, 3 limp, 4 acceleration, 5 cruise) and its number.",
+            tuple(
+                field
+                for axis in ("right", "left", "third")
+                for field in (Field(f"{axis} mode", "", 0, 5, 0), Field(axis, "", -FAR, FAR, 0))
+            ),
+        ),
+        Order(
+            "conf_ir",
+            "Use these infrared sensors, averaging over so many readings.",
+            (Field("history", "", 0, 10, 0),),
+            more=_SENSOR,
+            at_most=1 + SONARS,
+            filled=END_OF_ORDER,
+        ),
+        Order("conf_cp", "Compass: 0 off, 1 on, 2 calibrate.", (Field("mode", "", 0, 2, 1),)),
+        Order(
+            "conf_ls",
+            "Laser: its mode and settings.",
+            tuple(Field(name, "", 0, 1023) for name in ("mode", "threshold", "width", "data", "processing")),
+        ),
+        Order(
+            "conf_sg",
+            "Laser: what counts as a line.",
+            tuple(Field(name, "", 0, 1023) for name in ("threshold", "points", "gap")),
+        ),
+        Order(
+            "add_obstacle",
+            "Put up a polygon: how many corners, then x y of each, counter-clockwise.",
+            (Field("corners", "", 3, MOST_VERTICES),),
+            more=_VERTEX,
+            at_most=1 + 2 * MOST_VERTICES,
+            beside=1,
+        ),
+        Order(
+            "delete_obstacle",
+            "Take the polygon with these corners away.",
+            (Field("corners", "", 3, MOST_VERTICES),),
+            more=_VERTEX,
+            at_most=1 + 2 * MOST_VERTICES,
+            beside=1,
+        ),
+        Order(
+            "move_obstacle",
+            "Move the polygon with these corners; the last two numbers say how far across and up.",
+            (Field("corners", "", 3, MOST_VERTICES),),
+            more=_VERTEX,
+            at_most=3 + 2 * MOST_VERTICES,
+            beside=3,
+        ),
+        Order("new_world", "Take all obstacles away."),
+        Order("draw_robot", "Draw a robot.", (*_PLACE, _MODE)),
+        Order("draw_line", "Draw a line.", (*(Field(name, LENGTH) for name in ("x1", "y1", "x2", "y2")), _MODE)),
+        Order(
+            "draw_arc",
+            "Draw a piece of an ellipse; x y is the upper left corner of its box.",
+            (
+                *_PLACE[:2],
+                Field("width", LENGTH, 0),
+                Field("height", LENGTH, 0),
+                Field("from", ANGLE, -36_000, 36_000, 0),
+                Field("to", ANGLE, -36_000, 36_000, 3600),
+                _MODE,
+            ),
+        ),
+        Order("refresh_all", "Erase everything that was drawn."),
+        Order("refresh_all_traces", "Erase both traces."),
+        Order("refresh_actual_trace", "Erase where the robot was."),
+        Order("refresh_encoder_trace", "Erase where it believed to be."),
+        Order("refresh_all_sensors", "Erase what all sensors saw."),
+        Order("refresh_bumper_sensor", "Erase what the bumper felt."),
+        Order("refresh_infrared_sensor", "Erase what the infrared sensors saw."),
+        Order("refresh_sonar_sensor", "Erase what the sonars saw."),
+        Order("refresh_laser_sensor", "Erase what the laser saw."),
+        Order("refresh_client_graphics", "Erase what programs have drawn."),
+        Order("real_robot", "Let the real robot behind this one take the orders, where there is one."),
+        Order("simulated_robot", "Let the simulated robot take the orders again."),
+    )
+}
+
+
+def check(name: str, numbers: Sequence[int]) -> list[int]:
+    """The numbers of the order as a program would send them. Raises MisuseError, in words for who typed it."""
+    order = ORDERS.get(name)
+    if order is None:
+        meant = did_you_mean(name, ORDERS) or ", as there is vm, pr or st"
+        raise MisuseError(f"there is no order {name!r}{meant}")
+    given = [*numbers, *_usual(order, len(numbers))]
+    most = order.at_most if order.more is not None else len(order.fields)
+    if len(given) < len(order.fields) or len(given) > most:
+        raise MisuseError(f"{name} takes {_wanted(order)}; this has {len(numbers)} numbers")
+    if order.beside and len(given) != order.beside + 2 * given[0]:
+        raise MisuseError(f"{name}: {given[0]} corners make {order.beside + 2 * given[0]} numbers, not {len(given)}")
+    for place, number in enumerate(given):
+        field = order.fields[place] if place < len(order.fields) else order.more
+        if field is not None and not field.least <= number <= field.most:
+            raise MisuseError(f"{name}: {field.name} must lie from {field.least} to {field.most}, not be {number}")
+    return given if order.filled is None else given + [order.filled] * (most - len(given))
+
+
+def _usual(order: Order, given: int) -> list[int]:
+    """What the fields are that were left out at the end."""
+    left = [field.usual for field in order.fields[given:]]
+    return [] if None in left else [usual for usual in left if usual is not None]
+
+
+def _wanted(order: Order) -> str:
+    names = " ".join(field.name if field.usual is None else f"[{field.name}]" for field in order.fields)
+    return f"{names} ..." if order.more is not None else names or "no numbers"

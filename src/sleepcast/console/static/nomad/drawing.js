@@ -1,0 +1,194 @@
+// How things look on both maps, in pixels of a View.
+
+const TURN = 2 * Math.PI;
+const COLOURS = 7; // of robots, in turn; --robot-1 and on
+const LEAST = 5; // pixels: a robot's radius is never drawn smaller
+// Modes 4 and on of what programs draw; 1 to 3 are the pen's own colour.
+const NAMED = [
+  "#d62728", "#1f77b4", "#2ca02c", "#e6a700", "#9467bd", "#17a2b8", "#e377c2", "#8c564b", "#ff7f0e", "#7f8c8d",
+  "#b0173f", "#3f51b5", "#0f7f5f", "#a6841a", "#6a3fb5", "#2a9d8f", "#c0399f", "#6d4c41", "#d9541e", "#546e7a",
+];
+
+export function colourOf(robot, colours) {
+  return colours.robots[(robot % COLOURS) + 1];
+}
+
+// The colour of a layer in switches and rings: of the chosen robot for its traces.
+export function sketchColour(mode, colours) {
+  return mode > 3 ? NAMED[(mode - 4) % NAMED.length] : colours.ink;
+}
+
+export function sizeOf(view, radius) {
+  return Math.max(LEAST, radius * view.scale);
+}
+
+// Closed lines through corners [x, y] in m.
+export function outline(pen, view, corners) {
+  pen.beginPath();
+  for (const [x, y] of corners) pen.lineTo(view.toScreenX(x), view.toScreenY(y));
+  pen.closePath();
+}
+
+export function drawSolids(pen, view, solids, chosen, colours) {
+  pen.lineWidth = 1;
+  solids.forEach((corners, place) => {
+    outline(pen, view, corners);
+    pen.fillStyle = colours.obstacle;
+    pen.fill();
+    pen.strokeStyle = place === chosen ? colours.chosen : colours.wall;
+    pen.lineWidth = place === chosen ? 3 : 1;
+    pen.stroke();
+  });
+}
+
+// A trace of x, y in turn; the encoders' is dashed.
+export function drawTrace(pen, view, points, colour, dashed) {
+  if (points.length < 4) return;
+  pen.beginPath();
+  for (let i = 0; i < points.length; i += 2) pen.lineTo(view.toScreenX(points[i]), view.toScreenY(points[i + 1]));
+  pen.strokeStyle = colour;
+  pen.lineWidth = 1.6;
+  pen.lineJoin = "round";
+  pen.setLineDash(dashed ? [5, 4] : []);
+  pen.globalAlpha = dashed ? 0.8 : 0.65;
+  pen.stroke();
+  pen.setLineDash([]);
+  pen.globalAlpha = 1;
+}
+
+export function drawSketches(pen, view, sketches, radius, colours) {
+  pen.lineWidth = 1.5;
+  for (const { kind, numbers, mode } of sketches) {
+    pen.strokeStyle = sketchColour(mode, colours);
+    pen.beginPath();
+    if (kind === "line") {
+      pen.moveTo(view.toScreenX(numbers[0]), view.toScreenY(numbers[1]));
+      pen.lineTo(view.toScreenX(numbers[2]), view.toScreenY(numbers[3]));
+    } else if (kind === "arc") {
+      const [left, top, width, height, from, to] = numbers;
+      const [x, y] = [view.toScreenX(left + width / 2), view.toScreenY(top - height / 2)];
+      pen.ellipse(x, y, (Math.abs(width) / 2) * view.scale, (Math.abs(height) / 2) * view.scale, 0, -from, -to, to > from);
+    } else {
+      const [x, y, heading, turret] = numbers;
+      const size = sizeOf(view, radius);
+      disc(pen, view.toScreenX(x), view.toScreenY(y), size);
+      spoke(pen, view.toScreenX(x), view.toScreenY(y), size, heading, 0, 1);
+      spoke(pen, view.toScreenX(x), view.toScreenY(y), size, turret, 0.5, 0.8);
+    }
+    pen.stroke();
+  }
+}
+
+function disc(pen, x, y, size) {
+  pen.moveTo(x + size, y);
+  pen.arc(x, y, size, 0, TURN);
+}
+
+// A line from the middle outwards, between two parts of the radius.
+function spoke(pen, x, y, size, angle, from, to) {
+  const [c, s] = [Math.cos(angle) * size, Math.sin(angle) * size];
+  pen.moveTo(x + from * c, y - from * s);
+  pen.lineTo(x + to * c, y - to * s);
+}
+
+// A body: where it really is.
+export function drawBody(pen, view, [x, y, heading, turret], radius, colour, colours, marks = {}) {
+  const [px, py, size] = [view.toScreenX(x), view.toScreenY(y), sizeOf(view, radius)];
+  pen.beginPath();
+  disc(pen, px, py, size);
+  pen.globalAlpha = marks.faint ? 0.35 : 1;
+  pen.fillStyle = colour;
+  pen.fill();
+  pen.globalAlpha = 1;
+  pen.lineWidth = marks.chosen ? 3 : 1.2;
+  pen.strokeStyle = marks.chosen ? colours.ink : colours.area;
+  pen.stroke();
+  pen.beginPath();
+  spoke(pen, px, py, size, heading, 0.25, 1);
+  pen.strokeStyle = colours.area;
+  pen.lineWidth = Math.max(1.6, size / 6);
+  pen.lineCap = "round";
+  pen.stroke();
+  if (Math.abs(Math.sin((turret - heading) / 2)) > 0.01) {
+    pen.beginPath();
+    spoke(pen, px, py, size, turret, 0.9, 1.5);
+    pen.strokeStyle = colour;
+    pen.stroke();
+  }
+  pen.lineCap = "butt";
+}
+
+// Where a robot believes to be: a dashed ring with its heading.
+export function drawBelief(pen, view, [x, y, heading], radius, colour) {
+  const [px, py, size] = [view.toScreenX(x), view.toScreenY(y), sizeOf(view, radius)];
+  pen.beginPath();
+  disc(pen, px, py, size);
+  pen.setLineDash([4, 3]);
+  pen.strokeStyle = colour;
+  pen.lineWidth = 1.8;
+  pen.stroke();
+  pen.setLineDash([]);
+  pen.beginPath();
+  spoke(pen, px, py, size, heading, 0.5, 1.25);
+  pen.stroke();
+}
+
+// Sectors of range sensors, evenly round from `heading`: ranges in m from the body's edge, null for none.
+export function drawCones(pen, view, [x, y, , turret], radius, ranges, farthest, colour) {
+  const half = Math.PI / ranges.length;
+  const [px, py] = [view.toScreenX(x), view.toScreenY(y)];
+  ranges.forEach((range, sensor) => {
+    if (range === null) return;
+    const middle = -(turret + (TURN * sensor) / ranges.length);
+    const away = (radius + range) * view.scale;
+    pen.beginPath();
+    pen.moveTo(px, py);
+    pen.arc(px, py, away, middle - half, middle + half);
+    pen.closePath();
+    pen.fillStyle = colour;
+    pen.globalAlpha = range < farthest ? 0.1 : 0.03;
+    pen.fill();
+    if (range < farthest) {
+      pen.beginPath();
+      pen.arc(px, py, away, middle - half, middle + half);
+      pen.globalAlpha = 0.7;
+      pen.strokeStyle = colour;
+      pen.lineWidth = 1.5;
+      pen.stroke();
+    }
+  });
+  pen.globalAlpha = 1;
+}
+
+// Where the bumper feels something: arcs on the body's rim. touched: rad from the heading.
+export function drawTouches(pen, view, [x, y, heading], radius, touched, colour) {
+  const [px, py, size] = [view.toScreenX(x), view.toScreenY(y), sizeOf(view, radius)];
+  pen.strokeStyle = colour;
+  pen.lineWidth = Math.max(4, size / 4);
+  for (const angle of touched) {
+    pen.beginPath();
+    pen.arc(px, py, size + pen.lineWidth / 2, -(heading + angle) - 0.25, -(heading + angle) + 0.25);
+    pen.stroke();
+  }
+}
+
+// Dots at x, y in turn.
+export function drawDots(pen, view, points, size, colour) {
+  pen.fillStyle = colour;
+  for (const [x, y] of points) pen.fillRect(view.toScreenX(x) - size / 2, view.toScreenY(y) - size / 2, size, size);
+}
+
+// Crosses at x, y in turn.
+export function drawCrosses(pen, view, points, size, colour) {
+  pen.beginPath();
+  for (let i = 0; i < points.length; i += 2) {
+    const [x, y] = [view.toScreenX(points[i]), view.toScreenY(points[i + 1])];
+    pen.moveTo(x - size, y - size);
+    pen.lineTo(x + size, y + size);
+    pen.moveTo(x + size, y - size);
+    pen.lineTo(x - size, y + size);
+  }
+  pen.strokeStyle = colour;
+  pen.lineWidth = 1.6;
+  pen.stroke();
+}

@@ -1,0 +1,229 @@
+// Orders to the chosen robot: buttons, fields, and a command line with completion, history and a sentence for mistakes.
+
+import { History } from "../history.js";
+import { Listbox } from "../listbox.js";
+import { Refusal } from "../wire.js";
+
+const HINT = "An order and its numbers, such as vm 50 50. ↑ brings back earlier ones, Tab completes.";
+const STEERED = { right: "way", left: "steering", third: "turret" }; // axes of a body that steers its wheels together
+const HERE = { x: 0, y: 1, steering: 2, turret: 3 }; // fields that begin as where the robot believes to be
+const PLACES = ["dp", "da", "place_robot"];
+
+export class Orders {
+  constructor(root, wire, state) {
+    this.wire = wire;
+    this.state = state;
+    this.find = (id) => root.querySelector(`#${id}`);
+    this.text = this.find("text");
+    this.history = new History(window.localStorage, "sleepcast.orders");
+    this.completions = new Listbox(this.find("completions"), this.text);
+    this.table = new Map();
+    this.form = null; // the order whose fields are shown
+    this.listen();
+  }
+
+  listen() {
+    this.text.addEventListener("input", () => this.typed());
+    this.text.addEventListener("keydown", (event) => this.key(event));
+    this.text.addEventListener("blur", () => this.hide());
+    this.find("send").addEventListener("click", () => this.send());
+    this.completions.addEventListener("take", (event) => {
+      const order = this.table.get(event.detail);
+      this.text.value = order.fields.length || order.text ? `${order.name} ` : order.name;
+      this.text.focus();
+      this.typed();
+    });
+    this.find("fields").addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.submit();
+    });
+  }
+
+  setOrders(orders) {
+    this.table = new Map(orders.map((order) => [order.name, order]));
+    this.find("orders").replaceChildren(
+      ...orders.filter((order) => order.shown).map((order) => {
+        const button = Object.assign(document.createElement("button"), { type: "button", textContent: order.name, title: order.about });
+        button.dataset.order = order.name;
+        button.addEventListener("click", () => this.press(order));
+        return button;
+      }),
+    );
+    this.open(this.table.get(this.form?.name ?? "vm"));
+    this.typed();
+  }
+
+  // Another robot is looked at.
+  choose() {
+    this.find("addressee").textContent = this.state.kind?.name ?? "–";
+    if (this.form) this.open(this.form);
+  }
+
+  focus() {
+    this.text.focus();
+  }
+
+  // ---- buttons and fields
+
+  press(order) {
+    if (order.fields.length || order.text) {
+      this.open(order);
+      this.find("fields").querySelector("input")?.select();
+    } else this.give(order.name, [], "");
+  }
+
+  // Show the fields of an order.
+  open(order) {
+    this.form = order;
+    for (const button of this.find("orders").children) {
+      button.setAttribute("aria-pressed", String(button.dataset.order === order.name));
+    }
+    const inputs = this.fieldsOf(order).map((field) => this.input(order, field));
+    const name = Object.assign(document.createElement("code"), { textContent: order.name });
+    const send = Object.assign(document.createElement("button"), { type: "submit", textContent: `Give ${order.name}` });
+    this.find("fields").replaceChildren(name, ...inputs, send);
+    this.find("fields").title = order.about;
+  }
+
+  // What there is to fill in: a robot on two wheels has no third axis.
+  fieldsOf(order) {
+    const fields = order.fields.filter((field) => field.name !== "third" || this.state.kind?.steers);
+    if (order.text) return [{ name: "words", text: true }];
+    return order.more ? [...fields, { name: "sensors", list: true }] : fields;
+  }
+
+  input(order, field) {
+    const label = document.createElement("label");
+    label.append(`${this.title(field)} `);
+    const input = document.createElement("input");
+    input.name = field.name;
+    if (field.text || field.list) {
+      Object.assign(input, { type: "text", maxLength: 256, className: "wide" });
+      input.placeholder = field.list ? "0 2 15 1 14 3 …" : "";
+    } else {
+      Object.assign(input, { type: "number", step: 1, min: field.least, max: field.most, required: true });
+      input.value = this.begin(order, field);
+      input.title = `${field.unit ? `in ${field.unit}, ` : ""}${field.least} to ${field.most}`;
+    }
+    label.append(input);
+    if (field.unit) label.append(Object.assign(document.createElement("i"), { textContent: field.unit.replaceAll(" or 1/10°", "").replace("/s/s", "/s") }));
+    return label;
+  }
+
+  title(field) {
+    return this.state.kind?.steers ? (STEERED[field.name] ?? field.name) : field.name;
+  }
+
+  begin(order, field) {
+    const { state } = this;
+    const place = HERE[field.name];
+    if (!PLACES.includes(order.name) || place === undefined || !state.robot) return field.usual ?? (order.name === "vm" ? 50 : 0);
+    const now = state.robot.believed[place];
+    return place < 2 ? state.tenths(now) : state.direction(now);
+  }
+
+  submit() {
+    const inputs = [...this.find("fields").querySelectorAll("input")];
+    const order = this.form;
+    if (order.text) {
+      this.give(order.name, [], inputs[0].value.trim());
+      return;
+    }
+    const numbers = inputs.flatMap((input) => input.value.split(/[\s,]+/).filter(Boolean).map(Number));
+    if (numbers.some((number) => !Number.isSafeInteger(number))) this.answer("These must be whole numbers.", true);
+    else this.give(order.name, numbers, "");
+  }
+
+  // ---- the command line
+
+  typed() {
+    const line = this.text.value.trimStart();
+    const [name] = line.split(/\s+/);
+    const order = this.table.get(name);
+    this.find("usage").replaceChildren(...(order ? this.usage(order) : [HINT]));
+    const fitting = /\s/.test(line) || !line || order ? [] : [...this.table.values()].filter((each) => each.name.includes(name.toLowerCase()));
+    fitting.sort((a, b) => Number(b.name.startsWith(name)) - Number(a.name.startsWith(name)));
+    const choices = fitting.map((each) => ({ value: each.name, parts: [["name", each.name], ["doc", each.about]] }));
+    this.completions.show(document.activeElement === this.text ? choices.slice(0, 10) : []);
+    this.text.setAttribute("aria-expanded", String(this.completions.open));
+  }
+
+  hide() {
+    this.completions.hide();
+    this.text.setAttribute("aria-expanded", "false");
+  }
+
+  usage(order) {
+    const names = order.fields.map((field) => (field.usual === null ? this.title(field) : `[${this.title(field)}]`));
+    if (order.more) names.push("…");
+    if (order.text) names.push("words");
+    return [Object.assign(document.createElement("code"), { textContent: [order.name, ...names].join(" ") }), ` ${order.about}`];
+  }
+
+  key(event) {
+    if (event.isComposing) return;
+    if (this.completions.open && this.completionKey(event)) event.preventDefault();
+    else if (event.key === "Enter") this.send();
+    else if (event.key === "ArrowUp" || event.key === "ArrowDown") {
+      const text = this.history.move(event.key === "ArrowUp" ? -1 : 1, this.text.value);
+      if (text === null) return;
+      event.preventDefault();
+      this.text.value = text;
+      this.typed();
+      this.hide();
+    }
+  }
+
+  completionKey(event) {
+    if (event.key === "ArrowDown") this.completions.move(1);
+    else if (event.key === "ArrowUp" && this.completions.at >= 0) this.completions.move(-1);
+    else if (event.key === "Tab" && !event.shiftKey) this.completions.take();
+    else if (event.key === "Enter" && this.completions.at >= 0) this.completions.take();
+    else if (event.key === "Escape") this.hide();
+    else return false;
+    return true;
+  }
+
+  async send() {
+    const line = this.text.value.trim();
+    if (!line) return;
+    const [name] = line.split(/\s+/, 1);
+    const rest = line.slice(name.length).trim();
+    const order = this.table.get(name);
+    let done;
+    if (order?.text) done = await this.give(name, [], rest);
+    else {
+      const words = rest.split(/[\s,()]+/).filter(Boolean);
+      const numbers = words.map(Number);
+      const wrong = words.find((_, place) => !Number.isSafeInteger(numbers[place]));
+      if (wrong !== undefined && order) {
+        this.answer(`“${wrong}” is no whole number: ${name} takes ${this.usage(order)[0].textContent.slice(name.length).trim() || "none"}.`, true);
+        return;
+      }
+      done = await this.give(name, wrong === undefined ? numbers : [], "");
+    }
+    if (!done) return;
+    this.history.add(line);
+    if (this.text.value.trim() === line) this.text.value = "";
+    this.typed();
+  }
+
+  // Give the chosen robot an order; whether it was done.
+  async give(order, numbers, text, robot = this.state.chosen) {
+    const said = [order, ...numbers, ...(text ? [text] : [])].join(" ");
+    try {
+      await this.wire.ask("perform", { robot, order, numbers, text });
+    } catch (refusal) {
+      if (!(refusal instanceof Refusal)) throw refusal;
+      this.answer(`${said}: ${refusal.message}`, true);
+      return false;
+    }
+    this.answer(`Robot ${this.state.kinds[robot].name} was given: ${said}`, false);
+    return true;
+  }
+
+  answer(text, wrong) {
+    this.find("answer").textContent = text;
+    this.find("answer").classList.toggle("wrong", wrong);
+  }
+}

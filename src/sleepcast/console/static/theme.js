@@ -1,0 +1,31 @@
+// Light or dark: as the system has it, until somebody presses the button; that is kept.
+
+const KEY = "sleepcast.theme";
+
+// changed: called whenever the colours are other ones, and once at the start.
+export function theme(button, changed) {
+  const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  const set = (name) => {
+    document.documentElement.dataset.theme = name;
+    changed();
+  };
+  button.addEventListener("click", () => {
+    const name = document.documentElement.dataset.theme === "dark" ? "light" : "dark";
+    set(name);
+    try {
+      window.localStorage.setItem(KEY, name);
+    } catch {
+      // Without storage the choice holds for this session.
+    }
+  });
+  dark.addEventListener("change", () => kept() ?? set(dark.matches ? "dark" : "light"));
+  set(kept() ?? (dark.matches ? "dark" : "light"));
+}
+
+function kept() {
+  try {
+    return window.localStorage.getItem(KEY);
+  } catch {
+    return null;
+  }
+}

@@ -1,0 +1,347 @@
+"""The Nomads' page in a real Chromium: programs drive over the wire, a person looks on and takes a hand.
+
+Every test also sees to it that the page asked nobody but its own server, and that the browser had nothing to complain
+about.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from playwright.sync_api import BrowserContext, Page, expect
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from console.running import PATIENCE, Program, open_page
+from console.test_page import pixels_seen, settle, until
+from sleepcast.nomad.client import Nomad
+
+pytestmark = pytest.mark.browser
+
+ROOM = """\
+4 -1000 -1000 1000 -1000 1000 -960 -1000 -960
+4 -1000 960 1000 960 1000 1000 -1000 1000
+4 -1000 -960 -960 -960 -960 960 -1000 960
+4 960 -960 1000 -960 1000 960 960 960
+"""
+"""A room of 16 by 16 feet."""
+
+expect.set_options(timeout=1000 * PATIENCE)
+
+
+@pytest.fixture(scope="module")
+def nomads(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
+    """Two Scouts in a room, at four times real time, any ports."""
+    room = tmp_path_factory.mktemp("room") / "room.txt"
+    room.write_text(ROOM)
+    with Program("nserver", room, "--robots", "2", "--speed", "4", "--page-port", "0") as started:
+        yield started
+
+
+@pytest.fixture
+def robot(nomads: Program) -> Iterator[Nomad]:
+    """A program that drives robot 1, from the middle of the room."""
+    found = re.search(r"port (\d+)", nomads.said)
+    assert found
+    with Nomad.connect("127.0.0.1", int(found[1]), robot=1) as nomad:
+        nomad.refresh()
+        nomad.place_robot(0, 0, 0, 0)
+        yield nomad
+
+
+@pytest.fixture
+def page(nomads: Program, context: BrowserContext) -> Iterator[Page]:
+    """The page, open and alive."""
+    page = context.new_page()
+    complaints: list[str] = []
+    page.on("console", lambda said: complaints.append(said.text) if said.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("request", lambda request: complaints.append(request.url) if nomads.host not in request.url else None)
+    page.goto(nomads.address)
+    expect(page.locator("#motion")).not_to_be_empty()
+    yield page
+    assert not complaints, complaints
+
+
+def numbers(page: Page, row: str) -> list[int]:
+    """x, y, heading and turret of a row: `believed` or `real`."""
+    return [int(text) for text in page.locator(f"#{row} td").all_inner_texts()]
+
+
+def order(page: Page, line: str) -> None:
+    """Type a line and send it."""
+    page.locator("#text").fill(line)
+    page.locator("#text").press("Enter")
+
+
+FIND_BOX = """
+(name) => {
+  const canvas = document.getElementById("ground");
+  const { width, height } = canvas;
+  const copy = Object.assign(document.createElement("canvas"), { width, height });
+  const pen = copy.getContext("2d", { willReadFrequently: true });
+  pen.fillStyle = getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  pen.fillRect(0, 0, 1, 1);
+  const [wanted] = new Uint32Array(pen.getImageData(0, 0, 1, 1).data.buffer);
+  pen.drawImage(canvas, 0, 0);
+  const pixels = new Uint32Array(pen.getImageData(0, 0, width, height).data.buffer);
+  const box = [Infinity, Infinity, -Infinity, -Infinity];
+  pixels.forEach((pixel, at) => {
+    if (pixel !== wanted) return;
+    const [x, y] = [at % width, Math.floor(at / width)];
+    box[0] = Math.min(box[0], x); box[1] = Math.min(box[1], y);
+    box[2] = Math.max(box[2], x); box[3] = Math.max(box[3], y);
+  });
+  const { left, top, width: across } = canvas.getBoundingClientRect();
+  return box.map((value, axis) => (axis % 2 ? top : left) + (value * across) / width);
+}
+"""
+"""Within which pixels of the window the ground has a colour of the theme."""
+
+
+class Map:
+    """Where things are in the window: tenths of inches from the middle of the room, which has a side of 2000."""
+
+    def __init__(self, page: Page) -> None:
+        settle(page)
+        left, top, right, bottom = page.evaluate(FIND_BOX, "--map-obstacle")
+        self._scale = (right - left) / 2000
+        self._x, self._y = (left + right) / 2, (top + bottom) / 2
+
+    def __call__(self, x: float, y: float) -> tuple[float, float]:
+        return self._x + x * self._scale, self._y - y * self._scale
+
+
+def solid(page: Page, place: tuple[float, float]) -> bool:
+    """Whether the ground shows an obstacle there."""
+    settle(page)
+    pixel, wall = page.evaluate(
+        """([x, y]) => {
+          const canvas = document.getElementById("ground");
+          const { left, top, width } = canvas.getBoundingClientRect();
+          const ratio = canvas.width / width;
+          const copy = Object.assign(document.createElement("canvas"), { width: 2, height: 1 });
+          const pen = copy.getContext("2d", { willReadFrequently: true });
+          pen.drawImage(canvas, (x - left) * ratio, (y - top) * ratio, 1, 1, 0, 0, 1, 1);
+          pen.fillStyle = getComputedStyle(document.documentElement).getPropertyValue("--map-obstacle").trim();
+          pen.fillRect(1, 0, 1, 1);
+          return [0, 1].map((at) => [...pen.getImageData(at, 0, 1, 1).data]);
+        }""",
+        place,
+    )
+    return bool(pixel == wall)
+
+
+# ---- what a program does is seen
+
+
+def test_a_program_drives_and_the_page_shows_it(page: Page, robot: Nomad) -> None:
+    expect(page.locator("#robot-state")).to_contain_text("driven by 127.0.0.1")
+    robot.dp(100, 0)
+    robot.pr(300, 300)
+    robot.draw_line(-500, -500, 500, -500, 4)
+    robot.tk("Ouch.")
+    state = robot.ws(True, True, seconds=200)
+    until(page, lambda: numbers(page, "believed") == list(state.words[34:38]))
+    real = numbers(page, "real")
+    assert real[0] == pytest.approx(300, abs=5)  # dp has told it otherwise, and it stands where it stood
+    assert real[1:] == [0, 0, 0]
+
+    heard = page.locator("#long")
+    until(
+        page,
+        lambda: (
+            re.findall(r"\d+", heard.get_attribute("aria-label") or "") == [str(n) for n in robot.gs().words[17:33]]
+        ),
+    )
+    expect(page.locator("#pane-said")).to_contain_text("Ouch.")
+    page.locator("#tab-commands").click()
+    expect(page.locator("#pane-commands")).to_contain_text("pr(300, 300, 0)")
+    assert pixels_seen(page, "--robot-1", least=100)
+
+    page.locator("#layers summary").click()
+    for layer in ("actual", "encoder"):
+        page.locator(f"[data-layer={layer}]").uncheck()
+    until(page, lambda: ink(page) > 0)  # the line alone
+    page.locator("[data-erase=graphics]").click()
+    until(page, lambda: ink(page) == 0)
+    page.locator("[data-layer=actual]").check()
+    until(page, lambda: ink(page) > 0)
+    page.locator("[data-erase=actual]").click()
+    until(page, lambda: ink(page) == 0)
+
+
+def ink(page: Page) -> int:
+    """How many pixels of the layer of traces and drawings are not clear."""
+    settle(page)
+    found: int = page.evaluate(
+        """() => {
+          const canvas = document.getElementById("trails");
+          const { width, height } = canvas;
+          const copy = Object.assign(document.createElement("canvas"), { width, height });
+          const pen = copy.getContext("2d", { willReadFrequently: true });
+          pen.drawImage(canvas, 0, 0);
+          const { data } = pen.getImageData(0, 0, width, height);
+          return data.reduce((sum, value, place) => sum + (place % 4 === 3 && value > 0), 0);
+        }"""
+    )
+    return found
+
+
+def test_a_click_answers_a_program_that_asks_for_a_place(page: Page, robot: Nomad) -> None:
+    with ThreadPoolExecutor() as pool:
+        asked = pool.submit(robot.get_robot_conf, PATIENCE)
+        expect(page.locator("#asked")).to_be_visible()
+        box = page.locator("#own").bounding_box()
+        assert box
+        page.locator("#own").click(position={"x": box["width"] / 2 + 60, "y": box["height"] / 2})
+        x, y, *_ = asked.result(PATIENCE)
+    assert x > 50  # to the right of where it believes to be
+    assert y == pytest.approx(0, abs=20)
+    expect(page.locator("#asked")).to_be_hidden()
+
+
+# ---- what a person does
+
+
+def test_orders_from_the_page_move_the_robot(page: Page, robot: Nomad) -> None:
+    order(page, "pr 300 300")
+    expect(page.locator("#answer")).to_have_text("Robot 1 was given: pr 300 300")
+    until(page, lambda: numbers(page, "real")[:2] == [300, 0])
+    page.locator("[data-order=place_robot]").click()
+    page.locator("#fields [name=x]").fill("-200")
+    page.locator("#fields [name=steering]").fill("900")
+    page.locator("#fields").get_by_role("button").click()
+    until(page, lambda: numbers(page, "real") == [-200, 0, 900, 900])
+    assert tuple(robot.gs().words[34:37]) == (-200, 0, 900)
+    order(page, "tk Hello there.")
+    expect(page.locator("#pane-said")).to_contain_text("Hello there.")
+
+    for line, sentence in (
+        ("wm 50 50", "there is no order 'wm', as there is vm, pr or st"),
+        ("place_robt 1 2", "there is no order 'place_robt' (did you mean place_robot?)"),
+        ("vm 50", "vm takes right left [third]; this has 1 numbers"),
+        ("vm fast 50", "“fast” is no whole number: vm takes right left [third]."),
+        ("conf_tm 256", "conf_tm: s must lie from 0 to 255, not be 256"),
+    ):
+        order(page, line)
+        expect(page.locator("#answer.wrong")).to_contain_text(sentence)
+    page.locator("#text").fill("")
+    page.locator("#text").press_sequentially("plac")
+    page.locator("#text").press("Tab")
+    expect(page.locator("#text")).to_have_value("place_robot ")
+
+
+def test_arrow_keys_drive_for_as_long_as_they_are_held(page: Page, robot: Nomad) -> None:
+    page.locator("#map").focus()
+    page.keyboard.down("ArrowUp")
+    until(page, lambda: numbers(page, "real")[0] > 50)
+    page.keyboard.up("ArrowUp")
+    expect(page.locator("#motion")).to_contain_text("standing")
+    page.keyboard.down("ArrowLeft")
+    until(page, lambda: 100 < numbers(page, "real")[2] < 3500)
+    page.locator("#text").focus()  # the map has lost the keys
+    expect(page.locator("#motion")).to_contain_text("standing")
+    page.keyboard.up("ArrowLeft")
+
+    robot.place_robot(-900, 0, 0, 0)
+    page.locator("#map").focus()
+    page.keyboard.down("ArrowUp")
+    expect(page.locator("#motion")).to_contain_text("moving")
+    page.goto("about:blank")  # nobody says any more that it is to drive
+    until(page, lambda: not any(robot.gs().words[38:40]))
+
+
+def test_robots_and_obstacles_are_put_elsewhere_by_hand(page: Page, robot: Nomad) -> None:
+    until(page, lambda: page.evaluate(FIND_BOX, "--map-obstacle")[0] is not None)
+    at = Map(page)
+    page.mouse.move(*at(0, 0))
+    page.mouse.down()
+    page.mouse.move(*at(250, 150), steps=3)
+    page.mouse.move(*at(500, 300))
+    page.mouse.up()
+    until(page, lambda: numbers(page, "real")[:2] == pytest.approx([500, 300], abs=15))
+
+    page.locator("#build").click()
+    for corner in ((-600, -600), (-300, -600), (-300, -300)):
+        page.mouse.click(*at(*corner))
+    page.locator("#map").press("Enter")
+    until(page, lambda: solid(page, at(-350, -500)))
+    page.mouse.click(*at(-350, -500))
+    expect(page.locator("#demolish")).to_be_visible()
+    page.mouse.move(*at(-350, -500))
+    page.mouse.down()
+    page.mouse.move(*at(-200, -400), steps=3)
+    page.mouse.move(*at(250, -500))
+    page.mouse.up()
+    until(page, lambda: solid(page, at(250, -500)) and not solid(page, at(-350, -500)))
+    page.mouse.click(*at(250, -500))
+    page.locator("#map").press("Delete")
+    until(page, lambda: not solid(page, at(250, -500)))
+
+
+def test_stop_holds_against_a_program_that_drives_on(page: Page, robot: Nomad) -> None:
+    robot.vm(100, 100)
+    expect(page.locator("#motion")).to_contain_text("moving")
+    page.locator("#text").focus()
+    page.keyboard.press("F9")
+    expect(page.locator("#stopped-text")).to_contain_text("every robot is kept at rest")
+    until(page, lambda: not any(robot.vm(100, 100).words[38:40]))
+    page.locator("#release").click()
+    expect(page.locator("#stopped")).to_be_hidden()
+    until(page, lambda: all(robot.vm(100, 100).words[38:40]))
+
+
+def test_time_stands_still_and_goes_on(page: Page, robot: Nomad) -> None:
+    page.locator("#run").click()
+    expect(page.locator("#achieved")).to_have_text("paused")
+    robot.vm(100, 100)
+    before = robot.gs().words[34]
+    page.locator("#step").click()
+    until(page, lambda: robot.gs().words[38] > 0)  # one tick, and it is faster
+    assert robot.gs().words[34] - before <= 1
+    page.locator("#run").click()
+    until(page, lambda: robot.gs().words[34] > before + 50)
+
+
+def test_a_narrow_window_needs_no_scrolling_aside(page: Page) -> None:
+    page.set_viewport_size({"width": 420, "height": 860})
+    settle(page)
+    assert page.evaluate("document.documentElement.scrollWidth") <= 420
+    page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
+    expect(page.locator("#stop")).to_be_in_viewport()
+
+
+# ---- what nobody may do
+
+
+def test_what_is_no_message_of_the_page_is_refused(nomads: Program) -> None:
+    with open_page(nomads) as page:
+        for kind, fields, reason in (
+            ("perform", {"robot": 7, "order": "st", "numbers": []}, "there is no robot 8: there are 2"),
+            ("perform", {"robot": 0, "order": "quit_server", "numbers": []}, "there is no order 'quit_server'"),
+            ("perform", {"robot": 0, "order": "vm", "numbers": [2**40, 0, 0]}, "not a message of this page"),
+            ("perform", {"robot": 0, "order": "vm", "numbers": [20_000, 0, 0]}, "right must lie from -10000 to 10000"),
+            ("perform", {"robot": 0, "order": "add_obstacle", "numbers": [5, 1, 2]}, "5 corners make 11 numbers"),
+            ("perform", {"robot": 0, "order": "st", "numbers": [], "text": "x"}, "takes numbers, not words"),
+            ("perform", {"robot": 0, "order": "tk", "numbers": [1], "text": "x"}, "takes words, and no numbers"),
+            ("click", {"robot": 0, "x": 0.0, "y": 0.0}, "no program waits for a place"),
+            ("click", {"robot": 0, "x": 1e300, "y": 0.0}, "not a message of this page"),
+            ("build", {"corners": [[0, 0], [1, 1]]}, "not a message of this page"),
+            ("build", {"corners": [[0, 0], [1, 1], [2, 2]]}, "this cannot be put up"),
+            ("clear", {"version": 1, "solid": 400}, "the obstacles have changed"),
+            ("preview", {"text": "(MARK)"}, "not a message of this page"),
+        ):
+            answer = page.ask(kind, **fields)
+            assert (answer["type"], reason in answer["reason"]) == ("refused", True), answer
+        for _ in range(300):
+            page.socket.send("[" * 50)
+        with pytest.raises(ConnectionClosed, match="too many messages"):
+            page.drain()
+
+
+def test_only_the_page_itself_comes_in(nomads: Program) -> None:
+    with pytest.raises(InvalidStatus, match="403"), open_page(nomads, origin="http://elsewhere.example"):
+        pass

@@ -256,7 +256,10 @@ def test_clients_that_vanish_leave_nothing_behind() -> None:
         async with served(1, headless=False) as made:
             for kind, words in ((Kind.ZR, ()), (Kind.WS, (1, 1, 1, 255)), (Kind.GET_ROBOT_CONF, ())):
                 client = await made.caller()
+                made.pace.speed = 1.0
                 await client.state(Kind.VM, 20, -20, 0)
+                await eventually(lambda: made.world.observe(0).speeds.first > 0.0)
+                made.pace.speed = 0.0  # so that nothing that takes time is ever done
                 client.writer.write(encode_request(Layout.FOUR, kind, words))
                 await eventually(lambda: len(made.nserver.waiting) == 1)
                 client.writer.transport.abort()

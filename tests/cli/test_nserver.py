@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from cli.calling import LONGEST, called
-from sleepcast.nomad import own_addresses
+from sleepcast.nomad import listening_places, own_addresses
 from sleepcast.nomad.wire import HEADER, Layout, decode, encode_request
 
 GS, QUIT, GET_ROBOT_CONF = 15, 70, 200
@@ -77,10 +77,12 @@ def test_it_serves_on_this_machine_s_addresses_until_ctrl_c(tmp_path: Path) -> N
 
 
 def test_a_program_may_end_it_where_that_is_permitted() -> None:
-    with started("--may-quit", "--setup", "nomad200", "--lockstep") as made:
+    with started("--may-quit", "--setup", "nomad200", "--lockstep", "--host", "0.0.0.0") as made:
+        assert made.where["hosts"] == ["0.0.0.0"]
         assert made.ask("127.0.0.1", (102, 1, 1), (GS,), (QUIT,))[1][0] == 10
         out, err = made.process.communicate(timeout=LONGEST)
         assert (made.process.returncode, out) == (0, ""), err
+        assert "whoever can reach 0.0.0.0 can drive these robots" in err
 
 
 def test_a_port_that_is_taken_is_one_sentence_and_a_failure() -> None:
@@ -118,6 +120,9 @@ def test_programs_that_name_no_server_find_it_where_their_machine_s_name_leads(m
 
     monkeypatch.setattr(socket, "getaddrinfo", found)
     assert own_addresses() == ["127.0.0.1", "127.0.1.1"]
+    assert listening_places(["::1", "127.0.1.1"]) == ["127.0.0.1", "127.0.1.1", "::1"]
+    assert listening_places(["192.0.2.7", "0.0.0.0", "::1"]) == ["0.0.0.0", "::1"]
+    assert listening_places(["::", "::1"]) == ["127.0.0.1", "127.0.1.1", "::"]
 
     def nobody(*_: object) -> None:
         raise socket.gaierror

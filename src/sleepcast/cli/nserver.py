@@ -37,6 +37,7 @@ WARM_TICKS = 3
 @click.option("--setup", metavar="ROBOT", default="ideal", show_default=True, help="ideal, noisy, nomad200, or a file.")
 @click.option("--robots", metavar="N", type=click.IntRange(min=1), help="So many; else as the world says, or one.")
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="What all chance depends on; else the world's.")
+@click.option("--crosstalk/--no-crosstalk", default=None, help="Sonars hear each other's echoes; else as ROBOT says.")
 @click.option("--port", type=click.IntRange(0, 65_535), default=7019, show_default=True, help="For programs; 0 is any.")
 @click.option("--host", "hosts", metavar="ADDRESS", multiple=True, help="Listen here too; else for this machine only.")
 @click.option(
@@ -57,6 +58,7 @@ def nserver(
     setup: str,
     robots: int | None,
     seed: int | None,
+    crosstalk: bool | None,
     port: int,
     hosts: tuple[str, ...],
     speed: float,
@@ -82,12 +84,12 @@ def nserver(
         import asyncio
 
         from sleepcast.clock import WallClock
-        from sleepcast.nomad import Nserver, Pace, Windows, own_addresses
+        from sleepcast.nomad import Nserver, Pace, Windows, listening_places
         from sleepcast.simulator.nomad_worlds import nomad_world
 
-        simulated = nomad_world(world, setup, robots, seed)
+        simulated = nomad_world(world, setup, robots, seed, crosstalk=crosstalk)
         real_robots = _real_robots(real, simulated.count)
-        _warm_up(nomad_world(world, setup, 1, seed))
+        _warm_up(nomad_world(world, setup, 1, seed, crosstalk=crosstalk))
         server = Nserver(
             simulated,
             windows=Windows(simulated.count),
@@ -99,7 +101,7 @@ def nserver(
             say=_say,
         )
         pace = Pace(WallClock(), speed)
-        addresses = list(dict.fromkeys([*own_addresses(), *hosts]))
+        addresses = listening_places(hosts)
         interrupts.release()  # from here on Ctrl-C ends the loop in good order
         title = f"{world.stem if world is not None else 'An empty room'}, {Path(setup).stem}"
         page = None if headless else _page(simulated, pace, title, page_port, browser=not no_browser, as_json=as_json)

@@ -11,6 +11,7 @@ import asyncio
 import errno
 import socket
 from collections.abc import Callable, Mapping, Sequence
+from ipaddress import ip_address
 
 from sleepcast.clock import Clock, WallClock
 from sleepcast.errors import SleepcastError
@@ -89,7 +90,9 @@ class Nserver:
         try:
             for host in hosts:
                 listener = _listener(host, self.port or port)
-                self.service.port = listener.getsockname()[1]
+                address, self.service.port = listener.getsockname()[:2]
+                if not ip_address(address).is_loopback:
+                    self.service.say(f"whoever can reach {host} can drive these robots: their wire knows no passwords")
                 self._servers.append(await loop.create_server(lambda: Line(self), sock=listener))
         except ServerError:
             await self.close()
@@ -233,11 +236,28 @@ def own_addresses() -> list[str]:
     return [LOCAL_HOST, *sorted(host for host in own if host.startswith("127.") and host != LOCAL_HOST)]
 
 
+def listening_places(hosts: Sequence[str]) -> list[str]:
+    """This machine's own addresses and these, each once. Where one of them stands for all of its kind (0.0.0.0, ::), no
+    other of that kind is listed."""
+    places = list(dict.fromkeys([*own_addresses(), *hosts]))
+    for everywhere, version in (("0.0.0.0", 4), ("::", 6)):
+        if everywhere in places:
+            places = [place for place in places if place == everywhere or _version(place) != version]
+    return places
+
+
+def _version(host: str) -> int:
+    """Of the internet protocol: a name's is the fourth."""
+    return 6 if ":" in host else 4
+
+
 def _listener(host: str, port: int) -> socket.socket:
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    listener = socket.socket(family, socket.SOCK_STREAM)
+    sixth = _version(host) == 6
+    listener = socket.socket(socket.AF_INET6 if sixth else socket.AF_INET, socket.SOCK_STREAM)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
+        if sixth:
+            listener.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
         listener.bind((host, port))
         listener.listen(MAX_CLIENTS)
     except OSError as error:

@@ -15,21 +15,20 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from sleepcast.cli.interrupts import Interrupts
+from sleepcast.cli.progress import unless_soon
 from sleepcast.cli.streams import ReaderGone, announce, complain
 from sleepcast.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.nomad import Nserver, Pace, RealRobot
-    from sleepcast.robot import SimulatedWorld
     from sleepcast.simulator.nomads import NomadWorld
 
 PAGE_PORT = 8318
 """Where the page is, unless another port is wanted: beside the other page's, so that both can be open."""
 SLOWEST = 0.01
 """Simulated seconds in a second."""
-
-WARM_TICKS = 3
-"""Of a warm-up: what happens only when something has moved happens by then."""
+QUICK = 3.0
+"""Times real time beyond which ticks are worth compiling."""
 
 
 @click.command("nserver", short_help="Simulated Nomads for programs that speak their wire.")
@@ -87,9 +86,10 @@ def nserver(
         from sleepcast.nomad import Nserver, Pace, Windows, listening_places
         from sleepcast.simulator.nomad_worlds import nomad_world
 
-        simulated = nomad_world(world, setup, robots, seed, crosstalk=crosstalk)
+        hurry = lockstep or speed > QUICK
+        with unless_soon("compiling what the simulator needs, once on this machine: this takes some ten seconds"):
+            simulated = nomad_world(world, setup, robots, seed, crosstalk=crosstalk, hurry=hurry)
         real_robots = _real_robots(real, simulated.count)
-        _warm_up(nomad_world(world, setup, 1, seed, crosstalk=crosstalk))
         server = Nserver(
             simulated,
             windows=Windows(simulated.count),
@@ -140,13 +140,6 @@ async def _serve(
         where = ", ".join(f"{host} port {server.port}" for host in hosts)
         announce(f"{robots} robot{'s' if robots > 1 else ''} at {where}.{'' if page else ' Ctrl-C ends it.'}")
     await (server.run(pace) if page is None else page(server))
-
-
-def _warm_up(world: SimulatedWorld) -> None:
-    """Load and compile all that a tick needs, so that no program has to wait for it."""
-    for _ in range(WARM_TICKS):
-        world.step()
-        world.observe(0)
 
 
 def _real_robots(given: Sequence[str], count: int) -> dict[int, RealRobot]:

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from threading import Timer
 from time import perf_counter
+
+from sleepcast.cli.streams import complain
 
 PATIENCE = 2.0
 """Seconds of work after which a person wants to know how long it will take."""
@@ -20,6 +24,18 @@ def steps(count: int, title: str, *, quiet: bool) -> Generator[int, None, None]:
         if shown and perf_counter() - began > PATIENCE:
             yield from _with_bar(number + 1, count, title)
             return
+
+
+@contextmanager
+def unless_soon(sentence: str) -> Iterator[None]:
+    """Say on standard error what is going on, if it takes more than `PATIENCE` seconds."""
+    timer = Timer(PATIENCE, complain, (sentence,))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def _with_bar(start: int, count: int, title: str) -> Generator[int, None, None]:

@@ -418,6 +418,8 @@ def test_nothing_that_a_client_sends_does_harm(asked: list[tuple[int, list[int]]
             _, size = HEADER.unpack_from(reply)
             assert len(decode(reply[4:])) == size
         made.nserver.step()
+        if program.wait is not None:
+            program.wait.ready()
     program.session.leave()
     seen = made.world.observe(0)
     assert all(abs(value) < 1e12 for value in (*seen.real, *seen.believed, *seen.speeds))

@@ -8,6 +8,7 @@ import time
 from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager
 from math import inf
+from random import Random
 
 import pytest
 
@@ -247,6 +248,22 @@ def test_noise_is_answered_with_errors_and_few_words_at_the_terminal() -> None:
                 assert await client.ask(1000 + number) == (91, (4,))
             assert 10 < len(made.said) < 50
             assert await client.state(Kind.GS)
+
+    play(scene)
+
+
+def test_junk_from_many_is_borne() -> None:
+    async def scene() -> None:
+        chance = Random(1)
+        async with served(2) as made:
+            other = await made.caller(2)
+            for _ in range(40):
+                client = await (made.caller() if chance.random() < 0.5 else made.bare())
+                client.writer.write(chance.randbytes(chance.randrange(1, 5000)))
+                assert await other.state(Kind.GS)
+                if chance.random() < 0.5:
+                    client.writer.transport.abort()
+            assert len(made.said) < 60
 
     play(scene)
 

@@ -360,6 +360,12 @@ def test_in_lockstep_nobody_waits_for_long_for_who_does_not_ask() -> None:
             assert made.world.time == pytest.approx(0.4)
             await asyncio.sleep(0.05)
             assert made.world.time == pytest.approx(0.4)  # nobody asks, and time stands still
+            made.pace.speed = 0.0
+            asked = asyncio.create_task(busy.state(Kind.GS))
+            await asyncio.sleep(0.1)
+            assert not asked.done()
+            made.pace.speed = 1.0
+            assert await asked
             assert (await idle.ask(102, 1, 4711))[1][0]
             await busy.close()
             assert await idle.state(Kind.GS)

@@ -104,6 +104,7 @@ def test_a_port_that_is_taken_is_one_sentence_and_a_failure() -> None:
         (["--real", "2=nomad://127.0.0.1:7019#1"], "--real wants the number of a robot, 1 to 1"),
         (["--robots", "100000"], "100000 robots"),
         (["--speed", "0"], "--speed"),
+        (["--speed", "2", "--lockstep"], "leave out either --lockstep or --speed"),
         (["--tk-order", "middle"], "'middle'"),
     ],
 )

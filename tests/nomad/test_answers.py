@@ -100,6 +100,18 @@ def test_zr_brings_the_robot_home_and_takes_its_time(made: Bench, program: Progr
     assert made.world.observe(0).real[:2] == pytest.approx((0.0, 0.0))
 
 
+def test_another_command_ends_zeroing(made: Bench, program: Program) -> None:
+    program.ask(Kind.PLACE_ROBOT, 1000, -1000, 900, 0)
+    program.state(Kind.VM, 300, 300, 0)
+    pass_time(made, 1.0)
+    assert program.send(encode_request(Layout.FOUR, Kind.ZR)) is None
+    made.program().state(Kind.VM, 100, 100, 0)
+    made.nserver.step()
+    assert program.wait is not None
+    assert program.wait.ready() is not None
+    assert made.world.observe(0).speeds.first > 0.0
+
+
 def test_dp_and_da_change_what_is_believed_and_place_robot_both(made: Bench, program: Program) -> None:
     program.state(Kind.DP, 300, -400)
     assert tuple(program.state(Kind.DA, 900, 100)[34:38]) == (300, -400, 900, 900)
@@ -217,13 +229,19 @@ def test_posdata_comes_for_the_sensors_that_were_asked_for(made: Bench, program:
 
 
 def test_what_is_masked_out_keeps_its_last_value(made: Bench, program: Program) -> None:
+    other = made.program()
     program.ask(Kind.PLACE_ROBOT, 100, 100, 0, 0)
-    program.state(Kind.GS)
+    assert other.state(Kind.GS) == program.state(Kind.GS)
+    pass_time(made, 0.1)
+    other.ask(Kind.PLACE_ROBOT, 200, 200, 0, 0)
+    pass_time(made, 0.1)
     state = program.state(Kind.CT, 255, 255, 255, 255, 0b11111101, 14, 0)  # without x
+    assert (state[34], state[35]) == (100, 200)
+    pass_time(made, 0.1)
     program.ask(Kind.PLACE_ROBOT, 300, 300, 0, 0)
     state = program.state(Kind.GS)
     assert (state[34], state[35]) == (100, 300)
-    assert made.program().state(Kind.GS)[34] == 300  # another client's mask is its own
+    assert other.state(Kind.GS)[34] == 300  # another client's mask is its own
     assert program.state(Kind.CT, *EVERYTHING)[34] == 300
 
 
@@ -418,6 +436,8 @@ def test_nothing_that_a_client_sends_does_harm(asked: list[tuple[int, list[int]]
             _, size = HEADER.unpack_from(reply)
             assert len(decode(reply[4:])) == size
         made.nserver.step()
+        if program.wait is not None:
+            program.wait.ready()
     program.session.leave()
     seen = made.world.observe(0)
     assert all(abs(value) < 1e12 for value in (*seen.real, *seen.believed, *seen.speeds))

@@ -8,6 +8,7 @@ import time
 from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager
 from math import inf
+from random import Random
 
 import pytest
 
@@ -251,6 +252,22 @@ def test_noise_is_answered_with_errors_and_few_words_at_the_terminal() -> None:
     play(scene)
 
 
+def test_junk_from_many_is_borne() -> None:
+    async def scene() -> None:
+        chance = Random(1)
+        async with served(2) as made:
+            other = await made.caller(2)
+            for _ in range(40):
+                client = await (made.caller() if chance.random() < 0.5 else made.bare())
+                client.writer.write(chance.randbytes(chance.randrange(1, 5000)))
+                assert await other.state(Kind.GS)
+                if chance.random() < 0.5:
+                    client.writer.transport.abort()
+            assert len(made.said) < 60
+
+    play(scene)
+
+
 def test_clients_that_vanish_leave_nothing_behind() -> None:
     async def scene() -> None:
         async with served(1, headless=False) as made:
@@ -343,6 +360,12 @@ def test_in_lockstep_nobody_waits_for_long_for_who_does_not_ask() -> None:
             assert made.world.time == pytest.approx(0.4)
             await asyncio.sleep(0.05)
             assert made.world.time == pytest.approx(0.4)  # nobody asks, and time stands still
+            made.pace.speed = 0.0
+            asked = asyncio.create_task(busy.state(Kind.GS))
+            await asyncio.sleep(0.1)
+            assert not asked.done()
+            made.pace.speed = 1.0
+            assert await asked
             assert (await idle.ask(102, 1, 4711))[1][0]
             await busy.close()
             assert await idle.state(Kind.GS)

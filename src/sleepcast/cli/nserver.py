@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 PAGE_PORT = 8318
 """Where the page is, unless another port is wanted: beside the other page's, so that both can be open."""
-SLOWEST = 0.01
+REAL_TIME, SLOWEST = 1.0, 0.01
 """Simulated seconds in a second."""
 QUICK = 3.0
 """Times real time beyond which ticks are worth compiling."""
@@ -40,7 +40,7 @@ QUICK = 3.0
 @click.option("--port", type=click.IntRange(0, 65_535), default=7019, show_default=True, help="For programs; 0 is any.")
 @click.option("--host", "hosts", metavar="ADDRESS", multiple=True, help="Listen here too; else for this machine only.")
 @click.option(
-    "--speed", metavar="X", type=click.FloatRange(SLOWEST), default=1.0, help="Times real time; inf: no wait."
+    "--speed", metavar="X", type=click.FloatRange(SLOWEST), default=REAL_TIME, help="Times real time; inf: no wait."
 )
 @click.option("--lockstep", is_flag=True, help="A tick comes when every program waits for one: runs repeat.")
 @click.option(
@@ -79,6 +79,8 @@ def nserver(
       sleepcast nserver lab.toml --setup noisy --robots 2
       sleepcast nserver --headless --lockstep --port 0 --json
     """
+    if lockstep and speed != REAL_TIME:
+        raise MisuseError("in lockstep time goes as fast as the programs ask: leave out either --lockstep or --speed")
     with Interrupts() as interrupts:
         import asyncio
 

@@ -62,6 +62,8 @@ class Behaviour:
             return
         self._last = (kind, words)
         self._condition = None
+        if kind in MOTIONS or kind in RESTS:
+            self._zeroing = False
         self._note(f"{name_of(kind)}({', '.join(map(str, words))})")
         COMMANDS[kind](self, words)
 
@@ -110,11 +112,11 @@ class Behaviour:
 
     def state_reply(self, layout: Layout | None, mask: Mask) -> bytes:
         """The reply to whatever gets the state."""
-        condition = self.condition()
+        seen = mask.sift(self.state())
         plain = mask.everything and not mask.posdata
         if plain and (known := self._replies.get(layout)) is not None:
             return known
-        words = [*mask.sift(self.state()), *NO_LASER, *self.posdata(mask.posdata), *tail(condition)]
+        words = [*seen, *NO_LASER, *self.posdata(mask.posdata), *tail(self.condition())]
         reply = encode(layout, Reply.STATE, words)
         if plain:
             self._replies[layout] = reply
@@ -230,7 +232,9 @@ COMMANDS: dict[int, Callable[[Behaviour, Words], None]] = {
 """What changes a robot, by type of request."""
 
 MOTIONS = frozenset({Kind.VM, Kind.PR, Kind.MV, Kind.ZR})
-"""Those that move it."""
+"""Those that move it,"""
+RESTS = frozenset({Kind.ST, Kind.LP, Kind.PLACE_ROBOT})
+"""and those that end a motion; both end zeroing."""
 
 
 def _positive(wanted: Axes) -> Axes:

@@ -19,7 +19,7 @@ from sleepcast.nomad.behaviour import Behaviour
 from sleepcast.nomad.hand import Hand
 from sleepcast.nomad.line import Line
 from sleepcast.nomad.notes import Notes
-from sleepcast.nomad.pace import Pace
+from sleepcast.nomad.pace import STANDSTILL, Pace
 from sleepcast.nomad.relay import RealRobot, Relay
 from sleepcast.nomad.requests import Kind
 from sleepcast.nomad.session import Service
@@ -103,7 +103,7 @@ class Nserver:
         try:
             while not self.service.quitting:
                 if self.service.lockstep:
-                    await self._keep_step()
+                    await self._keep_step(pace)
                 else:
                     await self._keep_pace(pace)
         finally:
@@ -207,8 +207,12 @@ class Nserver:
                 break
         await asyncio.sleep(pace.wait(tick))
 
-    async def _keep_step(self) -> None:
-        """One tick, once every client waits for it, those apart that have not asked for a while."""
+    async def _keep_step(self, pace: Pace) -> None:
+        """One tick, once every client waits for it, those apart that have not asked for a while; none while time is
+        told to stand still."""
+        if pace.speed <= 0.0:
+            await asyncio.sleep(STANDSTILL)
+            return
         loop = asyncio.get_running_loop()
         held = [line for line in self.lines if line.session.simulated and not (line.wait and line.wait.ticks)]
         patience = max((line.asked + PATIENCE - loop.time() for line in held), default=0.0)

@@ -15,7 +15,9 @@ from threading import Thread
 import pytest
 
 from clients.compiling import SOURCES, Workshop, workshop
+from sleepcast.nomad.client import Nomad, Pose
 
+INCH = 0.0254
 LONGEST = 60.0
 """Seconds that a busy machine is given."""
 OLD = "-std=gnu89 -w"
@@ -33,6 +35,14 @@ ROOM = """
     name = "a block"
     corners = [["84in", "48in"], ["108in", "48in"], ["108in", "72in"], ["84in", "72in"]]
 
+    [[world.polygons]]
+    name = "the wall of one box"
+    corners = [["110in", "32in"], ["144in", "32in"], ["144in", "34in"], ["110in", "34in"]]
+
+    [[world.polygons]]
+    name = "the wall of another"
+    corners = [["110in", "86in"], ["144in", "86in"], ["144in", "88in"], ["110in", "88in"]]
+
     [nomad]
     origin = ["36in", "36in"]
 
@@ -46,6 +56,8 @@ ROOM = """
 """
 UNKNOWN = "x" * 70
 """No machine's name can be as long as that, so that nobody has to be asked for it."""
+BOXES = [(91 * INCH, -20 * INCH), (91 * INCH, 68 * INCH)]
+"""In that room, places where a Scout has something within ten inches wherever it turns, as robots see them."""
 DATAGRAM = b"        1.50        -2.00 123456789.13".ljust(128, b"\0")
 
 
@@ -109,10 +121,10 @@ def old(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
     return workshop(tmp_path_factory.mktemp("old"), request.param)
 
 
-@pytest.fixture(scope="module", params=["native", "watched"])
-def programs(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of the built programs."""
-    made = workshop(tmp_path_factory.mktemp("programs"), request.param)
+@pytest.fixture(scope="module")
+def programs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the built programs, their use of memory watched where that is possible."""
+    made = workshop(tmp_path_factory.mktemp("programs"), "watched", "native")
     made.make("programs")
     return made.folder / "programs"
 
@@ -158,12 +170,13 @@ def test_a_program_without_a_header(old: Workshop, port: int) -> None:
 
 
 def test_a_program_that_listens_to_everything(old: Workshop, port: int) -> None:
-    assert run_old(old, "listener", port) == [
-        "attached 6 mask 1 0",
-        "front 90 back 40 bumped 0 error 0",
-        "read at 1",
-        "volts 1",
-    ]
+    attached, sonars, *rest = run_old(old, "listener", port)
+    assert (attached, rest) == ("attached 6 mask 1 0", ["read at 1", "volts 1"])
+    _, front, _, back, *nothing = sonars.split()
+    assert nothing == ["bumped", "0", "error", "0"]
+    # The wall of a box ahead and the edge behind, as they were up to 0.7 s before the robot came to rest.
+    assert int(front) == pytest.approx(56, abs=4)
+    assert int(back) == pytest.approx(40, abs=4)
 
 
 # ---- robots
@@ -177,12 +190,15 @@ def test_tune_up_goes_about_and_touches_nothing(programs: Path, port: int) -> No
     assert not out.startswith("robot 1 is at 0, 0;")
 
 
-def test_two_robs_stop_near_something_once_they_are_told(programs: Path, port: int) -> None:
+def test_two_robs_stop_near_something_as_soon_as_they_are_told(programs: Path, port: int) -> None:
     first, second = free_port(), free_port()
     to_server = ("-h", "127.0.0.1", "-p", port, "-w", 0)
+    for number, (x, y) in enumerate(BOXES, 1):
+        with Nomad.connect(port=port, robot=number) as nomad:
+            nomad.place(Pose(x, y, 0.0, 0.0))
     with (
-        started(programs / "rob1", *to_server, "-d", first, "-q", "-n", 20000) as rob1,
-        started(programs / "rob2", *to_server, "-d", second, "-q", "-n", 20000) as rob2,
+        started(programs / "rob1", *to_server, "-d", first, "-q", "-n", 5000) as rob1,
+        started(programs / "rob2", *to_server, "-d", second, "-q", "-n", 5000) as rob2,
     ):
         assert line_of(rob1) == f"robot 1 wanders and listens at port {first}\n"
         assert line_of(rob2) == f"robot 2 wanders and listens at port {second}\n"

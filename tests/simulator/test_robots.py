@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sleepcast.loop import Swarm
 from sleepcast.simulator import Changes, Simulator, find_scenario
 from sleepcast.simulator.body import Body
 from sleepcast.simulator.robots import Robots
-from small_worlds import simulator
+from sleepcast.simulator.settings import SettingsError
+from small_worlds import scouts, simulator
 
 SOME = np.array([1, 4, 5, 11, 19])
 FIRST, SECOND = np.array([0.3, -1.0, 2.0, 0.0, 9.0]), np.array([0.1, 2.0, -0.4, 3.0, 0.0])
@@ -80,6 +82,19 @@ def test_wheels_turn_alike() -> None:
         one_by_one.robots[number].turn_wheels(float(FIRST[i]), float(SECOND[i]))
     at_once.robots.turn_wheels(SOME, FIRST, SECOND)
     assert at_once.state_hash() == one_by_one.state_hash()
+
+
+def test_wheels_turn_in_tenths_of_inches_where_the_scenario_says_so(tmp_path: Path) -> None:
+    standard, nomad = scouts(tmp_path), scouts(tmp_path, ("seed = 3", 'seed = 3\nvocabulary = "nomad"'))
+    Swarm(standard).evaluate("scout1", "(VM 7.5in/s 5in/s)")
+    Swarm(nomad).evaluate("scout1", "(VM 75 50)")
+    standard.step(), nomad.step()
+    assert nomad.robots[0].sense().values == pytest.approx(standard.robots[0].sense().values)
+    assert standard.robots[0].sense().values[3] > 0
+    function = next(function for function in nomad.model.functions if function.name == "VM")
+    assert "tenths of inches" in function.doc
+    with pytest.raises(SettingsError, match="vocabulary"):
+        scouts(tmp_path, ("seed = 3", 'vocabulary = "nomads"'))
 
 
 def test_bodies_are_there_by_index_from_either_end(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import inf, pi
 
-from sleepcast.bridges.nomad_robot import PATIENCE, RADIUS, SCOUT, TRACK, NomadRobot
+from sleepcast.bridges.nomad_robot import FRESH, PATIENCE, RADIUS, SCOUT, TRACK, NomadRobot
 from sleepcast.nomad.client import PORT, Nomad
 from sleepcast.nomad.units import INCH, NOTHING_HEARD
 from sleepcast.robot import BodyFunction, Geometry, RobotModel
@@ -15,8 +15,6 @@ from sleepcast.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, Quant
 __all__ = ["PORT", "open_nomad"]
 
 SONARS = 16
-FRESH = 1.0
-"""Seconds after which what was measured counts as unknown: the server, or the way to it, has got stuck."""
 _RANGE = NOTHING_HEARD * INCH
 _VOLTS = (0.0, 13.0)
 _FASTEST = 1.1 * SCOUT.speed

@@ -46,9 +46,14 @@ MAX_COMPLAINTS = 100
 """Sentences that wait to be read; the oldest go."""
 FARTHEST = 1_000.0
 """m that a wheel may be asked to go in one go, and by which a body may be moved about."""
+LEAST_BRAKING = 0.5
+"""Share of the acceleration that is always left: however gently it is to drive, a robot must be able to stop."""
+FRESH = 1.0
+"""Seconds after which what was measured counts as unknown: the server, or the way to it, has got stuck."""
 FRONT = range(-4, 5)
 """Numbers of the sonars in front, within a quarter turn to both sides."""
 
+_FARTHEST_ECHO = NOTHING_HEARD * INCH
 Sort = Literal["rest", "speeds", "way", "limp"]
 
 
@@ -89,7 +94,7 @@ class NomadRobot:
         self._zeroing: Thread | None = None
         self._lost: NomadError | None = None
         self._state = nomad.state
-        self._attended = self._clock.now()
+        self._attended = self._heard = self._clock.now()
         self._wake, self._ending = Event(), False
         self._greet()
         self._courier = Thread(target=self._go_round, name="courier", daemon=True)
@@ -202,7 +207,7 @@ class NomadRobot:
 
     def accelerate(self, right: float, left: float) -> None:
         most = self.model.limits.acceleration
-        wanted = [max(TENTH, self._whole(min(abs(acceleration), most))) for acceleration in (right, left)]
+        wanted = [self._whole(min(max(abs(a), most * LEAST_BRAKING), most)) for a in (right, left)]
         self._send(lambda nomad: nomad.accelerate(*wanted))
 
     def zero(self) -> None:
@@ -234,14 +239,20 @@ class NomadRobot:
         self._send(lambda nomad: nomad.fire_sonars(min(max(pause, 0.0), 1.02), sonars if order else every))
 
     def sonar(self, which: float) -> float:
-        return self._state.sonars[int(which) % self.model.geometry.sonars]
+        return self._ranges()[int(which) % self.model.geometry.sonars]
 
     def nearest(self, first: float, last: float) -> float:
-        sonars = self._state.sonars
+        sonars = self._ranges()
         turn, step = 2.0 * pi, 2.0 * pi / len(sonars)
         wide = last - first if last - first >= turn else (last - first) % turn
-        seen = [found for number, found in enumerate(sonars) if (number * step - first) % turn <= wide]
-        return min(seen, default=self.model.geometry.sonar_range)
+        there = [found for number, found in enumerate(sonars) if (number * step - first) % turn <= wide]
+        return min((found for found in there if not isnan(found)), default=nan if there else _FARTHEST_ECHO)
+
+    def _ranges(self) -> list[float]:
+        """Of the sonars, m, now; NaN where nothing is known."""
+        if self._clock.now() - self._heard > FRESH:
+            return [nan] * self.model.geometry.sonars
+        return _ranges(self._state)
 
     # ---- what the mind leaves for the courier
 
@@ -300,6 +311,8 @@ class NomadRobot:
                 self._nomad.gs()
         except NomadError as error:
             self._lost = error
+        else:
+            self._heard = self._clock.now()
         self._state = self._nomad.state
 
     def _done(self, errand: Callable[[Nomad], object]) -> object:
@@ -324,7 +337,7 @@ class NomadRobot:
 
     def _values(self, state: State) -> tuple[float, ...]:
         """In the order of `nomad.SENSORS`."""
-        sonars = [inches * INCH if 0 < inches <= NOTHING_HEARD else nan for inches in state.sonar_inches]
+        sonars = _ranges(state)
         return (
             state.x,
             state.y,
@@ -336,8 +349,12 @@ class NomadRobot:
             state.computer_volts,
             state.motor_volts,
             *sonars,
-            min((sonars[number] for number in FRONT if sonars[number] == sonars[number]), default=nan),
+            min((sonars[number] for number in FRONT if not isnan(sonars[number])), default=nan),
         )
+
+
+def _ranges(state: State) -> list[float]:
+    return [inches * INCH if 0 < inches <= NOTHING_HEARD else nan for inches in state.sonar_inches]
 
 
 def _carry_out(motion: Motion, nomad: Nomad) -> State:

@@ -25,8 +25,8 @@ from sleepcast.language import format_value
 if TYPE_CHECKING:
     from sleepcast.simulator import Order
 
-OPERATOR = "terminal"
-"""Who sends what is typed, and what stands in a file."""
+OPERATOR, SENDER = "terminal", "datagram"
+"""Who sends what is typed and what stands in a file, and who sends plain datagrams."""
 MAX_WAITING = 64
 """Datagrams that wait: one is told the robot in each tick, as they come faster than that only from a fault."""
 PIECE = 65_536
@@ -80,8 +80,11 @@ class Typed:
 
     @staticmethod
     def _ready(descriptor: int) -> bool:
-        if os.isatty(descriptor) and os.tcgetpgrp(descriptor) != os.getpgrp():
-            return False  # who reads from a terminal in the background is stopped by it, and so would the robot be
+        try:
+            if os.isatty(descriptor) and os.tcgetpgrp(descriptor) != os.getpgrp():
+                return False  # who reads from a terminal in the background is suspended, and so would the mind be
+        except OSError:  # it is not the terminal that controls this process, so it suspends nobody
+            pass
         return bool(select.select([descriptor], [], [], 0)[0])
 
 
@@ -111,8 +114,6 @@ class NodeDesk:
         self._orders, self._typed, self._ears = deque(orders), typed, ears
         self._waiting: deque[Numbers] = deque()
         self._sequence = 0
-        self._unasked: set[str] = set()
-        """Messages that stand for datagrams and have not been answered yet: nobody waits for that."""
         self.lost = 0
         """Datagrams that found no room."""
 
@@ -133,15 +134,13 @@ class NodeDesk:
             else:
                 self.lost += 1
         if self._waiting:
-            message = self._message(heard(self._waiting.popleft()))
-            self._unasked.add(message.id)
-            yield message
+            yield self._message(heard(self._waiting.popleft()), SENDER)
 
-    def _message(self, text: str) -> Message:
+    def _message(self, text: str, sender: str = OPERATOR) -> Message:
         kind = {"STOP": Kind.STOP, "RELEASE": Kind.RELEASE}.get(text.upper(), Kind.COMMAND)
         self._sequence += 1
         said = text[:MAX_TEXT] if kind is Kind.COMMAND else ""
-        return Message(OPERATOR, 0, self._sequence, kind, self._clock.now() - self._start, text=said)
+        return Message(sender, 0, self._sequence, kind, self._clock.now() - self._start, text=said)
 
     def send(self, message: Message) -> None:
         """Print what the robot says."""
@@ -150,10 +149,8 @@ class NodeDesk:
             announce(f"{self._name}: {printable(reported_body(body))}")
         elif message.kind is Kind.ANSWER:
             value, fault = body.get("value"), body.get("fault")
-            command = str(body.get("command"))
-            if command in self._unasked and not fault:
-                self._unasked.discard(command)
-                return
+            if str(body.get("command")).startswith(f"{SENDER}-") and not fault:
+                return  # nobody waits for the answer to a datagram
             said = format_value(value if isinstance(value, float) else nan)
             announce(f"{self._name}: {body.get('outcome')}, {said}")
             if fault:

@@ -16,6 +16,7 @@ from sleepcast.errors import SleepcastError
 from sleepcast.robot import BodyFunction, Geometry, Reading, RobotModel, Setpoint
 from sleepcast.simulator import sonar
 from sleepcast.simulator.bodies import TURN, Bodies, Mode, Saying
+from sleepcast.simulator.robot_settings import TENTH
 from sleepcast.simulator.scenario import Scenario
 from sleepcast.simulator.sensors import sonar_sensors
 from sleepcast.simulator.signals import signal_constants
@@ -100,6 +101,10 @@ class Body:
             raise LackError("this robot has no wheels")
         self.drive((right + left) / 2.0, (right - left) / wheels.track)
 
+    def turn_wheels_nomad(self, right: float, left: float) -> None:
+        """The same in tenths of inches a second."""
+        self.turn_wheels(right * TENTH, left * TENTH)
+
     def sonar(self, which: float) -> float:
         echoes = self._bodies.rings_of(self.number)
         if echoes:
@@ -152,6 +157,16 @@ WHEEL_FUNCTIONS = (
         many="turn_wheels",
     ),
 )
+NOMAD_FUNCTIONS = (
+    replace(
+        WHEEL_FUNCTIONS[0],
+        call=Body.turn_wheels_nomad,
+        dimensions=(NONE, NONE),
+        doc="Turns the right and the left wheel at these speeds, in tenths of inches a second.",
+        many="turn_wheels_nomad",
+    ),
+)
+"""Those with wheels, in the vocabulary `nomad`."""
 SONAR_FUNCTIONS = (
     BodyFunction(
         "SONAR",
@@ -185,6 +200,7 @@ def model_of(scenario: Scenario, bodies: Bodies) -> RobotModel:
     """What all robots of the scenario have in common."""
     robots = scenario.robots
     speed, turn = robots.limits.speed, robots.limits.turn_rate
+    wheels = NOMAD_FUNCTIONS if scenario.nomad else WHEEL_FUNCTIONS
     return RobotModel(
         robots.type,
         sensors=(*bodies.sensors, *(sonar_sensors(robots.ring, scenario.length_unit) if robots.ring else ())),
@@ -194,7 +210,7 @@ def model_of(scenario: Scenario, bodies: Bodies) -> RobotModel:
         ),
         functions=(
             *FUNCTIONS,
-            *_lacking(scenario, WHEEL_FUNCTIONS if robots.wheels else ()),
+            *_lacking(scenario, wheels if robots.wheels else ()),
             *_lacking(scenario, SONAR_FUNCTIONS if robots.geometry.sonars else ()),
         ),
         limits=robots.limits,

@@ -35,6 +35,8 @@ LEAST = 1e-6
 WIDEST_BEAM = pi / 2
 """Of a sonar: wider ones would look behind themselves."""
 INCH = 0.0254
+TENTH = INCH / 10
+"""m in the unit of a Nomad's commands."""
 
 BODY_NAMES = (
     *("x", "y", "heading", "speed", "drive_speed", "drive_turn", "bumper", "front_range"),

@@ -12,6 +12,7 @@ from sleepcast.robot import RobotModel
 from sleepcast.simulator.bodies import TURN, Bodies, Flags, Floats, Mode, Whole
 from sleepcast.simulator.body import TUMBLE, Body
 from sleepcast.simulator.echoes import Echoes
+from sleepcast.simulator.robot_settings import TENTH
 
 
 class Robots(Sequence[Body]):
@@ -83,6 +84,9 @@ class Robots(Sequence[Body]):
         wheels = self._bodies.scenario.robots.wheels
         assert wheels
         self.drive(robots, (right + left) / 2.0, (right - left) / wheels.track)
+
+    def turn_wheels_nomad(self, robots: Whole, right: Floats, left: Floats) -> None:
+        self.turn_wheels(robots, right * TENTH, left * TENTH)
 
     def sonar(self, robots: Whole, which: Floats) -> Floats:
         if not isinstance(self._bodies.echoes, Echoes):

@@ -75,7 +75,7 @@ class Scenario:
     absent: what may be added to it; events: when. fenced: whether robots turn back at its edge by themselves.
     constants: numbers that rules know by name. pings: how they are heard, None where nobody hears any. measures: what
     is to be measured of a run. robots: all of them together; sorts: each sort of them by itself, with its count or its
-    share, none where all robots are alike.
+    share, none where all robots are alike. nomad: whether VM takes tenths of inches, as a Nomad's programs do.
     """
 
     name: str
@@ -105,6 +105,7 @@ class Scenario:
     absent: tuple[Shape, ...] = ()
     events: tuple[Event, ...] = ()
     sorts: tuple[RobotSpec, ...] = ()
+    nomad: bool = False
 
     @property
     def each_sort(self) -> tuple[RobotSpec, ...]:
@@ -173,6 +174,7 @@ def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  #
             lights=lights,
             pings=read_pings(root),
             measures=read_measures(root, _points(places, lights), MAX_TIME),
+            nomad=root.text("vocabulary", "standard", choices=("standard", "nomad")) == "nomad",
         )
 
 

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from math import ceil, isfinite, pi
 from pathlib import Path
 
-from sleepcast.simulator.robot_settings import INCH, MAX_WORLD
+from sleepcast.simulator.robot_settings import INCH, MAX_WORLD, TENTH
 from sleepcast.simulator.ros_map import read_map
 from sleepcast.simulator.scenario import FILE
 from sleepcast.simulator.settings import SettingsError, Table, read_text, toml_document
@@ -41,7 +41,6 @@ ROOM = 30 * CELL
 """m of a side of an empty room: from its middle, no wall is in reach of a sonar."""
 BEYOND = 2 * CELL
 """m that a world of polygons is open beyond the farthest corner at least."""
-TENTH = INCH / 10
 FULL_TURN = 2.0 * pi
 
 

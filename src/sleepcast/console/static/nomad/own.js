@@ -87,7 +87,8 @@ export class Own extends Pane {
     const { shown } = this.state;
     if (shown.sonar) drawCones(pen, this.view, robot.believed, kind.radius, own.sonars, NOTHING * inch, colour);
     if (shown.infrared) {
-      drawCones(pen, this.view, robot.believed, kind.radius, own.infrared, NOT_NEAR * inch, this.colours.lit);
+      const near = own.infrared.map((metres) => (metres < NOT_NEAR * inch ? metres : null));
+      drawCones(pen, this.view, robot.believed, kind.radius, near, Infinity, this.colours.lit);
     }
   }
 }

@@ -58,6 +58,7 @@ def robot(nomads: Program) -> Iterator[Nomad]:
 def page(nomads: Program, context: BrowserContext) -> Iterator[Page]:
     """The page, open and alive."""
     page = context.new_page()
+    page.set_viewport_size({"width": 1100, "height": 760})
     complaints: list[str] = []
     page.on("console", lambda said: complaints.append(said.text) if said.type in ("error", "warning") else None)
     page.on("pageerror", lambda error: complaints.append(str(error)))

@@ -91,7 +91,7 @@ export class About extends EventTarget {
       button.classList.toggle("driven", Boolean(state.robots[index]?.client));
     });
     this.find("asked").hidden = !robot.waiting;
-    if (robot.waiting) write(this.find("asked"), "A program asks for a place: click one here.");
+    if (robot.waiting) write(this.find("asked"), "A program asks for a place: click one here, or press Enter for the middle.");
     if (!own) return;
     const { steers } = state.kind;
     const speeds = (steers ? STEERED : WHEELS).map((name, axis) => {

@@ -54,6 +54,7 @@ export class Own extends Pane {
 
   key(event) {
     if (event.key === "c" || event.key === "C") this.follow(true);
+    else if (event.key === "Enter") this.click(this.view.width / 2, this.view.height / 2);
     else return super.key(event);
     return true;
   }

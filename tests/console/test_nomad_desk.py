@@ -55,13 +55,17 @@ class TestOrders:
         assert check("conf_sn", [15, 0, 2]) == [15, 0, 2, *[END_OF_ORDER] * 14]
         assert check("conf_sn", [15, -1]) == [15, -1, *[END_OF_ORDER] * 15]
 
+    def test_axes_are_called_as_the_body_has_them(self) -> None:
+        with pytest.raises(MisuseError, match=r"vm takes way steering \[turret\]"):
+            check("vm", [1], steers=True)
+
     @pytest.mark.parametrize(
         ("name", "numbers", "sentence"),
         [
             ("quit_server", [], "there is no order 'quit_server'"),
-            ("vm", [1], r"vm takes right left \[third\]; this has 1 numbers"),
+            ("vm", [1], r"vm takes right left \[third\]; this has 1 number$"),
             ("vm", [1, 2, 3, 4], "this has 4 numbers"),
-            ("st", [1], "st takes no numbers; this has 1 numbers"),
+            ("st", [1], "st takes no numbers; this has 1 number$"),
             ("conf_sn", [1] * 18, r"conf_sn takes \[rate\] \.\.\."),
             ("conf_tm", [256], "conf_tm: s must lie from 0 to 255, not be 256"),
             ("add_obstacle", [4, 0, 0, 1, 0, 1, 1], "4 corners make 9 numbers, not 7"),

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
@@ -33,11 +34,13 @@ expect.set_options(timeout=1000 * PATIENCE)
 
 @pytest.fixture(scope="module")
 def nomads(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
-    """Two Scouts in a room, at four times real time, any ports."""
+    """Two Scouts in a room, at four times real time, any ports; Ctrl-C ends all of it cleanly."""
     room = tmp_path_factory.mktemp("room") / "room.txt"
     room.write_text(ROOM)
     with Program("nserver", room, "--robots", "2", "--speed", "4", "--page-port", "0") as started:
         yield started
+        assert started.end() == 130
+        assert "Traceback" not in started.said
 
 
 @pytest.fixture
@@ -55,6 +58,7 @@ def robot(nomads: Program) -> Iterator[Nomad]:
 def page(nomads: Program, context: BrowserContext) -> Iterator[Page]:
     """The page, open and alive."""
     page = context.new_page()
+    page.set_viewport_size({"width": 1100, "height": 760})
     complaints: list[str] = []
     page.on("console", lambda said: complaints.append(said.text) if said.type in ("error", "warning") else None)
     page.on("pageerror", lambda error: complaints.append(str(error)))
@@ -222,7 +226,7 @@ def test_orders_from_the_page_move_the_robot(page: Page, robot: Nomad) -> None:
     for line, sentence in (
         ("wm 50 50", "there is no order 'wm', as there is vm, pr or st"),
         ("place_robt 1 2", "there is no order 'place_robt' (did you mean place_robot?)"),
-        ("vm 50", "vm takes right left [third]; this has 1 numbers"),
+        ("vm 50", "vm takes right left [third]; this has 1 number"),
         ("vm fast 50", "“fast” is no whole number: vm takes right left [third]."),
         ("conf_tm 256", "conf_tm: s must lie from 0 to 255, not be 256"),
     ):
@@ -312,6 +316,23 @@ def test_a_narrow_window_needs_no_scrolling_aside(page: Page) -> None:
     assert page.evaluate("document.documentElement.scrollWidth") <= 420
     page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
     expect(page.locator("#stop")).to_be_in_viewport()
+
+
+def test_a_program_that_may_ends_the_page_as_well(tmp_path: Path) -> None:
+    room = tmp_path / "room.txt"
+    room.write_text(ROOM)
+    with Program("nserver", room, "--page-port", "0", "--may-quit") as program, open_page(program) as page:
+        found = re.search(r"port (\d+)", program.said)
+        assert found
+        nomad = Nomad.connect("127.0.0.1", int(found[1]))
+        nomad.quit_server()
+        nomad.connection.close()
+        with pytest.raises(ConnectionClosed):
+            page.drain()
+        assert program.process.stdout is not None
+        with program.process.stdout as output:
+            assert "Traceback" not in output.read()
+        assert program.process.wait(PATIENCE) == 0
 
 
 # ---- what nobody may do

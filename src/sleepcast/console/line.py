@@ -7,6 +7,7 @@ is not read, and a peer that keeps on breaking the rules is not served any more.
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from typing import Generic, TypeVar
 
 import msgspec
@@ -39,20 +40,21 @@ class Line(Generic[M]):
         self._socket, self._decode, self._urgent, self._clock = socket, decode, urgent, clock
         self._allowance, self._counted_at = MESSAGES_AT_ONCE, clock.now()
         self._dropped = self._malformed = 0
+        self._gone = False
 
     async def read(self, take: Callable[[M], Awaitable[None]]) -> None:
         """Hand every message to `take` until the page goes away or breaks the rules."""
-        try:
-            while True:
-                event = await self._socket.receive()
-                if event["type"] == "websocket.disconnect":
-                    return
-                await self._take(event.get("text") or event.get("bytes") or b"", take)
-                if self._dropped > MOST_DROPPED or self._malformed > MOST_MALFORMED:
+        while True:
+            event = await self._socket.receive()
+            if event["type"] == "websocket.disconnect":
+                self._gone = True
+                return
+            await self._take(event.get("text") or event.get("bytes") or b"", take)
+            if self._dropped > MOST_DROPPED or self._malformed > MOST_MALFORMED:
+                self._gone = True
+                with suppress(WebSocketDisconnect):
                     await self._socket.close(TOO_MUCH, "too many messages that are not this page's")
-                    return
-        except WebSocketDisconnect:
-            return
+                return
 
     async def _take(self, data: str | bytes, take: Callable[[M], Awaitable[None]]) -> None:
         try:
@@ -80,9 +82,14 @@ class Line(Generic[M]):
         return True
 
     async def say(self, message: msgspec.Struct) -> None:
-        """Tell the page."""
-        await self._socket.send_text(encode(message).decode())
+        """Tell the page, if it is still there."""
+        await self.send(encode(message).decode())
 
     async def send(self, data: str | bytes) -> None:
-        """Send the page text, or bytes for a picture."""
-        await (self._socket.send_text(data) if isinstance(data, str) else self._socket.send_bytes(data))
+        """Send the page text, or bytes for a picture, if it is still there."""
+        if self._gone:
+            return
+        try:
+            await (self._socket.send_text(data) if isinstance(data, str) else self._socket.send_bytes(data))
+        except WebSocketDisconnect:
+            self._gone = True

@@ -133,7 +133,7 @@ class NomadDesk:
             return
         if text:
             raise MisuseError(f"{order} takes numbers, not words")
-        await self.nomads.perform(robot, order, check(order, numbers))
+        await self.nomads.perform(robot, order, check(order, numbers, steers=self.nomads.steers(robot)))
 
     async def drive(self, robot: int, numbers: list[int]) -> None:
         """Turn the axes this fast; rest where all are 0."""

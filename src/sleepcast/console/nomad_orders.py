@@ -28,13 +28,19 @@ END_OF_ORDER = 255
 
 
 class Field(msgspec.Struct, frozen=True):
-    """One number: its name, unit, bounds, and what it is unless somebody says otherwise (None: it must be said)."""
+    """One number: its name, unit, bounds, and what it is unless somebody says otherwise (None: it must be said).
+    steered: its name where a body steers its wheels together, "" for the same."""
 
     name: str
     unit: str = ""
     least: int = -FAR
     most: int = FAR
     usual: int | None = None
+    steered: str = ""
+
+    def title(self, steers: bool) -> str:
+        """Its name, for a body that steers its wheels together or not."""
+        return self.steered if steers and self.steered else self.name
 
 
 class Order(msgspec.Struct, frozen=True):
@@ -56,9 +62,9 @@ class Order(msgspec.Struct, frozen=True):
 
 def _axes(unit: str, least: int, most: int, usual: int | None = None) -> tuple[Field, ...]:
     return (
-        Field("right", unit, least, most, usual),
-        Field("left", unit, least, most, usual),
-        Field("third", unit, least, most, 0),
+        Field("right", unit, least, most, usual, "way"),
+        Field("left", unit, least, most, usual, "steering"),
+        Field("third", unit, least, most, least if least > 0 else 0, "turret"),
     )
 
 
@@ -101,8 +107,11 @@ ORDERS: dict[str, Order] = {
             "For each axis a mode (0 leave, 1 speed, 2 distance, 3 limp, 4 acceleration, 5 cruise) and its number.",
             tuple(
                 field
-                for axis in ("right", "left", "third")
-                for field in (Field(f"{axis} mode", "", 0, 5, 0), Field(axis, "", -FAR, FAR, 0))
+                for axis, steered in (("right", "way"), ("left", "steering"), ("third", "turret"))
+                for field in (
+                    Field(f"{axis} mode", "", 0, 5, 0, f"{steered} mode"),
+                    Field(axis, "", -FAR, FAR, 0, steered),
+                )
             ),
         ),
         Order(
@@ -179,8 +188,11 @@ ORDERS: dict[str, Order] = {
 }
 
 
-def check(name: str, numbers: Sequence[int]) -> list[int]:
-    """The numbers of the order as a program would send them. Raises MisuseError, in words for who typed it."""
+def check(name: str, numbers: Sequence[int], *, steers: bool = False) -> list[int]:
+    """The numbers of the order as a program would send them. steers: whether the body steers its wheels together.
+
+    Raises MisuseError, in words for who typed it.
+    """
     order = ORDERS.get(name)
     if order is None:
         meant = did_you_mean(name, ORDERS) or ", as there is vm, pr or st"
@@ -188,13 +200,15 @@ def check(name: str, numbers: Sequence[int]) -> list[int]:
     given = [*numbers, *_usual(order, len(numbers))]
     most = order.at_most if order.more is not None else len(order.fields)
     if len(given) < len(order.fields) or len(given) > most:
-        raise MisuseError(f"{name} takes {_wanted(order)}; this has {len(numbers)} numbers")
+        count = f"{len(numbers)} number{'' if len(numbers) == 1 else 's'}"
+        raise MisuseError(f"{name} takes {_wanted(order, steers)}; this has {count}")
     if order.beside and len(given) != order.beside + 2 * given[0]:
         raise MisuseError(f"{name}: {given[0]} corners make {order.beside + 2 * given[0]} numbers, not {len(given)}")
     for place, number in enumerate(given):
         field = order.fields[place] if place < len(order.fields) else order.more
         if field is not None and not field.least <= number <= field.most:
-            raise MisuseError(f"{name}: {field.name} must lie from {field.least} to {field.most}, not be {number}")
+            wanted = f"must lie from {field.least} to {field.most}, not be {number}"
+            raise MisuseError(f"{name}: {field.title(steers)} {wanted}")
     return given if order.filled is None else given + [order.filled] * (most - len(given))
 
 
@@ -204,6 +218,7 @@ def _usual(order: Order, given: int) -> list[int]:
     return [] if None in left else [usual for usual in left if usual is not None]
 
 
-def _wanted(order: Order) -> str:
-    names = " ".join(field.name if field.usual is None else f"[{field.name}]" for field in order.fields)
+def _wanted(order: Order, steers: bool) -> str:
+    titles = ((field.title(steers), field.usual) for field in order.fields)
+    names = " ".join(title if usual is None else f"[{title}]" for title, usual in titles)
     return f"{names} ..." if order.more is not None else names or "no numbers"

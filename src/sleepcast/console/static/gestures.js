@@ -1,7 +1,8 @@
 // What hands do on a map: drag, click, pinch, turn the wheel. Pixels are of the map's own box.
 //
-// handlers: drag(dx, dy), click(x, y), hover(x, y) with null for both when the pointer is gone, zoom(factor, x, y); and,
-// where things can be taken hold of, grab(x, y), which gives {move(x, y), drop(moved)} for what lies there, or null.
+// handlers: drag(dx, dy), click(x, y), hover(x, y) with null for both when the pointer is gone, zoom(factor, x, y).
+// Where things can be taken hold of, grab(x, y) gives {move(x, y), drop(moved)} for what lies there, or null; where two
+// clicks may follow each other fast and mean no closer look, busy() says so.
 
 const DRAG = 4; // pixels: what moves less is a click
 const DOUBLE = 1.96; // what a double click zooms by
@@ -54,7 +55,9 @@ export function gestures(map, handlers) {
   map.addEventListener("pointerup", release);
   map.addEventListener("pointercancel", release);
   map.addEventListener("pointerleave", () => handlers.hover(null, null));
-  map.addEventListener("dblclick", (event) => handlers.zoom(DOUBLE, ...place(event)));
+  map.addEventListener("dblclick", (event) => {
+    if (!handlers.busy?.()) handlers.zoom(DOUBLE, ...place(event));
+  });
   map.addEventListener(
     "wheel",
     (event) => {

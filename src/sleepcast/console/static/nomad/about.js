@@ -1,10 +1,17 @@
 // About the chosen robot: which one it is, its numbers in the Nomad's units, what it was told and what it said.
 
 import { picture, palette } from "../shapes.js";
+import { make, write } from "./elements.js";
 
 const TABS = ["said", "commands"];
-const NONE = { said: "It has said nothing. A program says something with tk.", commands: "Nobody has told it anything yet." };
-const AXES = ["right", "left"];
+const NONE = {
+  said: "It has said nothing. A program says something with tk.",
+  commands: "Nobody has told it anything yet.",
+};
+const WHEELS = ["right", "left"]; // the axes of a body on two wheels
+const STEERED = ["way", "steering", "turret"]; // and of one that steers its wheels together
+const MANY = 8; // robots, beyond which their buttons say less
+const MOST_SHOWN = 100; // lines
 const DISC = 3; // the shape in shapes.js
 
 export class About extends EventTarget {
@@ -29,14 +36,14 @@ export class About extends EventTarget {
   offer() {
     const { kinds, chosen } = this.state;
     const colours = palette().robots;
+    this.find("chooser").classList.toggle("many", kinds.length > MANY);
     this.find("chooser").replaceChildren(
       ...kinds.map(({ name }, robot) => {
-        const button = Object.assign(document.createElement("button"), { type: "button" });
+        const button = make("button", { type: "button" }, picture(DISC, colours[(robot % 7) + 1]), name);
         button.setAttribute("role", "radio");
         button.setAttribute("aria-checked", String(robot === chosen));
         button.tabIndex = robot === chosen ? 0 : -1;
         button.setAttribute("aria-label", `Robot ${name}`);
-        button.append(picture(DISC, colours[(robot % 7) + 1]), name);
         button.addEventListener("click", () => this.ask(robot));
         button.addEventListener("keydown", (event) => {
           const step = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
@@ -84,14 +91,16 @@ export class About extends EventTarget {
       button.classList.toggle("driven", Boolean(state.robots[index]?.client));
     });
     this.find("asked").hidden = !robot.waiting;
-    if (robot.waiting) write(this.find("asked"), "A program asks for a place: click one here.");
+    if (robot.waiting) write(this.find("asked"), "A program asks for a place: click one here, or press Enter for the middle.");
     if (!own) return;
     const { steers } = state.kind;
-    const speeds = steers
-      ? [`way ${state.tenths(own.speeds[0])}`, `steering ${Math.round(own.speeds[1] / state.degree)}`, `turret ${Math.round(own.speeds[2] / state.degree)}`]
-      : AXES.map((name, axis) => `${name} ${state.tenths(own.speeds[axis])}`);
-    const battery = `battery ${Math.round(100 * own.battery)} %`;
-    write(this.find("motion"), [`speeds ${speeds.join(", ")}`, own.moving.some(Boolean) ? "moving" : "standing", battery].join(" · "));
+    const speeds = (steers ? STEERED : WHEELS).map((name, axis) => {
+      const turns = steers && axis > 0;
+      return `${name} ${turns ? Math.round(own.speeds[axis] / state.degree) : state.tenths(own.speeds[axis])}`;
+    });
+    const motion = own.moving.some(Boolean) ? "moving" : "standing";
+    const battery = `battery ${Math.round(100 * own.battery)}\u00a0%`;
+    write(this.find("motion"), [`speeds ${speeds.join(", ")}`, motion, battery].join(" · "));
     for (const name of TABS) this.list(name, state[name]);
   }
 
@@ -109,19 +118,12 @@ export class About extends EventTarget {
     this.lists[name] = { last, length: lines.length };
     const pane = this.find(`pane-${name}`);
     if (!lines.length) {
-      pane.replaceChildren(Object.assign(document.createElement("p"), { className: "empty", textContent: NONE[name] }));
+      pane.replaceChildren(make("p", { className: "empty" }, NONE[name]));
       return;
     }
-    const list = document.createElement("ol");
-    for (const [time, text] of lines.slice(-100).reverse()) {
-      const line = document.createElement("li");
-      line.append(Object.assign(document.createElement("time"), { textContent: `${time.toFixed(1)} s` }), text);
-      list.append(line);
-    }
-    pane.replaceChildren(list);
+    const newest = lines.slice(-MOST_SHOWN).reverse();
+    pane.replaceChildren(
+      make("ol", {}, ...newest.map(([time, text]) => make("li", {}, make("time", {}, `${time.toFixed(1)} s`), text))),
+    );
   }
-}
-
-function write(element, text) {
-  if (element.textContent !== text) element.textContent = text;
 }

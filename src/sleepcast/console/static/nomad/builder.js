@@ -70,7 +70,8 @@ export class Builder extends EventTarget {
 
   demolish() {
     if (this.chosen < 0) return;
-    this.dispatchEvent(new CustomEvent("ask", { detail: ["clear", { version: this.state.version, solid: this.chosen }] }));
+    const detail = ["clear", { version: this.state.version, solid: this.chosen }];
+    this.dispatchEvent(new CustomEvent("ask", { detail }));
   }
 
   // The obstacle under the pixel, or -1.

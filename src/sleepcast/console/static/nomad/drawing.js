@@ -13,7 +13,7 @@ export function colourOf(robot, colours) {
   return colours.robots[(robot % COLOURS) + 1];
 }
 
-// The colour of a layer in switches and rings: of the chosen robot for its traces.
+// The colour of what a program has drawn in this mode.
 export function sketchColour(mode, colours) {
   return mode > 3 ? NAMED[(mode - 4) % NAMED.length] : colours.ink;
 }
@@ -67,7 +67,8 @@ export function drawSketches(pen, view, sketches, radius, colours) {
     } else if (kind === "arc") {
       const [left, top, width, height, from, to] = numbers;
       const [x, y] = [view.toScreenX(left + width / 2), view.toScreenY(top - height / 2)];
-      pen.ellipse(x, y, (Math.abs(width) / 2) * view.scale, (Math.abs(height) / 2) * view.scale, 0, -from, -to, to > from);
+      const [across, up] = [(Math.abs(width) / 2) * view.scale, (Math.abs(height) / 2) * view.scale];
+      pen.ellipse(x, y, across, up, 0, -from, -to, to > from);
     } else {
       const [x, y, heading, turret] = numbers;
       const size = sizeOf(view, radius);
@@ -172,13 +173,13 @@ export function drawTouches(pen, view, [x, y, heading], radius, touched, colour)
   }
 }
 
-// Dots at x, y in turn.
+// Dots at places [x, y].
 export function drawDots(pen, view, points, size, colour) {
   pen.fillStyle = colour;
   for (const [x, y] of points) pen.fillRect(view.toScreenX(x) - size / 2, view.toScreenY(y) - size / 2, size, size);
 }
 
-// Crosses at x, y in turn.
+// Crosses at places, x and y in turn.
 export function drawCrosses(pen, view, points, size, colour) {
   pen.beginPath();
   for (let i = 0; i < points.length; i += 2) {

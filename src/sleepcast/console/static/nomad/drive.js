@@ -1,7 +1,7 @@
 // Driving by hand: arrow keys, or the buttons of the pad, for as long as they are held. It stands for a joystick.
 //
-// While something is held the speeds are said again and again; the server lets the robot rest as soon as that ends. So a
-// page that hangs, is closed or loses its connection leaves nothing driving.
+// While something is held the speeds are said again and again; the server lets the robot rest as soon as that ends.
+// So a page that hangs, is closed or loses its connection leaves nothing driving.
 
 const AGAIN = 200; // ms; the server waits for three times as long
 const KEYS = { ArrowUp: "forward", ArrowDown: "back", ArrowLeft: "left", ArrowRight: "right" };
@@ -31,7 +31,8 @@ export class Driver {
     for (const place of places) {
       place.addEventListener("keydown", (event) => {
         const way = KEYS[event.key];
-        if (!way || event.target === this.pace || event.shiftKey || event.ctrlKey || event.altKey || event.metaKey) return;
+        if (!way || event.target === this.pace) return;
+        if (event.shiftKey || event.ctrlKey || event.altKey || event.metaKey) return;
         event.preventDefault();
         this.hold(way);
       });

@@ -1,5 +1,6 @@
 // Layers: which are shown, and a way to erase each.
 
+import { make } from "./elements.js";
 import { LAYERS } from "./state.js";
 
 export class Layers extends EventTarget {
@@ -7,30 +8,23 @@ export class Layers extends EventTarget {
     super();
     const list = root.querySelector("#layer-list");
     list.replaceChildren(...LAYERS.map((layer) => this.line(layer, state)));
-    const all = Object.assign(document.createElement("button"), { type: "button", textContent: "Erase all", title: "Erase every layer of the chosen robot" });
+    const all = make("button", { type: "button", title: "Erase every layer of the chosen robot" }, "Erase all");
     all.addEventListener("click", () => this.erase("refresh_all"));
-    const item = document.createElement("li");
-    item.append(all);
-    list.append(item);
+    list.append(make("li", {}, all));
   }
 
   line(layer, state) {
-    const item = document.createElement("li");
-    const label = document.createElement("label");
-    const box = Object.assign(document.createElement("input"), { type: "checkbox", checked: state.shown[layer.name] });
+    const box = make("input", { type: "checkbox", checked: state.shown[layer.name] });
     box.dataset.layer = layer.name;
     box.addEventListener("change", () => {
       state.shown[layer.name] = box.checked;
       this.dispatchEvent(new Event("change"));
     });
-    const sign = Object.assign(document.createElement("span"), { className: `sign ${layer.name}` });
-    sign.setAttribute("aria-hidden", "true");
-    label.append(box, sign, layer.title);
-    const button = Object.assign(document.createElement("button"), { type: "button", textContent: "erase", title: `Erase: ${layer.title}` });
+    const sign = make("span", { className: `sign ${layer.name}`, ariaHidden: "true" });
+    const button = make("button", { type: "button", title: `Erase: ${layer.title}` }, "erase");
     button.dataset.erase = layer.name;
     button.addEventListener("click", () => this.erase(layer.order));
-    item.append(label, button);
-    return item;
+    return make("li", {}, make("label", {}, box, sign, layer.title), button);
   }
 
   erase(order) {

@@ -3,10 +3,11 @@
 import { History } from "../history.js";
 import { Listbox } from "../listbox.js";
 import { Refusal } from "../wire.js";
+import { make } from "./elements.js";
 
 const HINT = "An order and its numbers, such as vm 50 50. ↑ brings back earlier ones, Tab completes.";
-const STEERED = { right: "way", left: "steering", third: "turret" }; // axes of a body that steers its wheels together
 const HERE = { x: 0, y: 1, steering: 2, turret: 3 }; // fields that begin as where the robot believes to be
+const BEGIN = { vm: 50, pr: 100, sp: 100, ac: 300 }; // what a field begins with that has no usual number
 const PLACES = ["dp", "da", "place_robot"];
 
 export class Orders {
@@ -43,7 +44,7 @@ export class Orders {
     this.table = new Map(orders.map((order) => [order.name, order]));
     this.find("orders").replaceChildren(
       ...orders.filter((order) => order.shown).map((order) => {
-        const button = Object.assign(document.createElement("button"), { type: "button", textContent: order.name, title: order.about });
+        const button = make("button", { type: "button", title: order.about }, order.name);
         button.dataset.order = order.name;
         button.addEventListener("click", () => this.press(order));
         return button;
@@ -79,9 +80,8 @@ export class Orders {
       button.setAttribute("aria-pressed", String(button.dataset.order === order.name));
     }
     const inputs = this.fieldsOf(order).map((field) => this.input(order, field));
-    const name = Object.assign(document.createElement("code"), { textContent: order.name });
-    const send = Object.assign(document.createElement("button"), { type: "submit", textContent: `Give ${order.name}` });
-    this.find("fields").replaceChildren(name, ...inputs, send);
+    const send = make("button", { type: "submit" }, `Give ${order.name}`);
+    this.find("fields").replaceChildren(make("code", {}, order.name), ...inputs, send);
     this.find("fields").title = order.about;
   }
 
@@ -93,10 +93,7 @@ export class Orders {
   }
 
   input(order, field) {
-    const label = document.createElement("label");
-    label.append(`${this.title(field)} `);
-    const input = document.createElement("input");
-    input.name = field.name;
+    const input = make("input", { name: field.name });
     if (field.text || field.list) {
       Object.assign(input, { type: "text", maxLength: 256, className: "wide" });
       input.placeholder = field.list ? "0 2 15 1 14 3 …" : "";
@@ -105,19 +102,25 @@ export class Orders {
       input.value = this.begin(order, field);
       input.title = `${field.unit ? `in ${field.unit}, ` : ""}${field.least} to ${field.most}`;
     }
-    label.append(input);
-    if (field.unit) label.append(Object.assign(document.createElement("i"), { textContent: field.unit.replaceAll(" or 1/10°", "").replace("/s/s", "/s") }));
-    return label;
+    return make("label", {}, `${this.title(field)} `, input, make("i", {}, this.unit(field)));
+  }
+
+  // Of the two units that an axis may have, the one that it has on this robot: lengths are its way or its wheels'.
+  unit(field) {
+    const [length, angle] = (field.unit ?? "").split(" or ");
+    const turns = this.state.kind?.steers && field.steered && field.steered !== "way";
+    return turns ? (angle ?? length) : length;
   }
 
   title(field) {
-    return this.state.kind?.steers ? (STEERED[field.name] ?? field.name) : field.name;
+    return (this.state.kind?.steers && field.steered) || field.name;
   }
 
   begin(order, field) {
     const { state } = this;
     const place = HERE[field.name];
-    if (!PLACES.includes(order.name) || place === undefined || !state.robot) return field.usual ?? (order.name === "vm" ? 50 : 0);
+    const placed = PLACES.includes(order.name) && place !== undefined && state.robot;
+    if (!placed) return field.usual ?? BEGIN[order.name] ?? 0;
     const now = state.robot.believed[place];
     return place < 2 ? state.tenths(now) : state.direction(now);
   }
@@ -141,7 +144,8 @@ export class Orders {
     const [name] = line.split(/\s+/);
     const order = this.table.get(name);
     this.find("usage").replaceChildren(...(order ? this.usage(order) : [HINT]));
-    const fitting = /\s/.test(line) || !line || order ? [] : [...this.table.values()].filter((each) => each.name.includes(name.toLowerCase()));
+    const begun = line && !order && !/\s/.test(line);
+    const fitting = begun ? [...this.table.values()].filter((each) => each.name.includes(name.toLowerCase())) : [];
     fitting.sort((a, b) => Number(b.name.startsWith(name)) - Number(a.name.startsWith(name)));
     const choices = fitting.map((each) => ({ value: each.name, parts: [["name", each.name], ["doc", each.about]] }));
     this.completions.show(document.activeElement === this.text ? choices.slice(0, 10) : []);
@@ -157,7 +161,7 @@ export class Orders {
     const names = order.fields.map((field) => (field.usual === null ? this.title(field) : `[${this.title(field)}]`));
     if (order.more) names.push("…");
     if (order.text) names.push("words");
-    return [Object.assign(document.createElement("code"), { textContent: [order.name, ...names].join(" ") }), ` ${order.about}`];
+    return [make("code", {}, [order.name, ...names].join(" ")), ` ${order.about}`];
   }
 
   key(event) {
@@ -190,19 +194,16 @@ export class Orders {
     const [name] = line.split(/\s+/, 1);
     const rest = line.slice(name.length).trim();
     const order = this.table.get(name);
-    let done;
-    if (order?.text) done = await this.give(name, [], rest);
-    else {
-      const words = rest.split(/[\s,()]+/).filter(Boolean);
-      const numbers = words.map(Number);
-      const wrong = words.find((_, place) => !Number.isSafeInteger(numbers[place]));
-      if (wrong !== undefined && order) {
-        this.answer(`“${wrong}” is no whole number: ${name} takes ${this.usage(order)[0].textContent.slice(name.length).trim() || "none"}.`, true);
-        return;
-      }
-      done = await this.give(name, wrong === undefined ? numbers : [], "");
+    const words = order?.text ? [] : rest.split(/[\s,()]+/).filter(Boolean);
+    const wrong = words.find((word) => !Number.isSafeInteger(Number(word)));
+    if (order && wrong !== undefined) {
+      const [usage] = this.usage(order);
+      const wanted = usage.textContent.slice(name.length).trim() || "no numbers";
+      this.answer(`“${wrong}” is no whole number: ${name} takes ${wanted}.`, true);
+      return;
     }
-    if (!done) return;
+    const numbers = wrong === undefined ? words.map(Number) : [];
+    if (!(await this.give(name, numbers, order?.text ? rest : ""))) return;
     this.history.add(line);
     if (this.text.value.trim() === line) this.text.value = "";
     this.typed();

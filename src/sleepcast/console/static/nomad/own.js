@@ -54,6 +54,7 @@ export class Own extends Pane {
 
   key(event) {
     if (event.key === "c" || event.key === "C") this.follow(true);
+    else if (event.key === "Enter") this.click(this.view.width / 2, this.view.height / 2);
     else return super.key(event);
     return true;
   }
@@ -87,7 +88,8 @@ export class Own extends Pane {
     const { shown } = this.state;
     if (shown.sonar) drawCones(pen, this.view, robot.believed, kind.radius, own.sonars, NOTHING * inch, colour);
     if (shown.infrared) {
-      drawCones(pen, this.view, robot.believed, kind.radius, own.infrared, NOT_NEAR * inch, this.colours.lit);
+      const near = own.infrared.map((metres) => (metres < NOT_NEAR * inch ? metres : null));
+      drawCones(pen, this.view, robot.believed, kind.radius, near, Infinity, this.colours.lit);
     }
   }
 }

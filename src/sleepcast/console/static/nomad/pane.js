@@ -27,6 +27,7 @@ export class Pane extends EventTarget {
       hover: (x, y) => this.hover(x, y),
       zoom: (factor, x, y) => this.zoom(factor, x, y),
       grab: (x, y) => this.grab(x, y),
+      busy: () => this.busy,
     });
     box.addEventListener("keydown", (event) => {
       if (!event.ctrlKey && !event.metaKey && !event.altKey && this.key(event)) event.preventDefault();
@@ -38,6 +39,9 @@ export class Pane extends EventTarget {
   hover() {}
   grab() {
     return null;
+  }
+  get busy() {
+    return false;
   }
 
   resize() {

@@ -1,5 +1,5 @@
-// LongSensors: the sonars, each a sector with its reading in inches. ShortSensors: the bumper's contacts and, where there
-// are infrared sensors, each a bar. Both look along the robot: its front is up.
+// LongSensors: the sonars, each a sector with its reading in inches. ShortSensors: the bumper's contacts and, where
+// there are infrared sensors, each a bar. What lies in front of the robot, or of the turret that carries its sensors, is up.
 
 import { palette } from "../shapes.js";
 import { colourOf } from "./drawing.js";
@@ -62,7 +62,8 @@ export class Sensors {
       pen.fillText(inches ?? "–", x + (most + 9) * Math.cos(middle), y + (most + 7) * Math.sin(middle));
     });
     nose(pen, x, y, 7, colours.ink);
-    this.long.setAttribute("aria-label", `Sonars in inches, from the front counter-clockwise: ${readings.map((each) => each ?? "none").join(", ")}`);
+    const said = readings.map((each) => each ?? "none").join(", ");
+    this.long.setAttribute("aria-label", `Sonars in inches, from the front counter-clockwise: ${said}`);
   }
 
   drawShort({ pen, width, height }, own) {
@@ -93,7 +94,8 @@ export class Sensors {
     pen.fillStyle = colours.quiet;
     pen.font = "11px system-ui, sans-serif";
     if (!own.infrared.length) pen.fillText("no infrared", x, height - 9);
-    this.short.setAttribute("aria-label", `Bumper: ${degrees.length ? `hit at ${degrees.join(", ")} from the front` : "free"}`);
+    const said = degrees.length ? `hit at ${degrees.join(", ")} from the front` : "free";
+    this.short.setAttribute("aria-label", `Bumper: ${said}`);
   }
 
   drawInfrared(pen, x, y, size, own) {

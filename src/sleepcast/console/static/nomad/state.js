@@ -73,7 +73,8 @@ export class State {
   // Take a picture in; whether traces or drawings have changed.
   take(picture) {
     this.time = picture.time;
-    this.robots = picture.robots.map(([real, believed, touched, waiting, client]) => ({ real, believed, touched, waiting, client }));
+    const named = ([real, believed, touched, waiting, client]) => ({ real, believed, touched, waiting, client });
+    this.robots = picture.robots.map(named);
     for (const [robot, layer, anew, points] of picture.traces) {
       if (anew) this.traces[robot][layer] = [];
       grow(this.traces[robot][layer], points, 2 * MOST_POINTS);
@@ -103,17 +104,14 @@ export class State {
     }
   }
 
-  // Everything that there is with some room around it, within the world's edge: least x, least y, greatest x, greatest y.
+  // Everything that there is, with some room around it: least x, least y, greatest x, greatest y.
   extent() {
     const points = [...this.solids.flat(), ...this.robots.map(({ real }) => real)];
     if (!points.length) return this.area;
     const [left, bottom, right, top] = this.area;
-    const middle = [0, 1].map((axis) => (Math.min(...points.map((at) => at[axis])) + Math.max(...points.map((at) => at[axis]))) / 2);
-    const half = [0, 1].map((axis) => Math.max(LEAST, ...points.map((at) => Math.abs(at[axis] - middle[axis]))) + AROUND);
-    return [
-      Math.max(left, middle[0] - half[0]), Math.max(bottom, middle[1] - half[1]),
-      Math.min(right, middle[0] + half[0]), Math.min(top, middle[1] + half[1]),
-    ];
+    const [x, across] = middleOf(points.map((at) => at[0]));
+    const [y, up] = middleOf(points.map((at) => at[1]));
+    return [Math.max(left, x - across), Math.max(bottom, y - up), Math.min(right, x + across), Math.min(top, y + up)];
   }
 
   // In the Nomad's own units.
@@ -129,6 +127,13 @@ export class State {
   direction(radians) {
     return ((Math.round(radians / this.degree) % 3600) + 3600) % 3600;
   }
+}
+
+// The middle of numbers, and how far to both sides to show them all.
+function middleOf(numbers) {
+  let [least, most] = [Infinity, -Infinity];
+  for (const number of numbers) [least, most] = [Math.min(least, number), Math.max(most, number)];
+  return [(least + most) / 2, Math.max(LEAST, (most - least) / 2) + AROUND];
 }
 
 function grow(row, items, most) {

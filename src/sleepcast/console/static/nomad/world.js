@@ -4,13 +4,13 @@
 import { drawGrid, drawLabel } from "../ground.js";
 import { gridStep } from "../view.js";
 import { Builder } from "./builder.js";
-import {
-  colourOf, drawBelief, drawBody, drawCones, drawSketches, drawSolids, drawTouches, drawTrace, sizeOf,
-} from "./drawing.js";
+import { colourOf, drawBelief, drawBody, drawCones, drawTouches, sizeOf } from "./drawing.js";
+import { drawSketches, drawSolids, drawTrace } from "./drawing.js";
 import { Pane } from "./pane.js";
 
 const NEAR = 12; // pixels: how far beside a robot a click may be
 const NOTHING = 254.5; // inches: a sonar that reads this or more has heard nothing
+const WIDEST = 160; // pixels of the scale beside the map
 const FINEST = 8; // pixels between two lines of the grid; beyond, every tenth one is drawn
 
 export class World extends Pane {
@@ -81,7 +81,8 @@ export class World extends Pane {
     pen.strokeStyle = colours.wall;
     pen.lineWidth = 2;
     pen.strokeRect(...edge);
-    const shown = step * view.scale <= 160 ? { metres: step, label: `${state.inches(step)} in` } : gridStep(view, "in", 140);
+    const own = { metres: step, label: `${state.inches(step)} in` };
+    const shown = step * view.scale <= WIDEST ? own : gridStep(view, "in", WIDEST);
     this.root.querySelector("#scale-bar").style.width = `${shown.metres * view.scale}px`;
     this.root.querySelector("#scale-text").textContent = shown.label;
   }
@@ -162,7 +163,8 @@ export class World extends Pane {
     }
     const [x, y] = this.view.toWorld(px, py);
     this.root.querySelector("#place-text").textContent = `x ${state.tenths(x)}  y ${state.tenths(y)}  (1/10 in)`;
-    this.box.classList.toggle("pointing", !this.builder.drawing && (this.at(px, py) >= 0 || this.builder.at(px, py) >= 0));
+    const something = this.at(px, py) >= 0 || this.builder.at(px, py) >= 0;
+    this.box.classList.toggle("pointing", !this.builder.drawing && something);
     this.builder.hover(px, py);
   }
 
@@ -187,8 +189,8 @@ export class World extends Pane {
     };
   }
 
-  zoom(factor, x, y) {
-    if (!this.builder.drawing || factor !== 1.96) super.zoom(factor, x, y);
+  get busy() {
+    return this.builder.drawing;
   }
 
   key(event) {

@@ -6,7 +6,8 @@ cone that is nearer to the middle, if that edge meets the disc. For a line, the 
 the greatest angle of incidence, measured from the perpendicular, at which the surface still throws an echo back): the
 nearest point is the foot of the perpendicular, moved into the interval.
 
-Here is the form for NumPy, in double precision; `cones_fast` has the same for numba.
+Here is the form for NumPy, in double precision. `kernels_sonar` has `ranges` for numba, the same to some micrometres,
+and `kernels_firing` has `look`, the same to the last bit.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.simulator.formulas import sine_cosine
 from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole, nearest_point, pairs, spread
 from sleepcast.simulator.walls import Walls
 
@@ -86,9 +88,8 @@ Seen = Listed | Walls
 
 class View(NamedTuple):
     """What there is to see. pose: x, y in m and heading in rad of all robots; points: these positions, sorted in
-    `grid`; listed: the `solids` that come within `radius` + `most` of each of its cells, as they are or as a machine
-    likes them. radii: of all bodies,
-    m; None where all are alike."""
+    `grid`; listed: the `solids` that come within `radius` + `most` of each of its cells, as they are (for `look`)
+    or as a machine likes them (for `ranges`). radii: of all bodies, m; None where all are alike."""
 
     cones: Cones
     grid: Grid
@@ -139,17 +140,55 @@ def _see_bodies(
     close = np.flatnonzero(~far)
     first = np.floor(bearing[far]).astype(np.int64)
     beside = np.stack((first, first + 1), axis=1) % cones.count
+    axis_cos, axis_sin = np.cos(cones.axes), np.sin(cones.axes)
     for chosen, number in ((far, beside), (close, np.arange(cones.count))):
-        seen = disc_range(cones, wide[chosen, None], ahead[chosen, None], left[chosen, None], number)
+        axes = axis_cos[number], axis_sin[number]
+        seen = disc_range(cones, wide[chosen, None], ahead[chosen, None], left[chosen, None], *axes)
         np.minimum.at(rows, (row[chosen, None], number), seen.astype(np.float32))
 
 
-def disc_range(cones: Cones, radius: float | Floats, ahead: Floats, left: Floats, number: Whole) -> Floats:
-    """Range of a disc of `radius` m whose middle is at `ahead`, `left` (m, from the robot's middle) in cone `number`;
-    inf where it is not seen. All arrays broadcast."""
-    axis_cos, axis_sin = np.cos(cones.axes)[number], np.sin(cones.axes)[number]
-    along = ahead * axis_cos + left * axis_sin - cones.radius
-    aside = np.abs(left * axis_cos - ahead * axis_sin)
+def look(view: View, which: Whole, sonars: Whole) -> Ranges:
+    """What one cone of each of the robots with indices `which` sees: m from the rim, shape (len(which),), float32;
+    `most` where there is nothing. sonars: the cones' numbers."""
+    found = np.full(len(which), view.cones.most)
+    for begin in range(0, len(which), AT_ONCE):
+        some = slice(begin, begin + AT_ONCE)
+        _look_at(view, which[some], sonars[some], found[some])
+    return found.astype(np.float32)
+
+
+def _look_at(view: View, which: Whole, sonars: Whole, found: Floats) -> None:
+    """The same for some robots, into `found`."""
+    cones, grid, points, listed, solids, (x, y, heading), radii = view
+    assert isinstance(listed, Listed)
+    sine, cosine = sine_cosine(heading[which])
+    axis_sin, axis_cos = (each[sonars] for each in sine_cosine(cones.axes))
+    ahead, aside = axis_cos * cosine - axis_sin * sine, axis_sin * cosine + axis_cos * sine
+    place = np.empty(len(x), np.int64)
+    place[which] = np.arange(len(which))
+    i, j = pairs(grid, points, x, y, cones.reach, which)
+    row = place[i]
+    wide = cones.radius if radii is None else radii[j]
+    np.minimum.at(found, row, disc_range(cones, wide, x[j] - x[i], y[j] - y[i], ahead[row], aside[row]))
+    cell = grid.cells_of(x[which], y[which])
+    row, item = spread(np.arange(len(which)), listed.start[cell], listed.start[cell + 1])
+    item = listed.items[item].astype(np.int64)
+    round_ = solids[item, 4] > 0.0
+    disc, at = solids[item[round_]], row[round_]
+    across, up = disc[:, 0] - x[which[at]], disc[:, 1] - y[which[at]]
+    np.minimum.at(found, at, disc_range(cones, disc[:, 4], across, up, ahead[at], aside[at]))
+    lines, at = solids[item[~round_]], row[~round_]
+    seen = line_range(cones, ahead[at, None], aside[at, None], lines, x[which[at]], y[which[at]])
+    np.minimum.at(found, at, seen[:, 0])
+
+
+def disc_range(
+    cones: Cones, radius: float | Floats, across: Floats, up: Floats, axis_cos: Floats, axis_sin: Floats
+) -> Floats:
+    """Range of a disc of `radius` m whose middle is at `across`, `up` (m, from the robot's middle) in a cone whose axis
+    has this cosine and sine in the same frame; inf where it is not seen. All arrays broadcast."""
+    along = across * axis_cos + up * axis_sin - cones.radius
+    aside = np.abs(up * axis_cos - across * axis_sin)
     outside = aside * cos(cones.half) - along * sin(cones.half)
     forward = along * cos(cones.half) + aside * sin(cones.half)
     within = outside <= 0.0
@@ -190,8 +229,8 @@ def _see_solids(
     turned = heading[i[round_]]
     ahead = across * np.cos(turned) + up * np.sin(turned)
     left = up * np.cos(turned) - across * np.sin(turned)
-    number = np.arange(cones.count)
-    seen[round_] = disc_range(cones, middle[:, 4, None], ahead[:, None], left[:, None], number)
+    along = np.cos(cones.axes), np.sin(cones.axes)
+    seen[round_] = disc_range(cones, middle[:, 4, None], ahead[:, None], left[:, None], *along)
     np.minimum.at(rows, place[i], seen.astype(np.float32))
 
 

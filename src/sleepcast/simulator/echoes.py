@@ -8,6 +8,7 @@ as old as it would be.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 from math import pi
 
 import numpy as np
@@ -15,9 +16,9 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.chance import key
 from sleepcast.simulator.cones import Cones, Ranges, View
-from sleepcast.simulator.crosstalk import QUICKEST, SOUND, Crosstalk
+from sleepcast.simulator.crosstalk import Crosstalk
 from sleepcast.simulator.engine import Machine
-from sleepcast.simulator.firing import Firing
+from sleepcast.simulator.firing import Firing, Tick, fire
 from sleepcast.simulator.formulas import wrap
 from sleepcast.simulator.grid import Floats, Whole
 from sleepcast.simulator.neighbours import Neighbours
@@ -111,8 +112,8 @@ class Echoes:
             return
         self._fresh[old] = True
         if self.firing.in_order:
-            in_order = self.firing.length[old] >= 0
-            old, kept = old[~in_order], old[in_order]
+            at_once = self.firing.at_once(old)
+            old, kept = old[at_once], old[~at_once]
             self._machine.tell(self.readings[kept], kept, self._ear(None), self.sensed)
         if not len(old):
             return
@@ -128,22 +129,14 @@ class Echoes:
         if not firing.in_order:
             return
         firing.begin(tick, until)
-        every, noise, view = np.arange(len(firing.due)), self._noise(tick), self._view(pose)
-        seen = self._machine.ranges(view, every + self.robots.start)
-        if noise is not None:
-            self._machine.disturb(seen, every, noise)
-        np.clip(seen, self.ring.least, self.ring.most, out=seen)
-        while len(due := firing.ready(until)):
-            sonar = firing.order[due, firing.turn[due]].astype(np.int64)
-            heard = seen[due, sonar]
-            if self.crosstalk:
-                heard = self.crosstalk.hear(tick, due, sonar, firing.due[due], heard)
-            self.readings[due, sonar] = heard
-            firing.due[due] += np.maximum(firing.pause[due] + 2.0 * heard.astype(np.float64) / SOUND, QUICKEST)
-            firing.turn[due] = (firing.turn[due] + 1) % firing.length[due]
-        if self.crosstalk:
-            x, y, heading = (each[self.robots] for each in view.pose)
-            self.crosstalk.end(tick, (x, y, heading), self.readings)
+        view = self._view(pose, alone=True)
+        now = Tick(view, self.robots.start, until, self.ring.least, self._noise(tick), self.readings)
+        if self.crosstalk is None:
+            self._machine.fire(firing, now)
+            return
+        fire(firing, now, self._machine.look, partial(self.crosstalk.hear, tick))
+        x, y, heading = (each[self.robots] for each in view.pose)
+        self.crosstalk.end(tick, (x, y, heading), self.readings)
 
     def state(self) -> Iterable[NDArray[np.generic]]:
         """What the next ticks depend on."""
@@ -159,12 +152,13 @@ class Echoes:
             **(self.crosstalk.columns() if self.crosstalk else {}),
         }
 
-    def _view(self, pose: tuple[Floats, Floats, Floats]) -> View:
-        near, (x, y, heading) = self._near, pose
+    def _view(self, pose: tuple[Floats, Floats, Floats], alone: bool = False) -> View:
+        """What there is to see, for whole rings or for sonars alone."""
+        near, (x, y, heading), far = self._near, pose, self.cones.radius + self.cones.most
         if self.turret is not None:
             heading = heading.copy()
             heading[self.robots] = wrap(heading[self.robots] + self.turret)
-        listed = near.in_sight(self.cones.radius + self.cones.most)
+        listed = near.solids(far) if alone else near.in_sight(far)
         return View(self.cones, near.grid, near.points(x, y), listed, near.world.solids, (x, y, heading), self._radii)
 
     def _ear(self, noise: Noise | None) -> Ear:

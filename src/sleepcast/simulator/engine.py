@@ -1,7 +1,8 @@
 """The machines that do the heavy work of many bodies: NumPy always, numba's compiled kernels where they are installed.
 
-Both take and give the same things. They agree to a few micrometres, not to the last bit: the compiled kernels look at
-most pairs in single precision. What a machine computes never depends on its number of threads.
+Both take and give the same things. What a whole ring sees at once agrees to a few micrometres, because the compiled
+kernels look at most pairs in single precision; everything else agrees to the last bit. What a machine
+computes never depends on its number of threads.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from sleepcast.simulator import cones, contact, grid, noise, steps
 from sleepcast.simulator.cones import Ranges, Seen, View
 from sleepcast.simulator.contact import Settled
 from sleepcast.simulator.driving import Laws
+from sleepcast.simulator.firing import Firing, Tick, fire
 from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole
 from sleepcast.simulator.noise import Ear, Noise
 from sleepcast.simulator.steps import Columns, Draws, Proposal
@@ -46,6 +48,11 @@ class Machine(Protocol):
 
     def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats, /) -> None:
         """`ranges`, then `tell`."""
+
+    def look(self, view: View, which: Whole, sonars: Whole, /) -> Ranges: ...
+
+    def fire(self, firing: Firing, tick: Tick, /) -> None:
+        """Fire all sonars that are due in this tick; see `firing.fire`."""
 
     def room(self, count: int, /) -> tuple[Proposal, Floats]:
         """Room for where so many bodies are going in a tick, and for the share of it that they may go."""
@@ -78,6 +85,7 @@ class NumPyMachine:
     name = "numpy"
     sort = staticmethod(grid.sort)
     ranges = staticmethod(cones.ranges)
+    look = staticmethod(cones.look)
     propose = staticmethod(steps.propose)
     commit = staticmethod(steps.commit)
     settle = staticmethod(contact.settle)
@@ -92,6 +100,9 @@ class NumPyMachine:
 
     def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats) -> None:
         noise.tell(cones.ranges(view, which), which, ear, sensed)
+
+    def fire(self, firing: Firing, tick: Tick) -> None:
+        fire(firing, tick, cones.look)
 
 
 def choose(name: str | None = None, threads: int | None = None) -> Machine:

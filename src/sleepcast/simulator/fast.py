@@ -14,10 +14,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from sleepcast.simulator import kernels, kernels_contact, kernels_motion, kernels_sonar, steps
+from sleepcast.simulator import kernels, kernels_contact, kernels_firing, kernels_motion, kernels_sonar, steps
 from sleepcast.simulator.cones import Ranges, View
 from sleepcast.simulator.contact import SKIN, Settled, clear
 from sleepcast.simulator.driving import Laws
+from sleepcast.simulator.fields import Fields, Shots, beam_of, one_of_each, shots_of
+from sleepcast.simulator.firing import Firing, Tick
 from sleepcast.simulator.grid import Floats, Grid, Listed, Short, Sorted, Whole
 from sleepcast.simulator.lanes import LANES
 from sleepcast.simulator.noise import Ear, Noise
@@ -44,6 +46,7 @@ class NumbaMachine:
         self.threads = threads
         self._pool: ThreadPoolExecutor | None = None
         self._scratch = Scratch()
+        self._fields = Fields(self._scratch)
 
     def sort(self, grid: Grid, x: Floats, y: Floats) -> Sorted:
         cells, order = np.empty((2, len(x)), np.int32)
@@ -107,6 +110,20 @@ class NumbaMachine:
 
         self._share_rows(see, grid, points.start)
         return squares, rank
+
+    def look(self, view: View, which: Whole, sonars: Whole) -> Ranges:
+        shots, found = one_of_each(view, which, sonars)
+        self._shoot(view, shots)
+        return found[which, sonars]
+
+    def fire(self, firing: Firing, tick: Tick) -> None:
+        self._shoot(tick.view, shots_of(firing, tick))
+
+    def _shoot(self, view: View, shots: Shots) -> None:
+        field, beam = self._fields.of(view), beam_of(view.cones)
+        self._share_rows(
+            lambda first, last: kernels_firing.fire(field, beam, shots, first, last), view.grid, field.start
+        )
 
     def room(self, count: int) -> tuple[Proposal, Floats]:
         self._scratch.begin()

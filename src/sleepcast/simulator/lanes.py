@@ -1,5 +1,5 @@
-"""Sixteen at a time: `keep` packs the points in reach out of sixteen, with one vector instruction where the processor
-has it (AVX-512) and LLVM knows how to say it, else one by one; the outcome is the same.
+"""Sixteen at a time: `keep` packs the points in reach out of sixteen, and `pack` those that are marked, with one vector
+instruction where the processor has it (AVX-512) and LLVM knows how to say it, else one by one; the outcome is the same.
 """
 
 from __future__ import annotations
@@ -75,3 +75,44 @@ def at_once() -> bool:
 keep = _keep_at_once if at_once() else _keep_one_by_one
 """Put dx, dy and the number of those of the points cx, cy (float32) from `first` on that are in reach of px, py into
 bx, by, bj from `n` on; gives the new n. limit: the square of the reach. Room for LANES more must be there."""
+
+
+@inlined
+def _pack_one_by_one(flags, first, kept, n):
+    for lane in range(LANES):
+        kept[n] = np.int32(first + np.uint64(lane))
+        n += np.uint64(flags[lane] < np.float32(1))
+    return n
+
+
+@intrinsic
+def _pack_at_once(typing, flags, first, kept, n):
+    """The same in LLVM's words."""
+    single, short = ir.FloatType(), ir.IntType(32)
+    singles, shorts = ir.VectorType(single, LANES), ir.VectorType(short, LANES)
+    bits = ir.VectorType(ir.IntType(1), LANES)
+
+    def generate(context, build, signature, arguments):
+        flags, first, kept, n = arguments
+        read = context.make_array(signature.args[0])(context, build, flags).data
+        write = context.make_array(signature.args[2])(context, build, kept).data
+        numbers = build.insert_element(ir.Constant(shorts, ir.Undefined), build.trunc(first, short), short(0))
+        numbers = build.shuffle_vector(numbers, ir.Constant(shorts, ir.Undefined), ir.Constant(shorts, [0] * LANES))
+        numbers = build.add(numbers, ir.Constant(shorts, list(range(LANES))))
+        loaded = build.load(build.bitcast(read, singles.as_pointer()), align=4)
+        there = build.fcmp_ordered("<", loaded, ir.Constant(singles, [1.0] * LANES))
+        shape = ir.FunctionType(shorts, [shorts, bits, shorts])
+        name = f"{COMPRESS}.v16i32"
+        compress = build.module.globals.get(name) or ir.Function(build.module, shape, name)
+        packed = build.call(compress, [numbers, there, ir.Constant(shorts, ir.Undefined)])
+        build.store(packed, build.bitcast(build.gep(write, [n]), shorts.as_pointer()), align=4)
+        count = build.ctpop(build.bitcast(there, ir.IntType(LANES)))
+        return build.add(n, build.zext(count, ir.IntType(64)))
+
+    long = types.uint64
+    return long(flags, long, kept, long), generate
+
+
+pack = _pack_at_once if at_once() else _pack_one_by_one
+"""Put the numbers, from `first` on, of those of sixteen `flags` (float32) that are less than 1 into `kept` (int32),
+from `n` on; gives the new n. Room for LANES more must be there."""

@@ -56,7 +56,11 @@ def deviates(bits: NDArray[np.uint64]) -> Floats:
 def disturb(seen: NDArray[np.float32], which: Whole, noise: Noise) -> None:
     """Disturb the ranges `seen` (m, shape (robots, sonars)) of the robots with these indices, in place."""
     sonars = np.arange(seen.shape[1], dtype=np.uint64)
-    counters = which.astype(np.uint64)[:, None] * np.uint64(seen.shape[1]) + sonars
+    disturb_each(seen, which.astype(np.uint64)[:, None] * np.uint64(seen.shape[1]) + sonars, noise)
+
+
+def disturb_each(seen: NDArray[np.float32], counters: NDArray[np.uint64], noise: Noise) -> None:
+    """The same with a counter for each range."""
     nothing = seen >= np.float32(noise.most)
     if noise.share:
         bits = mix(counters * np.uint64(GOLDEN) + np.uint64(noise.key))

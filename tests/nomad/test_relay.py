@@ -78,6 +78,27 @@ def test_stop_stops_the_real_robot_too() -> None:
     play(scene)
 
 
+@pytest.mark.parametrize("how", ["held", "gone", "ended"])
+def test_a_robot_that_is_waited_for_is_stopped_all_the_same(how: str) -> None:
+    async def scene() -> None:
+        async with pair() as (ours, theirs, client):
+            await client.ask(Kind.REAL_ROBOT)
+            await client.state(Kind.VM, 50, -50, 0)
+            client.writer.write(encode_request(Layout.FOUR, Kind.WS, (1, 1, 1, 255)))
+            await eventually(lambda: len(theirs.nserver.waiting) == 1 and theirs.world.observe(1).speeds.first > 0.1)
+            if how == "held":
+                ours.nserver.hold(True)
+                assert (await client.hear())[0] == 80  # what it waited for has come
+            elif how == "gone":
+                client.writer.transport.abort()
+            else:
+                await ours.nserver.close()
+            await eventually(lambda: theirs.world.observe(1).speeds.first == 0.0)
+            await eventually(lambda: len(theirs.nserver.lines) == (1 if how == "held" else 0))
+
+    play(scene)
+
+
 def test_a_server_that_ends_stops_its_real_robots() -> None:
     async def scene() -> None:
         async with pair() as (ours, theirs, client):

@@ -1,16 +1,17 @@
 """A real robot in place of a simulated one: a client's requests go to another server, and its replies come back.
 
 The other server takes this one for one more program. What it is asked waits its turn, one request at a time, as the
-wire wants it. A real robot that loses whoever drives it is stopped.
+wire wants it; only to stop the robot does not wait. A real robot that loses whoever drives it is stopped.
 """
 
 from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 
 from sleepcast.errors import MisuseError
 from sleepcast.nomad.requests import Kind
@@ -21,9 +22,12 @@ CONNECT_SECONDS = 10.0
 ANSWER_SECONDS = 600.0
 """For any other answer: twice the longest that a request of the wire may take."""
 MAX_WAITING = 64
-"""Requests that wait to be sent; a client has one under way, and everybody may stop the robot beside it."""
+"""Requests that wait to be sent; a client has one under way, so more are a mistake."""
 FAREWELL_SECONDS = 2.0
 """For the other server to take the last words."""
+
+Ask = Callable[[int, Sequence[int]], Awaitable[tuple[int, Sequence[int]]]]
+"""Sends a request, and gives type and words of its reply."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,10 +60,11 @@ class Relay:
     ) -> None:
         self.robot, self.broken = robot, ""
         self._nudge, self._say = nudge, say
-        self._closed = False
+        self._closed = self._busy = False
         self._asked: asyncio.Queue[Pending | None] = asyncio.Queue(MAX_WAITING)
         self.ask(Kind.CT, mask)
-        self._task = asyncio.get_running_loop().create_task(self._converse())
+        self._task = asyncio.get_running_loop().create_task(self._connected(self._converse))
+        self._tasks = {self._task}
 
     def ask(self, kind: int, words: Sequence[int]) -> Pending:
         """Send a request when its turn comes."""
@@ -71,36 +76,53 @@ class Relay:
                 self._break("it does not answer")
         return pending
 
+    def stop(self) -> None:
+        """Stop the robot now, whatever it is asked: the reply to that may be long in coming, as to `ws`."""
+        self._tasks.add(asyncio.get_running_loop().create_task(self._connected(self._stop)))
+
     def close(self) -> None:
         """Stop the robot and let it go, if nobody has done so before."""
         if self._closed:
             return
         self._closed = True
-        if self._asked.full():
+        if self._busy or not self._asked.empty():
             self._task.cancel()
+            self.stop()
         else:
             self._asked.put_nowait(None)
 
     async def gone(self) -> None:
         """Wait, not for long, until the robot is let go."""
-        await asyncio.wait({self._task}, timeout=2 * FAREWELL_SECONDS)
+        await asyncio.wait(self._tasks, timeout=2 * FAREWELL_SECONDS)
 
-    async def _converse(self) -> None:
-        writer = None
+    async def _converse(self, ask: Ask) -> None:
+        """Ask what the client asks, one after the other."""
+        while (pending := await self._asked.get()) is not None:
+            self._busy = True
+            async with asyncio.timeout(ANSWER_SECONDS):
+                pending.reply = await ask(pending.kind, pending.words)
+            self._busy = False
+            self._nudge()
+        await self._stop(ask)
+
+    async def _stop(self, ask: Ask) -> None:
+        async with asyncio.timeout(FAREWELL_SECONDS):
+            await ask(Kind.ST, ())
+
+    async def _connected(self, talk: Callable[[Ask], Awaitable[None]]) -> None:
+        """Talk to the robot on a connection of its own; what goes wrong with that breaks the relay."""
+        writer: asyncio.StreamWriter | None = None
+        me = (self.robot.number, os.getpid())
         try:
             async with asyncio.timeout(CONNECT_SECONDS):
                 reader, writer = await asyncio.open_connection(self.robot.host, self.robot.port)
-                _, accepted = await _ask(reader, writer, Kind.CONNECT_ROBOT, (self.robot.number, os.getpid()))
+                ask = partial(_ask, reader, writer)
+                _, accepted = await ask(Kind.CONNECT_ROBOT, me)
             if not (accepted and accepted[0]):
                 self._break(f"it has no robot {self.robot.number}")
                 return
-            while (pending := await self._asked.get()) is not None:
-                async with asyncio.timeout(ANSWER_SECONDS):
-                    pending.reply = await _ask(reader, writer, pending.kind, pending.words)
-                self._nudge()
-            async with asyncio.timeout(FAREWELL_SECONDS):
-                await _ask(reader, writer, Kind.ST, ())
-            writer.write(encode_request(Layout.FOUR, Kind.DISCONNECT_ROBOT, (self.robot.number, os.getpid())))
+            await talk(ask)
+            writer.write(encode_request(Layout.FOUR, Kind.DISCONNECT_ROBOT, me))
         except TimeoutError:
             self._break("it does not answer in time")
         except (OSError, asyncio.IncompleteReadError) as error:

@@ -21,7 +21,6 @@ from sleepcast.nomad.line import Line
 from sleepcast.nomad.notes import Notes
 from sleepcast.nomad.pace import STANDSTILL, Pace
 from sleepcast.nomad.relay import RealRobot, Relay
-from sleepcast.nomad.requests import Kind
 from sleepcast.nomad.session import Service
 from sleepcast.nomad.texts import ByteOrder
 from sleepcast.nomad.windows import Windows
@@ -172,7 +171,7 @@ class Nserver:
             behaviour.hold(still)
         if still:
             for relay in self._relays():
-                relay.ask(Kind.ST, ())
+                relay.stop()
 
     def _relays(self) -> list[Relay]:
         sessions = [*(line.session for line in self.lines), *(hand.session for hand in self._hands.values())]

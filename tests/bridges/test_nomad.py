@@ -181,6 +181,24 @@ def test_short_commands(robot: NomadRobot, stepped: Served, world: NomadWorld) -
     assert robot.complaints() == []
 
 
+@pytest.mark.parametrize("huge", [1e308, -1e308, 1e18])
+def test_numbers_of_any_size_do_no_harm(robot: NomadRobot, huge: float) -> None:
+    robot.drive(huge, -huge)
+    robot.turn_axes(huge, huge)
+    robot.travel(huge, huge)
+    robot.cruise(huge, huge)
+    robot.accelerate(huge, huge)
+    robot.believe_place(huge, huge)
+    robot.believe_heading(huge)
+    robot.place(huge, huge, huge)
+    robot.fire_sonars(huge, huge)
+    robot.sense()
+    assert -pi <= robot.nearest(huge, -huge) * robot.sonar(huge)
+    robot.say("x" * 20_000)
+    robot.sense()
+    assert [text for text in robot.complaints() if "bytes of text" in text]
+
+
 def test_each_look_asks_the_server_once(robot: NomadRobot, world: NomadWorld) -> None:
     before = world.time
     for _ in range(10):

@@ -24,7 +24,7 @@ from typing import Literal, NamedTuple, Self
 
 from sleepcast.bridges.nomad_bases import Base
 from sleepcast.clock import Clock, WallClock
-from sleepcast.errors import SleepcastError
+from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.nomad.client import Nomad, NomadError, Pose, RequestError, State
 from sleepcast.nomad.units import INCH, INFRARED_STEP, NOTHING_HEARD, NOTHING_NEAR
 from sleepcast.robot import Axes, Reading, RobotModel, Setpoint
@@ -50,6 +50,7 @@ FRESH = 1.0
 FRONT = range(-4, 5)
 """Numbers of the sonars in front, within a quarter turn to both sides."""
 
+TURN = 2.0 * pi
 _FARTHEST_ECHO = NOTHING_HEARD * INCH
 Sort = Literal["rest", "speeds", "way", "limp"]
 
@@ -221,11 +222,13 @@ class NomadRobot:
         self._send(lambda nomad: nomad.believe_place(x, y))
 
     def believe_heading(self, heading: float, turret: float | None = None) -> None:
-        self._send(lambda nomad: nomad.believe_heading(heading, heading if turret is None else turret))
+        angles = heading % TURN, (heading if turret is None else turret) % TURN
+        self._send(lambda nomad: nomad.believe_heading(*angles))
 
     def place(self, x: float, y: float, heading: float, turret: float | None = None) -> None:
+        pose = Pose(x, y, heading % TURN, (heading if turret is None else turret) % TURN)
         if not self._stopped:
-            self._send(lambda nomad: nomad.place(Pose(x, y, heading, heading if turret is None else turret)))
+            self._send(lambda nomad: nomad.place(pose))
 
     def say(self, text: str) -> None:
         self._send(lambda nomad: nomad.say(text))
@@ -240,9 +243,9 @@ class NomadRobot:
 
     def nearest(self, first: float, last: float) -> float:
         sonars = self._ranges()
-        turn, step = 2.0 * pi, 2.0 * pi / len(sonars)
-        wide = last - first if last - first >= turn else (last - first) % turn
-        there = [found for number, found in enumerate(sonars) if (number * step - first) % turn <= wide]
+        step = TURN / len(sonars)
+        wide = last - first if last - first >= TURN else (last - first) % TURN
+        there = [found for number, found in enumerate(sonars) if (number * step - first) % TURN <= wide]
         return min((found for found in there if not isnan(found)), default=nan if there else _FARTHEST_ECHO)
 
     def _ranges(self) -> list[float]:
@@ -269,13 +272,17 @@ class NomadRobot:
     # ---- the courier
 
     def _go_round(self) -> None:
-        while not self._ending and self._lost is None:
-            self._wake.wait(ROUND)
-            self._wake.clear()
-            if self._clock.now() - self._attended > UNATTENDED:
-                with self._lock:
-                    self._motion = REST
-            self._round()
+        try:
+            while not self._ending and self._lost is None:
+                self._wake.wait(ROUND)
+                self._wake.clear()
+                if self._clock.now() - self._attended > UNATTENDED:
+                    with self._lock:
+                        self._motion = REST
+                self._round()
+        finally:  # nothing should get here but the end; if something does, the mind must not go on without a body
+            if not self._ending and self._lost is None:
+                self._lost = NomadError("the thread that talks to the robot has died: please report what it said")
 
     def _round(self) -> None:
         """One round with the server: what brings to rest first, then errands, then other motion; the state in any
@@ -307,7 +314,7 @@ class NomadRobot:
     def _done(self, errand: Callable[[Nomad], object]) -> object:
         try:
             return errand(self._nomad)
-        except RequestError as error:
+        except (RequestError, MisuseError) as error:
             self._complaints.append(str(error))
             return None
 

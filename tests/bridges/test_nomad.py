@@ -12,7 +12,8 @@ import pytest
 from nomad.serving import LONGEST, Served, serving
 from robot_contract import Rig, RobotContract
 from sleepcast.bridges import BodyError, open_robot
-from sleepcast.bridges.nomad import scout
+from sleepcast.bridges.nomad import model_of
+from sleepcast.bridges.nomad_bases import SCOUT
 from sleepcast.bridges.nomad_robot import MAX_ERRANDS, BusyError, NomadRobot
 from sleepcast.clock import ManualClock
 from sleepcast.loop import vocabulary_of
@@ -85,15 +86,52 @@ class LookOnly(Rig):
         return dict(zip((sensor.name for sensor in robot.model.sensors), robot.reading().values, strict=True))
 
 
+def waiting(robot: NomadRobot) -> Callable[[float], None]:
+    """Let so many s pass for a robot in step."""
+
+    def wait(seconds: float) -> None:
+        end = robot.now() + seconds - TICK / 2
+        while robot.now() < end:
+            robot.sense()
+
+    return wait
+
+
 class TestScoutBehindAServer(RobotContract):
     @pytest.fixture
     def rig(self, robot: NomadRobot) -> Rig:
-        def wait(seconds: float) -> None:
-            end = robot.now() + seconds - TICK / 2
-            while robot.now() < end:
-                robot.sense()
+        return LookOnly(robot, waiting(robot), resolution=2 * TENTH)
 
-        return LookOnly(robot, wait, resolution=2 * TENTH)
+
+class TestNomad200BehindAServer(RobotContract):
+    @pytest.fixture
+    def rig(self) -> Iterator[Rig]:
+        world = nomad_world(None, "nomad200", 1, 1, tick=TICK, machine=NumPyMachine())
+        with (
+            serving(world, lockstep=True, headless=True) as served,
+            reach(served, "?type=nomad200#1", in_step=True) as robot,
+        ):
+            yield LookOnly(robot, waiting(robot), resolution=2 * TENTH)
+
+    def test_it_goes_where_its_turret_looks(self, rig: Rig) -> None:
+        rig.robot.act(Setpoint(0.2, 0.3))
+        rig.wait(5.0)
+        found = rig.sensed()
+        assert found["speed"] == pytest.approx(0.2, abs=0.003)
+        assert found["turn_rate"] == pytest.approx(0.3, abs=0.003)
+        assert found["turret"] == pytest.approx(found["heading"], abs=0.02)
+        assert found["heading"] > 1.0
+        assert hypot(found["x"], found["y"]) > 0.5
+        assert 0.0 <= found["infrared15"] <= 24 * 0.0254
+        robot = cast(NomadRobot, rig.robot)
+        robot.turn_axes(9.0, 9.0, -9.0)
+        rig.wait(3.0)
+        assert [abs(word) for word in robot.state.velocities] == [200, 450, 450]
+        robot.travel(0.1, 0.0, 1.0)
+        robot.cruise(0.1, 0.1, 0.1)
+        robot.believe_heading(1.0, 0.5)
+        rig.wait(1.0)
+        assert robot.complaints() == []
 
 
 # ---- what is asked, and its limits
@@ -102,7 +140,7 @@ class TestScoutBehindAServer(RobotContract):
 def test_wheels_are_brought_within_the_limits_on_the_same_curve(stepped: Served, world: NomadWorld) -> None:
     with reach(stepped, "?speed=0.3&turn_rate=1#1", in_step=True) as robot:
         assert (robot.model.limits.speed, robot.model.limits.turn_rate) == (0.3, 1.0)
-        robot.turn_wheels(5.0, 2.5)
+        robot.turn_axes(5.0, 2.5)
         robot.sense()
         right, left = robot.state.velocities[:2]
         for _ in range(30):
@@ -143,11 +181,29 @@ def test_short_commands(robot: NomadRobot, stepped: Served, world: NomadWorld) -
     assert robot.complaints() == []
 
 
+@pytest.mark.parametrize("huge", [1e308, -1e308, 1e18])
+def test_numbers_of_any_size_do_no_harm(robot: NomadRobot, huge: float) -> None:
+    robot.drive(huge, -huge)
+    robot.turn_axes(huge, huge)
+    robot.travel(huge, huge)
+    robot.cruise(huge, huge)
+    robot.accelerate(huge, huge)
+    robot.believe_place(huge, huge)
+    robot.believe_heading(huge)
+    robot.place(huge, huge, huge)
+    robot.fire_sonars(huge, huge)
+    robot.sense()
+    assert -pi <= robot.nearest(huge, -huge) * robot.sonar(huge)
+    robot.say("x" * 20_000)
+    robot.sense()
+    assert [text for text in robot.complaints() if "bytes of text" in text]
+
+
 def test_each_look_asks_the_server_once(robot: NomadRobot, world: NomadWorld) -> None:
     before = world.time
     for _ in range(10):
         robot.sense()
-    robot.turn_wheels(0.1, 0.1)
+    robot.turn_axes(0.1, 0.1)
     robot.sense()
     robot.say("this has a reply without the state")
     robot.sense()
@@ -165,8 +221,8 @@ def test_sonars_are_fired_as_told(robot: NomadRobot) -> None:
 
 
 def test_what_was_measured_a_while_ago_is_unknown(stepped: Served) -> None:
-    clock = ManualClock()
-    with NomadRobot(Nomad.connect("127.0.0.1", stepped.port), scout(), clock=clock, in_step=True) as robot:
+    clock, nomad = ManualClock(), Nomad.connect("127.0.0.1", stepped.port)
+    with NomadRobot(nomad, SCOUT, model_of(SCOUT), clock=clock, in_step=True) as robot:
         robot.sense()
         clock.advance(0.9)
         assert robot.sonar(0.0) == robot.nearest(-1.0, 1.0) == pytest.approx(6.477)
@@ -180,7 +236,7 @@ def test_what_was_measured_a_while_ago_is_unknown(stepped: Served) -> None:
 def test_it_can_always_brake(robot: NomadRobot, stepped: Served) -> None:
     robot.accelerate(0.0, 99.0)
     robot.sense()
-    assert stepped.nserver.windows.robots[0].commands[-1][1] == "ac(393, 787, 0)"
+    assert stepped.nserver.windows.robots[0].commands[-1][1] == "ac(394, 787, 0)"
 
 
 def test_a_way_that_was_held_up_is_not_gone_afterwards(robot: NomadRobot) -> None:
@@ -302,6 +358,7 @@ def test_what_the_server_refuses_is_told(robot: NomadRobot) -> None:
         ("nomad://127.0.0.1#one", "robots are numbered from 1"),
         ("nomad://127.0.0.1#" + "9" * 5000, "robots are numbered from 1"),
         ("nomad://127.0.0.1?sped=1#1", "did you mean speed"),
+        ("nomad://127.0.0.1?type=nomad20#1", "there is no type 'nomad20'; there are scout, nomad200"),
         ("nomad://127.0.0.1?speed=fast#1", "speed is a number above 0"),
         ("nomad://127.0.0.1?turn_rate=nan#1", "turn_rate is a number above 0"),
         ("nomad://127.0.0.1?speed=#1", "speed is a number above 0"),

@@ -216,7 +216,7 @@ def test_ctrl_c_stops_the_body_and_ends_it(world: NomadWorld, tmp_path: Path) ->
         finally:
             process.kill()
         assert process.returncode == 130, err
-        assert "r1 is up, with 1 rules" in out
+        assert "r1 is up, with 1 rule;" in out
         assert err.strip().endswith("its body has been stopped")
         assert "st()" in [text for _, text in served.nserver.windows.robots[0].commands][-1]
         until(lambda: world.observe(0).speeds[:2] == (0.0, 0.0))

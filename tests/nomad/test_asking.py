@@ -12,14 +12,14 @@ from threading import Thread
 import pytest
 
 from nomad.serving import LONGEST
-from sleepcast.bridges.nomad import scout
+from sleepcast.bridges.nomad import BASES, model_of
 from sleepcast.errors import MisuseError
 from sleepcast.nomad.asking import mask_words, order_words, packet_words, text_words
 from sleepcast.nomad.client import Nomad
 from sleepcast.nomad.report import Answer, read_state
 from sleepcast.nomad.state import EVERYTHING
 from sleepcast.nomad.texts import text_of
-from sleepcast.nomad.vocabulary import FACTORS, nomad_vocabulary
+from sleepcast.nomad.vocabulary import NAMES, nomad_vocabulary
 from sleepcast.nomad.wire import MAX_WORDS
 
 CAPTURED = (
@@ -122,19 +122,25 @@ def test_a_reply_of_any_words_is_a_state_or_refused() -> None:
 
 
 def test_the_vocabulary_converts_what_the_wire_has_units_for() -> None:
-    model = scout()
+    model = model_of(BASES["scout"])
     names = {function.name: function for function in nomad_vocabulary(model).functions}
     standard = {function.name: function for function in model.functions}
-    assert set(FACTORS) <= set(names) == set(standard)
+    assert set(NAMES) <= set(names) == set(standard)
     for name, function in names.items():
-        assert (function is standard[name]) == (name not in FACTORS)
+        assert (function is standard[name]) == (name not in NAMES)
         assert len(function.dimensions) == len(standard[name].dimensions)
+    turning = next(f for f in nomad_vocabulary(model_of(BASES["nomad200"])).functions if f.name == "VM")
+    assert len(turning.dimensions) == 3
     calls: list[tuple[float, ...]] = []
 
     noting = [
-        replace(standard[name], call=lambda _, *given: calls.append(given)) for name in ("PLACE_ROBOT", "CONF_SN")
+        replace(standard[name], call=lambda _, *given: calls.append(given)) for name in ("PLACE_ROBOT", "CONF_SN", "VM")
     ]
     replaced = nomad_vocabulary(replace(model, functions=tuple(noting)))
-    for function, given in zip(replaced.functions, ((100, -10, 1800), (6, 0, 15)), strict=True):
+    for function, given in zip(replaced.functions, ((100, -10, 1800), (6, 0, 15), (75, 75)), strict=True):
         function.call(None, *given)
-    assert calls == [pytest.approx((0.254, -0.0254, 3.14159265)), pytest.approx((0.024, 0, 15))]
+    assert calls == [
+        pytest.approx((0.254, -0.0254, 3.14159265)),
+        pytest.approx((0.024, 0, 15)),
+        pytest.approx((0.1905, 0.1905)),
+    ]

@@ -12,6 +12,9 @@ from sleepcast.robot import Robot
 SCHEMES = {"nomad": "nomad://127.0.0.1:7019#1"}
 """Families of robots with an example of a URI for each."""
 
+SETTINGS = {"type": "scout", "speed": "inf", "turn_rate": "inf"}
+"""What can be set of a Nomad in its URI, and what holds otherwise."""
+
 
 class BodyError(MisuseError):
     """A URI that leads to no body."""
@@ -42,10 +45,10 @@ class RealRobot(Robot, Protocol):
 def open_robot(uri: str, *, in_step: bool = False) -> RealRobot:
     """Reach for a body.
 
-    uri: `nomad://HOST:PORT#ROBOT` for a Scout behind a Nserver, with lower limits of speed (m/s) and turn rate (rad/s)
-    if wanted: `nomad://HOST:PORT?speed=0.3&turn_rate=1#ROBOT`. in_step: every `sense` waits for the body's next tick,
-    and nothing happens between two of them (for a simulation whose time waits for its programs). Raises BodyError for a
-    URI that leads nowhere, SleepcastError if nobody is there.
+    uri: `nomad://HOST:PORT#ROBOT` for a Scout behind a Nserver; if wanted, of another type, or with lower limits of
+    speed (m/s) and turn rate (rad/s): `nomad://HOST:PORT?type=nomad200&speed=0.3&turn_rate=1#ROBOT`. in_step: every
+    `sense` waits for the body's next tick, and nothing happens between two of them (for a simulation whose time waits
+    for its programs). Raises BodyError for a URI that leads nowhere, SleepcastError if nobody is there.
     """
     scheme = uri.partition(":")[0]
     if scheme not in SCHEMES:
@@ -59,11 +62,15 @@ def open_robot(uri: str, *, in_step: bool = False) -> RealRobot:
         raise BodyError(f"{uri!r:.100} leads nowhere ({error}); {wanted}") from None
     if parts.path not in ("", "/") or not parts.hostname:
         raise BodyError(f"{uri!r:.100} has no host, or more than one; {wanted}")
-    from sleepcast.bridges.nomad import PORT, open_nomad, scout  # each family may need libraries of its own
+    from sleepcast.bridges.nomad import BASES, PORT, open_nomad  # each family may need libraries of its own
 
-    model = scout(**_limits(uri, parts.query))
+    settings = _settings(uri, parts.query)
+    base = BASES.get(settings["type"])
+    if base is None:
+        raise BodyError(f"{uri!r:.100}: there is no type {settings['type']!r:.40}; there are {', '.join(BASES)}")
+    limited = base.limited(_limit(uri, settings, "speed"), _limit(uri, settings, "turn_rate"))
     robot = _number(uri, parts.fragment or "1")
-    return open_nomad(parts.hostname, PORT if port is None else port, robot, model, in_step=in_step)
+    return open_nomad(parts.hostname, PORT if port is None else port, robot, limited, in_step=in_step)
 
 
 def _number(uri: str, text: str) -> int:
@@ -72,18 +79,22 @@ def _number(uri: str, text: str) -> int:
     return int(text)
 
 
-def _limits(uri: str, query: str) -> dict[str, float]:
-    """Limits given in a URI."""
-    found: dict[str, float] = {}
+def _settings(uri: str, query: str) -> dict[str, str]:
+    """What a URI sets behind its question mark."""
+    found = dict(SETTINGS)
     for key, (text, *_) in parse_qs(query, keep_blank_values=True).items():
-        if key not in ("speed", "turn_rate"):
-            known = did_you_mean(key, ("speed", "turn_rate"))
-            raise BodyError(f"{uri!r:.100}: there is no setting {key!r:.40}{known}; there are speed and turn_rate")
-        try:
-            number = float(text)
-        except ValueError:
-            number = 0.0
-        if not 0.0 < number < 1e3:
-            raise BodyError(f"{uri!r:.100}: {key} is a number above 0, in m/s or rad/s, not {text!r:.40}")
-        found[key] = number
+        if key not in SETTINGS:
+            known = f"{did_you_mean(key, SETTINGS)}; there are {', '.join(SETTINGS)}"
+            raise BodyError(f"{uri!r:.100}: there is no setting {key!r:.40}{known}")
+        found[key] = text
     return found
+
+
+def _limit(uri: str, settings: dict[str, str], key: str) -> float:
+    try:
+        number = float(settings[key])
+    except ValueError:
+        number = 0.0
+    if not number > 0.0:
+        raise BodyError(f"{uri!r:.100}: {key} is a number above 0, in m/s or rad/s, not {settings[key]!r:.40}")
+    return number

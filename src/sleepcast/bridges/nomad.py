@@ -1,38 +1,95 @@
-"""What a mind can call by name on a Scout behind a Nserver: its sensors and its functions, those of Nclient by their
+"""What a mind can call by name on a Nomad behind a Nserver: its sensors and its functions, those of Nclient by their
 short names; and how it is reached."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import inf, pi
 
-from sleepcast.bridges.nomad_robot import FRESH, PATIENCE, RADIUS, SCOUT, TRACK, NomadRobot
+from sleepcast.bridges.nomad_bases import BASES, Base
+from sleepcast.bridges.nomad_robot import FRESH, PATIENCE, NomadRobot
 from sleepcast.nomad.client import PORT, Nomad
-from sleepcast.nomad.units import INCH, NOTHING_HEARD
+from sleepcast.nomad.state import RING
+from sleepcast.nomad.units import INCH, INFRARED_STEP, NOTHING_HEARD, NOTHING_NEAR
 from sleepcast.robot import BodyFunction, Geometry, RobotModel
-from sleepcast.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, Quantity
+from sleepcast.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, Dimension, Quantity
 
-__all__ = ["PORT", "open_nomad"]
+__all__ = ["BASES", "PORT", "open_nomad"]
 
-SONARS = 16
 _RANGE = NOTHING_HEARD * INCH
 _VOLTS = (0.0, 13.0)
-_FASTEST = 1.1 * SCOUT.speed
-"""m/s that may be measured: another program may drive the same robot as fast as it can go."""
 
-SENSORS = (
-    Quantity("x", "m", -inf, inf, FRESH, "where the robot believes to be, along x", "in"),
-    Quantity("y", "m", -inf, inf, FRESH, "where the robot believes to be, along y", "in"),
-    Quantity("heading", "rad", -pi, pi, FRESH, "where it believes to look, counter-clockwise from x", "deg"),
-    Quantity("speed", "m/s", -_FASTEST, _FASTEST, FRESH, "along the heading", "in/s"),
-    Quantity("turn_rate", "rad/s", -2 * _FASTEST / TRACK, 2 * _FASTEST / TRACK, FRESH, "how fast it turns", "deg/s"),
-    Quantity("moving", "", 0.0, 1.0, FRESH, "whether a motor is active"),
-    Quantity("bumper", "", 0.0, 32.0, FRESH, "the first switch that is pressed, from 1 in front; 0 for none"),
-    Quantity("computer_volts", "", *_VOLTS, FRESH, "of the computer's battery"),
-    Quantity("motor_volts", "", *_VOLTS, FRESH, "of the motors' battery"),
-    *(Quantity(f"sonar{i}", "m", 0.0, _RANGE, FRESH, f"range of sonar {i}", "in") for i in range(SONARS)),
-    Quantity("front_range", "m", 0.0, _RANGE, FRESH, "least range of the sonars in front", "in"),
-)
+
+def sensors(base: Base) -> tuple[Quantity, ...]:
+    """Of a sort of Nomad, in the order of a reading."""
+    # Another program may drive the same robot as fast as it can go, and a bit faster than the limits say.
+    speed, turn = 1.1 * BASES[base.name].limits.speed, 3.0 * BASES[base.name].limits.turn_rate
+    common = (
+        Quantity("x", "m", -inf, inf, FRESH, "where the robot believes to be, along x", "in"),
+        Quantity("y", "m", -inf, inf, FRESH, "where the robot believes to be, along y", "in"),
+        Quantity("heading", "rad", -pi, pi, FRESH, "where it believes to go, counter-clockwise from x", "deg"),
+        Quantity("speed", "m/s", -speed, speed, FRESH, "along the heading", "in/s"),
+        Quantity("turn_rate", "rad/s", -turn, turn, FRESH, "how fast it turns", "deg/s"),
+        Quantity("moving", "", 0.0, 1.0, FRESH, "whether a motor is active"),
+        Quantity("bumper", "", 0.0, 32.0, FRESH, "the first switch that is pressed, from 1 in front; 0 for none"),
+        Quantity("computer_volts", "", *_VOLTS, FRESH, "of the computer's battery"),
+        Quantity("motor_volts", "", *_VOLTS, FRESH, "of the motors' battery"),
+        *(Quantity(f"sonar{i}", "m", 0.0, _RANGE, FRESH, f"range of sonar {i}", "in") for i in range(RING)),
+        Quantity("front_range", "m", 0.0, _RANGE, FRESH, "least range of the sonars in front", "in"),
+    )
+    if base.track:
+        return common
+    near = NOTHING_NEAR * INFRARED_STEP
+    return (
+        *common,
+        Quantity("turret", "rad", -pi, pi, FRESH, "where its turret believes to look", "deg"),
+        *(Quantity(f"infrared{i}", "m", 0.0, near, FRESH, f"range of infrared sensor {i}", "in") for i in range(RING)),
+    )
+
+
+def functions(base: Base) -> tuple[BodyFunction, ...]:
+    """Of a sort of Nomad."""
+    if base.track:
+        return (*_axes("right left", (SPEED,) * 2, (LENGTH,) * 2, (ACCELERATION,) * 2), *_places(""), *FUNCTIONS)
+    speeds, ways, accelerations = (SPEED, RATE, RATE), (LENGTH, NONE, NONE), (ACCELERATION, None, None)
+    return (*_axes("way steering turret", speeds, ways, accelerations), *_places(" turret"), *FUNCTIONS)
+
+
+Dimensions = tuple[Dimension | None, ...]
+
+
+def _axes(names: str, speeds: Dimensions, ways: Dimensions, accelerations: Dimensions) -> tuple[BodyFunction, ...]:
+    """What is asked of each axis. names: of the axes."""
+    said = "and rests there; `moving` says until when."
+    return (
+        BodyFunction("VM", NomadRobot.turn_axes, speeds, arguments=names, doc="Turns its axes at these speeds."),
+        BodyFunction("PR", NomadRobot.travel, ways, arguments=names, doc=f"Turns its axes so far, {said}"),
+        BodyFunction("SP", NomadRobot.cruise, speeds, arguments=names, doc="How fast PR turns its axes."),
+        BodyFunction(
+            "AC", NomadRobot.accelerate, accelerations, arguments=names, doc="How fast its axes change their speed."
+        ),
+    )
+
+
+def _places(turret: str) -> tuple[BodyFunction, ...]:
+    """Where it is, or believes to be. turret: the name of one more argument, if there is a turret."""
+    angles = (NONE,) * (2 if turret else 1)
+    return (
+        BodyFunction(
+            "DA",
+            NomadRobot.believe_heading,
+            angles,
+            arguments=f"heading{turret}",
+            doc="Says how the robot is to believe to stand.",
+        ),
+        BodyFunction(
+            "PLACE_ROBOT",
+            NomadRobot.place,
+            (LENGTH, LENGTH, *angles),
+            arguments=f"x y heading{turret}",
+            doc="Puts a simulated robot somewhere.",
+        ),
+    )
+
 
 FUNCTIONS = (
     BodyFunction(
@@ -41,28 +98,6 @@ FUNCTIONS = (
         (SPEED, RATE),
         arguments="speed turn_rate",
         doc="Drives on at this speed and turn rate.",
-    ),
-    BodyFunction(
-        "VM",
-        NomadRobot.turn_wheels,
-        (SPEED, SPEED),
-        arguments="right left",
-        doc="Turns the right and the left wheel at these speeds.",
-    ),
-    BodyFunction(
-        "PR",
-        NomadRobot.travel,
-        (LENGTH, LENGTH),
-        arguments="right left",
-        doc="Turns the right and the left wheel so far, and rests there; `moving` says until when.",
-    ),
-    BodyFunction("SP", NomadRobot.cruise, (SPEED, SPEED), arguments="right left", doc="How fast PR turns the wheels."),
-    BodyFunction(
-        "AC",
-        NomadRobot.accelerate,
-        (ACCELERATION, ACCELERATION),
-        arguments="right left",
-        doc="How fast the wheels change their speed.",
     ),
     BodyFunction("ST", NomadRobot.halt, doc="Comes to rest."),
     BodyFunction("LP", NomadRobot.limp, doc="Lets the wheels roll."),
@@ -75,23 +110,9 @@ FUNCTIONS = (
         doc="Says where the robot is to believe to be.",
     ),
     BodyFunction(
-        "DA",
-        NomadRobot.believe_heading,
-        (NONE,),
-        arguments="heading",
-        doc="Says where the robot is to believe to look.",
-    ),
-    BodyFunction(
-        "PLACE_ROBOT",
-        NomadRobot.place,
-        (LENGTH, LENGTH, NONE),
-        arguments="x y heading",
-        doc="Puts a simulated robot somewhere.",
-    ),
-    BodyFunction(
         "CONF_SN",
         NomadRobot.fire_sonars,
-        (TIME, *(NONE,) * SONARS),
+        (TIME, *(NONE,) * RING),
         least=1,
         arguments="pause sonar...",
         doc="Fires these sonars one after the other, so long after the echo before; without any: all in sequence.",
@@ -118,29 +139,27 @@ FUNCTIONS = (
 )
 
 
-def scout(speed: float = SCOUT.speed, turn_rate: float = SCOUT.turn_rate) -> RobotModel:
-    """A Scout that is never asked for more than `speed` m/s and `turn_rate` rad/s; more than it can is not granted."""
-    limits = replace(SCOUT, speed=min(speed, SCOUT.speed), turn_rate=min(turn_rate, SCOUT.turn_rate))
+def model_of(base: Base) -> RobotModel:
+    """What all Nomads of a sort have in common."""
+    speed, turn = base.limits.speed, base.limits.turn_rate
     return RobotModel(
-        "scout",
-        SENSORS,
+        base.name,
+        sensors(base),
         (
-            Quantity("drive_speed", "m/s", -limits.speed, limits.speed, doc="drives at this speed", shown_as="in/s"),
-            Quantity(
-                "drive_turn", "rad/s", -limits.turn_rate, limits.turn_rate, doc="turns at this rate", shown_as="deg/s"
-            ),
+            Quantity("drive_speed", "m/s", -speed, speed, doc="drives at this speed", shown_as="in/s"),
+            Quantity("drive_turn", "rad/s", -turn, turn, doc="turns at this rate", shown_as="deg/s"),
         ),
-        FUNCTIONS,
-        limits,
-        Geometry(RADIUS, SONARS, _RANGE),
+        functions(base),
+        base.limits,
+        Geometry(base.radius, RING, _RANGE),
     )
 
 
-def open_nomad(host: str, port: int, robot: int, model: RobotModel, *, in_step: bool = False) -> NomadRobot:
-    """Take over a Scout; see `open_robot`. Raises LostError, RefusedError."""
+def open_nomad(host: str, port: int, robot: int, base: Base, *, in_step: bool = False) -> NomadRobot:
+    """Take over a Nomad; see `open_robot`. Raises LostError, RefusedError."""
     nomad = Nomad.connect(host, port, robot=robot, timeout=PATIENCE)
     try:
-        return NomadRobot(nomad, model, in_step=in_step)
+        return NomadRobot(nomad, base, model_of(base), in_step=in_step)
     except BaseException:
         nomad.close()
         raise

@@ -1,4 +1,4 @@
-"""A Scout behind a Nserver as a body for a mind.
+"""A Nomad behind a Nserver as a body for a mind.
 
 A mind never waits, and every word with a Nserver is a wait. So the connection belongs to a thread of its own, the
 courier, which goes round and round: it takes along what the mind wants done, tells the server, and lays down what the
@@ -14,7 +14,7 @@ In step, for simulations that wait for their programs, there is no courier: each
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from math import isnan, nan, pi
@@ -22,16 +22,13 @@ from threading import Event, Lock, Thread
 from types import TracebackType
 from typing import Literal, NamedTuple, Self
 
+from sleepcast.bridges.nomad_bases import Base
 from sleepcast.clock import Clock, WallClock
-from sleepcast.errors import SleepcastError
+from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.nomad.client import Nomad, NomadError, Pose, RequestError, State
-from sleepcast.nomad.units import INCH, NOTHING_HEARD, TENTH
-from sleepcast.robot import Limits, Reading, RobotModel, Setpoint
+from sleepcast.nomad.units import INCH, INFRARED_STEP, NOTHING_HEARD, NOTHING_NEAR
+from sleepcast.robot import Axes, Reading, RobotModel, Setpoint
 
-RADIUS, TRACK = 0.17, 0.3452
-"""m: of a Scout's body, and between its wheels."""
-SCOUT = Limits(speed=1.0, turn_rate=pi, acceleration=2.0)
-"""What a Scout is asked for at most. Its wheels could turn it twice as fast on the spot, but no sonar could follow."""
 TIMEOUT = 1
 """Whole seconds without a request after which the server stops the robot: as every program of the thesis has it."""
 UNATTENDED = 1.0
@@ -45,7 +42,7 @@ MAX_ERRANDS = 64
 MAX_COMPLAINTS = 100
 """Sentences that wait to be read; the oldest go."""
 FARTHEST = 1_000.0
-"""m that a wheel may be asked to go in one go, and by which a body may be moved about."""
+"""m or rad that an axis may be asked to go in one go."""
 LEAST_BRAKING = 0.5
 """Share of the acceleration that is always left: however gently it is to drive, a robot must be able to stop."""
 FRESH = 1.0
@@ -53,6 +50,7 @@ FRESH = 1.0
 FRONT = range(-4, 5)
 """Numbers of the sonars in front, within a quarter turn to both sides."""
 
+TURN = 2.0 * pi
 _FARTHEST_ECHO = NOTHING_HEARD * INCH
 Sort = Literal["rest", "speeds", "way", "limp"]
 
@@ -62,26 +60,27 @@ class BusyError(SleepcastError):
 
 
 class Motion(NamedTuple):
-    """What the wheels are to do: rest, turn at speeds (m/s), go a way (m), or be let go."""
+    """What the axes are to do: rest, turn at speeds (m/s, rad/s), go a way (m, rad), or be let go."""
 
     sort: Sort
-    right: float = 0.0
-    left: float = 0.0
+    axes: Axes = Axes(0.0, 0.0, 0.0)
 
 
 REST = Motion("rest")
 
 
 class NomadRobot:
-    """See the module; functions of its own are named in `nomad_names`. SI units; x, y and heading are what its encoders
+    """See the module; `nomad` names what expressions may ask of it. SI units; x, y and heading are what its encoders
     give, in the frame of the server's world.
 
-    model: what it answers to. clock: by which the mind's looks are timed. It is a `Robot`; `sense` raises LostError
-    when the server is gone.
+    base: its sort; model: what it answers to. clock: by which the mind's looks are timed. It is a `Robot`; `sense`
+    raises LostError when the server is gone.
     """
 
-    def __init__(self, nomad: Nomad, model: RobotModel, *, clock: Clock | None = None, in_step: bool = False) -> None:
-        self.model = model
+    def __init__(
+        self, nomad: Nomad, base: Base, model: RobotModel, *, clock: Clock | None = None, in_step: bool = False
+    ) -> None:
+        self.base, self.model = base, model
         self._nomad, self._clock, self._in_step = nomad, clock or WallClock(), in_step
         self._lock = Lock()
         """Held to change what follows; never while anybody waits for the server."""
@@ -103,10 +102,9 @@ class NomadRobot:
 
     def _greet(self) -> None:
         """What a server is told first."""
-        limits = self.model.limits
         self._nomad.conf_tm(TIMEOUT)
         self._nomad.st()
-        self._nomad.cruise(self._whole(limits.speed), self._whole(limits.speed))
+        self._nomad.sp(*self.base.words(self.base.speeds))
         self._state = self._nomad.state
 
     # ---- a Robot
@@ -137,11 +135,11 @@ class NomadRobot:
         return self._state.time
 
     def act(self, wanted: Setpoint) -> None:
-        motion = self._motion
-        right, left = (motion.right, motion.left) if motion.sort == "speeds" else (0.0, 0.0)
-        speed = (right + left) / 2.0 if isnan(wanted.speed) else wanted.speed
-        turn = (right - left) / TRACK if isnan(wanted.turn_rate) else wanted.turn_rate
-        self.drive(speed, turn)
+        motion = self._motion if self._motion.sort == "speeds" else REST
+        speed, turn = self.base.motion(motion.axes)
+        self.drive(
+            speed if isnan(wanted.speed) else wanted.speed, turn if isnan(wanted.turn_rate) else wanted.turn_rate
+        )
 
     def stop(self) -> None:
         with self._lock:
@@ -184,16 +182,17 @@ class NomadRobot:
     ) -> None:
         self.close()
 
-    # ---- what expressions may ask; see nomad_names
+    # ---- what expressions may ask; see nomad
 
     def drive(self, speed: float, turn_rate: float) -> None:
-        self.turn_wheels(speed + turn_rate * TRACK / 2.0, speed - turn_rate * TRACK / 2.0)
+        self._move(Motion("speeds", self.base.within(self.base.axes(speed, turn_rate))))
 
-    def turn_wheels(self, right: float, left: float) -> None:
-        self._move(Motion("speeds", *self._within(right, left)))
+    def turn_axes(self, first: float, second: float, third: float = 0.0) -> None:
+        self._move(Motion("speeds", self.base.within(Axes(first, second, third))))
 
-    def travel(self, right: float, left: float) -> None:
-        self._move(Motion("way", *(min(max(way, -FARTHEST), FARTHEST) for way in (right, left))))
+    def travel(self, first: float, second: float, third: float = 0.0) -> None:
+        ways = (min(max(way, -FARTHEST), FARTHEST) for way in (first, second, third))
+        self._move(Motion("way", Axes(*ways)))
 
     def halt(self) -> None:
         self._move(Motion("rest"))
@@ -201,14 +200,13 @@ class NomadRobot:
     def limp(self) -> None:
         self._move(Motion("limp"))
 
-    def cruise(self, right: float, left: float) -> None:
-        speeds = [self._whole(min(abs(speed), self.model.limits.speed)) for speed in (right, left)]
-        self._send(lambda nomad: nomad.cruise(*speeds))
+    def cruise(self, *speeds: float) -> None:
+        words = self.base.words(_sizes(speeds, self.base.speeds))
+        self._send(lambda nomad: nomad.sp(*words))
 
-    def accelerate(self, right: float, left: float) -> None:
-        most = self.model.limits.acceleration
-        wanted = [self._whole(min(max(abs(a), most * LEAST_BRAKING), most)) for a in (right, left)]
-        self._send(lambda nomad: nomad.accelerate(*wanted))
+    def accelerate(self, *accelerations: float) -> None:
+        words = self.base.words(_sizes(accelerations, self.base.whole(self.base.accelerations), LEAST_BRAKING))
+        self._send(lambda nomad: nomad.ac(*words))
 
     def zero(self) -> None:
         """Over a connection of its own: it may take two minutes, and STOP must not wait for it."""
@@ -223,12 +221,14 @@ class NomadRobot:
     def believe_place(self, x: float, y: float) -> None:
         self._send(lambda nomad: nomad.believe_place(x, y))
 
-    def believe_heading(self, heading: float) -> None:
-        self._send(lambda nomad: nomad.believe_heading(heading, heading))
+    def believe_heading(self, heading: float, turret: float | None = None) -> None:
+        angles = heading % TURN, (heading if turret is None else turret) % TURN
+        self._send(lambda nomad: nomad.believe_heading(*angles))
 
-    def place(self, x: float, y: float, heading: float) -> None:
+    def place(self, x: float, y: float, heading: float, turret: float | None = None) -> None:
+        pose = Pose(x, y, heading % TURN, (heading if turret is None else turret) % TURN)
         if not self._stopped:
-            self._send(lambda nomad: nomad.place(Pose(x, y, heading, heading)))
+            self._send(lambda nomad: nomad.place(pose))
 
     def say(self, text: str) -> None:
         self._send(lambda nomad: nomad.say(text))
@@ -243,9 +243,9 @@ class NomadRobot:
 
     def nearest(self, first: float, last: float) -> float:
         sonars = self._ranges()
-        turn, step = 2.0 * pi, 2.0 * pi / len(sonars)
-        wide = last - first if last - first >= turn else (last - first) % turn
-        there = [found for number, found in enumerate(sonars) if (number * step - first) % turn <= wide]
+        step = TURN / len(sonars)
+        wide = last - first if last - first >= TURN else (last - first) % TURN
+        there = [found for number, found in enumerate(sonars) if (number * step - first) % TURN <= wide]
         return min((found for found in there if not isnan(found)), default=nan if there else _FARTHEST_ECHO)
 
     def _ranges(self) -> list[float]:
@@ -269,31 +269,20 @@ class NomadRobot:
             self._errands.append(errand)
         self._wake.set()
 
-    def _within(self, right: float, left: float) -> tuple[float, float]:
-        """Speeds of the wheels within the limits: of the body, of its turning, and, on the same curve, of a wheel."""
-        limits = self.model.limits
-        speed = min(max((right + left) / 2.0, -limits.speed), limits.speed)
-        turn = min(max((right - left) / TRACK, -limits.turn_rate), limits.turn_rate)
-        right, left = speed + turn * TRACK / 2.0, speed - turn * TRACK / 2.0
-        most = self._whole(limits.speed)
-        share = min(1.0, most / max(abs(right), abs(left), most))
-        return right * share, left * share
-
-    @staticmethod
-    def _whole(size: float) -> float:
-        """As much of a length or speed as the wire can say, at most."""
-        return int(size / TENTH + 1e-6) * TENTH
-
     # ---- the courier
 
     def _go_round(self) -> None:
-        while not self._ending and self._lost is None:
-            self._wake.wait(ROUND)
-            self._wake.clear()
-            if self._clock.now() - self._attended > UNATTENDED:
-                with self._lock:
-                    self._motion = REST
-            self._round()
+        try:
+            while not self._ending and self._lost is None:
+                self._wake.wait(ROUND)
+                self._wake.clear()
+                if self._clock.now() - self._attended > UNATTENDED:
+                    with self._lock:
+                        self._motion = REST
+                self._round()
+        finally:  # nothing should get here but the end; if something does, the mind must not go on without a body
+            if not self._ending and self._lost is None:
+                self._lost = NomadError("the thread that talks to the robot has died: please report what it said")
 
     def _round(self) -> None:
         """One round with the server: what brings to rest first, then errands, then other motion; the state in any
@@ -303,7 +292,7 @@ class NomadRobot:
             errands, self._errands = self._errands, deque()
         todo: list[Callable[[Nomad], object]] = list(errands)
         if motion is not self._told:
-            todo.insert(0 if motion.sort == "rest" else len(todo), partial(_carry_out, motion))
+            todo.insert(0 if motion.sort == "rest" else len(todo), partial(self._carry_out, motion))
             self._told = motion
         try:
             answers = [self._done(errand) for errand in todo]
@@ -315,10 +304,17 @@ class NomadRobot:
             self._heard = self._clock.now()
         self._state = self._nomad.state
 
+    def _carry_out(self, motion: Motion, nomad: Nomad) -> State:
+        if motion.sort == "speeds":
+            return nomad.vm(*self.base.words(motion.axes))
+        if motion.sort == "way":
+            return nomad.pr(*self.base.words(motion.axes))
+        return nomad.lp() if motion.sort == "limp" else nomad.st()
+
     def _done(self, errand: Callable[[Nomad], object]) -> object:
         try:
             return errand(self._nomad)
-        except RequestError as error:
+        except (RequestError, MisuseError) as error:
             self._complaints.append(str(error))
             return None
 
@@ -336,14 +332,13 @@ class NomadRobot:
     # ---- readings
 
     def _values(self, state: State) -> tuple[float, ...]:
-        """In the order of `nomad.SENSORS`."""
+        """In the order of `nomad.sensors`."""
         sonars = _ranges(state)
-        return (
+        common = (
             state.x,
             state.y,
             state.heading,
-            (state.right_speed + state.left_speed) / 2.0,
-            (state.right_speed - state.left_speed) / TRACK,
+            *self.base.measured(state),
             float(any(state.moving)),
             float((state.bumper & -state.bumper).bit_length()),
             state.computer_volts,
@@ -351,15 +346,16 @@ class NomadRobot:
             *sonars,
             min((sonars[number] for number in FRONT if not isnan(sonars[number])), default=nan),
         )
+        if self.base.track:
+            return common
+        return (*common, state.turret, *(min(max(steps, 0), NOTHING_NEAR) * INFRARED_STEP for steps in state.infrared))
 
 
 def _ranges(state: State) -> list[float]:
     return [inches * INCH if 0 < inches <= NOTHING_HEARD else nan for inches in state.sonar_inches]
 
 
-def _carry_out(motion: Motion, nomad: Nomad) -> State:
-    if motion.sort == "speeds":
-        return nomad.drive(motion.right, motion.left)
-    if motion.sort == "way":
-        return nomad.travel(motion.right, motion.left)
-    return nomad.lp() if motion.sort == "limp" else nomad.st()
+def _sizes(wanted: Sequence[float], most: Axes, least: float = 0.0) -> Axes:
+    """What is wanted of each axis without its sign: `most` of it at most, and at least this share of that."""
+    given = (*wanted, 0.0)[:3]
+    return Axes(*(min(max(abs(size), least * bound), bound) for size, bound in zip(given, most, strict=True)))

@@ -11,6 +11,8 @@ from sleepcast.cli.interrupts import Interrupts
 from sleepcast.errors import MisuseError
 
 STANDARD, NOMAD = "standard", "nomad"
+LONGEST_TICK = 0.5
+"""s: a body that its mind does not look at for a second is brought to rest."""
 
 
 @click.command("node", short_help="Run one robot's mind with a real body.")
@@ -28,7 +30,9 @@ STANDARD, NOMAD = "standard", "nomad"
     show_default=True,
     help="nomad: VM, PR and the like in tenths of inches.",
 )
-@click.option("--tick", type=click.FloatRange(0.01, 10.0), default=0.1, show_default=True, help="Seconds of a tick.")
+@click.option(
+    "--tick", type=click.FloatRange(0.01, LONGEST_TICK), default=0.1, show_default=True, help="Seconds of a tick."
+)
 @click.option("--lockstep", is_flag=True, help="For a server in lockstep: a tick is one of the server's.")
 @click.option("--seconds", metavar="S", type=click.FloatRange(min=0.0), help="End after so long; else at Ctrl-C.")
 @click.option("--id", "number", type=click.IntRange(0, 1_000_000), help="Its id in expressions; else as in its name.")

@@ -92,7 +92,9 @@ class Life:
             check()
             return clock.now() < end
 
-        announce(f"{self.node.name} is up, with {len(self.node.rules())} rules; Ctrl-C stops its body and ends it")
+        rules = len(self.node.rules())
+        told = "1 rule" if rules == 1 else f"{rules} rules"
+        announce(f"{self.node.name} is up, with {told}; Ctrl-C stops its body and ends it")
         try:
             run_robot(self.node, self.robot, clock, desk, tick=tick, going=going, watch=self.watch)
         finally:

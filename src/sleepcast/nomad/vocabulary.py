@@ -12,20 +12,14 @@ from dataclasses import replace
 
 from sleepcast.nomad.units import CONFIGURED_PAUSE, TENTH, TENTH_DEGREE
 from sleepcast.robot import BodyFunction, RobotModel
-from sleepcast.units import NONE
+from sleepcast.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME
 
-NAME = "nomad"
-FACTORS = {
-    "VM": (TENTH, TENTH),
-    "PR": (TENTH, TENTH),
-    "SP": (TENTH, TENTH),
-    "AC": (TENTH, TENTH),
-    "DP": (TENTH, TENTH),
-    "DA": (TENTH_DEGREE,),
-    "PLACE_ROBOT": (TENTH, TENTH, TENTH_DEGREE),
-    "CONF_SN": (CONFIGURED_PAUSE,),
-}
-"""What one of the wire's units is in SI, for the first arguments of a function; others are plain numbers."""
+TURNING = frozenset({"VM", "PR", "SP", "AC", "DP", "DA", "PLACE_ROBOT"})
+"""Functions whose plain numbers are angles."""
+NAMES = TURNING | {"CONF_SN"}
+"""Those that take the wire's units."""
+UNITS = {LENGTH: TENTH, SPEED: TENTH, ACCELERATION: TENTH, RATE: TENTH_DEGREE, TIME: CONFIGURED_PAUSE}
+"""What one of the wire's units is in SI, by what it measures."""
 
 
 def nomad_vocabulary(model: RobotModel) -> RobotModel:
@@ -34,17 +28,17 @@ def nomad_vocabulary(model: RobotModel) -> RobotModel:
 
 
 def _converted(function: BodyFunction) -> BodyFunction:
-    factors = FACTORS.get(function.name)
-    if factors is None:
+    if function.name not in NAMES:
         return function
-    plain = (NONE,) * len(function.dimensions)
+    angle = TENTH_DEGREE if function.name in TURNING else 1.0
+    factors = tuple(angle if each is None else UNITS.get(each, angle) for each in function.dimensions)
+    plain = (NONE,) * len(factors)
     doc = f"{function.doc} In tenths of inches, tenths of degrees, steps of 4 ms."
     return replace(function, call=_in_units(function.call, factors), dimensions=plain, doc=doc, many="")
 
 
 def _in_units(call: Callable[..., float | None], factors: tuple[float, ...]) -> Callable[..., float | None]:
     def converted(body: object, *given: float) -> float | None:
-        in_si = (number * factor for number, factor in zip(given, factors, strict=False))
-        return call(body, *in_si, *given[len(factors) :])
+        return call(body, *(number * factor for number, factor in zip(given, factors, strict=False)))
 
     return converted

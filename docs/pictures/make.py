@@ -9,6 +9,8 @@ photographed as fast as the machine can; each photograph is shown for as long as
 maze: 100,000 Scouts run the mission of the scenario `maze` for some simulated minutes, recorded and without a page;
 then the recording is shown on the page, and its last moment is photographed.
 
+nomads: two Scouts wander through a room, driven by programs, and what the page of their server shows is photographed.
+
 stop: sixty runs of the scenario `stop`, without a page, and histograms of where its robots came to rest.
 """
 
@@ -27,6 +29,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import apng
+import nomads
 import stops
 from playwright.sync_api import Page, ViewportSize, sync_playwright
 
@@ -44,25 +47,46 @@ SENTENCE = "(WHEN (AND (< (DIST x y vessel_x vessel_y) 5mi) (> fuel 50%) (> ordn
 
 MANY, SECONDS = 100_000, 90
 """Robots in the maze, and simulated seconds until the photograph."""
+DESK: ViewportSize = {"width": 1240, "height": 800}
+"""Of the page with the Nomads."""
 WIDE: ViewportSize = {"width": 1400, "height": 1010}
 """Of the page with the maze: the map is then nearly a square."""
+ADDRESS = re.compile(r"http://\S+")
+WANDERING = 14.0
+"""Seconds on the wall until the photograph of the Nomads."""
 FINE = 2
 """Pixels of the photograph of the maze for each of the page's: points are half as wide then."""
 
 
 @contextmanager
-def running(*arguments: str | Path) -> Iterator[str]:
-    """The address of the page, while the program runs."""
+def started(*arguments: str | Path) -> Iterator[str]:
+    """What the program says until it has said the address of its page, while it runs."""
     command = [sys.executable, "-m", "sleepcast", *arguments, "--no-browser", "--port", "0"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
         assert process.stdout is not None
-        found = next((match for line in process.stdout if (match := re.search(r"http://\S+", line))), None)
-        if found is None:
-            raise SystemExit("the program ended before it said its address")
+        said = ""
+        while not ADDRESS.search(said):
+            line = process.stdout.readline()
+            if not line:
+                raise SystemExit(f"the program ended before it said its address: {said}")
+            said += line
         try:
-            yield found[0]
+            yield said
         finally:
             process.send_signal(signal.SIGINT)
+
+
+@contextmanager
+def running(*arguments: str | Path) -> Iterator[str]:
+    """The address of the page, while the program runs."""
+    with started(*arguments) as said:
+        yield address_in(said)
+
+
+def address_in(said: str) -> str:
+    found = ADDRESS.search(said)
+    assert found is not None
+    return found[0]
 
 
 class Camera:
@@ -169,11 +193,24 @@ def opened(address: str, size: ViewportSize, fine: float = 1) -> Iterator[Page]:
         browser.close()
 
 
+def laboratory() -> None:
+    with (
+        TemporaryDirectory() as folder,
+        started(*nomads.arguments(Path(folder))) as said,
+        opened(address_in(said), DESK) as page,
+        nomads.wandering(said),
+    ):
+        page.wait_for_timeout(1000 * WANDERING)
+        taken = page.screenshot()
+    apng.write(FOLDER / "nomads.png", [apng.decoded(taken)], [LAST])
+    print(f"nomads.png: {(FOLDER / 'nomads.png').stat().st_size / 1e6:.2f} MB")
+
+
 def stop() -> None:
     stops.stop(FOLDER / "stop.svg")
 
 
-PICTURES = {"bravo": bravo, "maze": maze, "stop": stop}
+PICTURES = {"bravo": bravo, "maze": maze, "nomads": laboratory, "stop": stop}
 
 
 def main() -> None:

@@ -84,8 +84,9 @@ class ChannelContract:
         assert [heard.text for heard in air.robots[-1].receive()] == [text]
 
     def test_every_field_arrives_unchanged(self, air: Air) -> None:
-        for deadline in (12.25, inf):
-            sent = Message("desk", 2**40, 2**41, Kind.COMMAND, 0.1, deadline, "(ST)", True, {"a": 1, "b": [1.5, "x"]})
+        for number, deadline in enumerate((12.25, inf)):
+            body = {"a": 1, "b": [1.5, "x"]}
+            sent = Message("desk", 2**40, 2**41 + number, Kind.COMMAND, 0.1, deadline, "(ST)", True, body)
             air.operator.send(sent)
             air.settle()
             assert air.robots[0].receive() == [sent]

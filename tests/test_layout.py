@@ -48,7 +48,7 @@ HOUSE = {
     "units": room(),
     "parcel": room(libraries="msgspec", late="numpy"),
     "language": room(),
-    "channel": room(libraries="msgspec numpy"),
+    "channel": room(libraries="msgspec numpy cbor2 nacl"),
     "robot": room(),
     "nomad": room("robot"),
     "node": room("language channel robot", late="numpy"),

@@ -1,0 +1,227 @@
+"""The door: which bytes from outside become messages. Everything else is counted, dropped, and never answered.
+
+Checks go from the cheap to the dear: length and layout, the key, what its owner may say, the deadline, whether this was
+heard before - and then the signature, for which each key has a budget, so that nobody can make a robot work by sending
+it forgeries. STOP has a budget of its own: no flood of other messages keeps it out.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, OrderedDict
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Part, Piece, look, read_message, read_piece
+from sleepcast.channel.keys import MAY, PublicKey, Role, Trust
+from sleepcast.channel.message import TO_OPERATOR, Kind, Message
+from sleepcast.clock import Clock
+
+WINDOW = 4_096
+"""Numbers back from the latest of a sender that are told apart: more than come in the seconds of a deadline."""
+MAX_SENDERS = 16_384
+"""Senders whose numbers are remembered; the one that was silent longest is forgotten, and then its epoch is not."""
+MAX_OPEN = 64
+"""Long messages that wait for their other parts, of all senders together."""
+VERIFIED_A_SECOND = 200.0
+"""Signatures of one key that are looked at in a second, unless another rate is given."""
+SKEW = 2.0
+"""Seconds that two clocks may differ, unless another bound is given."""
+TO_ROBOTS = frozenset({Kind.COMMAND, Kind.ASK})
+"""Kinds that robots are to evaluate."""
+OLDEST = 3_600.0
+"""Seconds after which a message without a deadline is no news any more; what must last is told anew."""
+
+
+class Drop(StrEnum):
+    """Why bytes went no further."""
+
+    MALFORMED = "malformed"
+    UNKNOWN_KEY = "unknown key"
+    REVOKED = "revoked key"
+    NOT_FOR_US = "not for us"
+    NOT_ALLOWED = "not allowed"
+    LATE = "late"
+    EARLY = "from the future"
+    REPEATED = "repeated"
+    TOO_MANY = "too many"
+    FORGED = "forged"
+    OTHER_FLEET = "other fleet"
+
+
+@dataclass(slots=True)
+class Heard:
+    """What was heard of one sender. latest: number of its newest message in this epoch; numbers: those before it that
+    were heard, as bits: bit i is `latest - i`."""
+
+    epoch: int
+    latest: int = 0
+    numbers: int = 0
+
+    def knows(self, epoch: int, sequence: int) -> bool:
+        """Whether this message was heard, or is too old to tell."""
+        if epoch != self.epoch:
+            return epoch < self.epoch
+        back = self.latest - sequence
+        return back >= WINDOW or (back >= 0 and bool(self.numbers >> back & 1))
+
+    def note(self, epoch: int, sequence: int) -> None:
+        """This message has been heard."""
+        if epoch > self.epoch:
+            self.epoch, self.latest, self.numbers = epoch, sequence, 1
+            return
+        ahead = sequence - self.latest
+        if ahead > 0:
+            self.latest = sequence
+            self.numbers = (self.numbers << min(ahead, WINDOW) | 1) & (1 << WINDOW) - 1
+        else:
+            self.numbers |= 1 << -ahead
+
+
+@dataclass(slots=True)
+class Budget:
+    """Signatures that may still be looked at: `rate` a second, a second's worth at once."""
+
+    rate: float
+    left: float
+    since: float
+
+    def take(self, now: float) -> bool:
+        """Whether one more may be looked at."""
+        self.left = min(self.rate, self.left + (now - self.since) * self.rate)
+        self.since = now
+        if self.left < 1.0:
+            return False
+        self.left -= 1.0
+        return True
+
+
+@dataclass(slots=True)
+class Assembly:
+    """A long message in so many parts, of which these pieces have come."""
+
+    parts: int
+    pieces: dict[int, bytes] = field(default_factory=dict)
+
+
+class Door:
+    """One party's door. trust: whom it believes; fleet: whose messages it hears; robot: whether it is a robot's, which
+    has no ear for what others tell the operator, or an operator's, who has none for what robots tell each other.
+    clock: Unix time, s. rate: signatures of one key that are looked at in a second. skew: s that others' clocks may be
+    wrong.
+
+    counts: what was dropped, by reason; passed: how many messages came in.
+    """
+
+    def __init__(
+        self,
+        trust: Trust,
+        fleet: str,
+        clock: Clock,
+        *,
+        robot: bool,
+        rate: float = VERIFIED_A_SECOND,
+        skew: float = SKEW,
+    ) -> None:
+        self.trust, self.fleet, self.robot = trust, fleet, robot
+        self.counts: Counter[Drop] = Counter()
+        self.passed = 0
+        self._clock, self._rate, self._skew = clock, rate, skew
+        self._heard: OrderedDict[tuple[bytes, str], Heard] = OrderedDict()
+        self._budgets: dict[tuple[bytes, bool], Budget] = {}
+        self._open: OrderedDict[tuple[bytes, str, int, int], Assembly] = OrderedDict()
+
+    def enter(self, datagram: bytes) -> Message | None:
+        """The message that these bytes are, or complete; None if they are dropped, or part of a message that others
+        are still missing of."""
+        try:
+            part = look(datagram)
+            key = self.trust.find(part.key)
+            reason = self._objection(part, key)
+            if reason is not None or key is None:
+                self.counts[reason or Drop.UNKNOWN_KEY] += 1
+                return None
+            piece = read_piece(part)
+            reason = self._second_objection(key, part, piece)
+            if reason is not None:
+                self.counts[reason] += 1
+                return None
+            message = self._completed(part, piece)
+        except EnvelopeError:
+            self.counts[Drop.MALFORMED] += 1
+            return None
+        if message is not None:
+            self.passed += 1
+        return message
+
+    def _objection(self, part: Part, key: PublicKey | None) -> Drop | None:
+        """Why the part is dropped, as far as can be said without reading what it says."""
+        if key is None:
+            return Drop.UNKNOWN_KEY
+        if key.revoked:
+            return Drop.REVOKED
+        if part.kind not in MAY[key.role]:
+            return Drop.NOT_ALLOWED
+        if part.kind in TO_OPERATOR if self.robot else part.kind in TO_ROBOTS and key.role is Role.ROBOT:
+            return Drop.NOT_FOR_US
+        now = self._clock.now()
+        if now > min(part.deadline, part.issued + OLDEST) + self._skew:
+            return Drop.LATE
+        if part.issued > now + self._skew:
+            return Drop.EARLY
+        if not key.owner.endswith("*") and self._knows(part, key.owner):
+            return Drop.REPEATED
+        if not self._budget(part, now).take(now):
+            return Drop.TOO_MANY
+        return None if key.signed(part.signed, part.signature) else Drop.FORGED
+
+    def _second_objection(self, key: PublicKey, part: Part, piece: Piece) -> Drop | None:
+        if piece.fleet != self.fleet:
+            return Drop.OTHER_FLEET
+        if not key.is_of(piece.sender):
+            return Drop.NOT_ALLOWED
+        return Drop.REPEATED if self._knows(part, piece.sender) else None
+
+    def _knows(self, part: Part, sender: str) -> bool:
+        heard = self._heard.get((part.key, sender))
+        if heard is not None and heard.knows(part.epoch, part.sequence):
+            return True
+        waiting = self._open.get((part.key, sender, part.epoch, part.sequence))
+        return waiting is not None and part.number in waiting.pieces
+
+    def _budget(self, part: Part, now: float) -> Budget:
+        which = part.key, part.kind is Kind.STOP
+        found = self._budgets.get(which)
+        if found is None:
+            found = self._budgets[which] = Budget(self._rate, self._rate, now)
+        return found
+
+    def _completed(self, part: Part, piece: Piece) -> Message | None:
+        """The message, if this part was the last one of it that was missing."""
+        content = piece.content
+        if part.parts > 1:
+            which = part.key, piece.sender, part.epoch, part.sequence
+            waiting = self._open.setdefault(which, Assembly(part.parts))
+            if part.parts != waiting.parts:
+                raise EnvelopeError("a message whose parts do not agree on how many they are")
+            waiting.pieces[part.number] = content
+            if len(waiting.pieces) < part.parts:
+                if len(self._open) > MAX_OPEN:
+                    self._open.popitem(last=False)
+                return None
+            del self._open[which]
+            content = b"".join(waiting.pieces[number] for number in range(part.parts))
+            if len(content) > MAX_CONTENT:
+                raise EnvelopeError("a message that says more than fits into one")
+        message = read_message(part, piece.sender, content)
+        self._note(part, piece.sender)
+        return message
+
+    def _note(self, part: Part, sender: str) -> None:
+        which = part.key, sender
+        heard = self._heard.get(which)
+        if heard is None:
+            heard = self._heard[which] = Heard(part.epoch, part.sequence)
+        heard.note(part.epoch, part.sequence)
+        self._heard.move_to_end(which)
+        if len(self._heard) > MAX_SENDERS:
+            self._heard.popitem(last=False)

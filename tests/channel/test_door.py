@@ -1,0 +1,198 @@
+"""What comes in, and why everything else does not."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from dataclasses import replace
+from math import inf
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.door import MAX_OPEN, OLDEST, SKEW, VERIFIED_A_SECOND, WINDOW, Door, Drop
+from sleepcast.channel.envelope import encode
+from sleepcast.channel.keys import KeyPair, KeyRefusal, Role, Trust
+from sleepcast.clock import ManualClock
+
+DESK = KeyPair("desk", Role.OPERATOR, b"d" * 32)
+CHIEF = KeyPair("chief", Role.COMMANDER, b"c" * 32)
+WATCH = KeyPair("watch", Role.OBSERVER, b"w" * 32)
+ROBOTS = KeyPair("r*", Role.ROBOT, b"r" * 32)
+STRANGER = KeyPair("desk", Role.COMMANDER, b"s" * 32)
+NOW = 1_000.0
+
+
+def trust() -> Trust:
+    return Trust(key.public for key in (DESK, CHIEF, WATCH, ROBOTS))
+
+
+def door(robot: bool = True, rate: float = 1e9, clock: ManualClock | None = None) -> Door:
+    return Door(trust(), "lab", clock or ManualClock(NOW), robot=robot, rate=rate)
+
+
+def message(sequence: int = 1, sender: str = "desk", kind: Kind = Kind.COMMAND, **others: object) -> Message:
+    fields: dict[str, object] = {"epoch": 1, "issued": NOW, "deadline": NOW + 5.0, "text": "(ST)"}
+    return Message(**{**fields, **others}, sender=sender, sequence=sequence, kind=kind)  # type: ignore[arg-type]
+
+
+def only(datagrams: list[bytes]) -> bytes:
+    (datagram,) = datagrams
+    return datagram
+
+
+def test_a_message_comes_in_once() -> None:
+    here, sent = door(), message()
+    datagram = only(encode(sent, "lab", DESK))
+    assert [here.enter(datagram) for _ in range(3)] == [sent, None, None]
+    assert (here.passed, here.counts) == (1, {Drop.REPEATED: 2})
+
+
+@pytest.mark.parametrize(
+    ("reason", "sent", "key", "fleet"),
+    [
+        (Drop.UNKNOWN_KEY, message(), STRANGER, "lab"),
+        (Drop.OTHER_FLEET, message(), DESK, "sea"),
+        (Drop.NOT_ALLOWED, message(sender="watch"), WATCH, "lab"),
+        (Drop.NOT_ALLOWED, message(sender="watch", kind=Kind.RELEASE), WATCH, "lab"),
+        (Drop.NOT_ALLOWED, message(sender="r1", kind=Kind.RELEASE), ROBOTS, "lab"),
+        (Drop.NOT_ALLOWED, message(sender="chief"), DESK, "lab"),
+        (Drop.NOT_ALLOWED, message(sender="desk"), ROBOTS, "lab"),
+        (Drop.NOT_ALLOWED, message(kind=Kind.ANSWER), DESK, "lab"),
+        (Drop.NOT_FOR_US, message(sender="r1", kind=Kind.ANSWER), ROBOTS, "lab"),
+        (Drop.LATE, message(issued=NOW - 9.0, deadline=NOW - SKEW - 0.1), DESK, "lab"),
+        (Drop.EARLY, message(issued=NOW + SKEW + 0.1, deadline=inf), DESK, "lab"),
+    ],
+)
+def test_what_is_dropped_and_why(reason: Drop, sent: Message, key: KeyPair, fleet: str) -> None:
+    here = door()
+    assert here.enter(only(encode(sent, fleet, key))) is None
+    assert here.counts == {reason: 1}
+
+
+def test_without_a_deadline_news_grow_old() -> None:
+    here = door(clock=ManualClock(NOW + OLDEST + SKEW + 1.0))
+    assert here.enter(only(encode(message(deadline=inf), "lab", DESK))) is None
+    assert here.counts == {Drop.LATE: 1}
+
+
+@pytest.mark.parametrize("key", [DESK, CHIEF, WATCH, ROBOTS], ids=lambda key: str(key.public.role))
+def test_anybody_with_a_role_may_stop(key: KeyPair) -> None:
+    sender = "r5" if key is ROBOTS else key.public.owner
+    assert door().enter(only(encode(message(sender=sender, kind=Kind.STOP), "lab", key)))
+
+
+def test_an_operator_has_no_ear_for_what_robots_tell_each_other() -> None:
+    here = door(robot=False)
+    assert here.enter(only(encode(message(sender="r1"), "lab", ROBOTS))) is None
+    assert here.counts == {Drop.NOT_FOR_US: 1}
+    assert here.enter(only(encode(message(sender="r1", kind=Kind.ANSWER, sequence=2), "lab", ROBOTS)))
+
+
+def test_a_revoked_key_counts_no_more_and_stays_revoked() -> None:
+    here = door()
+    here.trust.revoke("desk")
+    here.trust.add(DESK.public)
+    assert here.enter(only(encode(message(), "lab", DESK))) is None
+    assert here.enter(only(encode(message(kind=Kind.STOP), "lab", DESK))) is None
+    assert here.counts == {Drop.REVOKED: 2}
+
+
+@given(st.data())
+def test_a_changed_byte_never_comes_in(data: st.DataObject) -> None:
+    datagram = only(encode(message(), "lab", DESK))
+    at = data.draw(st.integers(0, len(datagram) - 1))
+    here = door()
+    assert (
+        here.enter(datagram[:at] + bytes([datagram[at] ^ data.draw(st.integers(1, 255))]) + datagram[at + 1 :]) is None
+    )
+    assert sum(here.counts.values()) == 1
+    assert here.enter(datagram) == message(), "a forgery must not use up the number of what it forged"
+
+
+def test_signatures_of_one_key_are_looked_at_at_a_rate_and_stop_has_its_own() -> None:
+    clock = ManualClock(NOW)
+    here = door(rate=VERIFIED_A_SECOND, clock=clock)
+    good = only(encode(message(), "lab", DESK))
+    forged = good[:-1] + bytes([good[-1] ^ 1])
+    for _ in range(1_000):
+        here.enter(forged)
+    assert here.counts[Drop.FORGED] == VERIFIED_A_SECOND
+    assert here.counts[Drop.TOO_MANY] == 1_000 - VERIFIED_A_SECOND
+    assert here.enter(good) is None
+    assert here.enter(only(encode(message(2, kind=Kind.STOP), "lab", DESK)))
+    assert here.enter(only(encode(message(3, sender="chief"), "lab", CHIEF))), "another key has a budget of its own"
+    clock.advance(1.0)
+    assert here.enter(good)
+
+
+def parts_of(text: str, sequence: int = 1) -> list[bytes]:
+    found = encode(message(sequence, text=text), "lab", DESK)
+    assert len(found) > 2
+    return found
+
+
+@settings(max_examples=30)
+@given(st.randoms(use_true_random=False))
+def test_the_parts_of_a_long_message_come_in_any_order_and_more_than_once(chance: random.Random) -> None:
+    here, text = door(), "x" * 10_000
+    coming = parts_of(text) * 2
+    chance.shuffle(coming)
+    found = [heard for heard in map(here.enter, coming) if heard is not None]
+    assert [heard.text for heard in found] == [text]
+
+
+def test_long_messages_that_are_never_completed_take_bounded_room() -> None:
+    here = door()
+    for sequence in range(10 * MAX_OPEN):
+        here.enter(parts_of("x" * 5_000, sequence)[0])
+    assert len(here._open) <= MAX_OPEN
+    datagrams = parts_of("y" * 5_000, 10 * MAX_OPEN)
+    assert [heard.text for heard in map(here.enter, datagrams) if heard] == ["y" * 5_000]
+
+
+@given(st.lists(st.tuples(st.integers(0, 2), st.integers(0, 3 * WINDOW)), min_size=1, max_size=60))
+def test_a_number_counts_once_and_never_after_the_window(numbers: list[tuple[int, int]]) -> None:
+    here = Door(trust(), "lab", ManualClock(NOW), robot=True, rate=1e9)
+    heard: set[tuple[int, int]] = set()
+    newest = (-1, -1)
+    for epoch, sequence in numbers:
+        known = (
+            (epoch, sequence) in heard or epoch < newest[0] or (epoch == newest[0] and sequence <= newest[1] - WINDOW)
+        )
+        came_in = here.enter(only(encode(message(sequence, epoch=epoch), "lab", DESK))) is not None
+        assert came_in is not known
+        heard.add((epoch, sequence))
+        newest = max(newest, (epoch, sequence)) if not known else newest
+
+
+def test_trust_is_bounded_and_names_what_it_does_not_know() -> None:
+    known = trust()
+    with pytest.raises(KeyRefusal, match="did you mean chief"):
+        known.revoke("chef")
+    with pytest.raises(KeyRefusal, match="32 bytes"):
+        replace(DESK.public, public=b"short")
+    with pytest.raises(KeyRefusal, match="1 to 64"):
+        replace(DESK.public, owner="")
+    with pytest.raises(KeyRefusal, match="32 bytes"):
+        KeyPair("desk", Role.OPERATOR, b"short")
+    one, other = KeyPair.new("a", Role.ROBOT), KeyPair.new("a", Role.ROBOT)
+    assert one.id != other.id
+
+
+FLOODS: list[Callable[[], bytes]] = [
+    lambda: b"",
+    lambda: b"\xd2" * 300,
+    lambda: only(encode(message(), "lab", STRANGER)),
+]
+
+
+@pytest.mark.parametrize("flood", FLOODS)
+def test_a_flood_leaves_nothing_behind(flood: Callable[[], bytes]) -> None:
+    here, datagram = door(), flood()
+    for _ in range(10_000):
+        here.enter(datagram)
+    assert (here.passed, sum(here.counts.values())) == (0, 10_000)
+    assert (len(here._heard), len(here._open), len(here._budgets)) == (0, 0, 0)

@@ -41,12 +41,13 @@ def room(rooms: str = "", libraries: str = "", late: str = "") -> Room:
     return Room(frozenset(rooms.split()), frozenset(libraries.split()), frozenset(late.split()))
 
 
-GROUND = frozenset({"errors", "clock", "units", "parcel"})  # everybody may import these
+GROUND = frozenset({"errors", "clock", "units", "parcel", "files"})  # everybody may import these
 HOUSE = {
     "errors": room(),
     "clock": room(),
     "units": room(),
     "parcel": room(libraries="msgspec", late="numpy"),
+    "files": room(),
     "language": room(),
     "channel": room(libraries="msgspec numpy cbor2 nacl"),
     "robot": room(),

@@ -35,6 +35,7 @@ COMMANDS = {
     "eval": ("sleepcast.cli.evaluate", "evaluate"),
     "check": ("sleepcast.cli.check", "check"),
     "repl": ("sleepcast.cli.repl", "repl"),
+    "keys": ("sleepcast.cli.keys", "keys"),
 }
 """Every subcommand with its module and its name there, in the order of the help page."""
 

@@ -21,6 +21,7 @@ from sleepcast import __version__
 from sleepcast.channel import Message
 from sleepcast.channel.parcels import RadioParcel
 from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.files import replace_file
 from sleepcast.fleet import snapshot as fleets
 from sleepcast.fleet.parcels import FleetParcel
 from sleepcast.loop.swarm import MAX_MINDS, Desk, Swarm
@@ -103,34 +104,11 @@ def snapshot(swarm: Swarm) -> bytes:
 
 def save(data: bytes, file: Path) -> None:
     """Put a snapshot into a file, which is replaced as a whole or left as it was. Raises SnapshotLostError."""
-    target = Path(os.path.realpath(file))
-    if target.exists() and not target.is_file():
-        raise SnapshotLostError(f"cannot write the snapshot {file}: that is no file; give another name")
-    beside = target.with_name(f".{target.name}.{os.getpid()}.new")
     try:
-        try:
-            with open(beside, "xb") as output:
-                output.write(data)
-                output.flush()
-                os.fsync(output.fileno())
-            os.replace(beside, target)
-            _settle(target.parent)
-        except BaseException:
-            beside.unlink(missing_ok=True)
-            raise
+        replace_file(file, data)
     except OSError as error:
         reason = error.strerror or str(error)
         raise SnapshotLostError(f"cannot write the snapshot {file}: {reason}. Nothing was replaced") from None
-
-
-def _settle(folder: Path) -> None:
-    """See that the folder's new entry outlives a loss of power, on systems where that can be asked for."""
-    if os.name == "posix":
-        opened = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(opened)
-        finally:
-            os.close(opened)
 
 
 # ---- going on from one

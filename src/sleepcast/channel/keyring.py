@@ -1,0 +1,174 @@
+"""Keys on disk: secret halves in files that only their owner can read, and trust files that anybody may.
+
+    KEYS/desk.key        the secret half of the key of `desk`
+    KEYS/trust.json      whom this machine believes
+
+Both are JSON, so that a person can look at them and another program can write them. A file that others may read is no
+secret, and is refused.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from stat import S_IMODE
+from typing import TypeVar
+
+import msgspec
+
+from sleepcast.channel.keys import KeyPair, KeyRefusal, PublicKey, Role, Trust
+from sleepcast.errors import MisuseError, SleepcastError, did_you_mean
+from sleepcast.files import replace_file
+
+FORMAT = 1
+MAX_BYTES = 8 * 1024 * 1024
+"""Of a trust file: as many keys as `Trust` takes."""
+TRUST_FILE = "trust.json"
+DEVELOPMENT_DESK, DEVELOPMENT_ROBOTS = "development-desk", "development-robots"
+"""The keys that programs of one machine use among themselves while nobody has said otherwise."""
+SAFE = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.")
+
+
+class KeyFileError(MisuseError):
+    """A file of keys that cannot be used."""
+
+
+class KeyFileLostError(SleepcastError):
+    """A file of keys that cannot be written."""
+
+
+class SecretFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A key with its secret half (32 bytes as hexadecimal digits)."""
+
+    format: int
+    owner: str
+    role: Role
+    secret: str
+
+
+class TrustedKey(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A key as it stands in a trust file; see PublicKey."""
+
+    owner: str
+    role: Role
+    public: str
+    revoked: bool = False
+
+
+class TrustFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Whom somebody believes."""
+
+    format: int
+    keys: list[TrustedKey]
+
+
+File = TypeVar("File", SecretFile, TrustFile)
+
+
+def keys_folder() -> Path:
+    """Where this user's keys lie."""
+    return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "sleepcast" / "keys"
+
+
+def load_trust(file: Path) -> Trust:
+    """Whom a trust file believes. Raises KeyFileError, with the file and what is wrong with it."""
+    found = _decoded(file, TrustFile, "a trust file")
+    try:
+        return Trust(PublicKey(key.owner, key.role, half(key.public), key.revoked) for key in found.keys)
+    except KeyRefusal as error:
+        raise KeyFileError(f"{file}: {error}") from None
+
+
+def save_trust(trust: Trust, file: Path) -> None:
+    """Write a trust file. Raises KeyFileLostError; the file is then as it was."""
+    keys = [TrustedKey(key.owner, key.role, key.public.hex(), key.revoked) for key in trust.keys]
+    _save(file, TrustFile(FORMAT, keys), private=False)
+
+
+def load_key(file: Path) -> KeyPair:
+    """The key pair in a file. Raises KeyFileError, also for one that others may read."""
+    found = _decoded(file, SecretFile, "the secret half of a key", private=True)
+    try:
+        return KeyPair(found.owner, found.role, half(found.secret))
+    except KeyRefusal as error:
+        raise KeyFileError(f"{file}: {error}") from None
+
+
+def save_key(key: KeyPair, file: Path) -> None:
+    """Write the secret half of a key where only this user can read it. Raises KeyFileLostError."""
+    _save(file, SecretFile(FORMAT, key.public.owner, key.public.role, key.seed.hex()), private=True)
+
+
+def key_file(folder: Path, owner: str) -> Path:
+    """Where the key of `owner` lies. Raises KeyFileError for a name that is no name of a file."""
+    name = owner.removesuffix("*") or "all"
+    if not set(name) <= SAFE or name.startswith("."):
+        raise KeyFileError(f"a key is kept under its owner's name: use letters, digits, - and _, not {owner!r}")
+    return folder / f"{name}.key"
+
+
+def find_key(folder: Path, owner: str) -> KeyPair:
+    """This user's key of `owner`. Raises KeyFileError if there is none, with those that there are."""
+    file = key_file(folder, owner)
+    if not file.exists():
+        there = sorted(found.stem for found in folder.glob("*.key"))
+        have = f"there are {', '.join(there)}" if there else "there is none yet"
+        raise KeyFileError(
+            f"no key {owner!r} in {folder}{did_you_mean(owner, there)}: {have}; sleepcast keys new {owner} makes it"
+        )
+    return load_key(file)
+
+
+def development_keys(folder: Path) -> tuple[KeyPair, KeyPair]:
+    """The desk's and the robots' key of one machine, made when they are first asked for.
+
+    Whoever can read this user's files can command robots that trust them; they are for trying things out. Raises
+    KeyFileError and KeyFileLostError.
+    """
+    return (
+        _made(folder / f"{DEVELOPMENT_DESK}.key", "desk", Role.COMMANDER),
+        _made(folder / f"{DEVELOPMENT_ROBOTS}.key", "*", Role.ROBOT),
+    )
+
+
+def _made(file: Path, owner: str, role: Role) -> KeyPair:
+    if not file.exists():
+        save_key(KeyPair.new(owner, role), file)
+    return load_key(file)
+
+
+def _decoded(file: Path, kind: type[File], what: str, *, private: bool = False) -> File:
+    try:
+        with file.open("rb") as opened:
+            mode = S_IMODE(os.fstat(opened.fileno()).st_mode)
+            data = opened.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise KeyFileError(f"cannot read {file}: {error.strerror}; wanted {what}") from None
+    if private and os.name == "posix" and mode & 0o077:
+        raise KeyFileError(f"{file} can be read by others, so it is no secret: chmod 600 it, and better make a new key")
+    if len(data) > MAX_BYTES:
+        raise KeyFileError(f"{file} has more than {MAX_BYTES} bytes: wanted {what}")
+    try:
+        found = msgspec.json.decode(data, type=kind)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise KeyFileError(f"{file} is not {what}: {error}") from None
+    if found.format > FORMAT:
+        raise KeyFileError(f"{file} is of format {found.format}, and this sleepcast reads {FORMAT}: take a newer one")
+    return found
+
+
+def half(digits: str) -> bytes:
+    """Half of a key as bytes. Raises KeyRefusal for what are no hexadecimal digits."""
+    try:
+        return bytes.fromhex(digits)
+    except ValueError:
+        raise KeyRefusal(f"a key is written in hexadecimal digits, not as {digits!r}") from None
+
+
+def _save(file: Path, content: SecretFile | TrustFile, *, private: bool) -> None:
+    data = msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n"
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        replace_file(file, data, private=private)
+    except OSError as error:
+        raise KeyFileLostError(f"cannot write {file}: {error.strerror or error}. Nothing was replaced") from None

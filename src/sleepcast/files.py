@@ -1,0 +1,41 @@
+"""Files that are replaced as a whole or left as they were, whatever happens in between."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+
+def replace_file(file: Path, data: bytes, *, private: bool = False) -> None:
+    """Let `file` hold `data`, and see that it does so after a loss of power as well. A link stays a link.
+
+    private: nobody else on this machine may read it. Raises OSError, and then the file is as it was.
+    """
+    target = Path(os.path.realpath(file))
+    if target.exists() and not target.is_file():
+        raise OSError(None, "that is no file")
+    beside = target.with_name(f".{target.name}.{os.getpid()}.new")
+    try:
+        with open(beside, "xb", opener=_private if private else None) as output:
+            output.write(data)
+            output.flush()
+            os.fsync(output.fileno())
+        os.replace(beside, target)
+        _settle(target.parent)
+    except BaseException:
+        beside.unlink(missing_ok=True)
+        raise
+
+
+def _private(path: str, flags: int) -> int:
+    return os.open(path, flags, 0o600)
+
+
+def _settle(folder: Path) -> None:
+    """See that the folder's new entry outlives a loss of power, on systems where that can be asked for."""
+    if os.name == "posix":
+        opened = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(opened)
+        finally:
+            os.close(opened)

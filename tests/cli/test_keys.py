@@ -1,0 +1,105 @@
+"""`sleepcast keys`: what is made, who can read it, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import stat
+from pathlib import Path
+
+import pytest
+from tests.cli.calling import Called, called
+
+from sleepcast.channel.keyring import development_keys, find_key, load_key, load_trust
+from sleepcast.channel.keys import Role
+
+PUBLIC = "03a107bff3ce10be1d70dd18e74bc09967e4d6309ba50d5f1ddc8664125531b8"
+
+
+def keys(folder: Path, *arguments: str) -> Called:
+    return called("keys", *arguments, "--keys", str(folder))
+
+
+def test_a_key_is_made_listed_trusted_elsewhere_and_revoked(tmp_path: Path) -> None:
+    here, there = tmp_path / "here", tmp_path / "there"
+    made = json.loads(keys(here, "new", "desk", "--role", "commander", "--json").out)
+    assert stat.S_IMODE((here / "desk.key").stat().st_mode) == 0o600
+    assert load_key(here / "desk.key").public.public.hex() == made["public"]
+    assert keys(there, "trust", made["public"], "--owner", "desk", "--role", "commander").status == 0
+    listed = json.loads(keys(there, "list", "--json").out)
+    assert listed == [
+        {
+            "owner": "desk",
+            "role": "commander",
+            "key": made["key"],
+            "public": made["public"],
+            "revoked": False,
+            "own": False,
+        }
+    ]
+    assert keys(there, "revoke", "desk").status == 0
+    assert [key.revoked for key in load_trust(there / "trust.json").keys] == [True]
+    assert "REVOKED" in keys(there, "list").out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("new", "desk"), "exists, and a key that is replaced is lost"),
+        (("new", "../desk"), "letters, digits"),
+        (("new", ""), "name of 1 to 64 characters"),
+        (("trust", "abc", "--owner", "anna", "--role", "operator"), "hexadecimal digits"),
+        (("trust", "abcd", "--owner", "anna", "--role", "operator"), "32 bytes"),
+        (("trust", PUBLIC, "--owner", "", "--role", "operator"), "name of 1 to 64 characters"),
+        (("revoke", "dusk"), "did you mean desk"),
+    ],
+)
+def test_what_is_refused_changes_nothing(tmp_path: Path, arguments: tuple[str, ...], complaint: str) -> None:
+    keys(tmp_path, "new", "desk")
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    refused = keys(tmp_path, *arguments)
+    assert (refused.status, refused.out) == (2, "")
+    assert complaint in refused.err
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        (b"", "is not a trust file"),
+        (b"[" * 100_000, "is not a trust file"),
+        (b'{"format": 1, "keys": [{"owner": "a", "role": "king", "public": ""}]}', "Invalid enum value"),
+        (b'{"format": 2, "keys": []}', "take a newer one"),
+        (b'{"format": 1, "keys": [{"owner": "a", "role": "robot", "public": "00"}]}', "32 bytes"),
+        (b'{"format": 1, "keys": [], "kings": []}', "unknown field"),
+    ],
+)
+def test_a_trust_file_that_is_none_is_named(tmp_path: Path, content: bytes, complaint: str) -> None:
+    (tmp_path / "trust.json").write_bytes(content)
+    refused = keys(tmp_path, "list")
+    assert refused.status == 2
+    assert complaint in refused.err
+    assert "trust.json" in refused.err
+
+
+def test_a_secret_that_others_can_read_is_none(tmp_path: Path) -> None:
+    keys(tmp_path, "new", "desk")
+    (tmp_path / "desk.key").chmod(0o644)
+    found = keys(tmp_path, "list")
+    assert found.status == 0
+    assert "can be read by others" in found.err
+    assert "yours" not in found.out
+
+
+def test_where_nothing_can_be_written_a_sentence_says_so(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    refused = keys(tmp_path / "file" / "keys", "new", "desk")
+    assert refused.status == 1
+    assert "cannot write" in refused.err
+
+
+def test_development_keys_are_made_once(tmp_path: Path) -> None:
+    desk, robots = development_keys(tmp_path)
+    assert (desk.public.role, robots.public.role) == (Role.COMMANDER, Role.ROBOT)
+    assert robots.public.is_of("anybody")
+    assert [key.id for key in development_keys(tmp_path)] == [desk.id, robots.id]
+    assert find_key(tmp_path, "development-desk").id == desk.id

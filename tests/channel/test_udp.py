@@ -15,8 +15,9 @@ from tests.channel_contract import Air, ChannelContract, message
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.door import Door, Drop
+from sleepcast.channel.endpoint import Endpoint, open_transport
 from sleepcast.channel.keys import KeyPair, Role, Trust
-from sleepcast.channel.udp import AddressError, UdpChannel, UdpError
+from sleepcast.channel.udp import AddressError, UdpError
 from sleepcast.clock import ManualClock
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
@@ -37,7 +38,7 @@ def free_port() -> int:
 class Listening:
     """A channel of which nothing that came in is lost while somebody waits for quiet."""
 
-    channel: UdpChannel
+    channel: Endpoint
     heard: list[Message]
 
     def send(self, sent: Message) -> None:
@@ -53,10 +54,10 @@ class Listening:
         return bool(found)
 
 
-def channel(uri: str, key: KeyPair) -> UdpChannel:
+def channel(uri: str, key: KeyPair) -> Endpoint:
     # The contract's messages are of the beginning of time, and it sends more than a robot would look at in a second.
     door = Door(Trust(TRUST), "lab", ManualClock(10.0), robot=key is ROBOTS, rate=10_000.0)
-    return UdpChannel(uri, key, door)
+    return Endpoint(open_transport(uri), key, door)
 
 
 @pytest.fixture(params=["udp://239.255.83.76:{}?interface=lo", "udp://127.255.255.255:{}", "udp://[ff12::5ca7]:{}"])
@@ -95,12 +96,13 @@ class TestUdp(ChannelContract):
 @pytest.mark.parametrize(
     ("uri", "complaint"),
     [
-        ("", "wanted udp://ADDRESS:PORT"),
+        ("", "begins with udp://"),
         ("udp://239.255.83.76", "wanted udp://ADDRESS:PORT"),
         ("udp://239.255.83.76:0", "wanted udp://ADDRESS:PORT"),
         ("udp://239.255.83.76:99999", "Port out of range"),
         ("udp://somewhere:47123", "does not appear to be an IPv4 or IPv6 address"),
-        ("tcp://239.255.83.76:47123", "wanted udp://ADDRESS:PORT"),
+        ("udp:239.255.83.76:47123", "begins with udp://"),
+        ("udpp://239.255.83.76:47123", "did you mean udp"),
         ("udp://239.255.83.76:47123/path", "wanted udp://ADDRESS:PORT"),
         ("udp://239.255.83.76:47123?interfaces=lo", "did you mean interface"),
         ("udp://239.255.83.76:47123?interface=lp", "this machine has no interface 'lp'"),

@@ -3,7 +3,7 @@
     udp://GROUP_OR_BROADCAST_ADDRESS:PORT?interface=NAME
 
 Every party has a socket that hears the address and one that sends to it; several parties may live on one machine. The
-sockets never wait: whoever owns the channel asks it at each tick, or when its `fileno` has news.
+sockets never wait: whoever owns them asks at each tick, or when its `fileno` has news.
 """
 
 from __future__ import annotations
@@ -16,13 +16,10 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv6Address, ip_address
 from urllib.parse import parse_qsl, urlsplit
 
-from sleepcast.channel.door import Door
-from sleepcast.channel.envelope import MAX_DATAGRAM, encode
-from sleepcast.channel.keys import KeyPair
-from sleepcast.channel.message import Message
+from sleepcast.channel.envelope import MAX_DATAGRAM
 from sleepcast.errors import MisuseError, SleepcastError, did_you_mean
 
-DEFAULT = "udp://239.255.83.76:47123?interface=lo"
+EXAMPLE = "udp://239.255.83.76:47123?interface=lo"
 """Multicast that stays on this machine."""
 MOST_AT_ONCE = 2_048
 """Datagrams taken in by one call: a flood costs a tick some milliseconds and not more."""
@@ -52,7 +49,7 @@ class Address:
     @staticmethod
     def read(uri: str) -> Address:
         """Raises AddressError, with a sentence that says what is wrong."""
-        wanted = f"wanted udp://ADDRESS:PORT?interface=NAME, for instance {DEFAULT}"
+        wanted = f"wanted udp://ADDRESS:PORT?interface=NAME, for instance {EXAMPLE}"
         try:
             found = urlsplit(uri)
             port = found.port
@@ -82,47 +79,41 @@ class Address:
             ) from None
 
 
-class UdpChannel:
-    """One party's end. key: signs what it sends; door: decides what it hears.
+class Udp:
+    """One party's sockets on the network at `uri`.
 
     lost: datagrams that the system would not take. Raises AddressError for the address, UdpError where the system
     refuses.
     """
 
-    def __init__(self, uri: str, key: KeyPair, door: Door) -> None:
+    def __init__(self, uri: str) -> None:
         self.address = Address.read(uri)
         self.lost = 0
-        self._key, self._door = key, door
-        index = self.address.link
+        link = self.address.link
         family = socket.AF_INET6 if self.address.host.version == 6 else socket.AF_INET
         self._ears = socket.socket(family, socket.SOCK_DGRAM)
         self._mouth = socket.socket(family, socket.SOCK_DGRAM)
         try:
-            self._listen(index)
-            self._speak(index)
+            self._listen(link)
+            self._speak(link)
         except OSError as error:
             self.close()
             raise UdpError(f"{uri}: the system refuses: {error.strerror or error}{_hint(error)}") from None
         self._own = self._mouth.getsockname()[:2]
 
-    @property
-    def door(self) -> Door:
-        return self._door
-
     def fileno(self) -> int:
         """What to wait on for news."""
         return self._ears.fileno()
 
-    def send(self, message: Message) -> None:
-        """Broadcast. Raises MessageError for what is too long to be sent."""
-        for datagram in encode(message, self._door.fleet, self._key):
-            try:
-                self._mouth.send(datagram)
-            except OSError:  # no route, a full queue: as good as lost on the way
-                self.lost += 1
+    def send(self, datagram: bytes) -> None:
+        """Broadcast."""
+        try:
+            self._mouth.send(datagram)
+        except OSError:  # no route, a full queue: as good as lost on the way
+            self.lost += 1
 
-    def receive(self) -> list[Message]:
-        """What has come in since the last call, in the order in which it came."""
+    def receive(self) -> list[bytes]:
+        """What has come in since the last call, in the order in which it came; nothing of our own."""
         found = []
         for _ in range(MOST_AT_ONCE):
             try:
@@ -131,11 +122,8 @@ class UdpChannel:
                 break
             except OSError:  # what a network may say of datagrams sent before: nothing of ours
                 continue
-            if sender[:2] == self._own:
-                continue
-            message = self._door.enter(datagram)
-            if message is not None:
-                found.append(message)
+            if sender[:2] != self._own:
+                found.append(datagram)
         return found
 
     def close(self) -> None:
@@ -143,50 +131,44 @@ class UdpChannel:
         self._ears.close()
         self._mouth.close()
 
-    def __enter__(self) -> UdpChannel:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def _listen(self, index: int) -> None:
+    def _listen(self, link: int) -> None:
         ears, host = self._ears, self.address.host
         ears.setblocking(False)
         ears.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         if sys.platform != "linux":  # there the one above is enough, and this one is for one user only
             ears.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
         ears.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
-        ears.bind(self._place(index))
+        ears.bind(self._place(link))
         if not host.is_multicast:
             return
         if host.version == 6:
-            ears.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_JOIN_GROUP, host.packed + struct.pack("@I", index))
+            ears.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_JOIN_GROUP, host.packed + struct.pack("@I", link))
         else:
-            ears.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, _membership(host, index))
+            ears.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, _membership(host, link))
 
-    def _speak(self, index: int) -> None:
+    def _speak(self, link: int) -> None:
         mouth, host = self._mouth, self.address.host
         mouth.setblocking(False)
         mouth.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
         if not host.is_multicast:
             mouth.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
         elif host.version == 6:
-            mouth.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_MULTICAST_IF, index)
+            mouth.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_MULTICAST_IF, link)
             mouth.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_MULTICAST_HOPS, HOPS)
         else:
-            mouth.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, _membership(host, index))
+            mouth.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, _membership(host, link))
             mouth.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, HOPS)
-        mouth.connect(self._place(index))  # so that it has an address and a port of its own
+        mouth.connect(self._place(link))  # so that it has an address and a port of its own
 
-    def _place(self, index: int) -> tuple[str, int] | tuple[str, int, int, int]:
+    def _place(self, link: int) -> tuple[str, int] | tuple[str, int, int, int]:
         """The address as the socket wants it; one of IPv6 names the interface, which tells equal ones apart."""
         host = str(self.address.host)
-        return (host, self.address.port) if self.address.host.version == 4 else (host, self.address.port, 0, index)
+        return (host, self.address.port) if self.address.host.version == 4 else (host, self.address.port, 0, link)
 
 
-def _membership(group: IPv4Address, index: int) -> bytes:
+def _membership(group: IPv4Address, link: int) -> bytes:
     """A group on an interface: the `ip_mreqn` of Linux and the BSDs."""
-    return group.packed + b"\0" * 4 + struct.pack("@i", index)
+    return group.packed + b"\0" * 4 + struct.pack("@i", link)
 
 
 def _hint(error: OSError) -> str:

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.door import MAX_OPEN, OLDEST, SKEW, VERIFIED_A_SECOND, WINDOW, Door, Drop
+from sleepcast.channel.door import MAX_OPEN, OLDEST, SKEW, VERIFIED_A_SECOND, WINDOW, Door, Drop, Entered
 from sleepcast.channel.envelope import encode
 from sleepcast.channel.keys import KeyPair, KeyRefusal, Role, Trust
 from sleepcast.clock import ManualClock
@@ -46,7 +46,7 @@ def only(datagrams: list[bytes]) -> bytes:
 def test_a_message_comes_in_once() -> None:
     here, sent = door(), message()
     datagram = only(encode(sent, "lab", DESK))
-    assert [here.enter(datagram) for _ in range(3)] == [sent, None, None]
+    assert [here.enter(datagram) for _ in range(3)] == [Entered(sent, (datagram,)), None, None]
     assert (here.passed, here.counts) == (1, {Drop.REPEATED: 2})
 
 
@@ -109,7 +109,7 @@ def test_a_changed_byte_never_comes_in(data: st.DataObject) -> None:
         here.enter(datagram[:at] + bytes([datagram[at] ^ data.draw(st.integers(1, 255))]) + datagram[at + 1 :]) is None
     )
     assert sum(here.counts.values()) == 1
-    assert here.enter(datagram) == message(), "a forgery must not use up the number of what it forged"
+    assert here.enter(datagram), "a forgery must not use up the number of what it forged"
 
 
 def test_signatures_of_one_key_are_looked_at_at_a_rate_and_stop_has_its_own() -> None:
@@ -141,7 +141,7 @@ def test_the_parts_of_a_long_message_come_in_any_order_and_more_than_once(chance
     coming = parts_of(text) * 2
     chance.shuffle(coming)
     found = [heard for heard in map(here.enter, coming) if heard is not None]
-    assert [heard.text for heard in found] == [text]
+    assert [(heard.message.text, set(heard.datagrams)) for heard in found] == [(text, set(coming))]
 
 
 def test_long_messages_that_are_never_completed_take_bounded_room() -> None:
@@ -150,22 +150,25 @@ def test_long_messages_that_are_never_completed_take_bounded_room() -> None:
         here.enter(parts_of("x" * 5_000, sequence)[0])
     assert len(here._open) <= MAX_OPEN
     datagrams = parts_of("y" * 5_000, 10 * MAX_OPEN)
-    assert [heard.text for heard in map(here.enter, datagrams) if heard] == ["y" * 5_000]
+    assert [heard.message.text for heard in map(here.enter, datagrams) if heard] == ["y" * 5_000]
 
 
 @given(st.lists(st.tuples(st.integers(0, 2), st.integers(0, 3 * WINDOW)), min_size=1, max_size=60))
 def test_a_number_counts_once_and_never_after_the_window(numbers: list[tuple[int, int]]) -> None:
     here = Door(trust(), "lab", ManualClock(NOW), robot=True, rate=1e9)
     heard: set[tuple[int, int]] = set()
-    newest = (-1, -1)
+    newest: dict[int, int] = {}
     for epoch, sequence in numbers:
-        known = (
-            (epoch, sequence) in heard or epoch < newest[0] or (epoch == newest[0] and sequence <= newest[1] - WINDOW)
-        )
+        known = (epoch, sequence) in heard or sequence <= newest.get(epoch, -1) - WINDOW
         came_in = here.enter(only(encode(message(sequence, epoch=epoch), "lab", DESK))) is not None
         assert came_in is not known
         heard.add((epoch, sequence))
-        newest = max(newest, (epoch, sequence)) if not known else newest
+        newest[epoch] = max(newest.get(epoch, -1), sequence)
+
+
+def test_what_stands_counts_however_old_it_is() -> None:
+    here = door(clock=ManualClock(NOW + 10.0 * OLDEST))
+    assert here.enter(only(encode(message(deadline=inf, standing=True), "lab", DESK)))
 
 
 def test_trust_is_bounded_and_names_what_it_does_not_know() -> None:
@@ -176,6 +179,8 @@ def test_trust_is_bounded_and_names_what_it_does_not_know() -> None:
         replace(DESK.public, public=b"short")
     with pytest.raises(KeyRefusal, match="1 to 64"):
         replace(DESK.public, owner="")
+    with pytest.raises(KeyRefusal, match="only robots may share a key"):
+        replace(DESK.public, owner="d*")
     with pytest.raises(KeyRefusal, match="32 bytes"):
         KeyPair("desk", Role.OPERATOR, b"short")
     one, other = KeyPair.new("a", Role.ROBOT), KeyPair.new("a", Role.ROBOT)

@@ -54,8 +54,16 @@ MESSAGES = st.builds(
     issued=TIMES,
     deadline=TIMES | st.just(inf),
     text=st.text(max_size=3_000),
-    standing=st.booleans(),
-    body=st.just({}) | st.builds(plain_body, st.floats().filter(lambda x: x == x) | st.text(max_size=20) | st.none()),
+    body=st.just({}) | st.builds(plain_body, BODIES),
+) | st.builds(
+    Message,
+    sender=st.just("desk"),
+    epoch=NUMBERS,
+    sequence=NUMBERS,
+    kind=st.just(Kind.COMMAND),
+    issued=TIMES,
+    text=st.text(),
+    standing=st.just(True),
 )
 
 
@@ -83,7 +91,7 @@ def test_every_kind_has_a_number_and_a_message_is_standard_cbor() -> None:
     protected, unprotected, payload, signature = found.value
     assert (cbor2.loads(protected), unprotected) == ({1: -8}, {4: DESK.id})
     assert cbor2.loads(payload)[:-1] == [1, 0, 1, 2, 1_500_000, 2_500_000, 0, 1, "lab", "desk"]
-    assert cbor2.loads(cbor2.loads(payload)[-1]) == [False, "(ST)", {}]
+    assert cbor2.loads(cbor2.loads(payload)[-1]) == ["(ST)", {}]
     signed = cbor2.dumps(["Signature1", protected, b"", payload])
     assert DESK.public.signed(look(datagram).signed, signature)
     assert cbor2.loads(look(datagram).signed) == cbor2.loads(signed)
@@ -109,6 +117,7 @@ def test_the_longest_text_gets_through_in_parts() -> None:
         (Message("desk", 1, 1, Kind.REPORT, 1.0), "f" * (MAX_NAME + 1)),
         (Message("desk", 1, 1, Kind.REPORT, -1.0), "lab"),
         (Message("desk", 1, 1, Kind.REPORT, 1e30), "lab"),
+        (Message("desk", 1, 1, Kind.REPORT, 1.0, standing=True), "lab"),
     ],
 )
 def test_what_does_not_fit_is_refused(message: Message, fleet: str) -> None:

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections import Counter, OrderedDict
 from dataclasses import dataclass, field
 from enum import StrEnum
+from math import inf
+from typing import NamedTuple
 
 from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Part, Piece, look, read_message, read_piece
 from sleepcast.channel.keys import MAY, PublicKey, Role, Trust
@@ -19,7 +21,7 @@ from sleepcast.clock import Clock
 WINDOW = 4_096
 """Numbers back from the latest of a sender that are told apart: more than come in the seconds of a deadline."""
 MAX_SENDERS = 16_384
-"""Senders whose numbers are remembered; the one that was silent longest is forgotten, and then its epoch is not."""
+"""Senders, in each of their epochs, whose numbers are remembered; the one that was silent longest is forgotten."""
 MAX_OPEN = 64
 """Long messages that wait for their other parts, of all senders together."""
 VERIFIED_A_SECOND = 200.0
@@ -50,31 +52,32 @@ class Drop(StrEnum):
 
 @dataclass(slots=True)
 class Heard:
-    """What was heard of one sender. latest: number of its newest message in this epoch; numbers: those before it that
+    """What was heard of one sender in one epoch. latest: number of its newest message; numbers: those up to it that
     were heard, as bits: bit i is `latest - i`."""
 
-    epoch: int
-    latest: int = 0
+    latest: int
     numbers: int = 0
 
-    def knows(self, epoch: int, sequence: int) -> bool:
+    def knows(self, sequence: int) -> bool:
         """Whether this message was heard, or is too old to tell."""
-        if epoch != self.epoch:
-            return epoch < self.epoch
         back = self.latest - sequence
         return back >= WINDOW or (back >= 0 and bool(self.numbers >> back & 1))
 
-    def note(self, epoch: int, sequence: int) -> None:
+    def note(self, sequence: int) -> None:
         """This message has been heard."""
-        if epoch > self.epoch:
-            self.epoch, self.latest, self.numbers = epoch, sequence, 1
-            return
         ahead = sequence - self.latest
         if ahead > 0:
             self.latest = sequence
             self.numbers = (self.numbers << min(ahead, WINDOW) | 1) & (1 << WINDOW) - 1
         else:
             self.numbers |= 1 << -ahead
+
+
+class Entered(NamedTuple):
+    """A message that came in, and the bytes that it was: nobody but its sender could have made them."""
+
+    message: Message
+    datagrams: tuple[bytes, ...]
 
 
 @dataclass(slots=True)
@@ -100,7 +103,8 @@ class Assembly:
     """A long message in so many parts, of which these pieces have come."""
 
     parts: int
-    pieces: dict[int, bytes] = field(default_factory=dict)
+    pieces: dict[int, tuple[bytes, bytes]] = field(default_factory=dict)
+    """What each says, and the bytes that it was."""
 
 
 class Door:
@@ -126,11 +130,11 @@ class Door:
         self.counts: Counter[Drop] = Counter()
         self.passed = 0
         self._clock, self._rate, self._skew = clock, rate, skew
-        self._heard: OrderedDict[tuple[bytes, str], Heard] = OrderedDict()
+        self._heard: OrderedDict[tuple[bytes, str, int], Heard] = OrderedDict()
         self._budgets: dict[tuple[bytes, bool], Budget] = {}
         self._open: OrderedDict[tuple[bytes, str, int, int], Assembly] = OrderedDict()
 
-    def enter(self, datagram: bytes) -> Message | None:
+    def enter(self, datagram: bytes) -> Entered | None:
         """The message that these bytes are, or complete; None if they are dropped, or part of a message that others
         are still missing of."""
         try:
@@ -145,13 +149,13 @@ class Door:
             if reason is not None:
                 self.counts[reason] += 1
                 return None
-            message = self._completed(part, piece)
+            entered = self._completed(part, piece, datagram)
         except EnvelopeError:
             self.counts[Drop.MALFORMED] += 1
             return None
-        if message is not None:
+        if entered is not None:
             self.passed += 1
-        return message
+        return entered
 
     def _objection(self, part: Part, key: PublicKey | None) -> Drop | None:
         """Why the part is dropped, as far as can be said without reading what it says."""
@@ -164,7 +168,7 @@ class Door:
         if part.kind in TO_OPERATOR if self.robot else part.kind in TO_ROBOTS and key.role is Role.ROBOT:
             return Drop.NOT_FOR_US
         now = self._clock.now()
-        if now > min(part.deadline, part.issued + OLDEST) + self._skew:
+        if now > min(part.deadline, inf if part.standing else part.issued + OLDEST) + self._skew:
             return Drop.LATE
         if part.issued > now + self._skew:
             return Drop.EARLY
@@ -182,8 +186,10 @@ class Door:
         return Drop.REPEATED if self._knows(part, piece.sender) else None
 
     def _knows(self, part: Part, sender: str) -> bool:
-        heard = self._heard.get((part.key, sender))
-        if heard is not None and heard.knows(part.epoch, part.sequence):
+        if part.standing:
+            return False  # it counts however old it is; whoever keeps the rules knows which ones he has
+        heard = self._heard.get((part.key, sender, part.epoch))
+        if heard is not None and heard.knows(part.sequence):
             return True
         waiting = self._open.get((part.key, sender, part.epoch, part.sequence))
         return waiting is not None and part.number in waiting.pieces
@@ -195,33 +201,35 @@ class Door:
             found = self._budgets[which] = Budget(self._rate, self._rate, now)
         return found
 
-    def _completed(self, part: Part, piece: Piece) -> Message | None:
+    def _completed(self, part: Part, piece: Piece, datagram: bytes) -> Entered | None:
         """The message, if this part was the last one of it that was missing."""
-        content = piece.content
+        content, datagrams = piece.content, (datagram,)
         if part.parts > 1:
             which = part.key, piece.sender, part.epoch, part.sequence
             waiting = self._open.setdefault(which, Assembly(part.parts))
             if part.parts != waiting.parts:
                 raise EnvelopeError("a message whose parts do not agree on how many they are")
-            waiting.pieces[part.number] = content
+            waiting.pieces[part.number] = content, datagram
             if len(waiting.pieces) < part.parts:
                 if len(self._open) > MAX_OPEN:
                     self._open.popitem(last=False)
                 return None
             del self._open[which]
-            content = b"".join(waiting.pieces[number] for number in range(part.parts))
+            contents, datagrams = zip(*(waiting.pieces[number] for number in range(part.parts)), strict=True)
+            content = b"".join(contents)
             if len(content) > MAX_CONTENT:
                 raise EnvelopeError("a message that says more than fits into one")
         message = read_message(part, piece.sender, content)
-        self._note(part, piece.sender)
-        return message
+        if not part.standing:
+            self._note(part, piece.sender)
+        return Entered(message, datagrams)
 
     def _note(self, part: Part, sender: str) -> None:
-        which = part.key, sender
+        which = part.key, sender, part.epoch
         heard = self._heard.get(which)
         if heard is None:
-            heard = self._heard[which] = Heard(part.epoch, part.sequence)
-        heard.note(part.epoch, part.sequence)
+            heard = self._heard[which] = Heard(part.sequence)
+        heard.note(part.sequence)
         self._heard.move_to_end(which)
         if len(self._heard) > MAX_SENDERS:
             self._heard.popitem(last=False)

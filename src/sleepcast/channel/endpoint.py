@@ -60,7 +60,7 @@ class Endpoint:
     def receive(self) -> list[Message]:
         """What has come in since the last call, in the order in which it came."""
         entered = map(self.door.enter, self._transport.receive())
-        return [message for message in entered if message is not None]
+        return [each.message for each in entered if each is not None]
 
     def close(self) -> None:
         """Leave. Nothing can be sent or heard afterwards."""

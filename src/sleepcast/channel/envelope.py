@@ -43,6 +43,8 @@ KINDS: Sequence[Kind] = (
 )
 """Kinds by their number on the air."""
 NUMBER = {kind: number for number, kind in enumerate(KINDS)}
+STANDING = len(KINDS)
+"""The number of a command that stands."""
 
 HEAD = b"\xd2\x84\x43\xa1\x01\x27\xa1\x04\x48"
 """COSE_Sign1; protected: EdDSA; unprotected: the key's id, eight bytes, which follow."""
@@ -65,11 +67,13 @@ class EnvelopeError(MessageError):
 class Part(NamedTuple):
     """What can be read of a part without believing it.
 
-    issued, deadline: s of Unix time, inf for none; number: of this part, from 0, of `parts`. payload: what is signed.
+    standing: whether it is of a command that stands. issued, deadline: s of Unix time, inf for none; number: of this
+    part, from 0, of `parts`. payload: what is signed.
     """
 
     key: bytes
     kind: Kind
+    standing: bool
     epoch: int
     sequence: int
     issued: float
@@ -95,19 +99,22 @@ class Piece(NamedTuple):
 
 def encode(message: Message, fleet: str, key: KeyPair) -> list[bytes]:
     """The parts of a message, signed. Times are rounded to microseconds. Raises MessageError for what is too long."""
-    content = cbor2.dumps([message.standing, message.text, message.body])
+    content = cbor2.dumps([message.text, message.body])
     if len(content) > MAX_CONTENT:
         raise MessageError(f"a message says at most {MAX_CONTENT} bytes, this one of {message.sender} {len(content)}")
+    if message.standing and message.kind is not Kind.COMMAND:
+        raise MessageError(f"only commands stand, no {message.kind}")
     if len(fleet) > MAX_NAME:
         raise MessageError(f"a fleet's name has at most {MAX_NAME} characters, not {len(fleet)}")
     names = cbor2.dumps(fleet) + cbor2.dumps(message.sender)
     room = MAX_DATAGRAM - LEAST - len(names)
     pieces = [content[at : at + room] for at in range(0, len(content), room)]
     deadline = NEVER if isinf(message.deadline) else _micro(message.deadline)
+    kind = STANDING if message.standing else NUMBER[message.kind]
     found = []
     for number, piece in enumerate(pieces):
         fixed = FIXED.pack(
-            *(ARRAY, VERSION, NUMBER[message.kind], LONG, message.epoch, LONG, message.sequence),
+            *(ARRAY, VERSION, kind, LONG, message.epoch, LONG, message.sequence),
             *(LONG, _micro(message.issued), LONG, deadline, SMALL, number, SMALL, len(pieces)),
         )
         payload = fixed + names + cbor2.dumps(piece)
@@ -136,11 +143,12 @@ def look(datagram: bytes) -> Part:
             f"a message of version {version}, and this sleepcast reads {VERSION}: a newer one is needed"
         )
     epoch, sequence, issued, deadline, number, parts = numbers
-    if kind >= len(KINDS) or max(numbers) > MAX_NUMBER or not number < parts <= MAX_PARTS:
+    if kind > STANDING or max(numbers) > MAX_NUMBER or not number < parts <= MAX_PARTS:
         raise EnvelopeError("a message with numbers beyond their bounds")
     return Part(
         datagram[len(HEAD) : len(HEAD) + ID_BYTES],
-        KINDS[kind],
+        Kind.COMMAND if kind == STANDING else KINDS[kind],
+        kind == STANDING,
         epoch,
         sequence,
         issued / MICRO,
@@ -170,14 +178,14 @@ def read_message(part: Part, sender: str, content: bytes) -> Message:
     """The message whose last part to arrive is `part`, and whose pieces make `content`. Raises EnvelopeError."""
     found = _decoded(content)
     match found:
-        case [bool() as standing, str() as text, dict() as body] if plain(body):
+        case [str() as text, dict() as body] if plain(body):
             try:
                 return Message(
-                    sender, part.epoch, part.sequence, part.kind, part.issued, part.deadline, text, standing, body
+                    sender, part.epoch, part.sequence, part.kind, part.issued, part.deadline, text, part.standing, body
                 )
             except MessageError as error:
                 raise EnvelopeError(str(error)) from None
-    raise EnvelopeError("a message that says something else than whether it stands, a text and a body")
+    raise EnvelopeError("a message that says something else than a text and a body")
 
 
 def plain(body: object, depth: int = MAX_DEPTH) -> bool:

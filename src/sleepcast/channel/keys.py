@@ -63,7 +63,8 @@ class PublicKey:
     """A key that is known. owner: the name that its messages carry; one that ends in `*` stands for every name that
     begins so (many robots of one process). public: 32 bytes. revoked: nothing signed with it counts any more.
 
-    Raises KeyRefusal for a public half of another length, and for a name of another length than 1 to `MAX_NAME`.
+    Raises KeyRefusal for a public half of another length, for a name of another length than 1 to `MAX_NAME`, and for
+    many names where only a robot may have them.
     """
 
     owner: str
@@ -76,6 +77,8 @@ class PublicKey:
             raise KeyRefusal(f"a public key has {PUBLIC_BYTES} bytes, this one of {self.owner!r} {len(self.public)}")
         if not 0 < len(self.owner) <= MAX_NAME:
             raise KeyRefusal(f"the owner of a key has a name of 1 to {MAX_NAME} characters, not {self.owner!r}")
+        if self.owner.endswith("*") and self.role is not Role.ROBOT:
+            raise KeyRefusal(f"only robots may share a key, as {self.owner!r} says: an {self.role} has one name")
 
     @property
     def id(self) -> bytes:

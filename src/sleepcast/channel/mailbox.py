@@ -1,111 +1,244 @@
 """The mailbox: how commands reach everybody over a radio that loses some of everything.
 
-It knows no socket and no clock of its own: datagrams and the time go in, messages and datagrams come out.
+It knows no socket and no clock: datagrams and the time go in, messages and datagrams come out.
 
     out      a command is sent at once and a few times more, further and further apart
-    order    each command names the one before it and the standing one before it, so a gap is seen. What follows a gap
-             waits until the gap is filled, or until what is missing would have been too late anyway
-    repair   who misses a command asks for it, and whoever still has it sends it again, after a moment of chance in
-             which he listens whether somebody else does. The bytes are the sender's own, so nobody has to be believed
-    rules    standing commands are kept, by everybody. How far each party has come is told in digests by Trickle
-             (RFC 6206): more and more seldom while all agree, at once when somebody does not
+    order    each command names the one before it and the standing one before it, so that a gap is seen (`order`). What
+             follows a gap waits until it is filled, or until what is missing would come too late anyway
+    repair   who misses a command asks for it, and whoever has it sends it again, after a moment of chance in which he
+             listens whether somebody else does. The bytes are its sender's own, so nobody has to be believed (`shelf`)
+    rules    standing commands are kept by everybody. How far each party has come is told in digests by Trickle
+             (RFC 6206): more and more seldom while all agree, at once when somebody does not (`trickle`)
+
+Kinds that are no commands go through as they come.
 """
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from heapq import heappop, heappush
 from itertools import count
 from math import inf
 from random import Random
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from sleepcast.channel.door import Door
-from sleepcast.channel.keys import KeyPair
-from sleepcast.channel.message import Message
+from sleepcast.channel.envelope import EnvelopeError, Part, encode, look
+from sleepcast.channel.keys import MAY, KeyPair, Role
+from sleepcast.channel.message import Kind, Message
+from sleepcast.channel.order import MAX_STREAMS, Order, Skipped, Stream
+from sleepcast.channel.shelf import Name, Shelf
+from sleepcast.channel.trickle import Trickle
 
 REPEATS = (0.03, 0.09, 0.21)
-"""Seconds after which a command is sent again, unasked: at 30 % loss 99 of 100 hear one of four."""
-SOONEST, LATEST = 0.1, 60.0
-"""Seconds between two digests of a party: at least, while there is news, and at most."""
-ENOUGH = 2
-"""Digests like our own, heard in one interval, that make ours needless."""
-ASK_AFTER = (0.02, 0.06)
-"""Seconds, by chance between these, before a party asks for what it misses: the sender repeats by himself, too."""
-ASK_AGAIN = 0.15
-"""Seconds after which it asks again for what has not come, doubled each time up to `ASK_SELDOM`."""
-ASK_SELDOM = 2.0
+"""Seconds after which a command is sent again, unasked: at 30 % loss 99 of 100 hear one of the four."""
+REPEATED = frozenset({Kind.COMMAND, Kind.ASK, Kind.STOP, Kind.RELEASE})
+LIFE = 5.0
+"""Seconds for which a command counts, unless its sender says otherwise: all that is no rule has an end."""
 MEND_WITHIN = 0.04
-"""Seconds, by chance within which a party sends what another one misses, unless somebody else does."""
+"""Seconds within which, by chance, a party sends what another one misses, unless somebody else does."""
+MENDED = 0.2
+"""Seconds for which what was heard is not sent again."""
 BATCH = 24
 """Commands sent for one digest or request: the rest follows with the next one."""
 MAX_WANTED = 64
 """Numbers in one request."""
-MAX_RECENT = 512
-"""One-shot commands kept for those who miss them."""
-MAX_STANDING = 20_000
-"""Standing commands kept, of all senders: months of a busy desk, some ten megabytes."""
-MAX_WAITING = 1_024
-"""Commands that wait for what came before them."""
-MAX_STREAMS = 64
-"""Senders of commands, each in each of its epochs, whose order is kept."""
-
-Name = tuple[str, str, int]
-"""Of a stream: its key's id as hexadecimal digits, its sender's name, its epoch."""
 
 
-class Skipped(NamedTuple):
-    """A command that never came and would have been too late."""
+class Mend(NamedTuple):
+    """Commands that somebody misses are to be sent at a time (s), in their order. tie: makes equal times comparable."""
 
-    sender: str
-    epoch: int
-    sequence: int
-
-
-@dataclass(slots=True)
-class Stream:
-    """The commands of one sender in one epoch. done: number of the latest that was dealt with; standing: the numbers of
-    its standing ones that were, in order; waiting: what has come too early, by number."""
-
-    done: int = 0
-    standing: list[int] = field(default_factory=list)
-    waiting: dict[int, Message] = field(default_factory=dict)
-
-    @property
-    def rules(self) -> int:
-        """The number of the latest standing command that was dealt with, 0 for none."""
-        return self.standing[-1] if self.standing else 0
+    time: float
+    tie: int
+    stream: Stream
+    numbers: tuple[int, ...]
 
 
-@dataclass(slots=True)
-class Want:
-    """A number that somebody misses: when it is asked for next (s), and how long then until the time after."""
+class Again(NamedTuple):
+    """A command of our own is to be sent again."""
 
-    due: float
-    again: float = ASK_AGAIN
+    time: float
+    tie: int
+    datagrams: tuple[bytes, ...]
+    deadline: float
 
 
 class Mailbox:
-    """One party's mailbox. key: signs what it says; door: what comes in goes through it; name: of its own messages;
-    epoch: its life, higher than all before; chance: for its moments. skipped: what never came, since it was asked last.
+    """One party's mailbox. name, epoch: of what it says, the epoch higher than in all its lives before; key: signs it;
+    door: what comes in goes through it; chance: for its moments.
 
-    robot: whether it obeys commands; an operator keeps and repairs them, and has his own.
+    order: whose commands have come how far.
     """
 
     def __init__(self, name: str, epoch: int, key: KeyPair, door: Door, chance: Random) -> None:
-        self.name, self.epoch = name, epoch
-        self.skipped: list[Skipped] = []
-        self._key, self._door, self._chance = key, door, chance
-        self._streams: OrderedDict[Name, Stream] = OrderedDict()
-        self._kept: dict[tuple[Name, int], list[bytes]] = {}
-        self._recent: OrderedDict[tuple[Name, int], list[bytes]] = OrderedDict()
-        self._heard_at: dict[tuple[Name, int], float] = {}
-        self._wanted: dict[tuple[Name, int], Want] = {}
-        self._later: list[tuple[float, int, Callable[[float], None]]] = []
-        self._tie = count()
-        self._out: list[bytes] = []
+        self.name, self.epoch, self.door = name, epoch, door
+        self.order = Order(chance)
+        self._key, self._chance = key, chance
+        self._shelf = Shelf()
+        self._trickle = Trickle(chance)
         self._sequence = 0
-        self._last: tuple[int, float] = (0, inf)
-        self._interval, self._alike, self._round = SOONEST, 0, 0
-        self._pieces: dict[tuple[bytes, int, int], list[bytes]] = {}
+        self._out: list[bytes] = []
+        self._later: list[Mend | Again] = []
+        self._tie = count()
+
+    # ---- what we say
+
+    def post(
+        self,
+        kind: Kind,
+        now: float,
+        *,
+        text: str = "",
+        deadline: float | None = None,
+        standing: bool = False,
+        body: dict[str, object] | None = None,
+    ) -> Message:
+        """Say something at `now` (s of Unix time); gives the message as others hear it. deadline: s of Unix time, None
+        for `LIFE` from now, or for none where it stands. Raises MessageError for what is too long."""
+        until = (inf if standing else now + LIFE) if deadline is None else deadline
+        self._sequence += 1
+        own, said = self._own(), dict(body or {})
+        if kind is Kind.COMMAND:
+            said |= own.link().written()
+        message = Message(self.name, self.epoch, self._sequence, kind, now, until, text, standing, said)
+        datagrams = tuple(encode(message, self.door.fleet, self._key))
+        if kind is Kind.COMMAND:
+            self._shelf.keep(own.name, message.sequence, standing, datagrams, now)
+            own.deal_with(message)
+            if standing:
+                self._trickle.restart(now)
+        self._out += datagrams
+        if kind in REPEATED:
+            for wait in REPEATS:
+                if now + wait <= until:
+                    heappush(self._later, Again(now + wait, next(self._tie), datagrams, until))
+        return message
+
+    def start(self, now: float) -> None:
+        """Tell the others how far we have come: whoever was away hears what has changed."""
+        self._trickle.restart(now)
+
+    def _own(self) -> Stream:
+        return self.order.stream((self._key.id, self.epoch))
+
+    # ---- what others say
+
+    def take(self, datagram: bytes, now: float) -> list[Message]:
+        """The messages that can be dealt with now that this datagram has come."""
+        if self._overheard(datagram, now):
+            return []
+        entered = self.door.enter(datagram)
+        if entered is None:
+            return []
+        message = entered.message
+        if message.kind is Kind.DIGEST:
+            self._compare(message, now)
+            return []
+        if message.kind is Kind.REQUEST:
+            self._mend_requested(message, now)
+            return []
+        name = look(datagram).key, message.epoch
+        if message.kind is not Kind.COMMAND or not self._commands(name):
+            return [message]  # what robots tell each other has no order, and nobody mends it
+        stream = self.order.stream(name)
+        self._shelf.keep(stream.name, message.sequence, message.standing, entered.datagrams, now)
+        return self._dealt_with(self.order.take(stream, message, now), now)
+
+    def _overheard(self, datagram: bytes, now: float) -> bool:
+        """Whether these very bytes are on our shelf: then we need not send them either."""
+        try:
+            part: Part = look(datagram)
+        except EnvelopeError:
+            return False  # which the door counts
+        return part.kind is Kind.COMMAND and self._shelf.heard((part.key, part.epoch), part.sequence, datagram, now)
+
+    def _dealt_with(self, found: list[Message], now: float) -> list[Message]:
+        """These messages, of which those that stand are news to be told."""
+        if any(message.standing for message in found):
+            self._trickle.restart(now)
+        return found
+
+    # ---- repair
+
+    def _compare(self, digest: Message, now: float) -> None:
+        """Somebody tells how far he has come: mend what he misses, and tell what we miss."""
+        theirs = {name: rules for name, rules in _read(digest.body, "have", int) if self._commands(name)}
+        alike = True
+        for name in {*theirs, *self.order.standing()}:
+            stream = self.order.stream(name)
+            they, we = theirs.get(name, 0), stream.rules
+            alike &= they == we
+            if they < we:
+                self._mend(stream, tuple(number for number in stream.standing if number > they)[:BATCH], now)
+        if alike:
+            self._trickle.agree()
+        else:
+            self._trickle.restart(now)
+
+    def _mend_requested(self, request: Message, now: float) -> None:
+        for name, listed in _read(request.body, "want", list):
+            numbers = tuple(number for number in listed[:MAX_WANTED] if isinstance(number, int))
+            if self._commands(name):
+                self.order.asked(name, numbers, now)
+                self._mend(self.order.stream(name), numbers[:BATCH], now)
+
+    def _commands(self, name: Name) -> bool:
+        """Whether a stream is of somebody whose commands count."""
+        key = self.door.trust.find(name[0])
+        return key is not None and Kind.COMMAND in MAY[key.role] and key.role is not Role.ROBOT
+
+    def _mend(self, stream: Stream, numbers: tuple[int, ...], now: float) -> None:
+        wanted = tuple(number for number in numbers if self._shelf.silent_since(stream.name, number, now - MENDED))
+        if wanted:
+            wait = self._chance.uniform(0.0, MEND_WITHIN)
+            heappush(self._later, Mend(now + wait, next(self._tie), stream, wanted))
+
+    # ---- time
+
+    def step(self, now: float) -> tuple[list[bytes], list[Message]]:
+        """What is to be sent now, and the messages that no longer wait for one that would come too late."""
+        found = self._dealt_with(self.order.expire(now), now)
+        while self._later and self._later[0].time <= now:
+            self._do(heappop(self._later), now)
+        wanted = self.order.wanted(now, MAX_WANTED)
+        if wanted:
+            self._say(Kind.REQUEST, {"want": [[*name, numbers] for name, numbers in wanted.items()]}, now)
+        if self._trickle.is_due(now):
+            self._say(Kind.DIGEST, {"have": [[*name, rules] for name, rules in self.order.standing().items()]}, now)
+        out, self._out = self._out, []
+        return out, found
+
+    def due(self) -> float:
+        """When `step` has something to do next, s of Unix time; it may be called earlier."""
+        later = self._later[0].time if self._later else inf
+        return -inf if self._out else min(later, self.order.due(), self._trickle.due())
+
+    def skipped(self) -> list[Skipped]:
+        """The commands that never came, since this was asked last."""
+        return self.order.take_skipped()
+
+    def _do(self, job: Mend | Again, now: float) -> None:
+        if isinstance(job, Again):
+            self._out += job.datagrams
+            return
+        for number in job.numbers:
+            if self._shelf.silent_since(job.stream.name, number, now - MENDED):
+                self._out += self._shelf.take(job.stream.name, number, now)
+
+    def _say(self, kind: Kind, body: dict[str, object], now: float) -> None:
+        self._sequence += 1
+        message = Message(self.name, self.epoch, self._sequence, kind, now, now + LIFE, body=body)
+        self._out += encode(message, self.door.fleet, self._key)
+
+
+Value = TypeVar("Value")
+
+
+def _read(body: dict[str, object], what: str, kind: type[Value]) -> list[tuple[Name, Value]]:
+    """Streams, each with a value, as digests and requests have them; what is no such thing is left out."""
+    found = []
+    listed = body.get(what)
+    for each in listed[:MAX_STREAMS] if isinstance(listed, list) else ():
+        match each:
+            case [bytes() as key, int() as epoch, value] if isinstance(value, kind):
+                found.append(((key, epoch), value))
+    return found

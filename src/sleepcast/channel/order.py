@@ -1,0 +1,191 @@
+"""The order of commands: what may be dealt with, what waits for something before it, and what is missing.
+
+Each command names, in its `Link`, the command before it with its deadline, and the standing command before it. So a
+receiver that has missed some knows it from the next one that it hears. A standing command is waited for for ever; one
+that counts once only until its deadline.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import inf
+from random import Random
+from typing import NamedTuple
+
+from sleepcast.channel.message import Message
+from sleepcast.channel.shelf import Name
+
+MAX_STREAMS = 64
+"""Senders of commands, each in each of its epochs, whose order is kept; the one that was silent longest makes room."""
+MAX_WAITING = 1_024
+"""Commands of one sender that wait; beyond, the farthest ahead are forgotten, and asked for again in their turn."""
+ASK_AFTER = (0.02, 0.06)
+"""Seconds, by chance between these, before what is missing is asked for: its sender repeats it by himself, too."""
+ASK_AGAIN, ASK_SELDOM = 0.15, 2.0
+"""Seconds after which it is asked for again: at first, then doubled each time up to the second."""
+SLACK = 0.25
+"""Seconds after a deadline for which what is on its way is still waited for."""
+
+
+class Skipped(NamedTuple):
+    """A command that never came, and would come too late. key: id of its sender's."""
+
+    key: bytes
+    epoch: int
+    sequence: int
+
+
+class Link(NamedTuple):
+    """What came before a command. after: number of the one before, 0 for none; until: its deadline (s, inf for one that
+    stands); rules: number of the standing one before, 0 for none."""
+
+    after: int = 0
+    until: float = inf
+    rules: int = 0
+
+    def written(self) -> dict[str, object]:
+        """As it stands in a message's body."""
+        return {"after": self.after, "until": None if self.until == inf else self.until, "rules": self.rules}
+
+    @staticmethod
+    def of(message: Message) -> Link:
+        """That of a message; one without any follows nothing."""
+        match message.body:
+            case {"after": int() as after, "until": (float() | int() | None) as until, "rules": int() as rules}:
+                if 0 <= rules <= after < message.sequence:
+                    return Link(after, inf if until is None else float(until), rules)
+        return Link()
+
+
+@dataclass(slots=True)
+class Want:
+    """A number that is missing: when it is asked for next, and how long then until the time after, s."""
+
+    due: float
+    again: float = ASK_AGAIN
+
+
+@dataclass(slots=True)
+class Stream:
+    """The commands of one sender in one epoch. done: number of the latest that was dealt with, or skipped; until: its
+    deadline, s; standing: numbers of the standing ones that were dealt with; waiting: what came too early, by number;
+    wanted: what is missing."""
+
+    name: Name
+    done: int = 0
+    until: float = inf
+    standing: list[int] = field(default_factory=list)
+    waiting: dict[int, Message] = field(default_factory=dict)
+    wanted: dict[int, Want] = field(default_factory=dict)
+
+    @property
+    def rules(self) -> int:
+        """Number of the latest standing command that was dealt with, 0 for none."""
+        return self.standing[-1] if self.standing else 0
+
+    def link(self) -> Link:
+        """That of a command which comes next."""
+        return Link(self.done, self.until, self.rules)
+
+    def deal_with(self, message: Message) -> None:
+        """This command is dealt with; it is the next one."""
+        self.done, self.until = message.sequence, message.deadline
+        self.waiting.pop(message.sequence, None)
+        self.wanted.pop(message.sequence, None)
+        if message.standing:
+            self.standing.append(message.sequence)
+
+
+class Order:
+    """The streams of all senders of commands. chance: for the moments at which we ask."""
+
+    def __init__(self, chance: Random) -> None:
+        self._chance = chance
+        self._streams: OrderedDict[Name, Stream] = OrderedDict()
+        self._skipped: list[Skipped] = []
+
+    def stream(self, name: Name) -> Stream:
+        """The stream of this name, made when it is first asked for."""
+        found = self._streams.get(name)
+        if found is None:
+            found = self._streams[name] = Stream(name)
+            if len(self._streams) > MAX_STREAMS:
+                self._streams.popitem(last=False)
+        self._streams.move_to_end(name)
+        return found
+
+    def standing(self) -> dict[Name, int]:
+        """How far each stream's rules have come, of those that have any."""
+        return {stream.name: stream.rules for stream in self._streams.values() if stream.standing}
+
+    def take(self, stream: Stream, message: Message, now: float) -> list[Message]:
+        """What can be dealt with now that this message has come, in its order."""
+        if message.sequence <= stream.done:
+            return []
+        stream.waiting[message.sequence] = message
+        stream.wanted.pop(message.sequence, None)
+        if len(stream.waiting) > MAX_WAITING:
+            del stream.waiting[max(stream.waiting)]
+        return self._advance(stream, now)
+
+    def expire(self, now: float) -> list[Message]:
+        """What no longer waits, because what it waited for would come too late."""
+        return [message for stream in self._streams.values() for message in self._advance(stream, now)]
+
+    def wanted(self, now: float, most: int) -> dict[Name, list[int]]:
+        """What is to be asked for at `now`, at most so many numbers."""
+        found: dict[Name, list[int]] = {}
+        for stream in self._streams.values():
+            for number, want in stream.wanted.items():
+                if want.due <= now and most > 0:
+                    found.setdefault(stream.name, []).append(number)
+                    want.due, want.again = (
+                        now + want.again * self._chance.uniform(0.5, 1.0),
+                        min(2 * want.again, ASK_SELDOM),
+                    )
+                    most -= 1
+        return found
+
+    def asked(self, name: Name, numbers: Sequence[int], now: float) -> None:
+        """Somebody else has asked for these, so we need not for a while."""
+        wanted = self._streams[name].wanted if name in self._streams else {}
+        for number in wanted.keys() & set(numbers):
+            want = wanted[number]
+            want.due = max(want.due, now + want.again)
+
+    def due(self) -> float:
+        """When there is something to ask for, or nothing to wait for any more, s."""
+        asking = (want.due for stream in self._streams.values() for want in stream.wanted.values())
+        waiting = (
+            Link.of(stream.waiting[min(stream.waiting)]).until for stream in self._streams.values() if stream.waiting
+        )
+        return min((*asking, *(until + SLACK for until in waiting)), default=inf)
+
+    def take_skipped(self) -> list[Skipped]:
+        """What was skipped since this was asked last."""
+        found, self._skipped = self._skipped, []
+        return found
+
+    def _advance(self, stream: Stream, now: float) -> list[Message]:
+        found = []
+        while stream.waiting:
+            message = stream.waiting[min(stream.waiting)]
+            link = Link.of(message)
+            if link.rules > stream.rules:
+                self._want(stream, link.rules, now)
+                break
+            if link.after > stream.done:
+                if now <= link.until + SLACK:
+                    self._want(stream, link.after, now)
+                    break
+                stream.wanted.pop(link.after, None)
+                self._skipped.append(Skipped(*stream.name, link.after))
+            stream.deal_with(message)
+            found.append(message)
+        return found
+
+    def _want(self, stream: Stream, number: int, now: float) -> None:
+        if number not in stream.wanted:
+            stream.wanted[number] = Want(now + self._chance.uniform(*ASK_AFTER))

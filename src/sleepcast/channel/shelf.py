@@ -1,0 +1,61 @@
+"""The shelf: the bytes of commands, kept for those who missed them, and when each was last heard on the air."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+
+MAX_RECENT = 512
+"""One-shot commands kept: all of the last seconds at a hundred a second."""
+MAX_STANDING = 20_000
+"""Standing commands kept, of all senders: months of a busy desk, some ten megabytes."""
+
+Name = tuple[bytes, int]
+"""Of a stream: the id of its sender's key, and the epoch."""
+
+
+@dataclass(slots=True)
+class Kept:
+    """The bytes of a command, and when they were last on the air (s)."""
+
+    datagrams: tuple[bytes, ...]
+    heard: float
+
+
+class Shelf:
+    """See the module."""
+
+    def __init__(self) -> None:
+        self._standing: OrderedDict[tuple[Name, int], Kept] = OrderedDict()
+        self._recent: OrderedDict[tuple[Name, int], Kept] = OrderedDict()
+
+    def keep(self, stream: Name, number: int, standing: bool, datagrams: tuple[bytes, ...], now: float) -> None:
+        """Keep a command that was heard or sent at `now` (s); the oldest ones make room."""
+        shelf, most = (self._standing, MAX_STANDING) if standing else (self._recent, MAX_RECENT)
+        shelf[stream, number] = Kept(datagrams, now)
+        if len(shelf) > most:
+            shelf.popitem(last=False)
+
+    def heard(self, stream: Name, number: int, datagram: bytes, now: float) -> bool:
+        """Whether this datagram is on the shelf; if so, it has been heard at `now` (s)."""
+        kept = self._find(stream, number)
+        if kept is None or datagram not in kept.datagrams:
+            return False
+        kept.heard = now
+        return True
+
+    def silent_since(self, stream: Name, number: int, time: float) -> bool:
+        """Whether a command is kept and has not been on the air since `time` (s)."""
+        kept = self._find(stream, number)
+        return kept is not None and kept.heard < time
+
+    def take(self, stream: Name, number: int, now: float) -> tuple[bytes, ...]:
+        """The bytes of a command, which are on the air at `now` (s); none if it is not kept."""
+        kept = self._find(stream, number)
+        if kept is None:
+            return ()
+        kept.heard = now
+        return kept.datagrams
+
+    def _find(self, stream: Name, number: int) -> Kept | None:
+        return self._standing.get((stream, number)) or self._recent.get((stream, number))

@@ -1,0 +1,95 @@
+"""A radio that loses, repeats, delays and reorders, in simulated time, and mailboxes on it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from heapq import heappop, heappush
+from random import Random
+
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.door import Door
+from sleepcast.channel.envelope import look
+from sleepcast.channel.keys import KeyPair, Role, Trust
+from sleepcast.channel.mailbox import Mailbox
+from sleepcast.clock import ManualClock
+
+DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
+ROBOTS = KeyPair("r*", Role.ROBOT, b"r" * 32)
+START = 1_000.0
+STEP = 0.005
+
+
+@dataclass
+class Party:
+    """A mailbox, and what it has let through, with the times."""
+
+    box: Mailbox
+    got: list[Message] = field(default_factory=list)
+    when: dict[int, float] = field(default_factory=dict)
+    on: bool = True
+
+
+class Air:
+    """A desk and robots. loss, twice: shares of what each receiver loses and hears twice; delay: s at most."""
+
+    def __init__(self, robots: int, seed: int, loss: float = 0.0, twice: float = 0.0, delay: float = 0.01) -> None:
+        self.clock = ManualClock(START)
+        self.chance = Random(seed)
+        self.loss, self.twice, self.delay = loss, twice, delay
+        self.desk = self.party("desk", DESK)
+        self.robots = [self.party(f"r{number}", ROBOTS) for number in range(robots)]
+        self.sent: Counter[Kind] = Counter()
+        self.bytes = 0
+        self._flying: list[tuple[float, int, int, bytes]] = []
+        self._tie = 0
+        self.cut: set[frozenset[int]] = set()
+        """Pairs of parties, by their index with the desk as 0, that do not hear each other."""
+
+    def party(self, name: str, key: KeyPair) -> Party:
+        door = Door(Trust((DESK.public, ROBOTS.public)), "lab", self.clock, robot=key is ROBOTS, rate=1e9)
+        box = Mailbox(name, 1, key, door, Random(self.chance.random()))
+        box.start(self.clock.now())
+        return Party(box)
+
+    def everybody(self) -> list[Party]:
+        return [self.desk, *self.robots]
+
+    def run(self, seconds: float) -> None:
+        until = self.clock.now() + seconds
+        while self.clock.now() < until:
+            self.clock.advance(STEP)
+            self.step()
+
+    def step(self) -> None:
+        now = self.clock.now()
+        parties = self.everybody()
+        while self._flying and self._flying[0][0] <= now:
+            _, _, to, datagram = heappop(self._flying)
+            party = parties[to]
+            if party.on:
+                self._give(party, party.box.take(datagram, now))
+        for number, party in enumerate(parties):
+            if party.on and party.box.due() <= now:
+                out, freed = party.box.step(now)
+                self._give(party, freed)
+                for datagram in out:
+                    self._send(number, datagram, now)
+
+    def _give(self, party: Party, found: Iterable[Message]) -> None:
+        for message in found:
+            party.got.append(message)
+            party.when[message.sequence] = self.clock.now()
+
+    def _send(self, who: int, datagram: bytes, now: float) -> None:
+        self.sent[look(datagram).kind] += 1
+        self.bytes += len(datagram)
+        for to in range(len(self.robots) + 1):
+            if to == who or frozenset((who, to)) in self.cut:
+                continue
+            for _ in range(1 + (self.chance.random() < self.twice)):
+                if self.chance.random() >= self.loss:
+                    self._tie += 1
+                    arrives = now + self.chance.random() * self.delay
+                    heappush(self._flying, (arrives, self._tie, to, datagram))

@@ -1,0 +1,154 @@
+"""Commands on a bad radio: everybody in the end, once, in order, and then silence."""
+
+from __future__ import annotations
+
+import pytest
+
+from channel.air import DESK, START, Air, Party
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.mailbox import LIFE
+
+
+def rules(party: Party) -> list[str]:
+    return [message.text for message in party.got if message.standing]
+
+
+@pytest.mark.parametrize(("loss", "twice", "delay"), [(0.0, 0.0, 0.001), (0.3, 0.1, 0.05), (0.5, 0.3, 0.2)])
+def test_rules_reach_everybody_once_and_in_order(loss: float, twice: float, delay: float) -> None:
+    air = Air(12, seed=3, loss=loss, twice=twice, delay=delay)
+    sent = []
+    for number in range(15):
+        sent.append(f"(RULE r{number % 4} {number})")
+        air.desk.box.post(Kind.COMMAND, air.clock.now(), text=sent[-1], standing=True)
+        air.run(air.chance.random() * 0.2)
+    air.run(15.0)
+    assert [rules(robot) for robot in air.robots] == [sent] * 12
+
+
+def test_a_new_rule_is_quick() -> None:
+    air = Air(40, seed=1, loss=0.3)
+    air.run(5.0)
+    air.desk.box.post(Kind.COMMAND, air.clock.now(), text="(RULE a 1)", standing=True)
+    begin = air.clock.now()
+    air.run(5.0)
+    took = sorted(robot.when[max(robot.when)] - begin for robot in air.robots)
+    assert took[int(0.5 * len(took))] < 0.1
+    assert took[-1] < 2.0
+
+
+def test_a_quiet_fleet_is_quiet() -> None:
+    air = Air(20, seed=2, loss=0.1)
+    air.desk.box.post(Kind.COMMAND, air.clock.now(), text="(RULE a 1)", standing=True)
+    air.run(200.0)
+    air.sent.clear()
+    air.run(120.0)
+    assert sum(air.sent.values()) <= 12, "some three or four digests for each of two intervals of a minute, of them all"
+
+
+def test_who_was_away_has_every_rule_within_seconds_of_coming_back() -> None:
+    air = Air(10, seed=4, loss=0.3)
+    air.run(1.0)
+    away = air.robots[3]
+    away.on = False
+    sent = [f"(RULE r{number} {number})" for number in range(50)]
+    for text in sent:
+        air.desk.box.post(Kind.COMMAND, air.clock.now(), text=text, standing=True)
+        air.run(0.2)
+    air.run(100.0)
+    away.on = True
+    away.box.start(air.clock.now())
+    air.run(5.0)
+    assert rules(away) == sent
+
+
+def test_neighbours_mend_what_the_desk_cannot() -> None:
+    air = Air(6, seed=5, loss=0.2)
+    air.cut = {frozenset((0, far + 1)) for far in (4, 5)}
+    sent = [f"(RULE r{number} {number})" for number in range(8)]
+    for text in sent:
+        air.desk.box.post(Kind.COMMAND, air.clock.now(), text=text, standing=True)
+        air.run(0.3)
+    air.desk.on = False
+    air.run(20.0)
+    assert [rules(robot) for robot in air.robots] == [sent] * 6
+
+
+def test_commands_of_one_sender_come_in_order_and_once_and_none_after_its_deadline() -> None:
+    air = Air(8, seed=6, loss=0.3, twice=0.2, delay=0.08)
+    posted: dict[int, Message] = {}
+    for number in range(300):
+        standing = number % 10 == 0
+        message = air.desk.box.post(Kind.COMMAND, air.clock.now(), text=f"(SETQ a {number})", standing=standing)
+        posted[message.sequence] = message
+        air.run(0.02)
+    air.run(LIFE + 2.0)
+    for robot in air.robots:
+        numbers = [message.sequence for message in robot.got]
+        assert numbers == sorted(set(numbers))
+        skipped = {skip.sequence for skip in robot.box.skipped()}
+        assert set(posted) - set(numbers) <= skipped
+        assert len(numbers) >= 0.999 * len(posted)
+        late = [number for number in numbers if robot.when[number] > posted[number].deadline + 2.0]
+        assert not late
+
+
+def test_what_follows_a_command_that_never_comes_waits_only_until_its_deadline() -> None:
+    air = Air(2, seed=7)
+    air.cut = {frozenset((0, 1)), frozenset((0, 2))}
+    lost = air.desk.box.post(Kind.COMMAND, air.clock.now(), text="(SETQ a 1)", deadline=air.clock.now() + 1.0)
+    air.run(0.5)
+    air.cut = {frozenset((1, 2))}
+    air.desk.on = True
+    air.desk.box._shelf._recent.clear()  # nobody has it any more
+    air.desk.box.post(Kind.COMMAND, air.clock.now(), text="(SETQ a 2)")
+    air.run(0.4)
+    assert not air.robots[0].got
+    air.run(2.0)
+    assert [message.text for message in air.robots[0].got] == ["(SETQ a 2)"]
+    assert [skip.sequence for skip in air.robots[0].box.skipped()] == [lost.sequence]
+
+
+def test_stop_waits_for_nothing() -> None:
+    air = Air(1, seed=8)
+    air.cut = {frozenset((0, 1))}
+    air.desk.box.post(Kind.COMMAND, air.clock.now(), text="(RULE a 1)", standing=True)
+    air.run(1.0)
+    air.cut = set()
+    air.desk.box.post(Kind.STOP, air.clock.now())
+    air.run(0.02)
+    assert [message.kind for message in air.robots[0].got] == [Kind.STOP]
+
+
+def test_the_same_chance_makes_the_same_traffic() -> None:
+    def traffic() -> tuple[int, list[list[float]]]:
+        air = Air(6, seed=9, loss=0.3)
+        for number in range(10):
+            air.desk.box.post(Kind.COMMAND, air.clock.now(), text=f"(RULE a {number})", standing=True)
+            air.run(0.1)
+        air.run(3.0)
+        return air.bytes, [sorted(robot.when.values()) for robot in air.robots]
+
+    assert traffic() == traffic()
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {},
+        {"have": 5},
+        {"have": [[1, 2, 3]]},
+        {"have": [[b"x", 1, 2]] * 1_000},
+        {"have": [[DESK.id, 1, 2**62]]},
+        {"want": [[DESK.id, 0, ["a", None, -1]]]},
+        {"want": [[DESK.id, 1, list(range(300))]]},
+    ],
+)
+def test_nonsense_from_a_robot_that_is_trusted_does_no_harm(body: dict[str, object]) -> None:
+    air = Air(2, seed=10)
+    liar = air.robots[1].box
+    for kind in (Kind.DIGEST, Kind.REQUEST):
+        liar.post(kind, START, body=body)
+    air.run(1.0)
+    air.desk.box.post(Kind.COMMAND, air.clock.now(), text="(ST)")
+    air.run(1.0)
+    assert [message.text for message in air.robots[0].got] == ["(ST)"]

@@ -19,6 +19,13 @@ class WallClock:
         return time.monotonic()
 
 
+class UnixClock:
+    """Seconds since 1970-01-01 UTC, as this computer has them: to be compared with other computers' only."""
+
+    def now(self) -> float:
+        return time.time()
+
+
 class ManualClock:
     """A clock that stands still until it is told to move: simulated time, in seconds."""
 

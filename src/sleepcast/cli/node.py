@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+import time
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import click
 
+from sleepcast.cli.air import Air, line_for, options
 from sleepcast.cli.interrupts import Interrupts
+from sleepcast.cli.streams import complain
 from sleepcast.errors import MisuseError
 
 STANDARD, NOMAD = "standard", "nomad"
@@ -36,6 +39,10 @@ LONGEST_TICK = 0.5
 @click.option("--lockstep", is_flag=True, help="For a server in lockstep: a tick is one of the server's.")
 @click.option("--seconds", metavar="S", type=click.FloatRange(min=0.0), help="End after so long; else at Ctrl-C.")
 @click.option("--id", "number", type=click.IntRange(0, 1_000_000), help="Its id in expressions; else as in its name.")
+@click.option(
+    "--channel", metavar="URI", help="The radio on which commands come, for example udp://239.255.83.76:47123."
+)
+@options
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="What chance depends on.")
 def node(
     name: str,
@@ -49,9 +56,15 @@ def node(
     seconds: float | None,
     number: int | None,
     seed: int,
+    channel: str | None,
+    fleet: str,
+    key: str | None,
+    trust: Path | None,
+    folder: Path | None,
 ) -> int:
     """Give the body at URI a mind of its own, until Ctrl-C, which stops the body first.
 
+    With --channel it obeys commands from the air, by those whose keys it trusts (`sleepcast send`, `sleepcast keys`).
     Lines on standard input are commands to it, STOP and RELEASE among them. A FILE has expressions, evaluated at the
     start, or orders with their times (@10s ...). With --datagrams a datagram of three numbers as text sets `message` to
     TRUE and `m0`, `m1` and `m2` to the numbers. If this process dies, the server stops the robot.
@@ -59,6 +72,7 @@ def node(
     \b
     Examples:
       sleepcast node --name r1 --body nomad://127.0.0.1:7019#1 --rules stop.sleep --datagrams 5001
+      sleepcast node --name r2 --body nomad://127.0.0.1#2 --channel 'udp://239.255.83.76:47123?interface=lo'
       sleepcast node --body nomad://127.0.0.1#2 --vocabulary nomad
       sleepcast node --body 'nomad://127.0.0.1:7019?speed=0.3#1'
     """
@@ -70,11 +84,15 @@ def node(
 
         beginning = None if rules is None else read_beginning(rules)
         ears = None if datagrams is None else stack.enter_context(Datagrams(host, datagrams))
+        line = None
+        if channel is not None:
+            air = Air(channel, fleet, key, trust, folder)
+            line = stack.enter_context(closing(line_for(air, name, robot=True, say=complain, zero=time.time())))
         robot = stack.enter_context(open_robot(uri, in_step=lockstep))
         interrupts.defer()
         life = Life(name, robot, ears, nomad=vocabulary == NOMAD, number=_id(name, number), seed=seed)
         life.begin(beginning)
-        life.go_on(interrupts.check, 0.0 if lockstep else tick, seconds)
+        life.go_on(interrupts.check, 0.0 if lockstep else tick, seconds, line)
     return 0
 
 

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from math import nan
 from typing import TYPE_CHECKING
 
-from sleepcast.channel import Kind, Message
+from sleepcast.channel import Channel, Kind, Message
 from sleepcast.channel.datagrams import Datagrams, Numbers
 from sleepcast.channel.message import MAX_TEXT
 from sleepcast.cli.standard_memory import reported_body
@@ -99,7 +99,7 @@ class NodeDesk:
     """The channel of one node: see the module.
 
     orders: what is to be done when, s after the start. typed: where an operator types. ears: plain datagrams, of which
-    one is told in each tick. All this is received in the order given here.
+    one is told in each tick. line: the radio, if there is one. All this is received in the order given here.
     """
 
     def __init__(
@@ -109,9 +109,10 @@ class NodeDesk:
         orders: Sequence[Order],
         typed: Typed,
         ears: Datagrams | None,
+        line: Channel | None = None,
     ) -> None:
         self._name, self._clock, self._start = name, clock, clock.now()
-        self._orders, self._typed, self._ears = deque(orders), typed, ears
+        self._orders, self._typed, self._ears, self._line = deque(orders), typed, ears, line
         self._waiting: deque[Numbers] = deque()
         self._sequence = 0
         self.lost = 0
@@ -125,6 +126,8 @@ class NodeDesk:
         found += map(self._message, self._typed.texts())
         if self._ears is not None:
             found += self._next_datagram(self._ears)
+        if self._line is not None:
+            found += self._line.receive()
         return found
 
     def _next_datagram(self, ears: Datagrams) -> Iterator[Message]:
@@ -143,8 +146,12 @@ class NodeDesk:
         return Message(sender, 0, self._sequence, kind, self._clock.now() - self._start, text=said)
 
     def send(self, message: Message) -> None:
-        """Print what the robot says."""
+        """Print what the robot says to the terminal, and send all else."""
         body = message.body
+        if self._line is not None and not str(body.get("command", "")).startswith(f"{OPERATOR}-"):
+            self._line.send(message)
+            if message.kind is not Kind.REPORT:
+                return
         if message.kind is Kind.REPORT:
             announce(f"{self._name}: {printable(reported_body(body))}")
         elif message.kind is Kind.ANSWER:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import inf
@@ -9,6 +10,7 @@ from pathlib import Path
 
 from sleepcast.bridges import RealRobot
 from sleepcast.channel.datagrams import Datagrams
+from sleepcast.channel.line import Line
 from sleepcast.cli.node_desk import NOTHING_HEARD, NodeDesk, Typed
 from sleepcast.cli.streams import announce, complain, pieces, read_file
 from sleepcast.clock import Clock, WallClock
@@ -79,11 +81,11 @@ class Life:
             if result.faults:
                 raise BeginningError(f"{place}: {result.faults[0]}")
 
-    def go_on(self, check: Callable[[], None], tick: float, seconds: float | None) -> None:
+    def go_on(self, check: Callable[[], None], tick: float, seconds: float | None, line: Line | None = None) -> None:
         """Live, and say at the end how it went. check: raises KeyboardInterrupt when it is time. tick: s, 0 in step.
-        seconds: to live, None for ever. Raises SleepcastError when the body fails."""
+        seconds: to live, None for ever. line: the radio. Raises SleepcastError when the body fails."""
         clock: Clock = WallClock() if tick else self.robot
-        desk = NodeDesk(self.node.name, clock, self._orders, Typed(), self.ears)
+        desk = NodeDesk(self.node.name, clock, self._orders, Typed(), self.ears, line)
         end = inf if seconds is None else clock.now() + seconds
 
         def going() -> bool:
@@ -96,12 +98,17 @@ class Life:
         told = "1 rule" if rules == 1 else f"{rules} rules"
         announce(f"{self.node.name} is up, with {told}; Ctrl-C stops its body and ends it")
         try:
-            run_robot(self.node, self.robot, clock, desk, tick=tick, going=going, watch=self.watch)
+            sleep = time.sleep if line is None else line.wait
+            run_robot(self.node, self.robot, clock, desk, tick=tick, going=going, watch=self.watch, sleep=sleep)
         finally:
-            complain(self._account(desk))
+            complain(self._account(desk, line))
 
-    def _account(self, desk: NodeDesk) -> str:
+    def _account(self, desk: NodeDesk, line: Line | None) -> str:
         said = f"{self.node.name}: {self.watch}"
+        if line is not None:
+            door = line.mailbox.door
+            dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(door.counts.items()))
+            said += f"; {door.passed} messages heard" + (f", dropped: {dropped}" if dropped else "")
         if self.ears is not None:
             counts = self.ears.counts
             said += f"; {counts.taken} datagrams, {counts.dropped + desk.lost} others dropped"

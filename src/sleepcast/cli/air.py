@@ -1,0 +1,82 @@
+"""A party's way onto the air, as the command line says it: which channel, which fleet, which keys."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from random import Random, SystemRandom
+from typing import TYPE_CHECKING, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from sleepcast.channel.keys import KeyPair, Trust
+    from sleepcast.channel.line import Line
+
+FLEET = "sleepcast"
+"""Whose messages are heard, unless another fleet is named."""
+
+Command = TypeVar("Command", bound=Callable[..., object])
+
+
+@dataclass(frozen=True, slots=True)
+class Air:
+    """channel: its address; fleet: its name. key: the owner of ours, None for the development key of this machine;
+    trust: the file of those who are believed, None for the one beside the keys, or for the development keys alone.
+    folder: where keys lie, None for the one in the user's settings."""
+
+    channel: str
+    fleet: str
+    key: str | None
+    trust: Path | None
+    folder: Path | None
+
+
+def options(command: Command) -> Command:
+    """The options that say which key is ours and whom it believes."""
+    for option in (
+        click.option("--keys", "folder", type=click.Path(path_type=Path), help="Where keys lie."),
+        click.option("--trust", type=click.Path(path_type=Path), help="The file of keys that are believed."),
+        click.option("--key", metavar="OWNER", help="Whose key is ours; else the development key of this machine."),
+        click.option("--fleet", default=FLEET, show_default=True, help="Messages of other fleets are not heard."),
+    ):
+        command = option(command)
+    return command
+
+
+def line_for(air: Air, name: str | None, *, robot: bool, say: Callable[[str], None], zero: float = 0.0) -> Line:
+    """A line on this channel. name: of what we say, None for the key's owner. say: tells the person which keys are in
+    use if nobody chose them. zero: when the mind's time began, s of Unix time. Raises what the channel raises."""
+    from sleepcast.channel.door import Door
+    from sleepcast.channel.endpoint import open_transport
+    from sleepcast.channel.line import Line
+    from sleepcast.channel.mailbox import Mailbox
+    from sleepcast.clock import UnixClock
+    from sleepcast.errors import MisuseError
+
+    key, trust = _keys(air, robot, say)
+    name = key.public.owner if name is None else name
+    if not key.public.is_of(name):
+        raise MisuseError(f"the key of {key.public.owner!r} cannot speak for {name!r}: take another with --key")
+    clock, chance = UnixClock(), Random(SystemRandom().getrandbits(64))
+    door = Door(trust, air.fleet, clock, robot=robot)
+    # A life begins later than all before, so that its numbers are news.
+    mailbox = Mailbox(name, int(clock.now() * 1000.0), key, door, chance)
+    return Line(open_transport(air.channel), mailbox, clock, chance, zero)
+
+
+def _keys(air: Air, robot: bool, say: Callable[[str], None]) -> tuple[KeyPair, Trust]:
+    """Our key, and whom we believe."""
+    from sleepcast.channel.keyring import TRUST_FILE, development_keys, find_key, keys_folder, load_trust
+    from sleepcast.channel.keys import Trust
+
+    folder = air.folder or keys_folder()
+    if air.key is None and air.trust is None:
+        desk, robots = development_keys(folder)
+        say(
+            f"development keys of this machine (in {folder}): enough to try things out, and no protection from its users"
+        )
+        return (robots if robot else desk), Trust((desk.public, robots.public))
+    pair = development_keys(folder)[robot] if air.key is None else find_key(folder, air.key)
+    return pair, load_trust(air.trust or folder / TRUST_FILE)

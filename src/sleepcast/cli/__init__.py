@@ -35,6 +35,10 @@ COMMANDS = {
     "eval": ("sleepcast.cli.evaluate", "evaluate"),
     "check": ("sleepcast.cli.check", "check"),
     "repl": ("sleepcast.cli.repl", "repl"),
+    "send": ("sleepcast.cli.send", "send"),
+    "ask": ("sleepcast.cli.send", "ask"),
+    "stop": ("sleepcast.cli.send", "stop"),
+    "release": ("sleepcast.cli.send", "release"),
     "keys": ("sleepcast.cli.keys", "keys"),
 }
 """Every subcommand with its module and its name there, in the order of the help page."""

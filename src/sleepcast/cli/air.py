@@ -45,9 +45,9 @@ def options(command: Command) -> Command:
     return command
 
 
-def line_for(air: Air, name: str | None, *, robot: bool, say: Callable[[str], None], zero: float = 0.0) -> Line:
+def line_for(air: Air, name: str | None, *, robot: bool, say: Callable[[str], None]) -> Line:
     """A line on this channel. name: of what we say, None for the key's owner. say: tells the person which keys are in
-    use if nobody chose them. zero: when the mind's time began, s of Unix time. Raises what the channel raises."""
+    use if nobody chose them. Raises what the channel raises."""
     from sleepcast.channel.door import Door
     from sleepcast.channel.endpoint import open_transport
     from sleepcast.channel.line import Line
@@ -63,7 +63,7 @@ def line_for(air: Air, name: str | None, *, robot: bool, say: Callable[[str], No
     door = Door(trust, air.fleet, clock, robot=robot)
     # A life begins later than all before, so that its numbers are news.
     mailbox = Mailbox(name, int(clock.now() * 1000.0), key, door, chance)
-    return Line(open_transport(air.channel), mailbox, clock, chance, zero)
+    return Line(open_transport(air.channel), mailbox, clock, chance)
 
 
 def _keys(air: Air, robot: bool, say: Callable[[str], None]) -> tuple[KeyPair, Trust]:
@@ -74,9 +74,7 @@ def _keys(air: Air, robot: bool, say: Callable[[str], None]) -> tuple[KeyPair, T
     folder = air.folder or keys_folder()
     if air.key is None and air.trust is None:
         desk, robots = development_keys(folder)
-        say(
-            f"development keys of this machine (in {folder}): enough to try things out, and no protection from its users"
-        )
+        say(f"development keys of this machine, in {folder}: to try things out; whoever reads them can command")
         return (robots if robot else desk), Trust((desk.public, robots.public))
     pair = development_keys(folder)[robot] if air.key is None else find_key(folder, air.key)
     return pair, load_trust(air.trust or folder / TRUST_FILE)

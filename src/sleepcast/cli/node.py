@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from contextlib import ExitStack, closing
 from pathlib import Path
 
@@ -86,8 +85,10 @@ def node(
         ears = None if datagrams is None else stack.enter_context(Datagrams(host, datagrams))
         line = None
         if channel is not None:
+            if lockstep:
+                raise MisuseError("--lockstep and --channel do not go together: deadlines on the air are of real time")
             air = Air(channel, fleet, key, trust, folder)
-            line = stack.enter_context(closing(line_for(air, name, robot=True, say=complain, zero=time.time())))
+            line = stack.enter_context(closing(line_for(air, name, robot=True, say=complain)))
         robot = stack.enter_context(open_robot(uri, in_step=lockstep))
         interrupts.defer()
         life = Life(name, robot, ears, nomad=vocabulary == NOMAD, number=_id(name, number), seed=seed)

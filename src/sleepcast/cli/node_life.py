@@ -98,6 +98,8 @@ class Life:
         told = "1 rule" if rules == 1 else f"{rules} rules"
         announce(f"{self.node.name} is up, with {told}; Ctrl-C stops its body and ends it")
         try:
+            if line is not None:
+                line.zero = time.time()
             sleep = time.sleep if line is None else line.wait
             run_robot(self.node, self.robot, clock, desk, tick=tick, going=going, watch=self.watch, sleep=sleep)
         finally:

@@ -162,12 +162,13 @@ def _exchange(air: Air, kind: Kind, text: str, *, standing: bool = False, within
     from sleepcast.station.accounting import Outcome, answer_from
 
     roster = Known(air.fleet)
+    expected = roster.names
     answers: dict[str, Answer] = {}
     with closing(line_for(air, None, robot=False, say=complain)) as line:
         now = time.time()
         sent = line.mailbox.post(kind, now, text=text, standing=standing, body={ASKED: within})
         until = now + within + GRACE
-        while (now := time.time()) < until and not (roster.names and roster.names <= answers.keys()):
+        while (now := time.time()) < until and not (expected and expected <= answers.keys()):
             line.wait(min(PAUSE, until - now))
             for message in line.receive():
                 roster.hear(message, now)

@@ -1,0 +1,145 @@
+"""Nodes and an operator as processes of their own on a channel: who obeys, who answers, who is silent."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+
+from channel.test_udp import free_port
+from cli.calling import LONGEST, Called, called
+from nomad.serving import Served, serving
+from sleepcast.simulator.engine import NumPyMachine
+from sleepcast.simulator.nomad_worlds import nomad_world
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A user with no keys and no memory of any fleet."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    for name in ("XDG_CONFIG_HOME", "XDG_DATA_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    return tmp_path
+
+
+@pytest.fixture
+def channel() -> str:
+    return f"udp://239.255.83.76:{free_port()}?interface=lo"
+
+
+@pytest.fixture
+def served() -> Iterator[Served]:
+    world = nomad_world(None, "ideal", 3, 1, machine=NumPyMachine())
+    with serving(world, headless=True) as found:
+        yield found
+
+
+@contextmanager
+def node(name: str, served: Served, channel: str, *options: str) -> Iterator[subprocess.Popen[str]]:
+    """A node that is up."""
+    arguments = ("node", "--name", name, "--body", f"nomad://127.0.0.1:{served.port}#{name[1:]}", "--channel", channel)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sleepcast", *arguments, *options],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler) and None,
+    )
+    try:
+        assert process.stdout
+        assert "is up" in process.stdout.readline()
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def on_air(channel: str, *arguments: str) -> Called:
+    return called(*arguments, "--channel", channel)
+
+
+def account(channel: str, *arguments: str) -> dict[str, object]:
+    found = on_air(channel, *arguments, "--json")
+    assert found.status in (0, 1), found.err
+    assert found.out, (found, arguments)
+    told: dict[str, object] = json.loads(found.out)
+    return told
+
+
+def test_robots_on_the_air_obey_answer_and_are_missed(home: Path, served: Served, channel: str) -> None:
+    with node("r1", served, channel), node("r2", served, channel) as second:
+        rule = account(channel, "send", "--standing", "--all", "(RULE go (VM 0.1m/s 0.1m/s))")
+        assert (rule["matched"], rule["silent"]) == (["r1", "r2"], [])
+        told = account(channel, "send", "(WHEN (> id 1) (SETQ drive_turn 0.3))")
+        assert (told["matched"], told["not_matched"], told["fault"]) == (["r2"], ["r1"], [])
+        assert account(channel, "send", "(WHEN (FOO 1) (ST))")["fault"] == ["r1", "r2"]
+        asked = account(channel, "ask", "id")
+        assert [asked[key] for key in ("n", "min", "mean", "max")] == [2, 1.0, 1.5, 2.0]
+        assert account(channel, "stop")["matched"] == ["r1", "r2"]
+        until = time.monotonic() + LONGEST
+        while any(served.nserver.world.observe(robot).moving[0] for robot in (0, 1)):
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        assert account(channel, "release")["matched"] == ["r1", "r2"]
+        os.kill(second.pid, signal.SIGKILL)
+        second.wait(LONGEST)
+        missed = account(channel, "send", '(WHEN (> id 0) (REPORT "here" id))')
+        assert (missed["matched"], missed["silent"], missed["n_silent"]) == (["r1"], ["r2"], 1)
+        with node("r3", served, channel):  # who comes late hears what stands
+            until = time.monotonic() + LONGEST
+            while not served.nserver.world.observe(2).moving[0]:
+                assert time.monotonic() < until
+                time.sleep(0.01)
+
+
+def test_keys_decide_who_is_obeyed(home: Path, served: Served, channel: str) -> None:
+    for owner, role in (("desk", "operator"), ("watch", "observer"), ("r*", "robot")):
+        assert called("keys", "new", owner, "--role", role).status == 0
+    with ExitStack() as stack:
+        stack.enter_context(node("r1", served, channel, "--key", "r*"))
+        assert account(channel, "ask", "id", "--key", "watch")["matched"] == ["r1"]
+        refused = account(channel, "send", "(WHEN (> id 0) (VM 1 1))", "--key", "watch")
+        assert (refused["matched"], refused["silent"]) == ([], ["r1"])
+        assert account(channel, "send", "(WHEN (> id 0) (VM 0 0))", "--key", "desk")["matched"] == ["r1"]
+        assert account(channel, "ask", "id")["matched"] == [], "the development key is nobody's here"
+        assert account(channel, "stop", "--key", "watch")["matched"] == ["r1"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("send", "(ST)"), "say so with --all"),
+        (("send", "(ST"), "missing at the end"),
+        (("ask", "(+ 1"), "missing at the end"),
+        (("send", "(WHEN (> x 1) (ST))", "--key", "desk"), "sleepcast keys new desk makes it"),
+        (("send", "(WHEN (> x 1) (ST))", "--trust", "none.json"), "cannot read none.json"),
+    ],
+)
+def test_what_is_not_sent(home: Path, channel: str, arguments: tuple[str, ...], complaint: str) -> None:
+    refused = on_air(channel, *arguments)
+    assert (refused.status, refused.out) == (2, "")
+    assert complaint in refused.err
+
+
+@pytest.mark.parametrize("uri", ["", "udp://", "udp://1.2.3.4:5?interfac=lo", "zmq://a"])
+def test_a_channel_that_means_nothing_is_refused(home: Path, uri: str) -> None:
+    refused = on_air(uri, "stop")
+    assert refused.status == 2
+    assert "wanted" in refused.err
+    assert "Traceback" not in refused.err
+
+
+def test_nobody_there_is_told_as_nobody(home: Path, channel: str) -> None:
+    found = on_air(channel, "ask", "id", "--within", "0")
+    assert found.status == 0
+    assert "nobody answered, and nobody was heard before" in found.out
+    assert "development keys of this machine" in found.err

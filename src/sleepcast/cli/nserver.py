@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -79,7 +80,7 @@ def nserver(
       sleepcast nserver lab.toml --setup noisy --robots 2
       sleepcast nserver --headless --lockstep --port 0 --json
     """
-    if lockstep and speed != REAL_TIME:
+    if lockstep and speed not in (REAL_TIME, inf):
         raise MisuseError("in lockstep time goes as fast as the programs ask: leave out either --lockstep or --speed")
     with Interrupts() as interrupts:
         import asyncio

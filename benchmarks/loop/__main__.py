@@ -3,7 +3,8 @@
     python -m benchmarks.loop [--quick] [--large] [--json] [--robots N,N,...] [--no-page] [--picture FILE.svg]
 
 Every row runs in a process of its own: with walls and open, at one robot per 4 and per 16 square metres, on one thread
-and on all, with 100 to 100,000 robots, and a million with --large. Set-up and compiling are told apart. First comes how
+and on all, with 100 to 100,000 robots, and a million with --large; and once more with sonars that fire one after
+another, two in a step, as a real Scout's do. Set-up and compiling are told apart. First comes how
 fast this machine is, and last a thousand robots in real time, with their page open and recorded.
 """
 
@@ -33,7 +34,8 @@ FEW = 1_000
 FASTER = {100: 210.0, 1_000: 100.0, 10_000: 30.0, 100_000: 4.0, LARGE: 0.45}
 """Times real time at least, by number of robots, with walls, at one for 4 square metres, on all threads."""
 OPEN, WIDE, WITHOUT = 0.6, 1.0, 3.0
-"""Times real time at least: a million in the open, at one for 4 and for 16 square metres; 1,000 without numba."""
+"""Times real time at least: a million in the open, at one for 4 and for 16 square metres, or where two sonars fire in a
+step; 1,000 without numba."""
 FLAT, KILOBYTE, HALF = 1.5, 1_000.0, 0.5
 """At most: cost of a robot's step, a million over 10,000; bytes a robot; cores with the page open and recording."""
 FLAT_FROM = 10_000
@@ -43,17 +45,19 @@ MANY = 100_000
 
 @dataclass(frozen=True)
 class Case:
-    """What is run. area: square metres for each robot."""
+    """What is run. area: square metres for each robot. in_order: sonars fire one after another, two in a tick."""
 
     robots: int
     area: float
     walls: bool
     threads: int
     numba: bool = True
+    in_order: bool = False
 
     @property
     def name(self) -> str:
         field = f"{'walls' if self.walls else 'open'}, one per {self.area:g} m2"
+        field += ", two sonars a step" if self.in_order else ""
         return field if self.numba else f"{field}, without numba"
 
 
@@ -89,7 +93,8 @@ def cases(counts: Sequence[int], areas: Sequence[float], threads: Sequence[int])
         for each in threads
         if numba
     ]
-    return [*found, Case(min(FEW, max(counts)), 4.0, True, 1, numba=False)]
+    in_order = [Case(robots, 4.0, True, each, in_order=True) for robots in counts for each in threads if numba]
+    return [*found, *in_order, Case(min(FEW, max(counts)), 4.0, True, 1, numba=False)]
 
 
 def measure(case: Case, warm: float, seconds: float) -> Row:
@@ -126,6 +131,8 @@ def _wanted(case: Case) -> float | None:
     """Times real time that this case must reach."""
     if not case.numba:
         return WITHOUT if case.robots == FEW else None
+    if case.in_order:
+        return WIDE if case.robots == LARGE else None
     if case.area == 4.0 and case.walls:
         return FASTER.get(case.robots)
     if case.robots == LARGE and not case.walls:

@@ -1,7 +1,7 @@
 """One crowd, in a process of its own; prints one JSON object.
 
     python -m benchmarks.loop.one '{"robots": 1000, "area": 4, "walls": true, "threads": 2, "numba": true,
-                                    "warm": 3, "seconds": 5}'
+                                    "warm": 3, "seconds": 5, "in_order": false}'
 
 A small crowd runs first, so that compiling and loading is over and its memory is there before the large one is made;
 what the process grows by after that belongs to the robots. Then so many seconds of warming up, in which rules become
@@ -15,7 +15,7 @@ import json
 import resource
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,6 +31,10 @@ LEAST = 3
 """Simulated seconds that are timed at least."""
 TICKS = 10
 """In a simulated second."""
+PAUSE = 0.036
+"""s between an echo and the next ping, where sonars fire in order: two of them in a tick of 0.1 s."""
+ORDER = (0, 2, 15, 1, 14, 3, 13, 4, 12, 5, 11, 6, 10, 7, 9, 8)
+"""In which no sonar fires right after its neighbour."""
 
 
 @dataclass(frozen=True)
@@ -51,20 +55,27 @@ class Memory:
         return Memory(int(values["VmRSS"]) * 1024, int(values["VmHWM"]) * 1024)
 
 
-def crowd(robots: int, area: float, walls: bool, threads: int) -> Swarm:
-    """A crowd whose operator broadcasts the ten rules at its first tick."""
+def crowd(robots: int, area: float, walls: bool, threads: int, in_order: bool = False) -> Swarm:
+    """A crowd whose operator broadcasts the ten rules at its first tick. in_order: its sonars fire one after another,
+    about two in a tick."""
     from sleepcast.cli.headless import assemble
     from sleepcast.simulator import Changes, find_scenario
 
-    return assemble(find_scenario("crowd", Changes(robots, area, walls)), SEED, mission=True, threads=threads)[0]
+    scenario = find_scenario("crowd", Changes(robots, area, walls))
+    if in_order and scenario.robots.ring:
+        ring = replace(scenario.robots.ring, pause=PAUSE, order=ORDER)
+        scenario = replace(scenario, robots=replace(scenario.robots, ring=ring))
+    return assemble(scenario, SEED, mission=True, threads=threads)[0]
 
 
-def measure(robots: int, area: float, walls: bool, threads: int, warm: float, seconds: float) -> Json:
+def measure(
+    robots: int, area: float, walls: bool, threads: int, warm: float, seconds: float, in_order: bool = False
+) -> Json:
     """One row of the table. Times in s: compile and set-up apart, `second` and `cpu` for a simulated second."""
-    compiling, _ = timed(crowd(FEW, area, walls, threads), 2 * TICKS)
+    compiling, _ = timed(crowd(FEW, area, walls, threads, in_order), 2 * TICKS)
     before = Memory.look()
     begin = time.perf_counter()
-    swarm = crowd(robots, area, walls, threads)
+    swarm = crowd(robots, area, walls, threads, in_order)
     setup = time.perf_counter() - begin
     first, _ = timed(swarm, 1)
     begin = time.perf_counter()

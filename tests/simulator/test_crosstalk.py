@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from simulator.test_sorts import mixed
 from sleepcast.simulator import SettingsError, Simulator, choose, load
 from sleepcast.simulator.crosstalk import SOUND, Crosstalk
 from sleepcast.simulator.engine import Machine
@@ -86,7 +87,7 @@ class TestOneRing:
             talk.hear(tick, robots, robots * 0, np.full(4, 10.0 * tick), np.full(4, 0.7, np.float32))
             late = np.full(4, 10.0 * tick + 1.4 / SOUND + PAUSE)
             short += int((talk.hear(tick, robots, robots * 0 + 1, late, np.full(4, 4.0, np.float32)) < 4.0).sum())
-            talk.end(tick, (np.zeros(4), np.zeros(4), np.zeros(4)), np.zeros((4, 16), np.float32))
+            talk.end()
         assert short / 1600 == pytest.approx(0.3, abs=0.04)
 
 
@@ -201,6 +202,73 @@ class TestTwoRobots:
         simulator.step()
         simulator.step()
         assert simulator.readings()[1][-1] == pytest.approx((2.0 - SOUND * 0.003) / 2, abs=1e-5)
+
+
+BOTH_SORTS = """
+[[robots]]
+like = "scout"
+count = 1
+motion = "still"
+
+[robots.sonar]
+count = 1
+pause = "50ms"
+[robots.sonar.crosstalk]
+
+[[robots]]
+like = "nomad200"
+type = "nomad"
+count = 1
+motion = "still"
+
+[robots.sonar]
+count = 2
+pause = "50ms"
+order = [0]
+[robots.sonar.crosstalk]
+"""
+
+
+class TestTwoSorts:
+    """A Scout and a Nomad 200, 2 m from rim to rim, each with its sonar towards the other."""
+
+    @staticmethod
+    def facing(folder: Path, robots: str = BOTH_SORTS) -> Simulator:
+        simulator = mixed(folder, robots)
+        simulator.place(0, 4.0, 6.0, 0.0)
+        simulator.place(1, 4.0 + 2.0 + 0.17 + 0.225, 6.0, pi)
+        return simulator
+
+    @staticmethod
+    def reads(simulator: Simulator) -> list[float]:
+        simulator.step()
+        return [float(ring.readings[0, 0]) for ring in simulator.bodies.rings]
+
+    def test_who_pings_at_the_same_moment_reads_half_the_way(self, tmp_path: Path) -> None:
+        assert self.reads(self.facing(tmp_path)) == pytest.approx([1.0, 1.0], abs=1e-5)
+
+    def test_who_pings_later_is_heard_later(self, tmp_path: Path) -> None:
+        simulator = self.facing(tmp_path)
+        simulator.bodies.rings[1].firing.due[0] = 0.002
+        late = SOUND * 0.002
+        assert self.reads(simulator) == pytest.approx([(2.0 + late) / 2, (2.0 - late) / 2], abs=1e-5)
+
+    def test_a_ping_of_the_tick_before_is_heard_though_its_sender_is_silent_now(self, tmp_path: Path) -> None:
+        simulator = self.facing(tmp_path)
+        for robot, (ring, due) in enumerate(zip(simulator.bodies.rings, (0.098, 0.101), strict=True)):
+            ring.arrange(robot, [0], 0.3)
+            ring.firing.due[:] = due
+        simulator.step()
+        assert self.reads(simulator)[1] == pytest.approx((2.0 - SOUND * 0.003) / 2, abs=1e-5)
+
+    def test_a_turret_that_looks_away_neither_sends_nor_hears(self, tmp_path: Path) -> None:
+        simulator = self.facing(tmp_path)
+        simulator.bodies.rings[1].turret = np.array([pi / 2])
+        assert self.reads(simulator)[0] == pytest.approx(2.0, abs=1e-5)
+
+    def test_a_sort_without_cross_talk_neither_sends_nor_hears(self, tmp_path: Path) -> None:
+        quiet = BOTH_SORTS.removesuffix("[robots.sonar.crosstalk]\n")
+        assert self.reads(self.facing(tmp_path, quiet)) == pytest.approx([2.0, 2.0], abs=1e-5)
 
 
 class TestRepeating:

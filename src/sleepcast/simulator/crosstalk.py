@@ -6,7 +6,7 @@ range. What may come in between, with path lengths in m and times through the sp
 - of an earlier ping of the same ring, the echo of something farther away that lies before the sonar which listens now:
   it sees this at the range d itself, so the path is 2 d, on its way since the earlier ping;
 - of an earlier ping, its echo once more, thrown back by the robot and by what it met: twice its path;
-- the ping of another robot, straight from one to the other.
+- the ping of another robot, straight from one to the other, of the same sort or another one with cross-talk.
 
 No sound is heard after more than twice the greatest range, nor by a sonar whose axis lies farther than `spread` from
 that of the one that sent it, and each of them is heard with the model's chance. So a pause of twice the greatest range
@@ -19,7 +19,7 @@ order in which they are worked out says nothing.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import ceil, pi
 from typing import NamedTuple
 
@@ -41,11 +41,13 @@ stands in the way of sound."""
 
 
 class Pings(NamedTuple):
-    """Pings of one tick, arrays of the same length. robot, sonar: who sent it; sent: when, s; seen: the range of what
-    the sonar sees, and read: the range that it took for this, m (of earlier ticks, the same)."""
+    """Pings of one tick, arrays of the same length. robot, sonar: who sent it; axis: of the sonar, rad from the
+    heading; sent: when, s; seen: the range of what the sonar sees, and read: the range that it took for this, m (of
+    earlier ticks, the same)."""
 
     robot: Whole
     sonar: Whole
+    axis: Floats
     sent: Floats
     seen: Floats
     read: Floats
@@ -58,12 +60,21 @@ class Pings(NamedTuple):
         return Pings._make(np.concatenate(columns) for columns in zip(NONE, *parts, strict=True))
 
 
-NONE = Pings(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0))
+NONE = Pings(np.empty(0, np.int64), np.empty(0, np.int64), *np.empty((4, 0)))
+
+
+class Scene(NamedTuple):
+    """All bodies at the end of a tick: x, y (m), heading of their rings (rad), radii (m)."""
+
+    x: Floats
+    y: Floats
+    heading: Floats
+    radii: Floats
 
 
 class Crosstalk:
-    """What the sonars of `count` robots have sent of late. axes: of the sonars, rad; radius: of the bodies, m; grid:
-    over the world."""
+    """What the sonars of `count` robots have sent of late, whose first one has the index `first` among all. axes: of
+    the sonars, rad; radius: of the bodies, m; grid: over the world."""
 
     def __init__(
         self,
@@ -74,6 +85,7 @@ class Crosstalk:
         count: int,
         grid: Grid,
         seed: int,
+        first: int = 0,
     ) -> None:
         self._model, self._ring, self._axes, self._radius, self._seed = model, ring, axes, radius, seed
         self._longest = 2.0 * ring.most / SOUND
@@ -87,8 +99,7 @@ class Crosstalk:
         self._now: list[Pings] = []
         self._before = NONE
         self._draws = 0
-        self._reach = ring.most + 2.0 * radius
-        self._grid = grid
+        self._grid, self._first = grid, first
 
     def make_room(self) -> None:
         """From now on a ring may have any pause: keep as many pings as there may be under way with none."""
@@ -126,31 +137,36 @@ class Crosstalk:
         self._sent[robots, slot], self._by[robots, slot], self._seen[robots, slot] = sent, sonar, seen
         self._next[robots] = (slot + 1) % self._sent.shape[1]
         if self._model.robots:
-            self._now.append(Pings(robots, sonar, sent, seen, read))
+            self._now.append(Pings(robots + self._first, sonar, self._axes[sonar], sent, seen, read))
         shortened: Ranges = read.astype(np.float32)
         return shortened
 
-    def end(self, tick: int, pose: tuple[Floats, Floats, Floats], readings: Ranges) -> None:
-        """The tick ends: shorten what was read in it by pings of other robots. pose: of all bodies, x, y (m) and
-        heading (rad); readings: shape (robots, sonars), changed in place."""
-        now = Pings.joined(self._now)
+    def sent(self) -> tuple[Pings, Pings]:
+        """The pings of this tick, and those of before that may still be heard; by the robots' indices among all."""
+        before = self._before if self._now else self._under_way() if self._model.robots else NONE
+        return Pings.joined(self._now), before
+
+    def end(self) -> None:
+        """The tick is over."""
         self._now = []
-        if len(now.robot):
-            self._hear_others(tick, pose, readings, by_robot(now), by_robot(Pings.joined((self._before, now))))
         self._draws = 0  # each tick's chance is its own
 
     def _under_way(self) -> Pings:
         """The pings that may still be heard."""
         robot, slot = np.nonzero(self._sent > self._sent.max() - self._longest)
-        seen = self._seen[robot, slot]
-        return Pings(robot, self._by[robot, slot], self._sent[robot, slot], seen, seen)
+        seen, sonar = self._seen[robot, slot], self._by[robot, slot]
+        return Pings(robot + self._first, sonar, self._axes[sonar], self._sent[robot, slot], seen, seen)
 
-    def _hear_others(
-        self, tick: int, pose: tuple[Floats, Floats, Floats], readings: Ranges, mine: Pings, theirs: Pings
-    ) -> None:
-        x, y, heading = pose
-        i, j = pairs(self._grid, sort(self._grid, x, y), x, y, self._reach, np.unique(mine.robot))
-        apart = np.hypot(x[j] - x[i], y[j] - y[i]) - 2.0 * self._radius
+    def hear_others(self, tick: int, scene: Scene, mine: Pings, theirs: Pings, readings: Ranges) -> None:
+        """Shorten what was read in this tick by pings of other robots. mine: of this tick, by these robots; theirs: by
+        all; readings: shape (robots, sonars), changed in place."""
+        if not len(mine.robot):
+            return
+        mine = by_robot(mine)
+        x, y, heading, radii = scene
+        reach = self._ring.most + self._radius + float(radii.max())
+        i, j = pairs(self._grid, sort(self._grid, x, y), x, y, reach, np.unique(mine.robot))
+        apart = np.hypot(x[j] - x[i], y[j] - y[i]) - (radii[i] + radii[j])
         there = np.arctan2(y[j] - y[i], x[j] - x[i])
         # Each pair beside each ping of the one, then those beside each ping of the other one.
         pair, ping = spread(np.arange(len(i)), *_between(mine.robot, i))
@@ -166,16 +182,16 @@ class Crosstalk:
         read = mine.read.copy()
         np.minimum.at(read, ping[heard], taken[heard])
         # A sonar may have sent twice in a tick: its last reading stays.
-        changed = np.flatnonzero(read < mine.read)
+        changed, row = np.flatnonzero(read < mine.read), mine.robot - self._first
         latest = np.full(readings.shape, -1)
-        np.maximum.at(latest, (mine.robot, mine.sonar), np.arange(len(read)))
-        changed = changed[latest[mine.robot[changed], mine.sonar[changed]] == changed]
-        readings[mine.robot[changed], mine.sonar[changed]] = read[changed]
+        np.maximum.at(latest, (row, mine.sonar), np.arange(len(read)))
+        changed = changed[latest[row[changed], mine.sonar[changed]] == changed]
+        readings[row[changed], mine.sonar[changed]] = read[changed]
 
     def _faces(self, pings: Pings, which: Whole, heading: Floats, way: Floats, apart: Floats) -> NDArray[np.bool_]:
         """Whether the sonars of these pings look the `way` (rad) to a robot `apart` m away, and nothing is nearer."""
         clear = pings.seen[which] >= (1.0 - CLEAR) * apart
-        return self._near(self._axes[pings.sonar[which]] + heading, way) & clear
+        return self._near(pings.axis[which] + heading, way) & clear
 
     def _near(self, one: Floats, other: Floats) -> NDArray[np.bool_]:
         near: NDArray[np.bool_] = np.abs((one - other + pi) % (2.0 * pi) - pi) <= self._model.spread
@@ -187,7 +203,18 @@ class Crosstalk:
             return np.ones(shape, bool)
         numbers = np.arange(self._draws, self._draws + int(np.prod(shape)), dtype=np.uint64)
         self._draws += len(numbers)
-        return (uniform(key(self._seed, "crosstalk", what, tick), numbers) < self._model.chance).reshape(shape)
+        sort = (self._first,) if self._first else ()  # each sort of robots has chance of its own
+        return (uniform(key(self._seed, "crosstalk", what, tick, *sort), numbers) < self._model.chance).reshape(shape)
+
+
+def hear_each_other(tick: int, scene: Scene, talks: Sequence[tuple[Crosstalk, Ranges]]) -> None:
+    """The tick ends: shorten what was read in it by pings of other robots. talks: of each sort, and what its sonars
+    read, changed in place."""
+    sent = [talk.sent() for talk, _ in talks]
+    theirs = by_robot(Pings.joined([*(before for _, before in sent), *(now for now, _ in sent)]))
+    for (talk, readings), (mine, _) in zip(talks, sent, strict=True):
+        talk.hear_others(tick, scene, mine, theirs, readings)
+        talk.end()
 
 
 def by_robot(pings: Pings) -> Pings:

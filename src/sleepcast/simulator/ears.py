@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.simulator.echoes import Echoes
+from sleepcast.simulator.echoes import Echoes, hear_all
 from sleepcast.simulator.grid import Floats, Whole
 
 
@@ -42,9 +42,10 @@ class Ears:
             self.sensed[-1, there] = heard[-1]
 
     def fire(self, tick: int, until: float, pose: tuple[Floats, Floats, Floats]) -> None:
-        """Fire the sonars that are due before the time `until` (s)."""
+        """Fire the sonars that are due before the time `until` (s), and let all of them hear each other."""
         for ring in self.rings:
-            ring.fire(tick, until, pose)
+            ring.shoot(tick, until, pose)
+        hear_all(tick, pose, self.rings)
 
     def state(self) -> Iterable[NDArray[np.generic]]:
         """What the next ticks depend on."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.chance import key
 from sleepcast.simulator.cones import Cones, Ranges, View
-from sleepcast.simulator.crosstalk import Crosstalk
+from sleepcast.simulator.crosstalk import Crosstalk, Scene, hear_each_other
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.firing import Firing, Tick, fire
 from sleepcast.simulator.formulas import wrap
@@ -56,7 +56,7 @@ class Echoes:
         self.ring, self.cones, self.sensed = ring, cones, sensed
         count = sensed.shape[1]
         self.robots = robots or slice(0, count)
-        self._radii = radii
+        self.radii = radii
         self.firing = Firing(ring, count)
         self.readings: Ranges = np.empty((0, ring.count), np.float32)
         self._make_room()
@@ -65,7 +65,7 @@ class Echoes:
         """Numbers of the front sonars."""
         self._near, self._machine, self._seed = near, machine, seed
         self.crosstalk = (
-            Crosstalk(ring.crosstalk, ring, cones.axes, cones.radius, count, near.grid, seed)
+            Crosstalk(ring.crosstalk, ring, cones.axes, cones.radius, count, near.grid, seed, self.robots.start)
             if ring.crosstalk
             else None
         )
@@ -118,13 +118,19 @@ class Echoes:
         if not len(old):
             return
         ear = self._ear(self._noise(tick))
-        if self._radii is not None:
+        if self.radii is not None:
             self._machine.tell(self._machine.ranges(self._view(pose), old + self.robots.start), old, ear, self.sensed)
         else:
             self._machine.hear(self._view(pose), old, ear, self.sensed)
 
     def fire(self, tick: int, until: float, pose: tuple[Floats, Floats, Floats]) -> None:
-        """Fire the sonars that are due before the time `until` (s) and keep what they read."""
+        """Fire the sonars that are due before the time `until` (s), keep what they read, and let robots hear each
+        other's."""
+        self.shoot(tick, until, pose)
+        hear_all(tick, pose, [self])
+
+    def shoot(self, tick: int, until: float, pose: tuple[Floats, Floats, Floats]) -> None:
+        """The same, but for hearing each other."""
         firing = self.firing
         if not firing.in_order:
             return
@@ -133,10 +139,17 @@ class Echoes:
         now = Tick(view, self.robots.start, until, self.ring.least, self._noise(tick), self.readings)
         if self.crosstalk is None:
             self._machine.fire(firing, now)
-            return
-        fire(firing, now, self._machine.look, partial(self.crosstalk.hear, tick))
-        x, y, heading = (each[self.robots] for each in view.pose)
-        self.crosstalk.end(tick, (x, y, heading), self.readings)
+        else:
+            fire(firing, now, self._machine.look, partial(self.crosstalk.hear, tick))
+
+    def turned(self, heading: Floats) -> Floats:
+        """Where the rings of these robots look, whose bodies have this heading, of all bodies, rad; others are as they
+        were."""
+        if self.turret is None:
+            return heading
+        heading = heading.copy()
+        heading[self.robots] = wrap(heading[self.robots] + self.turret)
+        return heading
 
     def state(self) -> Iterable[NDArray[np.generic]]:
         """What the next ticks depend on."""
@@ -155,11 +168,9 @@ class Echoes:
     def _view(self, pose: tuple[Floats, Floats, Floats], alone: bool = False) -> View:
         """What there is to see, for whole rings or for sonars alone."""
         near, (x, y, heading), far = self._near, pose, self.cones.radius + self.cones.most
-        if self.turret is not None:
-            heading = heading.copy()
-            heading[self.robots] = wrap(heading[self.robots] + self.turret)
+        heading = self.turned(heading)
         listed = near.solids(far) if alone else near.in_sight(far)
-        return View(self.cones, near.grid, near.points(x, y), listed, near.world.solids, (x, y, heading), self._radii)
+        return View(self.cones, near.grid, near.points(x, y), listed, near.world.solids, (x, y, heading), self.radii)
 
     def _ear(self, noise: Noise | None) -> Ear:
         return Ear(self.ring.least, self.ring.most, self.front, noise)
@@ -172,3 +183,16 @@ class Echoes:
         sort = (self.robots.start,) if self.robots.start else ()  # each sort of robots has chance of its own
         keys = (key(self._seed, what, tick, *sort) for what in ("echo", "dropout"))
         return Noise(ring.noise, ring.dropout, ring.most, *keys)
+
+
+def hear_all(tick: int, pose: tuple[Floats, Floats, Floats], rings: Sequence[Echoes]) -> None:
+    """Let the sonars of these rings, and of no others, that have cross-talk hear each other."""
+    talks = [(ring.crosstalk, ring.readings) for ring in rings if ring.crosstalk]
+    if not talks:
+        return
+    x, y, heading = pose
+    radii = np.empty(len(x))
+    for ring in rings:
+        heading = ring.turned(heading)
+        radii[:] = ring.cones.radius if ring.radii is None else ring.radii
+    hear_each_other(tick, Scene(x, y, heading, radii), talks)

@@ -41,12 +41,15 @@ print(json.dumps(seen(swarm)))
 """
 TESTS = Path(__file__).resolve().parent
 LAST = max(ORDERS) + 12
+FEW = 30
+"""Robots of those scenarios that may have any number."""
 NOISY = ('[radio]\ndelay = "0s"', '[radio]\ndelay = "0.15s"\njitter = "0.4s"\nloss = "10%"\nduplication = "20%"')
 
 
 def few(name: str) -> Scenario:
     """A scenario of the gallery with few robots."""
-    return find_scenario(name, Changes() if find_scenario(name).robots.groups else Changes(robots=30))
+    whole = find_scenario(name)
+    return whole if whole.robots.groups or whole.robots.count < FEW else find_scenario(name, Changes(robots=FEW))
 
 
 def in_another_process(file: Path, ticks: int, threads: int) -> object:

@@ -21,7 +21,7 @@ from math import ceil, cos, pi, sin, sqrt
 import numpy as np
 
 from sleepcast.simulator.compiled import compiled, inlined
-from sleepcast.simulator.lanes import LANES, keep
+from sleepcast.simulator.lanes import LANES, fetch_row, keep
 from sleepcast.simulator.walls import NEW_DIRECTION, ROUND, SAME_LINE
 
 F = np.float32
@@ -201,6 +201,7 @@ def see(
                 place = rows[i]
                 if place < 0:
                     continue
+                fetch_row(out, place)
                 own_x, own_y, co, si = x[i], y[i], cosines[i], sines[i]
                 px, py, short_co, short_si = F(own_x - middle_x), F(own_y - middle_y), F(co), F(si)
                 n, near = U(0), U(0)

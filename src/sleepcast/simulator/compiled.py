@@ -73,7 +73,7 @@ def strict(function: Kernel) -> Kernel:
 
 def inlined(function: Kernel) -> Kernel:
     """A small function that becomes part of the kernels that call it."""
-    make = numba.njit(fastmath=FASTMATH, cache=True, nogil=True, error_model="numpy", inline="always")
+    make = numba.njit(fastmath=FASTMATH, cache=True, nogil=True, error_model="numpy", forceinline=True)
     return cast(Kernel, make(function))
 
 
@@ -83,4 +83,4 @@ def _either_of_numbers(condition, yes, no):  # type: ignore[no-untyped-def]  # n
 
 
 for formula in (formulas.sine_cosine, formulas.arc_tangent, formulas.wrap, *driving.FORMULAS):
-    register_jitable(inline="always")(formula)
+    register_jitable(forceinline=True, error_model="numpy")(formula)

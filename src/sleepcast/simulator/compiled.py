@@ -62,19 +62,27 @@ if not _settings.CACHE_DIR:  # the person who set NUMBA_CACHE_DIR knows better
 
 def compiled(function: Kernel) -> Kernel:
     """A kernel; compiled when it is first called, and kept."""
-    make = numba.njit(fastmath=FASTMATH, cache=True, nogil=True, error_model="numpy")
-    return cast(Kernel, make(function))
+    return _made(function, fastmath=FASTMATH)
 
 
 def strict(function: Kernel) -> Kernel:
     """A kernel that computes the same bits as NumPy, infinite and signed numbers included."""
-    return cast(Kernel, numba.njit(cache=True, nogil=True, error_model="numpy")(function))
+    return _made(function)
 
 
 def inlined(function: Kernel) -> Kernel:
-    """A small function that becomes part of the kernels that call it."""
-    make = numba.njit(fastmath=FASTMATH, cache=True, nogil=True, error_model="numpy", inline="always")
-    return cast(Kernel, make(function))
+    """A small function that becomes part of the kernels that call it, and can be called by nobody else."""
+    return _made(function, fastmath=FASTMATH, forceinline=True, no_cpython_wrapper=True)
+
+
+def part(function: Kernel) -> Kernel:
+    """A part of `strict` kernels, by itself so that it is compiled by itself, which can be called by nobody else."""
+    return _made(function, no_cpython_wrapper=True)
+
+
+def _made(function: Kernel, **options: Any) -> Kernel:
+    options |= {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+    return cast(Kernel, numba.njit(**options)(function))
 
 
 @overload(formulas.either)
@@ -83,4 +91,4 @@ def _either_of_numbers(condition, yes, no):  # type: ignore[no-untyped-def]  # n
 
 
 for formula in (formulas.sine_cosine, formulas.arc_tangent, formulas.wrap, *driving.FORMULAS):
-    register_jitable(inline="always")(formula)
+    register_jitable(forceinline=True, error_model="numpy")(formula)

@@ -49,7 +49,7 @@ class NumbaMachine:
         self._fields = Fields(self._scratch)
 
     def sort(self, grid: Grid, x: Floats, y: Floats) -> Sorted:
-        cells, order = np.empty((2, len(x)), np.int32)
+        cells, order = np.empty(len(x), np.int32), np.empty(len(x), np.int32)
         start = np.empty(grid.cells + 1, np.int32)
         kernels.sort(x, y, grid.size, grid.across, grid.up, cells, start, order)
         return Sorted(order, start)
@@ -58,26 +58,26 @@ class NumbaMachine:
         return walls_of(listed, solids)
 
     def ranges(self, view: View, which: Whole) -> Ranges:
-        squares, rank = self._squares(view, which)
+        squares = self._squares(view, which)
         seen = np.empty((len(which), view.cones.count), np.float32)
-        kernels.collect(squares, rank, which, seen)
+        kernels.collect(squares, seen)
         return seen
 
     def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats) -> None:
-        squares, rank = self._squares(view, which)
+        squares = self._squares(view, which)
         noise = ear.noise or Noise(0.0, 0.0, 0.0, 0, 0)
         keys = np.uint64(noise.key), np.uint64(noise.dropout_key)
 
         def work(first: int, last: int) -> None:
             kernels.hear(
-                *(squares, rank, which[first:last], view.cones.count, ear.noise is not None),
+                *(squares[first:last], which[first:last], view.cones.count, ear.noise is not None),
                 *(noise.share, noise.dropout, *keys, ear.least, ear.most, ear.front, sensed),
             )
 
         self._share(len(which), work)
 
-    def _squares(self, view: View, which: Whole) -> tuple[Ranges, Short]:
-        """The squared ranges that the robots `which` see, a row for each, and the number of each robot's row."""
+    def _squares(self, view: View, which: Whole) -> Ranges:
+        """The squared ranges that the robots `which` see, a row for each."""
         cones, grid, points, listed, solids, pose, radii = view
         robots, order = len(pose[0]), points.order
         scratch = self._scratch
@@ -85,10 +85,12 @@ class NumbaMachine:
         places = scratch.take(np.float64, 4, robots + LANES)
         places[:, robots:] = 0.0
         self._share(robots, lambda first, last: kernels.arrange(order, *pose, first, last, places))
-        asked, rows, rank = scratch.take(np.bool_, robots), *scratch.take(np.int32, 2, robots)
-        asked.fill(False)
-        asked[which] = True
-        kernels.enlist(order, asked, rows, rank)
+        rows = order
+        if len(which) < robots:
+            place, rows = scratch.take(np.int32, 2, robots)
+            place.fill(-1)
+            place[which] = np.arange(len(which))
+            kernels.enlist(order, place, rows)
         axes = np.append(cones.axes, np.zeros(-cones.count % LANES))
         squares = scratch.take(np.float32, len(which), len(axes))
         lone = cones.lone(2.0 * pi / cones.count) if cones.count == FOLDED else np.inf
@@ -109,7 +111,7 @@ class NumbaMachine:
             )
 
         self._share_rows(see, grid, points.start)
-        return squares, rank
+        return squares
 
     def look(self, view: View, which: Whole, sonars: Whole) -> Ranges:
         shots, found = one_of_each(view, which, sonars)

@@ -48,14 +48,10 @@ def arrange(order, x, y, heading, first, last, into):
 
 
 @compiled
-def enlist(order, asked, rows, rank):
-    """Number those who are asked in the order of the cells: `rows` in that order (-1: not asked), `rank` by robot."""
-    count = 0
+def enlist(order, place, rows):
+    """The `place` of each robot among those who are asked (-1: not asked), in the order of the cells."""
     for i in range(order.shape[0]):
-        o = order[i]
-        rows[i] = count if asked[o] else -1
-        rank[o] = count
-        count += asked[o]
+        rows[i] = place[order[i]]
 
 
 @inlined
@@ -92,12 +88,11 @@ def disturb(seen, which, share, dropout, most, key, dropout_key):
 
 
 @compiled
-def collect(squares, rank, which, seen):
-    """The roots of the rows that belong to the robots `which`."""
-    for q in range(which.shape[0]):
-        row = rank[which[q]]
+def collect(squares, seen):
+    """Ranges from their squares, of which there may be more in a row."""
+    for q in range(seen.shape[0]):
         for k in range(seen.shape[1]):
-            seen[q, k] = sqrt(squares[row, k])
+            seen[q, k] = sqrt(squares[q, k])
 
 
 @strict
@@ -119,13 +114,13 @@ def tell(seen, which, least, most, front, sensed):
 
 
 @strict
-def hear(squares, rank, which, sonars, noisy, share, dropout, key, dropout_key, least, most, front, sensed):
+def hear(squares, which, sonars, noisy, share, dropout, key, dropout_key, least, most, front, sensed):
     """All of these, for so many robots at a time that their ranges stay in the nearest cache."""
     room = np.empty((BLOCK, sonars), F)
     for begin in range(0, which.shape[0], BLOCK):
         some = which[begin : begin + BLOCK]
         seen = room[: some.shape[0]]
-        collect(squares, rank, some, seen)
+        collect(squares[begin:], seen)
         if noisy:
             disturb(seen, some, share, dropout, F(most), key, dropout_key)
         tell(seen, some, least, most, front, sensed)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sleepcast.simulator.compiled import strict
+from sleepcast.simulator.compiled import part, strict
 from sleepcast.simulator.driving import (
     DRIVE,
     GOTO,
@@ -33,7 +33,7 @@ SPEED, TURN, LEFT, RIGHT, HEADING, ACROSS, UP, SLIP = (BLOCK * run for run in ra
 """Where these lie in the scratch room of a block; one array, so that it is plain that nothing overlaps."""
 
 
-@strict
+@part
 def scrambled(bits):
     """See `chance.mix`."""
     bits = (bits ^ (bits >> U(30))) * U(0xBF58476D1CE4E5B9)
@@ -41,7 +41,7 @@ def scrambled(bits):
     return bits ^ (bits >> U(31))
 
 
-@strict
+@part
 def deviate(counter, draw):
     """See `noise.deviates`."""
     bits = scrambled(counter * GOLDEN + draw)
@@ -52,86 +52,99 @@ def deviate(counter, draw):
 @strict
 def propose(bodies, laws, roam, draw_left, draw_right, proposal, first, last):
     """See `steps.propose`: the bodies from `first` up to `last`."""
-    (
-        mode, held, wanted_speed, wanted_turn, target_x, target_y, swing, roaming, chance, numbers, x, y, heading,
-        encoder_x, encoder_y, encoder_heading, wheel_mean, wheel_left, wheel_right, _, stores, uses,
-    ) = bodies  # fmt: skip
+    numbers, x, y, heading, _, _, encoder_heading, wheel_mean, wheel_left, wheel_right = bodies[9:19]
     out_across, out_up, out_turn, seen_across, seen_up, seen_turn = proposal
     slips = laws.slip_left != 0.0 or laws.slip_right != 0.0 or laws.slip_noise != 0.0
     room = np.zeros(8 * BLOCK)
     for begin in range(first, last, BLOCK):
-        size = min(BLOCK, last - begin)
-        for q in range(size):
-            i = begin + q
-            speed, turn = wanted_speed[i], wanted_turn[i]
-            if mode[i] == GOTO:
-                across, up = target_x[i] - encoder_x[i], target_y[i] - encoder_y[i]
-                speed, turn = approach(laws, across, up, encoder_heading[i])
-            elif mode[i] != DRIVE:
-                drawn = float(scrambled(chance[i] + roam) >> U(11)) * UNIT - 0.5
-                roaming[i] = roaming[i] * laws.kept + drawn * (UNIT_SPREAD * laws.strayed)
-                speed, turn = laws.roam_speed, roaming[i]
-            moves = not held[i]
-            for store in range(uses.shape[0]):
-                if uses[store] != 0.0 and stores[store, i] <= 0.0:
-                    moves = False
-            if swing[i] != 0.0 and moves:
-                turn = bounded(swing[i] / laws.tick, -laws.turn_rate, laws.turn_rate)
-                rest = swing[i] - turn * laws.tick
-                swing[i] = either(np.abs(rest) < 1e-9, 0.0, rest)
-            if laws.margin >= 0.0 and mode[i] != GOTO and speed != 0.0 and outside(laws, x[i], y[i]):
-                turn = turned_back(laws, x[i], y[i], heading[i], speed, turn)
-            room[SPEED + q], room[TURN + q] = (speed, turn) if moves else (0.0, 0.0)
-        fetch(wheel_left, begin, room, LEFT, size)
-        fetch(wheel_right, begin, room, RIGHT, size)
-        fetch(encoder_heading, begin, room, HEADING, size)
-        for q in range(size):
-            left, right = room[LEFT + q], room[RIGHT + q]
-            left, right = wheels_follow(laws, left, right, room[SPEED + q], room[TURN + q])
-            room[LEFT + q], room[RIGHT + q], room[SPEED + q] = left, right, (left + right) / 2.0
-            across, up, turn = arc(laws, left * laws.tick, right * laws.tick, room[HEADING + q])
-            room[ACROSS + q], room[UP + q], room[TURN + q] = across, up, turn
-        give(room, LEFT, wheel_left, begin, size)
-        give(room, RIGHT, wheel_right, begin, size)
-        give(room, SPEED, wheel_mean, begin, size)
-        give(room, ACROSS, seen_across, begin, size)
-        give(room, UP, seen_up, begin, size)
-        give(room, TURN, seen_turn, begin, size)
+        end = min(begin + BLOCK, last)
+        want(bodies, laws, roam, room, begin, end)
+        roll(
+            laws, room, wheel_left[begin:end], wheel_right[begin:end], wheel_mean[begin:end], encoder_heading[begin:end]
+        )
+        give(room, seen_across[begin:end], seen_up[begin:end], seen_turn[begin:end])
         if slips:
-            if laws.slip_noise != 0.0:
-                for q in range(size):
-                    room[SPEED + q] = deviate(numbers[begin + q], draw_left)
-                for q in range(size):
-                    room[SLIP + q] = deviate(numbers[begin + q], draw_right)
-            fetch(heading, begin, room, HEADING, size)
-            for q in range(size):
-                left = slipped(laws, room[LEFT + q] * laws.tick, laws.slip_left, room[SPEED + q])
-                right = slipped(laws, room[RIGHT + q] * laws.tick, laws.slip_right, room[SLIP + q])
-                across, up, turn = arc(laws, left, right, room[HEADING + q])
-                room[ACROSS + q], room[UP + q], room[TURN + q] = across, up, turn
-        fetch(x, begin, room, LEFT, size)
-        fetch(y, begin, room, RIGHT, size)
+            slide(laws, room, numbers[begin:end], draw_left, draw_right, heading[begin:end])
+        stay(laws, room, x[begin:end], y[begin:end])
+        give(room, out_across[begin:end], out_up[begin:end], out_turn[begin:end])
+
+
+@part
+def want(bodies, laws, roam, room, begin, end):
+    """Put into `room` the speed and the turn rate that each of these bodies wants and may have."""
+    mode, held, wanted_speed, wanted_turn, target_x, target_y, swing, roaming, chance = bodies[:9]
+    x, y, heading, encoder_x, encoder_y, encoder_heading = bodies[10:16]
+    stores, uses = bodies[20:]
+    for i in range(begin, end):
+        speed, turn = wanted_speed[i], wanted_turn[i]
+        if mode[i] == GOTO:
+            across, up = target_x[i] - encoder_x[i], target_y[i] - encoder_y[i]
+            speed, turn = approach(laws, across, up, encoder_heading[i])
+        elif mode[i] != DRIVE:
+            drawn = float(scrambled(chance[i] + roam) >> U(11)) * UNIT - 0.5
+            roaming[i] = roaming[i] * laws.kept + drawn * (UNIT_SPREAD * laws.strayed)
+            speed, turn = laws.roam_speed, roaming[i]
+        moves = not held[i]
+        for store in range(uses.shape[0]):
+            if uses[store] != 0.0 and stores[store, i] <= 0.0:
+                moves = False
+        if swing[i] != 0.0 and moves:
+            turn = bounded(swing[i] / laws.tick, -laws.turn_rate, laws.turn_rate)
+            rest = swing[i] - turn * laws.tick
+            swing[i] = either(np.abs(rest) < 1e-9, 0.0, rest)
+        if laws.margin >= 0.0 and mode[i] != GOTO and speed != 0.0 and outside(laws, x[i], y[i]):
+            turn = turned_back(laws, x[i], y[i], heading[i], speed, turn)
+        room[SPEED + i - begin], room[TURN + i - begin] = (speed, turn) if moves else (0.0, 0.0)
+
+
+@part
+def roll(laws, room, wheel_left, wheel_right, wheel_mean, heading):
+    """Let wheels follow what is wanted, and put into `room` where that leads, as the encoders see it."""
+    size = heading.shape[0]
+    for q in range(size):
+        room[LEFT + q], room[RIGHT + q], room[HEADING + q] = wheel_left[q], wheel_right[q], heading[q]
+    for q in range(size):
+        left, right = room[LEFT + q], room[RIGHT + q]
+        left, right = wheels_follow(laws, left, right, room[SPEED + q], room[TURN + q])
+        room[LEFT + q], room[RIGHT + q], room[SPEED + q] = left, right, (left + right) / 2.0
+        across, up, turn = arc(laws, left * laws.tick, right * laws.tick, room[HEADING + q])
+        room[ACROSS + q], room[UP + q], room[TURN + q] = across, up, turn
+    for q in range(size):
+        wheel_left[q], wheel_right[q], wheel_mean[q] = room[LEFT + q], room[RIGHT + q], room[SPEED + q]
+
+
+@part
+def slide(laws, room, numbers, draw_left, draw_right, heading):
+    """Put into `room` where wheels that slip really lead."""
+    size = heading.shape[0]
+    if laws.slip_noise != 0.0:
         for q in range(size):
-            across, up = room[LEFT + q] + room[ACROSS + q], room[RIGHT + q] + room[UP + q]
-            room[ACROSS + q] = bounded(across, laws.left, laws.right) - room[LEFT + q]
-            room[UP + q] = bounded(up, laws.bottom, laws.top) - room[RIGHT + q]
-        give(room, ACROSS, out_across, begin, size)
-        give(room, UP, out_up, begin, size)
-        give(room, TURN, out_turn, begin, size)
-
-
-@strict
-def fetch(column, begin, room, place, size):
-    """Copy a stretch of a column to a place in `room`."""
+            room[SPEED + q] = deviate(numbers[q], draw_left)
+        for q in range(size):
+            room[SLIP + q] = deviate(numbers[q], draw_right)
     for q in range(size):
-        room[place + q] = column[begin + q]
-
-
-@strict
-def give(room, place, column, begin, size):
-    """And back."""
+        room[HEADING + q] = heading[q]
     for q in range(size):
-        column[begin + q] = room[place + q]
+        left = slipped(laws, room[LEFT + q] * laws.tick, laws.slip_left, room[SPEED + q])
+        right = slipped(laws, room[RIGHT + q] * laws.tick, laws.slip_right, room[SLIP + q])
+        across, up, turn = arc(laws, left, right, room[HEADING + q])
+        room[ACROSS + q], room[UP + q], room[TURN + q] = across, up, turn
+
+
+@part
+def stay(laws, room, x, y):
+    """Let no way in `room` lead out of the world."""
+    for q in range(x.shape[0]):
+        across, up = x[q] + room[ACROSS + q], y[q] + room[UP + q]
+        room[ACROSS + q] = bounded(across, laws.left, laws.right) - x[q]
+        room[UP + q] = bounded(up, laws.bottom, laws.top) - y[q]
+
+
+@part
+def give(room, across, up, turn):
+    """Copy the ways in `room` to where they are kept."""
+    for q in range(across.shape[0]):
+        across[q], up[q], turn[q] = room[ACROSS + q], room[UP + q], room[TURN + q]
 
 
 @strict

@@ -21,7 +21,7 @@ from math import ceil, cos, pi, sin, sqrt
 import numpy as np
 
 from sleepcast.simulator.compiled import compiled, inlined
-from sleepcast.simulator.lanes import LANES, keep
+from sleepcast.simulator.lanes import LANES, fetch_row, keep
 from sleepcast.simulator.walls import NEW_DIRECTION, ROUND, SAME_LINE
 
 F = np.float32
@@ -67,6 +67,73 @@ def edge(outside, forward, radius, least, most, nothing):
     root = sqrt(max(forward * forward + outside * outside if within else radius * radius - outside * outside, F(0)))
     seen = root - radius if within else forward - root
     return (seen * seen if outside < least else nothing), (outside > least) & (outside < most)
+
+
+@inlined
+def bring(x, y, begin, end, middle_x, middle_y, cx, cy, cp, m):
+    """Put the bodies from `begin` up to `end` among the candidates, of which there are `m` so far; gives the new m."""
+    for q0 in range(U(0), end - begin, U(LANES)):
+        for q1 in range(LANES):
+            q = q0 + U(q1)
+            cx[m + q], cy[m + q] = F(x[begin + q] - middle_x), F(y[begin + q] - middle_y)
+            cp[m + q] = I(begin + q)
+    return m + (end - begin)
+
+
+@inlined
+def look_around(
+    bx, by, bj, n, co, si, lone2, cos_0, sin_0, cos_1, sin_1, off_out, off_ahead, radius, barely, past, nothing,
+    short, cone, cp, i, close,
+):  # fmt: skip
+    """Let the two cones beside each of `n` bodies look at it in single precision, and list those that are doubtful, but
+    for the body `i` itself, in `close`; gives how many."""
+    near = U(0)
+    for j0 in range(U(0), n, U(LANES)):
+        doubts = I(0)
+        for j1 in range(LANES):
+            j = j0 + U(j1)
+            ahead, aside = bx[j] * co + by[j] * si, by[j] * co - bx[j] * si
+            # The bearing is folded into 0 to 22.5 degrees; each fold mirrors the numbers of the sectors.
+            sector = I(15) if aside < F(0) else I(0)
+            sector ^= I(7) if ahead < F(0) else I(0)
+            ahead, aside = abs(ahead), abs(aside)
+            sector ^= I(3) if aside > ahead else I(0)
+            a, b = max(ahead, aside), min(ahead, aside)
+            mirrored = b * COS_225 > a * SIN_225
+            sector ^= I(1) if mirrored else I(0)
+            alone = a * a + b * b > lone2
+            a, b = ((a + b) * ROOT_HALF if mirrored else a, (a - b) * ROOT_HALF if mirrored else b)
+            seen0, doubt0 = edge(
+                b * cos_0 - a * sin_0 + off_out, a * cos_0 + b * sin_0 - off_ahead, radius, barely, past, nothing
+            )
+            seen1, doubt1 = edge(
+                a * sin_1 - b * cos_1 + off_out, a * cos_1 + b * sin_1 - off_ahead, radius, barely, past, nothing
+            )
+            short[EVEN + j1] = seen0 if alone else nothing
+            short[ODD + j1] = seen1 if alone else nothing
+            doubt = I(0) if alone & (not (doubt0 | doubt1)) else I(1)
+            cone[EVEN + j1], cone[ODD + j1] = (sector + I(1)) & I(14), sector | I(1)
+            cone[DOUBTFUL + j1] = doubt
+            doubts |= doubt
+        for j in range(min(n - j0, U(LANES))):
+            k = U(LEAST) + U(cone[j])
+            short[k] = min(short[k], short[j])
+            k = U(LEAST) + U(cone[U(ODD) + j])
+            short[k] = min(short[k], short[U(ODD) + j])
+        if doubts:
+            for j in range(min(n - j0, U(LANES))):
+                close[near] = cp[U(bj[j0 + j])]
+                near += U(cone[U(DOUBTFUL) + j]) & U(close[near] != i)
+    return near
+
+
+@inlined
+def look_closely(lane, dx, dy, its, own, cosine, sine, graze):
+    """Let all cones look at a disc in double precision."""
+    for k in range(LANES):
+        along = dx * lane[AXIS_X + k] + dy * lane[AXIS_Y + k] - own
+        aside = abs(dy * lane[AXIS_X + k] - dx * lane[AXIS_Y + k])
+        lane[FOUND + k] = min(lane[FOUND + k], disc(along, aside, its, cosine, sine, graze))
 
 
 @inlined
@@ -183,12 +250,7 @@ def see(
             for r in range(max(row - steps, 0), min(row + steps, up - 1) + 1):
                 left, right = max(column - width[abs(r - row)], 0), min(column + width[abs(r - row)], across - 1)
                 begin, end = U(start[r * across + left]), U(start[r * across + right + 1])
-                for q0 in range(U(0), end - begin, U(LANES)):
-                    for q1 in range(LANES):
-                        q = q0 + U(q1)
-                        cx[m + q], cy[m + q] = F(x[begin + q] - middle_x), F(y[begin + q] - middle_y)
-                        cp[m + q] = I(begin + q)
-                m += end - begin
+                m = bring(x, y, begin, end, middle_x, middle_y, cx, cy, cp, m)
             if mixed or not folds:
                 for j in range(m):
                     if not folds or radii[cp[j]] != common:
@@ -201,51 +263,18 @@ def see(
                 place = rows[i]
                 if place < 0:
                     continue
+                fetch_row(out, place)
                 own_x, own_y, co, si = x[i], y[i], cosines[i], sines[i]
                 px, py, short_co, short_si = F(own_x - middle_x), F(own_y - middle_y), F(co), F(si)
-                n, near = U(0), U(0)
+                n = U(0)
                 for j0 in range(U(0), m, U(LANES)):
                     n = keep(cx, cy, j0, px, py, reach2, bx, by, bj, n)
                 for k in range(LANES):
                     short[LEAST + k] = nothing
-                for j0 in range(U(0), n, U(LANES)):
-                    doubts = I(0)
-                    for j1 in range(LANES):
-                        j = j0 + U(j1)
-                        ahead, aside = bx[j] * short_co + by[j] * short_si, by[j] * short_co - bx[j] * short_si
-                        # The bearing is folded into 0 to 22.5 degrees; each fold mirrors the numbers of the sectors.
-                        sector = I(15) if aside < F(0) else I(0)
-                        sector ^= I(7) if ahead < F(0) else I(0)
-                        ahead, aside = abs(ahead), abs(aside)
-                        sector ^= I(3) if aside > ahead else I(0)
-                        a, b = max(ahead, aside), min(ahead, aside)
-                        mirrored = b * COS_225 > a * SIN_225
-                        sector ^= I(1) if mirrored else I(0)
-                        alone = a * a + b * b > lone2
-                        a, b = ((a + b) * ROOT_HALF if mirrored else a, (a - b) * ROOT_HALF if mirrored else b)
-                        seen0, doubt0 = edge(
-                            b * cos_0 - a * sin_0 + off_out, a * cos_0 + b * sin_0 - off_ahead,
-                            radius, barely, past, nothing,
-                        )  # fmt: skip
-                        seen1, doubt1 = edge(
-                            a * sin_1 - b * cos_1 + off_out, a * cos_1 + b * sin_1 - off_ahead,
-                            radius, barely, past, nothing,
-                        )  # fmt: skip
-                        short[EVEN + j1] = seen0 if alone else nothing
-                        short[ODD + j1] = seen1 if alone else nothing
-                        doubt = I(0) if alone & (not (doubt0 | doubt1)) else I(1)
-                        cone[EVEN + j1], cone[ODD + j1] = (sector + I(1)) & I(14), sector | I(1)
-                        cone[DOUBTFUL + j1] = doubt
-                        doubts |= doubt
-                    for j in range(min(n - j0, U(LANES))):
-                        k = U(LEAST) + U(cone[j])
-                        short[k] = min(short[k], short[j])
-                        k = U(LEAST) + U(cone[U(ODD) + j])
-                        short[k] = min(short[k], short[U(ODD) + j])
-                    if doubts:
-                        for j in range(min(n - j0, U(LANES))):
-                            close[near] = cp[U(bj[j0 + j])]
-                            near += U(cone[U(DOUBTFUL) + j]) & U(close[near] != i)
+                near = look_around(
+                    bx, by, bj, n, short_co, short_si, lone2, cos_0, sin_0, cos_1, sin_1, off_out, off_ahead,
+                    radius, barely, past, nothing, short, cone, cp, i, close,
+                )  # fmt: skip
                 for j in range(others):
                     dx, dy = x[unlike[j]] - own_x, y[unlike[j]] - own_y
                     close[near] = unlike[j]
@@ -257,18 +286,11 @@ def see(
                         lane[FOUND + k] = most * most
                     for j in range(near):
                         other = U(close[j])
-                        dx, dy, its = x[other] - own_x, y[other] - own_y, radii[other]
-                        for k in range(LANES):
-                            along = dx * lane[AXIS_X + k] + dy * lane[AXIS_Y + k] - own
-                            aside = abs(dy * lane[AXIS_X + k] - dx * lane[AXIS_Y + k])
-                            lane[FOUND + k] = min(lane[FOUND + k], disc(along, aside, its, cosine, sine, graze))
+                        look_closely(lane, x[other] - own_x, y[other] - own_y, radii[other], own, cosine, sine, graze)
                     for w in range(listed[cell], first_piece):
                         s = items[w, 0]
-                        dx, dy, its = solids[0, s] - own_x, solids[1, s] - own_y, solids[5, s]
-                        for k in range(LANES):
-                            along = dx * lane[AXIS_X + k] + dy * lane[AXIS_Y + k] - own
-                            aside = abs(dy * lane[AXIS_X + k] - dx * lane[AXIS_Y + k])
-                            lane[FOUND + k] = min(lane[FOUND + k], disc(along, aside, its, cosine, sine, graze))
+                        dx, dy = solids[0, s] - own_x, solids[1, s] - own_y
+                        look_closely(lane, dx, dy, solids[5, s], own, cosine, sine, graze)
                     if first_piece < listed[cell + 1]:
                         for k in range(LANES):
                             wall[FOUND + k], cone[UNSURE + k] = nothing, I(0)

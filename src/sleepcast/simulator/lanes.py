@@ -116,3 +116,21 @@ def _pack_at_once(typing, flags, first, kept, n):
 pack = _pack_at_once if at_once() else _pack_one_by_one
 """Put the numbers, from `first` on, of those of sixteen `flags` (float32) that are less than 1 into `kept` (int32),
 from `n` on; gives the new n. Room for LANES more must be there."""
+
+
+@intrinsic
+def fetch_row(typing, array, row):
+    """Have a row of an array brought near before it is written, so that nothing waits for it then."""
+    byte, short = ir.IntType(8).as_pointer(), ir.IntType(32)
+    shape = ir.FunctionType(ir.VoidType(), [byte, short, short, short])
+
+    def generate(context, build, signature, arguments):
+        found = context.make_array(signature.args[0])(context, build, arguments[0])
+        way = build.mul(arguments[1], build.extract_value(found.strides, 0))
+        place = build.gep(build.bitcast(found.data, byte), [way])
+        name = "llvm.prefetch.p0"
+        prefetch = build.module.globals.get(name) or ir.Function(build.module, shape, name)
+        build.call(prefetch, [place, short(1), short(3), short(1)])
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64), generate

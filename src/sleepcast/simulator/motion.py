@@ -15,8 +15,8 @@ _BITS = 0xFFFF_FFFF_FFFF_FFFF
 
 
 def step(bodies: Bodies) -> None:
-    """Move all bodies through the tick `bodies.tick`, and count it."""
-    bodies.forget()
+    """Move all bodies through the tick `bodies.tick`, and count it. Who is near whom is still known from the last look
+    around, unless somebody was put elsewhere."""
     draws = Draws(
         bodies.tick * GOLDEN & _BITS,
         key(bodies.seed, "slip", "left", bodies.tick),
@@ -36,6 +36,6 @@ def step(bodies: Bodies) -> None:
         if not part.laws.track and part is not bodies:  # others may have wheels, so what these believe lies apart
             part.encoder_x[:], part.encoder_y[:], part.encoder_heading[:] = part.x, part.y, part.heading
     bodies.tick += 1
-    bodies.near.forget()
+    bodies.forget()
     if bodies.echoes:
         bodies.echoes.fire(bodies.tick, bodies.time, (bodies.x, bodies.y, bodies.heading))

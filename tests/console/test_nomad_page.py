@@ -98,18 +98,19 @@ FIND_BOX = """
     box[0] = Math.min(box[0], x); box[1] = Math.min(box[1], y);
     box[2] = Math.max(box[2], x); box[3] = Math.max(box[3], y);
   });
+  if (box[0] === Infinity) return null;
   const { left, top, width: across } = canvas.getBoundingClientRect();
   return box.map((value, axis) => (axis % 2 ? top : left) + (value * across) / width);
 }
 """
-"""Within which pixels of the window the ground has a colour of the theme."""
+"""Within which pixels of the window the ground has a colour of the theme; null if it is nowhere."""
 
 
 class Map:
     """Where things are in the window: tenths of inches from the middle of the room, which has a side of 2000."""
 
     def __init__(self, page: Page) -> None:
-        settle(page)
+        until(page, lambda: page.evaluate(FIND_BOX, "--map-obstacle") is not None)
         left, top, right, bottom = page.evaluate(FIND_BOX, "--map-obstacle")
         self._scale = (right - left) / 2000
         self._x, self._y = (left + right) / 2, (top + bottom) / 2
@@ -250,7 +251,7 @@ def test_arrow_keys_drive_for_as_long_as_they_are_held(page: Page, robot: Nomad)
     expect(page.locator("#motion")).to_contain_text("standing")
     page.keyboard.up("ArrowLeft")
 
-    robot.place_robot(-900, 0, 0, 0)
+    robot.place_robot(-800, 0, 0, 0)
     page.locator("#map").focus()
     page.keyboard.down("ArrowUp")
     expect(page.locator("#motion")).to_contain_text("moving")
@@ -258,9 +259,18 @@ def test_arrow_keys_drive_for_as_long_as_they_are_held(page: Page, robot: Nomad)
     until(page, lambda: not any(robot.gs().words[38:40]))
 
 
+def test_a_page_that_falls_silent_leaves_its_robot_at_rest(nomads: Program, robot: Nomad) -> None:
+    with open_page(nomads) as page:
+        page.tell("drive", robot=0, numbers=[60, 60, 0])
+        seen = []
+        while not seen or any(seen[-1]) or not any(map(any, seen)):  # until it has moved, and rests
+            page.tell("drawn", number=1)
+            seen.append(page.wait_for("picture")["chosen"]["speeds"])
+
+
 def test_robots_and_obstacles_are_put_elsewhere_by_hand(page: Page, robot: Nomad) -> None:
-    until(page, lambda: page.evaluate(FIND_BOX, "--map-obstacle")[0] is not None)
     at = Map(page)
+    until(page, lambda: numbers(page, "real") == [0, 0, 0, 0])
     page.mouse.move(*at(0, 0))
     page.mouse.down()
     page.mouse.move(*at(250, 150), steps=3)

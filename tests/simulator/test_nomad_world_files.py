@@ -94,6 +94,15 @@ class TestWorlds:
         assert world.observe(2).real[:2] == pytest.approx((0.0, 0.0))
         assert plain(file, 1).count == 1
 
+    def test_robots_that_find_a_place_are_on_the_origins_side_of_every_polygon(self, tmp_path: Path) -> None:
+        block = '[[world.polygons]]\ncorners = [["3m", "3m"], ["9m", "3m"], ["9m", "9m"], ["3m", "9m"]]\n'
+        hall = f'format = 1\n[world]\nwidth = "12m"\nheight = "12m"\n{block}[nomad]\norigin = '
+        for origin, within in (('["6m", "6m"]', True), ('["1.5m", "1.5m"]', False)):
+            world = plain(save(tmp_path, hall + origin), 12)
+            for robot in range(12):
+                x, y = (place - world.solids()[0][0][0] for place in world.observe(robot).real[:2])
+                assert (0.0 < x < 6.0 and 0.0 < y < 6.0) is within
+
     def test_its_edge_is_solid_whatever_the_file_calls_it(self, tmp_path: Path) -> None:
         for edge in ("fence", "wall"):
             world = plain(save(tmp_path, WORLD.replace('height = "6m"', f'height = "6m"\nedge = "{edge}"')))

@@ -11,7 +11,7 @@ from sleepcast.errors import MisuseError
 from sleepcast.simulator.areas import inside
 from sleepcast.simulator.bodies import Bodies
 from sleepcast.simulator.paths import already, discs
-from sleepcast.simulator.world import Area, Circle, Point
+from sleepcast.simulator.world import Area, Circle, Point, Polygon
 
 TURN = 2.0 * pi
 MAX_RINGS = 100
@@ -30,7 +30,11 @@ def has_room(bodies: Bodies, x: float, y: float, robot: int, among: Sequence[int
     if already(things, radius, (x, y)):
         return False
     areas = (shape for shape in bodies.world.shapes.values() if isinstance(shape, Area | Circle))
-    return not any(inside(area, np.array([x]), np.array([y]))[0] for area in areas)
+    return not any(_within(area, (x, y)) for area in areas)
+
+
+def _within(area: Area | Circle, point: Point) -> bool:
+    return bool(inside(area, np.array([point[0]]), np.array([point[1]]))[0])
 
 
 def spots(middle: Point, apart: float) -> Iterator[Point]:
@@ -45,10 +49,14 @@ def spots(middle: Point, apart: float) -> Iterator[Point]:
 
 
 def spread(bodies: Bodies, placed: Sequence[int], middle: Point, apart: Sequence[float]) -> None:
-    """Put all bodies that are not `placed` yet round the `middle` (m), heading east, where there is room; as far
-    `apart` (m) as the first of these distances that leaves room for all. Raises MisuseError if none does."""
+    """Put all bodies that are not `placed` yet round the `middle` (m), heading east, where there is room on its side of
+    every polygon; as far `apart` (m) as the first of these distances that leaves room for all. Raises MisuseError if
+    none does."""
+    polygons = [Area((each.corners,)) for each in bodies.world.shapes.values() if isinstance(each, Polygon)]
+    side = [_within(polygon, middle) for polygon in polygons]
     for distance in apart:
-        free, done = spots(middle, distance), list(placed)
+        free = (at for at in spots(middle, distance) if [_within(each, at) for each in polygons] == side)
+        done = list(placed)
         for robot in (each for each in range(bodies.count) if each not in placed):
             spot = next((at for at in free if has_room(bodies, *at, robot, done)), None)
             if spot is None:

@@ -15,7 +15,7 @@ from sleepcast.nomad.hand import Hand
 from sleepcast.nomad.session import Service, Session, Wait
 from sleepcast.nomad.wire import Parser
 
-TURN = 16
+TURN = 4
 """Requests of one client that are answered before others get their turn."""
 MAX_BUFFERED = 64 * 1024
 """Bytes of requests that wait, and of replies: beyond that no more is read."""

@@ -34,7 +34,9 @@ MAX_CLIENTS = 1000
 MAX_READ = 64 * 1024
 """Bytes that are read from a client at a time."""
 SLICE = 0.004
-"""Seconds for which ticks may run before clients are served."""
+"""Seconds for which ticks may run before clients are served; longer if serving them took longer, so that however many
+they are, time gets its half."""
+LONGEST_SLICE = 0.05
 PATIENCE = 0.5
 """Seconds on the wall for which a client that does not ask holds up the others in lockstep."""
 GLANCE = 0.05
@@ -77,6 +79,7 @@ class Nserver:
         self._servers: list[asyncio.Server] = []
         self._news = asyncio.Event()
         self._glanced = world.time - GLANCE
+        self._ticked = 0.0
 
     @property
     def port(self) -> int:
@@ -199,11 +202,13 @@ class Nserver:
             behaviour.speed = pace.speed
         loop = asyncio.get_running_loop()
         pace.look(tick)
-        until = loop.time() + SLICE
+        now = loop.time()
+        until = now + max(SLICE, min(LONGEST_SLICE, now - self._ticked))
         while pace.due(tick) and not self.service.quitting:
             self.step()
             if loop.time() > until:
                 break
+        self._ticked = loop.time()
         await asyncio.sleep(pace.wait(tick))
 
     async def _keep_step(self, pace: Pace) -> None:

@@ -17,6 +17,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from console.running import PATIENCE, Program, open_page
 from console.test_page import pixels_seen, settle, until
+from sleepcast.console.nomad_session import MOST_UNDER_WAY
 from sleepcast.nomad.client import Nomad
 
 pytestmark = pytest.mark.browser
@@ -371,6 +372,17 @@ def test_what_is_no_message_of_the_page_is_refused(nomads: Program) -> None:
             page.socket.send("[" * 50)
         with pytest.raises(ConnectionClosed, match="too many messages"):
             page.drain()
+
+
+def test_orders_that_wait_to_be_done_are_bounded(nomads: Program) -> None:
+    with open_page(nomads) as page:
+        page.tell("pace", running=False)
+        for serial in range(1, MOST_UNDER_WAY + 2):  # none is done as long as time stands still
+            page.tell("perform", serial=serial, robot=1, order="zr", numbers=[])
+        refused = page.wait_for("refused")
+        assert (refused["serial"], "too many orders wait" in refused["reason"]) == (MOST_UNDER_WAY + 1, True)
+        page.tell("pace", running=True)
+        page.wait_for("done", lambda found: found["serial"] == 1)
 
 
 def test_only_the_page_itself_comes_in(nomads: Program) -> None:

@@ -177,7 +177,7 @@ class NomadDesk:
 
     def build(self, corners: Corners) -> None:
         """Put up a polygon."""
-        self._changed(self.nomads.add(corners), "this cannot be put up: its sides cross, or the world is full")
+        self._changed(self.nomads.add(corners), "this cannot be put up: it encloses nothing, or the world is full")
 
     def shift(self, version: int, solid: int, across: float, up: float) -> None:
         """Move a polygon, by its place among those of this version, by so many m."""

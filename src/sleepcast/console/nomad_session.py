@@ -75,12 +75,11 @@ class NomadSession:
             case messages.Step():
                 desk.step()
             case nomad_messages.Drive(robot, numbers):
-                self._drive(robot, numbers)
+                if await self._has_room(None):
+                    self._drive(robot, numbers)
             case nomad_messages.Perform(serial, robot, order, numbers, text):
-                if len(self._under_way) < MOST_UNDER_WAY:
+                if await self._has_room(serial):
                     self._begin(desk.perform(robot, order, numbers, text), serial)
-                else:
-                    await self._line.say(Refused("too many orders wait to be done; this one was not begun", serial))
             case nomad_messages.Click(serial, robot, x, y):
                 await self._try(lambda: desk.click(robot, x, y), serial)
             case nomad_messages.Build(serial, corners):
@@ -90,14 +89,20 @@ class NomadSession:
             case nomad_messages.Clear(serial, version, solid):
                 await self._try(lambda: desk.clear(version, solid), serial)
 
-    async def _try(self, act: Callable[[], None], serial: int | None) -> None:
+    async def _try(self, act: Callable[[], None], serial: int) -> None:
         try:
             act()
         except SleepcastError as error:
             await self._line.say(Refused(str(error), serial))
         else:
-            if serial is not None:
-                await self._line.say(Done(serial))
+            await self._line.say(Done(serial))
+
+    async def _has_room(self, serial: int | None) -> bool:
+        """Whether one more order may be begun; otherwise the page is told."""
+        if len(self._under_way) < MOST_UNDER_WAY:
+            return True
+        await self._line.say(Refused("too many orders wait to be done; this one was not begun", serial))
+        return False
 
     def _begin(self, order: Coroutine[None, None, None], serial: int | None) -> None:
         """Do it beside everything else: some orders take as long as the robot's motion."""

@@ -27,7 +27,7 @@ LONGEST = 60.0
 """Seconds on the wall that a busy machine is given for any one step."""
 STARTING = 0.1
 """Seconds on the wall that programs are left alone in while they start."""
-SETTLED, PATIENCE = 10.0, 400.0
+SETTLED, PATIENCE = 10.0, 1200.0
 """Simulated seconds of wandering before the order, and after it in which everybody should have stopped."""
 TICK = 0.02
 LOOK = 25

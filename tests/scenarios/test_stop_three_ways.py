@@ -39,9 +39,9 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made.folder / "programs"
 
 
-def program(way: str, built: Path, port: int, robot: int, hears: int) -> Program:
-    """What drives this robot (from 1) and hears datagrams at this port."""
-    options = ["-h", "127.0.0.1", "-p", str(port), "-r", str(robot), "-d", str(hears), "-w", "0"]
+def program(way: str, built: Path, port: int, robot: int, hears: int, rate: int) -> Program:
+    """What drives this robot (from 1) and hears datagrams at this port. rate: ms / 4 between two sonars."""
+    options = ["-h", "127.0.0.1", "-p", str(port), "-r", str(robot), "-d", str(hears), "-w", "0", "-f", str(rate)]
     if way == "c":
         return [built / f"rob{robot}", *options]
     if way == "python":
@@ -53,10 +53,10 @@ def program(way: str, built: Path, port: int, robot: int, hears: int) -> Program
     ]
 
 
-def outcome(way: str, built: Path, port: int, seed: int, *numbers: str) -> Outcome:
+def outcome(way: str, built: Path, port: int, seed: int, *numbers: str, rate: int = 1) -> Outcome:
     """What comes of it when these numbers are sent."""
     ports = free_ports()
-    programs = [program(way, built, port, robot, hears) for robot, hears in enumerate(ports, 1)]
+    programs = [program(way, built, port, robot, hears, rate) for robot, hears in enumerate(ports, 1)]
     in_python = [sys.executable, CLIENTS / "python" / "brdcst.py"]
     broadcast = [built / "brdcst"] if way == "c" else in_python
     return trial(port, seed, programs, [*broadcast, *numbers, *map(str, ports)])
@@ -84,3 +84,16 @@ def test_the_numbers_of_a_datagram_are_another_distance_and_another_speed(built:
     found = outcome("sleep", built, port, 10, "12", "5", "0")
     assert found.stood == 0
     assert all(10.5 * INCH <= stop.distance <= 12 * INCH for stop in found.stops), found
+
+
+@pytest.mark.nightly
+def test_programs_whose_sonars_hear_each_other_stop_early_and_a_longer_pause_cures_it(built: Path) -> None:
+    early = {}
+    with server("--crosstalk") as listening:
+        for rate in (1, 6):
+            found = [outcome("c", built, listening, seed, "10", "7.5", "0", rate=rate) for seed in range(10)]
+            stops = [stop for each in found for stop in each.stops]
+            assert len(stops) == 20
+            early[rate] = sum(stop.distance > FAR + INCH / 2 for stop in stops)
+    assert early[1] >= 15
+    assert early[6] <= 3

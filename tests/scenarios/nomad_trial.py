@@ -23,8 +23,8 @@ from sleepcast.nomad.client import Nomad
 from sleepcast.nomad.client import Pose as Place
 from sleepcast.nomad.units import metres, radians
 
-LONGEST = 60.0
-"""Seconds on the wall that a busy machine is given for any one step."""
+LONGEST, LONGEST_TRIAL = 60.0, 300.0
+"""Seconds on the wall that a busy machine is given for any one step, and for a whole trial."""
 STARTING = 0.1
 """Seconds on the wall that programs are left alone in while they start."""
 SETTLED, PATIENCE = 10.0, 1200.0
@@ -80,8 +80,9 @@ class Watcher:
 
     def __init__(self, nomad: Nomad) -> None:
         self._nomad, self._points = nomad, ruler(SCENARIO.shapes)
+        self._deadline = time.monotonic() + LONGEST_TRIAL
         self.time = 0.0
-        """Simulated s since the programs have begun."""
+        """Simulated s since it began to watch."""
 
     def place(self, nomads: Sequence[Nomad], seed: int) -> None:
         """Put the robots where this seed wants them: in the scenario's strip, not too near to each other."""
@@ -93,6 +94,7 @@ class Watcher:
 
     def look(self) -> list[Pose]:
         """Where all robots are after the next tick."""
+        assert time.monotonic() < self._deadline, "a program hangs"
         self.time += TICK
         return [
             (metres(x) + ORIGIN[0], metres(y) + ORIGIN[1], radians(steering))
@@ -127,11 +129,11 @@ def trial(port: int, seed: int, programs: Sequence[Program], broadcast: Program)
         watcher.place(nomads, seed)
         nomads[1].close()
         stack.callback(nomads[0].close)
-        for program in programs:
-            stack.enter_context(started(program))
+        running = [stack.enter_context(started(program)) for program in programs]
         stood = 0
         before, poses = watcher.look(), watcher.after(LOOK)
         while any(map(standing, before, poses)):  # not all programs drive yet
+            assert all(process.poll() is None for process in running), "a program ended before it drove"
             time.sleep(STARTING)
             before, poses = poses, watcher.after(LOOK)
         begun = watcher.time

@@ -18,7 +18,7 @@ SETUPS = (("ideal: no cross-talk", None), ("cross-talk, pause of 24 ms", 0.024),
 SEEDS = range(20)
 ASKED = (8, 10)
 """Inches from the nearest thing at which robots are to stop."""
-MOST = 45
+MOST = 35
 """Inches that the picture shows."""
 LEFT, RIGHT, TOP, ROW, HEIGHT = 40, 720, 64, 118, 84
 """Of the axis, and of each histogram, in the picture's units."""
@@ -76,7 +76,7 @@ def picture(setups: dict[str, list[float]]) -> str:
         parts += histogram(title, found, TOP + row * ROW - 24, most)
     foot = TOP + 3 * ROW - 24
     parts += [text(across(inch), foot + 18, str(inch), anchor="middle") for inch in range(0, MOST + 1, 5)]
-    below = f"inches before the robot when it stopped; {len(SEEDS)} runs of each setup"
+    below = f"inches from the robot to the nearest thing when it stopped; {len(SEEDS)} runs of each setup"
     return "\n".join((*parts, text((LEFT + RIGHT) / 2, foot + 40, below, anchor="middle"), "</svg>\n"))
 
 

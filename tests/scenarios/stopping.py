@@ -1,7 +1,7 @@
 """Runs of the scenario `stop`, measured from outside: when each robot stopped, and how far from what is before it.
 
 The distance is taken with a ruler, not with sonars: points lie close together along everything solid and along the rim
-of the other robots, and the nearest of those before a robot counts.
+of the other robots, and the nearest counts.
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ ANSWERED = 5
 """Ticks after which an answer that is not lost is there."""
 
 Floats = NDArray[np.float64]
+Pose = tuple[float, float, float]
+"""x, y in m, heading in rad."""
 SCENARIO = find_scenario("stop")
 RULES, ORDER = (order.text for order in SCENARIO.mission)
 
@@ -77,20 +79,17 @@ def ruler(shapes: tuple[Shape, ...], fine: float = FINE) -> Floats:
     return np.concatenate(lines)
 
 
-def distance(points: Floats, poses: list[tuple[float, float, float]], which: int, *, ahead: bool = True) -> float:
-    """From the rim of robot `which` to the nearest of the points and of the other robots, m. ahead: only what lies
-    before it. poses: x, y (m) and heading (rad) of all robots."""
-    x, y, heading = poses[which]
+def distance(points: Floats, poses: list[Pose], which: int) -> float:
+    """From the rim of robot `which` to the nearest of the points and of the other robots, m. poses: of all robots."""
+    x, y, _ = poses[which]
     round_ = np.linspace(-pi, pi, 1 + int(2 * pi * RADIUS / FINE))
     rim = RADIUS * np.column_stack((np.cos(round_), np.sin(round_)))
     others = [rim + pose[:2] for number, pose in enumerate(poses) if number != which]
     apart = np.concatenate([points, *others]) - (x, y)
-    if ahead:
-        apart = apart[apart @ (np.cos(heading), np.sin(heading)) >= 0.0]
     return float(np.hypot(*apart.T).min()) - RADIUS
 
 
-def poses_of(swarm: Swarm) -> list[tuple[float, float, float]]:
+def poses_of(swarm: Swarm) -> list[Pose]:
     bodies = swarm.simulator.bodies
     return list(zip(bodies.x.tolist(), bodies.y.tolist(), bodies.heading.tolist(), strict=True))
 
@@ -144,7 +143,7 @@ class Trial:
         """Whether nobody who drives has anything near by, on any side."""
         poses = poses_of(self.swarm)
         driving = set(range(len(poses))) - set(self.stops)
-        return all(distance(self._points, poses, each, ahead=False) >= CLEAR for each in driving)
+        return all(distance(self._points, poses, each) >= CLEAR for each in driving)
 
     def _standing(self) -> int:
         bodies = self.swarm.simulator.bodies

@@ -588,6 +588,51 @@ def test_obstacles_stand_on_the_map(context: BrowserContext, tmp_path: Path) -> 
         assert (top + bottom) / 2 > box["y"] + box["height"] / 2  # and below it, as y = 200 m
 
 
+TWO_SORTS = """
+format = 1
+title = "Small and large"
+seconds = "1min"
+
+[world]
+width = "12m"
+height = "12m"
+
+[[robots]]
+like = "disc"
+type = "small"
+count = 2
+x = ["2m", "4m"]
+y = ["5m", "7m"]
+motion = "still"
+[robots.body]
+radius = "0.15m"
+
+[[robots]]
+like = "disc"
+type = "large"
+count = 1
+x = ["8m", "8.1m"]
+y = ["5m", "5.1m"]
+motion = "still"
+[robots.body]
+radius = "0.3m"
+"""
+
+
+def test_each_sort_of_robots_is_drawn_in_its_own_size(context: BrowserContext, tmp_path: Path) -> None:
+    with Program("run", write(tmp_path, text=TWO_SORTS).parent, "--page") as program:
+        page = context.new_page()
+        page.goto(program.address)
+        expect(page.locator("#legend")).to_contain_text("3 robots")
+        found = pixels_seen(page, "--robot-0")
+        middle = sum(page.locator("#map").bounding_box()[side] / part for side, part in (("x", 1), ("width", 2)))
+        small = [each for each in found if each[0] < middle]
+        large = [each for each in found if each[0] > middle]
+        assert len(large) == pytest.approx(2 * len(small), rel=0.25)  # four times the area of each of the two
+        page.mouse.click(*large[len(large) // 2])
+        expect(page.locator("#robot-name")).to_have_text("large1")
+
+
 # ---- time, looks, trouble
 
 

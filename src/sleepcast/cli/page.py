@@ -15,6 +15,7 @@ from sleepcast.console import Outline, Place, ReadyCommand, Scene, serve
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Pace, Swarm
 from sleepcast.simulator import Area, Circle, Scenario, Shape, Wall
+from sleepcast.simulator.robot_types import slices
 from sleepcast.station import Station
 
 ROUND = 32
@@ -76,7 +77,10 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
         names=names,
         area=(0.0, 0.0, scenario.width, scenario.height),
         unit=scenario.length_unit or "m",
-        radius=scenario.robots.geometry.radius,
+        sizes=tuple(
+            (part.stop - part.start, sort.geometry.radius)
+            for sort, part in zip(scenario.each_sort, slices(scenario.each_sort, len(names)), strict=True)
+        ),
         places=tuple(Place(place.title, place.x, place.y) for place in scenario.places),
         obstacles=tuple(outlines(shape) for shape in scenario.shapes),
         lights=tuple(Place(light.title, light.x, light.y) for light in scenario.lights),

@@ -40,9 +40,9 @@ class Scene(msgspec.Struct, frozen=True):
     """What does not change while the swarm runs.
 
     noun: what the robots are called, in the plural. names: of the robots, by their index. area: least x, least y,
-    greatest x, greatest y in m. unit: a length of `sleepcast.units`, in which people read the map. radius: of a body,
-    in m. lights: where they are, with their names. obstacles: each is what lies inside an odd number of its closed
-    outlines, lists of corners (x, y) in m.
+    greatest x, greatest y in m. unit: a length of `sleepcast.units`, in which people read the map. sizes: how many
+    robots have bodies of which radius (m), in the order of their indices. lights: where they are, with their names.
+    obstacles: each is what lies inside an odd number of its closed outlines, lists of corners (x, y) in m.
     """
 
     title: str
@@ -51,7 +51,7 @@ class Scene(msgspec.Struct, frozen=True):
     names: tuple[str, ...]
     area: tuple[float, float, float, float]
     unit: str
-    radius: float
+    sizes: tuple[tuple[int, float], ...]
     places: tuple[Place, ...] = ()
     lights: tuple[Place, ...] = ()
     obstacles: tuple[tuple[Outline, ...], ...] = ()

@@ -25,8 +25,8 @@ export class Pings {
     });
   }
 
-  // Draw the rings round the robots where they are now; whether there are any.
-  draw(pen, view, frame, size, colours, now) {
+  // Draw the rings round the robots where they are now; whether there are any. sizes: of each robot, in pixels.
+  draw(pen, view, frame, sizes, colours, now) {
     pen.lineWidth = 1.6;
     for (const [robot, { caste, born }] of this.rings) {
       const age = (now - born) / LASTS;
@@ -37,7 +37,7 @@ export class Pings {
       const x = view.toScreenX(frame.poses[3 * robot]);
       const y = view.toScreenY(frame.poses[3 * robot + 1]);
       if (x < -GROWS || y < -GROWS || x > view.width + GROWS || y > view.height + GROWS) continue;
-      const radius = size + 3 + GROWS * Math.sqrt(Math.max(0, age));
+      const radius = sizes(robot) + 3 + GROWS * Math.sqrt(Math.max(0, age));
       pen.globalAlpha = 1 - age;
       pen.strokeStyle = colours.robots[styleOf(caste + 1)];
       pen.beginPath();

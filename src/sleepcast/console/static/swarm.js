@@ -11,35 +11,45 @@ const DIMMED = 0.5; // opacity of the robots outside the lit ones
 const SMALLEST = 4.4; // pixels: half a robot's length when everything is in sight
 const LARGEST = 26;
 
-// Half a robot's length on the screen: its true size, but never too small to see, and a little larger from close by.
-export function sizeOf(view, scene) {
-  return Math.min(LARGEST, Math.max(SMALLEST * Math.min(2, view.closeness ** 0.25), scene.radius * view.scale));
+// Half a robot's length on the screen, given its radius in m: its true size, but never too small to see, and a little
+// larger from close by.
+function sizeOf(view, radius) {
+  return Math.min(LARGEST, Math.max(SMALLEST * Math.min(2, view.closeness ** 0.25), radius * view.scale));
+}
+
+// The same for each robot by its index: how large robots of its sort are on the screen now.
+export function sizesOf(view, scene) {
+  const sorts = [];
+  let count = 0;
+  for (const [robots, radius] of scene.sizes) sorts.push({ end: (count += robots), size: sizeOf(view, radius) });
+  return (robot) => (sorts.find(({ end }) => robot < end) ?? sorts.at(-1)).size;
 }
 
 // marks: {lit: Uint8Array with 1 for each robot that is lit, or null; chosen, pointed: indices or -1}
 export function drawSwarm(pen, view, scene, frame, marks, colours, boxes, ratio) {
   if (frame.count > MOST_SHAPES) drawPoints(pen, view, scene, frame, marks, colours, ratio);
   else drawShapes(pen, view, scene, frame, marks, colours);
-  const size = sizeOf(view, scene);
+  const sizes = sizesOf(view, scene);
   for (const [index, width] of [[marks.pointed, 1.5], [marks.chosen, 2.6]]) {
     if (index < 0 || index >= frame.count) continue;
     pen.beginPath();
-    pen.arc(view.toScreenX(frame.poses[3 * index]), view.toScreenY(frame.poses[3 * index + 1]), size + 7, 0, 7);
+    pen.arc(view.toScreenX(frame.poses[3 * index]), view.toScreenY(frame.poses[3 * index + 1]), sizes(index) + 7, 0, 7);
     pen.strokeStyle = colours.chosen;
     pen.lineWidth = width;
     pen.stroke();
   }
-  drawNames(pen, view, scene, frame, marks, colours, boxes, size);
+  drawNames(pen, view, scene, frame, marks, colours, boxes, sizes);
 }
 
 function drawShapes(pen, view, scene, frame, marks, colours) {
-  const size = sizeOf(view, scene);
+  const sizes = sizesOf(view, scene);
   const halos = new Path2D();
   const buckets = new Map();
   for (let i = 0; i < frame.count; i += 1) {
     const x = view.toScreenX(frame.poses[3 * i]);
     const y = view.toScreenY(frame.poses[3 * i + 1]);
     if (x < -30 || y < -30 || x > view.width + 30 || y > view.height + 30) continue;
+    const size = sizes(i);
     const lit = marks.lit?.[i] === 1;
     if (lit) {
       halos.moveTo(x + size + 4.5, y);
@@ -119,7 +129,7 @@ function packed(pen, colour) {
   return packedColours.get(colour);
 }
 
-function drawNames(pen, view, scene, frame, marks, colours, boxes, size) {
+function drawNames(pen, view, scene, frame, marks, colours, boxes, sizes) {
   const named = marks.chosen >= 0 && marks.chosen < frame.count ? [marks.chosen] : [];
   const visible = [];
   for (let i = 0; i < frame.count && visible.length <= MOST_LABELS; i += 1) {
@@ -129,7 +139,7 @@ function drawNames(pen, view, scene, frame, marks, colours, boxes, size) {
   }
   if (visible.length <= MOST_LABELS) named.push(...visible);
   for (const i of new Set(named)) {
-    const x = view.toScreenX(frame.poses[3 * i]) + size + 9;
+    const x = view.toScreenX(frame.poses[3 * i]) + sizes(i) + 9;
     const y = view.toScreenY(frame.poses[3 * i + 1]);
     const strong = i === marks.chosen;
     const font = strong ? "600 12px" : "11px";

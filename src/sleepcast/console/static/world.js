@@ -8,7 +8,7 @@ import { gestures } from "./gestures.js";
 import { drawGround, drawPlaces } from "./ground.js";
 import { Pings } from "./pings.js";
 import { palette, styleOf } from "./shapes.js";
-import { drawSwarm, sizeOf } from "./swarm.js";
+import { drawSwarm, sizesOf } from "./swarm.js";
 import { Trails } from "./trails.js";
 import { gridStep, UNITS, View } from "./view.js";
 
@@ -192,7 +192,7 @@ export class World extends EventTarget {
     const boxes = drawPlaces(pens.robots, view, scene.places, colours);
     drawSwarm(pens.robots, view, scene, frame, this.marks, colours, boxes, this.ratio);
     drawPlaces(pens.robots, view, scene.places, colours);
-    if (this.pings.draw(pens.robots, view, frame, sizeOf(view, scene), colours, performance.now())) this.repaint("robots");
+    if (this.pings.draw(pens.robots, view, frame, sizesOf(view, scene), colours, performance.now())) this.repaint("robots");
     if (frame === this.told) return;
     this.told = frame;
     this.dispatchEvent(new CustomEvent("drawn", { detail: frame }));
@@ -211,14 +211,15 @@ export class World extends EventTarget {
     if (!this.frame) return -1;
     const { poses, count } = this.frame;
     const [x, y] = this.view.toWorld(px, py);
-    const reach = Math.max(NEAR, sizeOf(this.view, this.scene)) / this.view.scale;
-    let best = reach * reach;
+    const sizes = sizesOf(this.view, this.scene);
+    let best = Infinity;
     let found = -1;
     for (let i = 0; i < count; i += 1) {
       const dx = poses[3 * i] - x;
       const dy = poses[3 * i + 1] - y;
       const distance = dx * dx + dy * dy;
-      if (distance < best) [best, found] = [distance, i];
+      const reach = Math.max(NEAR, sizes(i)) / this.view.scale;
+      if (distance < Math.min(best, reach * reach)) [best, found] = [distance, i];
     }
     return found;
   }

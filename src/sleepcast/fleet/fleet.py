@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 
 import numpy as np
 
@@ -66,16 +67,21 @@ class Fleet(Core, Mapping[str, RobotView]):
 
     def actuators(self, name: str) -> tuple[slice | Index, Column]:
         """The robots that have assigned this actuator since the last call, and their values (SI), not to be written."""
-        variables = {quantity.name.casefold(): i for i, quantity in enumerate(self.vocabulary.actuators)}
-        if name.casefold() not in variables:
+        slot = self._actuator_slots.get(name.casefold())
+        if slot is None:
             raise FleetError(f"{self.vocabulary.name} has no actuator {name}")
-        slot = self.vocabulary.first_actuator + variables[name.casefold()]
         assigned = self.state.assigned(slot)
         everybody = self.rows()
         rows = everybody if assigned.all() else everybody.take(assigned)
         if rows.size:
             assigned[rows.index] = False
         return rows.index, self.state.column(slot, rows)
+
+    @cached_property
+    def _actuator_slots(self) -> dict[str, int]:
+        """The slots of the actuators by their names' keys."""
+        names = (quantity.name.casefold() for quantity in self.vocabulary.actuators)
+        return {name: slot for slot, name in enumerate(names, self.vocabulary.first_actuator)}
 
     def reads(self) -> frozenset[int]:
         """The slots of the variables that any active rule or waiting message may look at in the next tick."""

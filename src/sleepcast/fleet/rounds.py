@@ -80,10 +80,9 @@ class Rounds:
 
     def _affordable(self, plan: Plan) -> bool:
         """Whether the budget reaches for all rules of a plan, whatever their robots do."""
-        tallies = self._memory.tallies
-        expected = sum(
-            max(size.steps, tallies[key].most_steps) for key, size in zip(plan.keys, plan.sizes, strict=True)
-        )
+        expected = plan.steps
+        for key, size in zip(plan.keys, plan.sizes, strict=True):
+            expected += max(0, self._memory.tallies[key].most_steps - size.steps)
         return expected <= TICK_STEPS
 
     def _follow(self, plan: Plan, rows: Rows) -> None:

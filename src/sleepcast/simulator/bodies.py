@@ -217,8 +217,8 @@ class Bodies:
             raise MisuseError(f'no actuator "{actuator}"{did_you_mean(actuator, wanted)}: wanted {" or ".join(wanted)}')
         free, named = ~self.stopped[which], ~np.isnan(values)
         if isinstance(which, slice):
-            np.copyto(self.mode[which], np.int8(Mode.DRIVE), where=free)
-            np.copyto(wanted[actuator][which], values, where=free & named)
+            np.putmask(self.mode[which], free, Mode.DRIVE.value)
+            np.putmask(wanted[actuator][which], free & named, values)
         else:
             self.mode[which[free]] = Mode.DRIVE
             wanted[actuator][which[free & named]] = values[free & named]

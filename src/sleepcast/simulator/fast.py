@@ -163,12 +163,11 @@ class NumbaMachine:
         settled: Settled,
     ) -> None:
         count, (order, start), scratch = len(place[0]), points, self._scratch
-        rows = scratch.take(np.float64, 5, count)
-        ways = rows[0], rows[1], rows[2], rows[3], rows[4]
-        lengths = self._share(
-            count, lambda first, last: kernels_contact.gather(order, *place, *way, radii, first, last, rows)
-        )
-        reach = 2.0 * float(radii.max(initial=0.0)) + SKIN + 2.0 * sqrt(max(lengths))
+        rows = scratch.take(np.float64, 4, count)
+        widest, least = float(radii.max(initial=0.0)), float(radii.min(initial=np.inf))
+        ways = rows[0], rows[1], rows[2], rows[3], radii[:1] if widest == least else radii, order
+        lengths = self._share(count, lambda first, last: kernels_contact.gather(order, *place, *way, first, last, rows))
+        reach = 2.0 * widest + SKIN + 2.0 * sqrt(max(lengths))
         near, stopped = scratch.take(np.bool_, count), Settled(*scratch.take(np.float64, 3, count))
         clear(settled)
 
@@ -177,7 +176,7 @@ class NumbaMachine:
             kernels_contact.stop_at_old(*ways, *cells, solids, *listed, SKIN, reach, first, last, near, *stopped)
 
         def at_ways(first: int, last: int) -> None:
-            cells = order, start, grid.size, grid.across, grid.up
+            cells = start, grid.size, grid.across, grid.up
             kernels_contact.stop_at_ways(*ways, *cells, SKIN, reach, first, last, near, *stopped, *settled)
 
         self._share_rows(at_old, grid, start)

@@ -60,16 +60,20 @@ def touch(px, py, dx, dy, x0, y0, x1, y1, apart):
 
 
 @compiled
-def gather(order, x, y, across, up, radii, first, last, into):
-    """Put places, ways and radii into the rows of `into`, in the order of the cells; gives the square of the longest
-    way."""
+def gather(order, x, y, across, up, first, last, into):
+    """Put places and ways into the rows of `into`, in the order of the cells; gives the square of the longest way."""
     longest = 0.0
     for i in range(first, last):
         o = order[i]
         into[0, i], into[1, i], into[2, i], into[3, i] = x[o], y[o], across[o], up[o]
-        into[4, i] = radii[o]
         longest = max(longest, across[o] * across[o] + up[o] * up[o])
     return longest
+
+
+@inlined
+def radius_of(radii, order, i):
+    """Of the i-th body in sorted order. radii: by body, or one for all."""
+    return radii[order[i]] if radii.shape[0] > 1 else radii[0]
 
 
 @inlined
@@ -86,14 +90,14 @@ def lines_near(x, reach, size, most):
 
 @compiled
 def stop_at_old(
-    x, y, dx, dy, radii, start, size, across, up, solids, listed, items, skin, reach, first_row, last_row,
+    x, y, dx, dy, radii, order, start, size, across, up, solids, listed, items, skin, reach, first_row, last_row,
     near, free, hit_x, hit_y,
 ):  # fmt: skip
     """The first round of `contact.settle`, in sorted order: ways end at solids and at old places of others. near:
     whether any body is within reach."""
     for cell in range(U(first_row * across), U(last_row * across)):
         for i in range(U(start[cell]), U(start[cell + U(1)])):
-            px, py, wx, wy, radius = x[i], y[i], dx[i], dy[i], radii[i]
+            px, py, wx, wy, radius = x[i], y[i], dx[i], dy[i], radius_of(radii, order, i)
             way = sqrt(wx * wx + wy * wy) + skin
             best, best_x, best_y = 1.0, 0.0, 0.0
             for w in range(U(listed[cell]), U(listed[cell + U(1)])):
@@ -121,7 +125,9 @@ def stop_at_old(
                     if gx * gx + gy * gy > reach * reach or j == i:
                         continue
                     neighbours += 1
-                    stop, hx, hy = touch(px, py, wx, wy, x[j], y[j], x[j], y[j], radius + radii[j] + skin)
+                    stop, hx, hy = touch(
+                        px, py, wx, wy, x[j], y[j], x[j], y[j], radius + radius_of(radii, order, j) + skin
+                    )
                     if stop < best and comes_first(stop, hx, hy, other, other_x, other_y):
                         other, other_x, other_y = stop, hx, hy
             if other < best:
@@ -152,7 +158,7 @@ def stop_at_ways(
                     ox, oy = free[j] * dx[j], free[j] * dy[j]
                     if (ox == 0.0 and oy == 0.0) or (mx * gx + my * gy <= 0.0 and ox * gx + oy * gy >= 0.0):
                         continue
-                    apart = radii[i] + radii[j] + skin
+                    apart = radius_of(radii, order, i) + radius_of(radii, order, j) + skin
                     hx, hy = off(px, py, x[j], y[j], x[j] + ox, y[j] + oy)
                     if hx * hx + hy * hy < apart * apart:
                         stop = 0.0

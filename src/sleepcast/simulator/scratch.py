@@ -21,13 +21,14 @@ class Scratch:
 
     def __init__(self) -> None:
         self._block: NDArray[np.uint8] = np.empty(0, np.uint8)
-        self._used = 0
+        self._first = self._used = 0
 
     def begin(self) -> None:
         """A task begins: what was given out to the one before is free. The block is as large as any has needed."""
         if self._used > len(self._block):
             self._block = np.empty(self._used + LINE, np.uint8)
-        self._used = -self._block.ctypes.data % LINE
+            self._first = -self._block.ctypes.data % LINE
+        self._used = self._first
 
     def take(self, sort: type[Scalar], *shape: int) -> NDArray[Scalar]:
         """An array that holds anything. Where the block is too small it is memory of its own, this time."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import hypot, pi
+from math import hypot, inf, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -101,7 +101,7 @@ class Trial:
         self.swarm, self.desk = assemble(scenario, seed, mission=False)
         self._points = ruler(scenario.shapes)
         self.stops: dict[int, Stop] = {}
-        self._sent = float("inf")
+        self._sent = inf
         self.stood = 0
 
     def run(self, order: str = ORDER) -> Outcome:
@@ -120,7 +120,7 @@ class Trial:
         return Outcome(tuple(stop for _, stop in sorted(self.stops.items())), self.stood, moved)
 
     def _tell(self, text: str) -> None:
-        """Broadcast until everybody has answered."""
+        """Broadcast until everybody has answered; the order, each time when the way is clear."""
         heard: set[str] = set()
         while True:
             command = self.desk.send(text, everybody=True)
@@ -129,10 +129,11 @@ class Trial:
             heard |= set(self.desk.accounting(command.id).matched)
             if heard == set(self.swarm.minds):
                 return
-            while not self._clear():
+            while self.swarm.now() >= self._sent and not self._clear():
                 self._step()
 
     def _step(self) -> None:
+        assert self.swarm.now() < 2 * PATIENCE, "the way is never clear, or somebody never hears"
         self.swarm.step()
         for number, mind in enumerate(self.swarm.minds.values()):
             if number not in self.stops and dict(mind.variables())["frozen"]:

@@ -107,6 +107,7 @@ def test_other_programs_can_read_it(world: Path) -> None:
         summary.channels[key].topic: summary.schemas[summary.channels[key].schema_id] for key in summary.channels
     }
     assert (schemas["/poses"].name, schemas["/poses"].encoding) == ("foxglove.PosesInFrame", "protobuf")
+    assert (schemas["/points"].name, schemas["/points"].encoding) == ("foxglove.PointCloud", "protobuf")
     assert (schemas["/log"].name, schemas["/log"].encoding) == ("foxglove.Log", "protobuf")
     assert summary.statistics.message_start_time == 0
     assert summary.statistics.message_end_time == 20_000_000_000

@@ -33,6 +33,9 @@ def fields(data: object) -> Fields:
         if tag & 7 == 0:
             value, at = varint(data, at)
             found[tag >> 3].append(value)
+        elif tag & 7 == 5:
+            found[tag >> 3].append(int.from_bytes(data[at : at + 4], "little"))
+            at += 4
         elif tag & 7 == 1:
             found[tag >> 3].append(struct.unpack_from("<d", data, at)[0])
             at += 8
@@ -81,10 +84,64 @@ def test_a_log_line_holds_who_said_what() -> None:
     assert message == {1: [b"\x08\x00\x10\x05"], 2: [3], 3: ["föhn".encode()], 4: [b"scout7"]}
 
 
+def test_a_point_cloud_holds_a_point_for_each_robot() -> None:
+    data = foxglove.points(3_000_000_007, np.array([1.5, -2.0, 1e5]), np.array([0.25, 7.0, -1.0]))
+    message = fields(data)
+    assert fields(message[1][0]) == {1: [3], 2: [7]}
+    assert message[2] == [b"world"]
+    assert fields(message[3][0]) == {1: [b""], 2: [b"\x21" + struct.pack("<d", 1.0)]}  # no shift, no turn
+    assert message[4] == [12]
+    elements = [fields(each) for each in message[5]]
+    assert elements == [{1: [name], 2: [place], 3: [7]} for name, place in ((b"x", 0), (b"y", 4), (b"z", 8))]
+    assert np.frombuffer(message[6][0], "<f4").reshape(-1, 3).tolist() == [
+        *([1.5, 0.25, 0.0], [-2.0, 7.0, 0.0], [1e5, -1.0, 0.0])
+    ]
+
+
+POSE = {
+    "Vector3": [("x", 1), ("y", 1), ("z", 1)],
+    "Quaternion": [("x", 1), ("y", 1), ("z", 1), ("w", 1)],
+    "Pose": [("position", 11), ("orientation", 11)],
+}
+PUBLISHED = {
+    "PosesInFrame": POSE | {"PosesInFrame": [("timestamp", 11), ("frame_id", 9), ("poses", 11)]},
+    "PointCloud": POSE
+    | {
+        "PackedElementField": [("name", 9), ("offset", 7), ("type", 14)],
+        "PointCloud": [
+            *(("timestamp", 11), ("frame_id", 9), ("pose", 11), ("point_stride", 7), ("fields", 11), ("data", 12)),
+        ],
+    },
+    "Log": {
+        "Log": [("timestamp", 11), ("level", 14), ("message", 9), ("name", 9), ("file", 9), ("line", 7)],
+    },
+}
+"""The fields of Foxglove's schemas as they are published, in order, with the numbers of their types in a
+FieldDescriptorProto."""
+
+
+@pytest.mark.parametrize(
+    ("schema", "name"),
+    [
+        (foxglove.POSES_SCHEMA, "PosesInFrame"),
+        (foxglove.POINTS_SCHEMA, "PointCloud"),
+        (foxglove.LOG_SCHEMA, "Log"),
+    ],
+)
+def test_a_schema_is_the_published_one(schema: bytes, name: str) -> None:
+    _, own = (fields(each) for each in fields(schema)[1])
+    found = {}
+    for message in map(fields, own[4]):
+        told = [fields(each) for each in message[2]]
+        found[message[1][0].decode()] = [(each[1][0].decode(), each[5][0]) for each in told]
+    assert found == PUBLISHED[name]
+
+
 @pytest.mark.parametrize(
     ("schema", "messages"),
     [
         (foxglove.POSES_SCHEMA, ["Vector3", "Quaternion", "Pose", "PosesInFrame"]),
+        (foxglove.POINTS_SCHEMA, ["Vector3", "Quaternion", "Pose", "PackedElementField", "PointCloud"]),
         (foxglove.LOG_SCHEMA, ["Log"]),
     ],
 )

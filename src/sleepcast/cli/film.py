@@ -20,6 +20,7 @@ from sleepcast.simulator.recorder import (
     LOG,
     MARKS,
     OBSTACLES,
+    POINTS,
     POSES,
     POSTED,
     READINGS,
@@ -57,6 +58,8 @@ class Maker:
 
     def take(self, entry: Entry) -> None:
         """Add what an entry says. Raises ValueError for what cannot be shown."""
+        if entry.topic == POINTS:  # the poses say the same
+            return
         film, time, data = self.film, entry.time, entry.data
         self._bytes += len(data)
         if self._bytes > MAX_FILM:

@@ -1,12 +1,15 @@
-"""Poses and log lines as the standard viewers know them: Foxglove's schemas `PosesInFrame` and `Log`, in Protobuf.
+"""Poses, points and log lines as the standard viewers know them: Foxglove's schemas `PosesInFrame`, `PointCloud` and
+`Log`, in Protobuf.
 
-Foxglove, Lichtblick and Rerun show both without plug-ins. What is needed of Protobuf is little and never changes, so it
-is written here by hand: the description of the schemas (a `FileDescriptorSet`), and the bytes of the messages. A pose
-in the plane always takes the same 69 bytes, so that those of a whole swarm are one NumPy array, filled by columns.
+Foxglove, Lichtblick and Rerun show them without plug-ins: the first two draw poses as arrows, Rerun draws points. What
+is needed of Protobuf is little and never changes, so it is written here by hand: the description of the schemas (a
+`FileDescriptorSet`), and the bytes of the messages. A pose in the plane always takes the same 69 bytes, so that those
+of a whole swarm are one NumPy array, filled by columns.
 """
 
 from __future__ import annotations
 
+import struct
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -15,11 +18,13 @@ from numpy.typing import NDArray
 
 WORLD = "world"
 """The name of the frame: x east, y north, z up, in m."""
-POSES, LOG = "foxglove.PosesInFrame", "foxglove.Log"
+POSES, POINTS, LOG = "foxglove.PosesInFrame", "foxglove.PointCloud", "foxglove.Log"
 
 _NANO = 1_000_000_000
 _LENGTH_DELIMITED = 2
-_FIXED_64 = 1
+_FIXED_64, _FIXED_32 = 1, 5
+_FLOAT32 = 7
+"""A number in single precision, as `PackedElementField` calls it."""
 
 
 class Level(IntEnum):
@@ -53,6 +58,10 @@ def _field(number: int, content: bytes | str) -> bytes:
 
 def _whole(number: int, value: int) -> bytes:
     return _tag(number, 0) + _varint(value)
+
+
+def _fixed(number: int, value: int) -> bytes:
+    return _tag(number, _FIXED_32) + value.to_bytes(4, "little")
 
 
 def _timestamp(nanoseconds: int) -> bytes:
@@ -115,6 +124,23 @@ def read_poses(data: bytes, count: int) -> NDArray[np.float32]:
     return np.column_stack((frame["x"], frame["y"], heading)).astype(np.float32)
 
 
+_UNMOVED = _field(1, b"") + _field(2, _tag(4, _FIXED_64) + struct.pack("<d", 1.0))
+"""The pose that moves nothing: zeros need not be said."""
+_POINT = 12
+"""Bytes: x, y and z."""
+_COORDINATES = b"".join(
+    _field(5, _field(1, name) + _fixed(2, 4 * place) + _whole(3, _FLOAT32)) for place, name in enumerate("xyz")
+)
+
+
+def points(nanoseconds: int, x: NDArray[np.float64], y: NDArray[np.float64]) -> bytes:
+    """A `PointCloud`: a point for each robot. x, y: m, float64, shape (count,)."""
+    data = np.zeros((len(x), 3), "<f4")
+    data[:, 0], data[:, 1] = x, y
+    head = _timestamp(nanoseconds) + _field(2, WORLD) + _field(3, _UNMOVED) + _fixed(4, _POINT) + _COORDINATES
+    return head + _field(6, data.tobytes())
+
+
 def log(nanoseconds: int, level: Level, who: str, text: str) -> bytes:
     """A `Log`: `who` said `text`."""
     return _timestamp(nanoseconds) + _whole(2, level) + _field(3, text) + _field(4, who)
@@ -158,7 +184,7 @@ class _Kind(NamedTuple):
     name: str = ""
 
 
-_DOUBLE, _LONG, _INT, _TEXT, _UNSIGNED = _Kind(1), _Kind(3), _Kind(5), _Kind(9), _Kind(13)
+_DOUBLE, _LONG, _INT, _FIXED, _TEXT, _BYTES = (_Kind(number) for number in (1, 3, 5, 7, 9, 12))
 
 
 def _message(name: str) -> _Kind:
@@ -175,6 +201,13 @@ def _described(name: str, fields: dict[str, _Kind], repeated: str = "") -> bytes
     return found
 
 
+def _values_of(name: str, values: tuple[str, ...]) -> bytes:
+    """An EnumDescriptorProto; its values are numbered from 0."""
+    return _field(1, name) + b"".join(
+        _field(2, _field(1, value) + _whole(2, number)) for number, value in enumerate(values)
+    )
+
+
 def _file(package: str, name: str, messages: list[bytes], needs: tuple[str, ...] = ()) -> bytes:
     """A FileDescriptorProto in a FileDescriptorSet."""
     found = _field(1, name) + _field(2, package)
@@ -186,30 +219,40 @@ def _file(package: str, name: str, messages: list[bytes], needs: tuple[str, ...]
 _STAMP = "google/protobuf/timestamp.proto"
 _TIME = _message(".google.protobuf.Timestamp")
 _STAMP_FILE = _file("google.protobuf", _STAMP, [_described("Timestamp", {"seconds": _LONG, "nanos": _INT})])
-_LEVELS = b"".join(
-    _field(2, _field(1, name) + _whole(2, number))
-    for number, name in enumerate(("UNKNOWN", "DEBUG", "INFO", "WARNING", "ERROR", "FATAL"))
-)
+_LEVELS = ("UNKNOWN", "DEBUG", "INFO", "WARNING", "ERROR", "FATAL")
 _POSES_FIELDS = {"timestamp": _TIME, "frame_id": _TEXT, "poses": _message(".foxglove.Pose")}
 _LOG_FIELDS = {"timestamp": _TIME, "level": _Kind(14, ".foxglove.Log.Level"), "message": _TEXT, "name": _TEXT}
-_LOG_FIELDS |= {"file": _TEXT, "line": _UNSIGNED}
+_LOG_FIELDS |= {"file": _TEXT, "line": _FIXED}
+
+_POSE_MESSAGES = [
+    _described("Vector3", {"x": _DOUBLE, "y": _DOUBLE, "z": _DOUBLE}),
+    _described("Quaternion", {"x": _DOUBLE, "y": _DOUBLE, "z": _DOUBLE, "w": _DOUBLE}),
+    _described("Pose", {"position": _message(".foxglove.Vector3"), "orientation": _message(".foxglove.Quaternion")}),
+]
+_NUMBERS = ("UNKNOWN", "UINT8", "INT8", "UINT16", "INT16", "UINT32", "INT32", "FLOAT32", "FLOAT64")
+_ELEMENT_FIELDS = {"name": _TEXT, "offset": _FIXED, "type": _Kind(14, ".foxglove.PackedElementField.NumericType")}
+_POINTS_FIELDS = {"timestamp": _TIME, "frame_id": _TEXT, "pose": _message(".foxglove.Pose"), "point_stride": _FIXED}
+_POINTS_FIELDS |= {"fields": _message(".foxglove.PackedElementField"), "data": _BYTES}
 
 POSES_SCHEMA = _STAMP_FILE + _file(
     "foxglove",
     "foxglove/PosesInFrame.proto",
+    [*_POSE_MESSAGES, _described("PosesInFrame", _POSES_FIELDS, repeated="poses")],
+    needs=(_STAMP,),
+)
+POINTS_SCHEMA = _STAMP_FILE + _file(
+    "foxglove",
+    "foxglove/PointCloud.proto",
     [
-        _described("Vector3", {"x": _DOUBLE, "y": _DOUBLE, "z": _DOUBLE}),
-        _described("Quaternion", {"x": _DOUBLE, "y": _DOUBLE, "z": _DOUBLE, "w": _DOUBLE}),
-        _described(
-            "Pose", {"position": _message(".foxglove.Vector3"), "orientation": _message(".foxglove.Quaternion")}
-        ),
-        _described("PosesInFrame", _POSES_FIELDS, repeated="poses"),
+        *_POSE_MESSAGES,
+        _described("PackedElementField", _ELEMENT_FIELDS) + _field(4, _values_of("NumericType", _NUMBERS)),
+        _described("PointCloud", _POINTS_FIELDS, repeated="fields"),
     ],
     needs=(_STAMP,),
 )
 LOG_SCHEMA = _STAMP_FILE + _file(
     "foxglove",
     "foxglove/Log.proto",
-    [_described("Log", _LOG_FIELDS) + _field(4, _field(1, "Level") + _LEVELS)],
+    [_described("Log", _LOG_FIELDS) + _field(4, _values_of("Level", _LEVELS))],
     needs=(_STAMP,),
 )

@@ -1,6 +1,7 @@
 """Recording: a run written to an MCAP file while it goes on.
 
     /poses                foxglove.PosesInFrame   where every robot is; viewers draw it as it stands
+    /points               foxglove.PointCloud     the same as points, for Rerun, which draws no poses
     /log                  foxglove.Log            for people: commands, what became of them, what robots say, rules
     /readings             JSON                    what every robot senses: for each sensor a list in the robots' order
     /accounting           JSON                    what became of a command, as counts
@@ -60,7 +61,7 @@ CHUNKS_PER_PART = 8
 """At least, so that a part ends about where it should."""
 NANO = 1_000_000_000
 
-POSES, LOG, READINGS, ACCOUNTING, RULES = "/poses", "/log", "/readings", "/accounting", "/rules"
+POSES, POINTS, LOG, READINGS, ACCOUNTING, RULES = "/poses", "/points", "/log", "/readings", "/accounting", "/rules"
 MARKS, POSTED, STATE = "/sleepcast/marks", "/sleepcast/posted", "/sleepcast/state"
 OBSTACLES = "/sleepcast/obstacles"
 ABOUT, FOLLOWING, SCENARIO, SNAPSHOT = "sleepcast", "following", "scenario", "snapshot"
@@ -164,6 +165,7 @@ class Recorder:
         """Where all robots are at `time` (s): m and rad in the world's frame, float64, shape (robots,)."""
         stamp = round(time * NANO)
         self._write(POSES, stamp, foxglove.poses(stamp, self._poses, x, y, heading))
+        self._write(POINTS, stamp, foxglove.points(stamp, x, y))
 
     def log(self, time: float, who: str, text: str, level: Level = Level.INFO) -> None:
         """A line for people."""
@@ -236,6 +238,7 @@ class Recorder:
         self._writer.add_attachment(0, 0, SCENARIO, "application/json", self._scenario)
         self._channels = {
             POSES: self._standard(POSES, foxglove.POSES, foxglove.POSES_SCHEMA),
+            POINTS: self._standard(POINTS, foxglove.POINTS, foxglove.POINTS_SCHEMA),
             LOG: self._standard(LOG, foxglove.LOG, foxglove.LOG_SCHEMA),
         }
         for topic in (READINGS, ACCOUNTING, RULES, MARKS, POSTED, STATE, OBSTACLES):

@@ -53,8 +53,9 @@ class Cones:
 
     @property
     def cell(self) -> float:
-        """The side of a cell of a grid that suits them: half the reach, and a little more for rounding, m."""
-        return 0.5000001 * self.reach
+        """The side of a cell of a grid that suits them: the reach, and a little more for rounding, m. Smaller ones let
+        in fewer bodies that are out of reach, but who may be in reach has to be gathered for each cell anew."""
+        return 1.0000001 * self.reach
 
     @property
     def axes(self) -> Floats:

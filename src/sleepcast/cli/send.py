@@ -9,7 +9,8 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import wraps
 from pathlib import Path
 from statistics import fmean
 from typing import TYPE_CHECKING
@@ -42,33 +43,31 @@ MANY = 1_000
 WORDS = {Kind.ASK: "answered", Kind.STOP: "stopped", Kind.RELEASE: "released"}
 """What those have done that did what they were told."""
 
-channel_option = click.option("--channel", metavar="URI", default=CHANNEL, show_default=True, help="The radio.")
-within_option = click.option(
-    "--within", type=click.FloatRange(0.0, 60.0), default=WITHIN, show_default=True, help="Seconds for answers."
-)
-json_option = click.option("--json", "as_json", is_flag=True, help="Print the account as one JSON object.")
+
+def operator(command: Callable[..., int]) -> Callable[..., int]:
+    """A command of an operator on the air: it gets an `Air`, `within` and `as_json` besides what is its own."""
+
+    @click.option("--channel", metavar="URI", default=CHANNEL, show_default=True, help="The radio.")
+    @options
+    @click.option(
+        "--within", type=click.FloatRange(0.0, 60.0), default=WITHIN, show_default=True, help="Seconds for answers."
+    )
+    @click.option("--json", "as_json", is_flag=True, help="Print the account as one JSON object.")
+    @wraps(command)
+    def on_air(
+        channel: str, fleet: str, key: str | None, trust: Path | None, folder: Path | None, **others: object
+    ) -> int:
+        return command(air=Air(channel, fleet, key, trust, folder), **others)
+
+    return on_air
 
 
 @click.command("send", cls=NegativeNumbersAllowed, short_help="Send an expression to robots on the air.")
 @click.argument("text")
 @click.option("--standing", is_flag=True, help="It must reach everybody in the end, also those that come later.")
 @click.option("--all", "everybody", is_flag=True, help="It is for every robot that hears it.")
-@channel_option
-@options
-@within_option
-@json_option
-def send(
-    text: str,
-    standing: bool,
-    everybody: bool,
-    channel: str,
-    fleet: str,
-    key: str | None,
-    trust: Path | None,
-    folder: Path | None,
-    within: float,
-    as_json: bool,
-) -> int:
+@operator
+def send(text: str, standing: bool, everybody: bool, air: Air, within: float, as_json: bool) -> int:
     """Broadcast an expression: every robot decides for itself whether it is meant. Then tell who matched, who did not,
     where it went wrong, and who said nothing.
 
@@ -87,26 +86,13 @@ def send(
             f"every robot that hears it would obey {text.strip()!r:.200}: say so with --all, or say for whom it is, as "
             "in (WHEN (IN bravo) (ST))"
         )
-    air = Air(channel, fleet, key, trust, folder)
     return _exchange(air, Kind.COMMAND, text, standing=standing, within=within, as_json=as_json)
 
 
 @click.command("ask", cls=NegativeNumbersAllowed, short_help="Ask robots on the air for a value.")
 @click.argument("text")
-@channel_option
-@options
-@within_option
-@json_option
-def ask(
-    text: str,
-    channel: str,
-    fleet: str,
-    key: str | None,
-    trust: Path | None,
-    folder: Path | None,
-    within: float,
-    as_json: bool,
-) -> int:
+@operator
+def ask(text: str, air: Air, within: float, as_json: bool) -> int:
     """Ask every robot for the value of an expression, which changes nothing: how many answer, and the least, the mean
     and the greatest value.
 
@@ -117,41 +103,31 @@ def ask(
     from sleepcast.language import read
 
     read(text)
-    return _exchange(Air(channel, fleet, key, trust, folder), Kind.ASK, text, within=within, as_json=as_json)
+    return _exchange(air, Kind.ASK, text, within=within, as_json=as_json)
 
 
 @click.command("stop", short_help="Stop every robot on the air.")
-@channel_option
-@options
-@within_option
-@json_option
-def stop(
-    channel: str, fleet: str, key: str | None, trust: Path | None, folder: Path | None, within: float, as_json: bool
-) -> int:
+@operator
+def stop(air: Air, within: float, as_json: bool) -> int:
     """Stop every robot that hears it, and keep it stopped until `sleepcast release`. Any key that is trusted may.
 
     \b
     Example:
       sleepcast stop
     """
-    return _exchange(Air(channel, fleet, key, trust, folder), Kind.STOP, "", within=within, as_json=as_json)
+    return _exchange(air, Kind.STOP, "", within=within, as_json=as_json)
 
 
 @click.command("release", short_help="End a stop.")
-@channel_option
-@options
-@within_option
-@json_option
-def release(
-    channel: str, fleet: str, key: str | None, trust: Path | None, folder: Path | None, within: float, as_json: bool
-) -> int:
+@operator
+def release(air: Air, within: float, as_json: bool) -> int:
     """End `sleepcast stop`. Nothing that was asked before resumes by itself.
 
     \b
     Example:
       sleepcast release
     """
-    return _exchange(Air(channel, fleet, key, trust, folder), Kind.RELEASE, "", within=within, as_json=as_json)
+    return _exchange(air, Kind.RELEASE, "", within=within, as_json=as_json)
 
 
 def _exchange(air: Air, kind: Kind, text: str, *, standing: bool = False, within: float, as_json: bool) -> int:

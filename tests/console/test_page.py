@@ -477,7 +477,7 @@ async () => {
   pings.take(frame, 1000);
   const alive = [1100, 1900].map((now) => {
     pen.clearRect(0, 0, 300, 100);
-    const more = pings.draw(pen, view, frame, 5, palette(), now);
+    const more = pings.draw(pen, view, frame, () => 5, palette(), now);
     const thirds = [0, 100, 200].map((x) => pen.getImageData(x, 0, 100, 100).data.some((value) => value > 0));
     return [more, ...thirds];
   });

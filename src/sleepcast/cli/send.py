@@ -17,14 +17,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.channel import Kind, Message
 from sleepcast.cli.air import Air, line_for, options
 from sleepcast.cli.evaluate import NegativeNumbersAllowed
 from sleepcast.cli.streams import complain, put
 from sleepcast.errors import MisuseError, printable
-from sleepcast.language import format_value
 
 if TYPE_CHECKING:
+    from sleepcast.channel import Kind, Message
     from sleepcast.station.accounting import Answer
 
 CHANNEL = "udp://239.255.83.76:47123?interface=lo"
@@ -40,7 +39,7 @@ FEW = 12
 
 MANY = 1_000
 """Names that scripts get; of more, their number alone."""
-WORDS = {Kind.ASK: "answered", Kind.STOP: "stopped", Kind.RELEASE: "released"}
+WORDS = {"ask": "answered", "stop": "stopped", "release": "released"}
 """What those have done that did what they were told."""
 
 
@@ -76,6 +75,7 @@ def send(text: str, standing: bool, everybody: bool, air: Air, within: float, as
       sleepcast send '(WHEN (> front_range 1m) (VM 0.2m/s 0.2m/s))'
       sleepcast send --standing --all '(RULE keep (WHEN (< front_range 10in) (ST)))'
     """
+    from sleepcast.channel import Kind
     from sleepcast.cli.learned import LearnedNames
     from sleepcast.language import Vocabulary, check
     from sleepcast.station.preview import is_for_everybody
@@ -97,9 +97,10 @@ def ask(text: str, air: Air, within: float, as_json: bool) -> int:
     and the greatest value.
 
     \b
-    Example:
+    Examples:
       sleepcast ask battery
     """
+    from sleepcast.channel import Kind
     from sleepcast.language import read
 
     read(text)
@@ -112,9 +113,11 @@ def stop(air: Air, within: float, as_json: bool) -> int:
     """Stop every robot that hears it, and keep it stopped until `sleepcast release`. Any key that is trusted may.
 
     \b
-    Example:
+    Examples:
       sleepcast stop
     """
+    from sleepcast.channel import Kind
+
     return _exchange(air, Kind.STOP, "", within=within, as_json=as_json)
 
 
@@ -124,9 +127,11 @@ def release(air: Air, within: float, as_json: bool) -> int:
     """End `sleepcast stop`. Nothing that was asked before resumes by itself.
 
     \b
-    Example:
+    Examples:
       sleepcast release
     """
+    from sleepcast.channel import Kind
+
     return _exchange(air, Kind.RELEASE, "", within=within, as_json=as_json)
 
 
@@ -171,6 +176,8 @@ Account = dict[str, list[str]]
 
 
 def _as_dict(sent: Message, account: Account, answers: Mapping[str, Answer]) -> dict[str, object]:
+    from sleepcast.channel import Kind
+
     found: dict[str, object] = {"id": sent.id, "kind": str(sent.kind), "text": sent.text}
     found |= {f"n_{sort}": len(names) for sort, names in account.items()}
     found |= {sort: names for sort, names in account.items() if len(names) <= MANY}
@@ -187,11 +194,14 @@ def _census(answers: Mapping[str, Answer]) -> dict[str, float | int | None]:
 
 def _told(sent: Message, account: Account, answers: Mapping[str, Answer], roster: Known) -> Iterator[str]:
     """The account, for a person."""
+    from sleepcast.channel import Kind
+    from sleepcast.language import format_value
+
     now = time.time()
     if not roster.names:
         yield f"{sent.id}: nobody answered, and nobody was heard before: is a node up on this channel, with these keys?"
         return
-    verb = WORDS.get(sent.kind, "matched")
+    verb = WORDS.get(str(sent.kind), "matched")
     yield f"{sent.id}: {_list(verb, account['matched'])}"
     if sent.kind is Kind.ASK:
         census = _census(answers)

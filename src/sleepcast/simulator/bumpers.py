@@ -13,7 +13,7 @@ import numpy as np
 from sleepcast.errors import MisuseError
 from sleepcast.simulator.contact import SKIN, Settled
 from sleepcast.simulator.engine import Machine
-from sleepcast.simulator.grid import Floats, distance, pairs, sort, spread
+from sleepcast.simulator.grid import Floats, Grid, distance, grid_over, pairs, sort, spread
 from sleepcast.simulator.neighbours import Neighbours
 from sleepcast.simulator.robot_settings import RobotSpec
 
@@ -42,8 +42,10 @@ class Bumpers:
     def part(self, x: Floats, y: Floats, anew: Callable[[int], tuple[Floats, Floats]]) -> None:
         """Move bodies until none overlaps another one or a solid. anew: other places for all of them, by the number of
         the attempt. Of two that overlap the one with the higher index moves. Raises MisuseError if they do not fit."""
+        wide = self._near.grid  # its cells are made for sonars, in which a full room has too many pairs
+        fine = grid_over(wide.across * wide.size, wide.up * wide.size, CELL * self.radii.max(), len(x))
         for attempt in range(MAX_ATTEMPTS):
-            wrong = self._overlapping(x, y)
+            wrong = self._overlapping(fine, x, y)
             if not len(wrong):
                 return
             other_x, other_y = anew(attempt)
@@ -53,16 +55,14 @@ class Bumpers:
             "give them more room, or ask for fewer"
         )
 
-    def _overlapping(self, x: Floats, y: Floats) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-        every = np.arange(len(x))
-        grid = self._near.grid
-        radii = self.radii
-        i, j = pairs(grid, sort(grid, x, y), x, y, 2.0 * radii.max() + SKIN, every)
+    def _overlapping(self, fine: Grid, x: Floats, y: Floats) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+        every, radii = np.arange(len(x)), self.radii
+        i, j = pairs(fine, sort(fine, x, y), x, y, 2.0 * radii.max() + SKIN, every)
         if radii.min() < radii.max():
             close = np.hypot(x[i] - x[j], y[i] - y[j]) <= radii[i] + radii[j] + SKIN
             i, j = i[close], j[close]
         listed, solids = self._near.solids(self._reach), self._near.world.solids
-        cell = grid.cells_of(x, y)
+        cell = self._near.grid.cells_of(x, y)
         k, item = spread(every, listed.start[cell], listed.start[cell + 1])
         lines = solids[listed.items[item]]
         inside = distance(x[k], y[k], *lines[:, :4].T) < radii[k] + lines[:, 4] + SKIN

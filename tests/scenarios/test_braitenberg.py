@@ -27,11 +27,7 @@ GATHERING = [order for order in RULES if "sFlag" not in order.text]
 EXPECTED = {500: (34.0, 2.0), 1000: (7.0, 3.0), 1500: (1.0, 0.75)}
 """Seconds: the distance in m, and the deviation of one run."""
 
-FEW = range(3)
-TEN = range(10)
-PAIR = range(2)
-fewer_seeds = pytest.mark.parametrize("seeds", [PAIR, pytest.param(TEN, marks=pytest.mark.slow)], ids=["pair", "ten"])
-seeds = pytest.mark.parametrize("seeds", [FEW, pytest.param(TEN, marks=pytest.mark.slow)], ids=["few", "ten"])
+SEEDS = range(10)
 
 
 def start(seed: int, orders: Sequence[Order]) -> tuple[Swarm, Station]:
@@ -42,10 +38,10 @@ def series(swarm: Swarm, name: str) -> dict[float, float]:
     return {sample[0]: sample[1] for sample in swarm.simulator.measured()[name]}
 
 
-@seeds
-def test_the_group_finds_the_light_and_stays_together(seeds: range) -> None:
+@pytest.mark.slow
+def test_the_group_finds_the_light_and_stays_together() -> None:
     runs = []
-    for seed in seeds:
+    for seed in SEEDS:
         swarm, _ = start(seed, RULES)
         swarm.run(1500)
         runs.append(distance := series(swarm, "distance_to_light"))
@@ -63,10 +59,10 @@ def test_the_group_finds_the_light_and_stays_together(seeds: range) -> None:
         assert abs(mean - expected) < 2 * deviation, (seconds, mean)
 
 
-@fewer_seeds
-def test_without_the_rules_for_the_light_it_stays_where_it_is(seeds: range) -> None:
+@pytest.mark.slow
+def test_without_the_rules_for_the_light_it_stays_where_it_is() -> None:
     assert len(RULES) - len(GATHERING) == 2
-    for seed in seeds:
+    for seed in SEEDS:
         swarm, _ = start(seed, GATHERING)
         swarm.run(2000)
         distance, gyration = series(swarm, "distance_to_light"), series(swarm, "radius_of_gyration")
@@ -74,10 +70,10 @@ def test_without_the_rules_for_the_light_it_stays_where_it_is(seeds: range) -> N
         assert gyration[2000] < 9.0, seed
 
 
-@fewer_seeds
-def test_one_broadcast_on_the_way_turns_attraction_into_flight(seeds: range) -> None:
+@pytest.mark.slow
+def test_one_broadcast_on_the_way_turns_attraction_into_flight() -> None:
     """At 500 s, 35 m away, the group turns round: 58 m at 1,000 s and 84 m at 1,500 s (one run deviates by 4 m)."""
-    for seed in seeds:
+    for seed in SEEDS:
         swarm, desk = start(seed, RULES)
         swarm.run(500)
         command = desk.send(FLIGHT.text)

@@ -15,8 +15,9 @@ from tests.channel_contract import Air, ChannelContract, message
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.door import Door, Drop
-from sleepcast.channel.endpoint import Endpoint, open_transport
+from sleepcast.channel.envelope import encode
 from sleepcast.channel.keys import KeyPair, Role, Trust
+from sleepcast.channel.transport import Transport, open_transport
 from sleepcast.channel.udp import AddressError, UdpError
 from sleepcast.clock import ManualClock
 
@@ -32,6 +33,28 @@ def free_port() -> int:
         found.bind(("127.0.0.1", 0))
         port: int = found.getsockname()[1]
         return port
+
+
+class Endpoint:
+    """A channel as bare as can be: each message is signed and sent once, and heard if the door lets it in."""
+
+    def __init__(self, transport: Transport, key: KeyPair, door: Door) -> None:
+        self.door = door
+        self._transport, self._key = transport, key
+
+    def send(self, sent: Message) -> None:
+        for datagram in encode(sent, self.door.fleet, self._key):
+            self._transport.send(datagram)
+
+    def receive(self) -> list[Message]:
+        entered = map(self.door.enter, self._transport.receive())
+        return [each.message for each in entered if each is not None]
+
+    def __enter__(self) -> Endpoint:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._transport.close()
 
 
 @dataclass

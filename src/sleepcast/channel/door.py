@@ -137,8 +137,20 @@ class Door:
     def enter(self, datagram: bytes) -> Entered | None:
         """The message that these bytes are, or complete; None if they are dropped, or part of a message that others
         are still missing of."""
+        part = self.look(datagram)
+        return None if part is None else self.admit(part, datagram)
+
+    def look(self, datagram: bytes) -> Part | None:
+        """What can be read of these bytes without believing them; None if they are dropped."""
         try:
-            part = look(datagram)
+            return look(datagram)
+        except EnvelopeError:
+            self.counts[Drop.MALFORMED] += 1
+            return None
+
+    def admit(self, part: Part, datagram: bytes) -> Entered | None:
+        """The rest of `enter`, for what `look` made of the bytes."""
+        try:
             key = self.trust.find(part.key)
             reason = self._objection(part, key)
             if reason is not None or key is None:

@@ -16,9 +16,9 @@ from random import Random
 
 import msgspec
 
-from sleepcast.channel.endpoint import Transport
 from sleepcast.channel.mailbox import Mailbox
 from sleepcast.channel.message import Kind, Message
+from sleepcast.channel.transport import Transport
 from sleepcast.clock import Clock
 
 WITHIN = "within"

@@ -22,7 +22,7 @@ from random import Random
 from typing import NamedTuple, TypeVar
 
 from sleepcast.channel.door import Door
-from sleepcast.channel.envelope import EnvelopeError, Part, encode, look
+from sleepcast.channel.envelope import Part, encode
 from sleepcast.channel.keys import MAY, KeyPair, Role
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.order import MAX_STREAMS, Order, Skipped, Stream
@@ -59,7 +59,6 @@ class Again(NamedTuple):
     time: float
     tie: int
     datagrams: tuple[bytes, ...]
-    deadline: float
 
 
 class Mailbox:
@@ -110,7 +109,7 @@ class Mailbox:
         if kind in REPEATED:
             for wait in REPEATS:
                 if now + wait <= until:
-                    heappush(self._later, Again(now + wait, next(self._tie), datagrams, until))
+                    heappush(self._later, Again(now + wait, next(self._tie), datagrams))
         return message
 
     def start(self, now: float) -> None:
@@ -124,9 +123,10 @@ class Mailbox:
 
     def take(self, datagram: bytes, now: float) -> list[Message]:
         """The messages that can be dealt with now that this datagram has come."""
-        if self._overheard(datagram, now):
+        part = self.door.look(datagram)
+        if part is None or self._overheard(part, datagram, now):
             return []
-        entered = self.door.enter(datagram)
+        entered = self.door.admit(part, datagram)
         if entered is None:
             return []
         message = entered.message
@@ -136,19 +136,15 @@ class Mailbox:
         if message.kind is Kind.REQUEST:
             self._mend_requested(message, now)
             return []
-        name = look(datagram).key, message.epoch
+        name = part.key, part.epoch
         if message.kind is not Kind.COMMAND or not self._commands(name):
             return [message]  # what robots tell each other has no order, and nobody mends it
         stream = self.order.stream(name)
         self._shelf.keep(stream.name, message.sequence, message.standing, entered.datagrams, now)
         return self._dealt_with(self.order.take(stream, message, now), now)
 
-    def _overheard(self, datagram: bytes, now: float) -> bool:
+    def _overheard(self, part: Part, datagram: bytes, now: float) -> bool:
         """Whether these very bytes are on our shelf: then we need not send them either."""
-        try:
-            part: Part = look(datagram)
-        except EnvelopeError:
-            return False  # which the door counts
         return part.kind is Kind.COMMAND and self._shelf.heard((part.key, part.epoch), part.sequence, datagram, now)
 
     def _dealt_with(self, found: list[Message], now: float) -> list[Message]:

@@ -7,7 +7,7 @@ that counts once only until its deadline.
 
 from __future__ import annotations
 
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import inf
@@ -21,6 +21,8 @@ MAX_STREAMS = 64
 """Senders of commands, each in each of its epochs, whose order is kept; the one that was silent longest makes room."""
 MAX_WAITING = 1_024
 """Commands of one sender that wait; beyond, the farthest ahead are forgotten, and asked for again in their turn."""
+MAX_SKIPPED = 1_024
+"""Skipped commands that are kept for whoever asks: the latest."""
 ASK_AFTER = (0.02, 0.06)
 """Seconds, by chance between these, before what is missing is asked for: its sender repeats it by himself, too."""
 ASK_AGAIN, ASK_SELDOM = 0.15, 2.0
@@ -104,7 +106,7 @@ class Order:
     def __init__(self, chance: Random) -> None:
         self._chance = chance
         self._streams: OrderedDict[Name, Stream] = OrderedDict()
-        self._skipped: list[Skipped] = []
+        self._skipped: deque[Skipped] = deque(maxlen=MAX_SKIPPED)
 
     def stream(self, name: Name) -> Stream:
         """The stream of this name, made when it is first asked for."""
@@ -141,10 +143,8 @@ class Order:
             for number, want in stream.wanted.items():
                 if want.due <= now and most > 0:
                     found.setdefault(stream.name, []).append(number)
-                    want.due, want.again = (
-                        now + want.again * self._chance.uniform(0.5, 1.0),
-                        min(2 * want.again, ASK_SELDOM),
-                    )
+                    want.due = now + want.again * self._chance.uniform(0.5, 1.0)
+                    want.again = min(2.0 * want.again, ASK_SELDOM)
                     most -= 1
         return found
 
@@ -165,7 +165,8 @@ class Order:
 
     def take_skipped(self) -> list[Skipped]:
         """What was skipped since this was asked last."""
-        found, self._skipped = self._skipped, []
+        found = list(self._skipped)
+        self._skipped.clear()
         return found
 
     def _advance(self, stream: Stream, now: float) -> list[Message]:

@@ -49,9 +49,9 @@ def line_for(air: Air, name: str | None, *, robot: bool, say: Callable[[str], No
     """A line on this channel. name: of what we say, None for the key's owner. say: tells the person which keys are in
     use if nobody chose them. Raises what the channel raises."""
     from sleepcast.channel.door import Door
-    from sleepcast.channel.endpoint import open_transport
     from sleepcast.channel.line import Line
     from sleepcast.channel.mailbox import Mailbox
+    from sleepcast.channel.transport import open_transport
     from sleepcast.clock import UnixClock
     from sleepcast.errors import MisuseError
 

@@ -1,9 +1,17 @@
-"""Files that are replaced as a whole or left as they were, whatever happens in between."""
+"""Where a person's files lie, and files that are replaced as a whole or left as they were, whatever happens."""
 
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
+
+
+def data_folder() -> Path:
+    """Where sleepcast keeps a person's own data, by the custom of the system."""
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Application Support" / "sleepcast"
+    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "sleepcast"
 
 
 def replace_file(file: Path, data: bytes, *, private: bool = False) -> None:

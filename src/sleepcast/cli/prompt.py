@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import sys
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +16,7 @@ from prompt_toolkit.history import FileHistory, History, InMemoryHistory
 from prompt_toolkit.layout.processors import HighlightMatchingBracketProcessor
 
 from sleepcast.cli.streams import complain, still_open
+from sleepcast.files import data_folder
 from sleepcast.language import Variable, format_value
 from sleepcast.language.functions import FUNCTIONS
 
@@ -80,13 +79,6 @@ class Names(Completer):
         if isinstance(binding, Variable):
             return format_value(self._node.values[binding.slot])
         return ""
-
-
-def data_folder() -> Path:
-    """Where sleepcast keeps a person's own data, by the custom of the system."""
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Application Support" / "sleepcast"
-    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "sleepcast"
 
 
 def _history() -> History:

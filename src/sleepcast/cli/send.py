@@ -7,7 +7,6 @@ that a robot which says nothing is told as silent, and nobody takes silence for 
 from __future__ import annotations
 
 import json
-import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import wraps
@@ -21,9 +20,10 @@ from sleepcast.cli.air import Air, line_for, options
 from sleepcast.cli.evaluate import NegativeNumbersAllowed
 from sleepcast.cli.streams import complain, put
 from sleepcast.errors import MisuseError, printable
+from sleepcast.files import data_folder, replace_file
 
 if TYPE_CHECKING:
-    from sleepcast.channel import Kind, Message
+    from sleepcast.channel import Message
     from sleepcast.station.accounting import Answer
 
 CHANNEL = "udp://239.255.83.76:47123?interface=lo"
@@ -39,7 +39,9 @@ FEW = 12
 
 MANY = 1_000
 """Names that scripts get; of more, their number alone."""
-WORDS = {"ask": "answered", "stop": "stopped", "release": "released"}
+COMMAND, ASK, STOP, RELEASE = "command", "ask", "stop", "release"
+"""Kinds of messages, by their values: the kinds themselves are loaded when something is sent."""
+WORDS = {ASK: "answered", STOP: "stopped", RELEASE: "released"}
 """What those have done that did what they were told."""
 
 
@@ -75,7 +77,6 @@ def send(text: str, standing: bool, everybody: bool, air: Air, within: float, as
       sleepcast send '(WHEN (> front_range 1m) (VM 0.2m/s 0.2m/s))'
       sleepcast send --standing --all '(RULE keep (WHEN (< front_range 10in) (ST)))'
     """
-    from sleepcast.channel import Kind
     from sleepcast.cli.learned import LearnedNames
     from sleepcast.language import Vocabulary, check
     from sleepcast.station.preview import is_for_everybody
@@ -86,7 +87,7 @@ def send(text: str, standing: bool, everybody: bool, air: Air, within: float, as
             f"every robot that hears it would obey {text.strip()!r:.200}: say so with --all, or say for whom it is, as "
             "in (WHEN (IN bravo) (ST))"
         )
-    return _exchange(air, Kind.COMMAND, text, standing=standing, within=within, as_json=as_json)
+    return _exchange(air, COMMAND, text, standing=standing, within=within, as_json=as_json)
 
 
 @click.command("ask", cls=NegativeNumbersAllowed, short_help="Ask robots on the air for a value.")
@@ -100,11 +101,10 @@ def ask(text: str, air: Air, within: float, as_json: bool) -> int:
     Examples:
       sleepcast ask battery
     """
-    from sleepcast.channel import Kind
     from sleepcast.language import read
 
     read(text)
-    return _exchange(air, Kind.ASK, text, within=within, as_json=as_json)
+    return _exchange(air, ASK, text, within=within, as_json=as_json)
 
 
 @click.command("stop", short_help="Stop every robot on the air.")
@@ -116,9 +116,7 @@ def stop(air: Air, within: float, as_json: bool) -> int:
     Examples:
       sleepcast stop
     """
-    from sleepcast.channel import Kind
-
-    return _exchange(air, Kind.STOP, "", within=within, as_json=as_json)
+    return _exchange(air, STOP, "", within=within, as_json=as_json)
 
 
 @click.command("release", short_help="End a stop.")
@@ -130,15 +128,14 @@ def release(air: Air, within: float, as_json: bool) -> int:
     Examples:
       sleepcast release
     """
-    from sleepcast.channel import Kind
-
-    return _exchange(air, Kind.RELEASE, "", within=within, as_json=as_json)
+    return _exchange(air, RELEASE, "", within=within, as_json=as_json)
 
 
-def _exchange(air: Air, kind: Kind, text: str, *, standing: bool = False, within: float, as_json: bool) -> int:
+def _exchange(air: Air, kind: str, text: str, *, standing: bool = False, within: float, as_json: bool) -> int:
     """Send, collect the answers, and print the account. The exit status is 1 if anything went wrong on a robot."""
     from contextlib import closing
 
+    from sleepcast.channel import Kind
     from sleepcast.channel.line import WITHIN as ASKED
     from sleepcast.station.accounting import Outcome, answer_from
 
@@ -147,7 +144,7 @@ def _exchange(air: Air, kind: Kind, text: str, *, standing: bool = False, within
     answers: dict[str, Answer] = {}
     with closing(line_for(air, None, robot=False, say=complain)) as line:
         now = time.time()
-        sent = line.mailbox.post(kind, now, text=text, standing=standing, body={ASKED: within})
+        sent = line.mailbox.post(Kind(kind), now, text=text, standing=standing, body={ASKED: within})
         until = now + within + GRACE
         while (now := time.time()) < until and not (expected and expected <= answers.keys()):
             line.wait(min(PAUSE, until - now))
@@ -176,12 +173,10 @@ Account = dict[str, list[str]]
 
 
 def _as_dict(sent: Message, account: Account, answers: Mapping[str, Answer]) -> dict[str, object]:
-    from sleepcast.channel import Kind
-
     found: dict[str, object] = {"id": sent.id, "kind": str(sent.kind), "text": sent.text}
     found |= {f"n_{sort}": len(names) for sort, names in account.items()}
     found |= {sort: names for sort, names in account.items() if len(names) <= MANY}
-    return found | ({"answers": len(answers), **_census(answers)} if sent.kind is Kind.ASK else {})
+    return found | ({"answers": len(answers), **_census(answers)} if sent.kind == ASK else {})
 
 
 def _census(answers: Mapping[str, Answer]) -> dict[str, float | int | None]:
@@ -194,7 +189,6 @@ def _census(answers: Mapping[str, Answer]) -> dict[str, float | int | None]:
 
 def _told(sent: Message, account: Account, answers: Mapping[str, Answer], roster: Known) -> Iterator[str]:
     """The account, for a person."""
-    from sleepcast.channel import Kind
     from sleepcast.language import format_value
 
     now = time.time()
@@ -203,12 +197,12 @@ def _told(sent: Message, account: Account, answers: Mapping[str, Answer], roster
         return
     verb = WORDS.get(str(sent.kind), "matched")
     yield f"{sent.id}: {_list(verb, account['matched'])}"
-    if sent.kind is Kind.ASK:
+    if sent.kind == ASK:
         census = _census(answers)
         if census["n"]:
             spread = ", ".join(f"{what} {format_value(float(census[what] or 0.0))}" for what in ("min", "mean", "max"))
             yield f"  {census['n']} know it: {spread}"
-    elif sent.kind is Kind.COMMAND:
+    elif sent.kind == COMMAND:
         yield f"  {_list('did not match', account['not_matched'])}"
     for name in account["fault"][:FEW]:
         yield f"  fault on {name}: {printable(answers[name].fault or '')}"
@@ -226,7 +220,7 @@ class Known:
     """The robots of a fleet that were heard before, and when (s of Unix time); see the module."""
 
     def __init__(self, fleet: str) -> None:
-        self._file = _rosters() / f"{fleet.encode().hex()}.json"
+        self._file = data_folder() / "rosters" / f"{fleet.encode().hex()}.json"
         try:
             found = json.loads(self._file.read_text(encoding="utf-8"))
             self._heard = {str(name): float(heard) for name, heard in found.items()}
@@ -251,16 +245,9 @@ class Known:
 
     def save(self) -> str:
         """Keep it; gives what a person must know if that fails."""
-        from sleepcast.files import replace_file
-
         try:
             self._file.parent.mkdir(parents=True, exist_ok=True)
             replace_file(self._file, json.dumps(self._heard).encode())
         except OSError as error:
             return f"cannot remember who was heard ({self._file}: {error.strerror}): silence will not be told next time"
         return ""
-
-
-def _rosters() -> Path:
-    """Where the fleets' rosters lie."""
-    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "sleepcast" / "rosters"

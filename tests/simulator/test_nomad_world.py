@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from machines import ALL
+from simulator.nomad_time import run, until_rest
 from sleepcast.errors import MisuseError
 from sleepcast.robot import Axes, Pose
 from sleepcast.simulator.engine import Machine
@@ -19,20 +20,6 @@ from sleepcast.simulator.nomads import NomadWorld
 TENTH = 0.00254
 """m of a tenth of an inch."""
 BOX = [(1.0, -0.5), (2.0, -0.5), (2.0, 0.5), (1.0, 0.5)]
-
-
-def run(world: NomadWorld, seconds: float) -> None:
-    for _ in range(round(seconds / world.tick)):
-        world.step()
-
-
-def until_rest(world: NomadWorld, robot: int = 0, most: float = 60.0) -> float:
-    """Seconds until nothing of the robot moves."""
-    begin = world.time
-    while any(world.observe(robot).moving):
-        world.step()
-        assert world.time - begin < most
-    return world.time - begin
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from machines import ALL
+from simulator.nomad_time import run, until_rest
 from sleepcast.errors import MisuseError
 from sleepcast.robot import Axes, Pose
 from sleepcast.simulator.nomad_worlds import nomad_world
@@ -17,19 +18,6 @@ from sleepcast.simulator.setups import SETUPS
 EAST = [(1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (1.0, 1.0)]
 """A box whose west side stands 1 m east of the origin."""
 RADIUS = 0.225
-
-
-def run(world: NomadWorld, seconds: float) -> None:
-    for _ in range(round(seconds / world.tick)):
-        world.step()
-
-
-def until_rest(world: NomadWorld, robot: int = 0, most: float = 60.0) -> float:
-    begin = world.time
-    while any(world.observe(robot).moving):
-        world.step()
-        assert world.time - begin < most
-    return world.time - begin
 
 
 @pytest.fixture

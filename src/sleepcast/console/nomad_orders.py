@@ -78,6 +78,13 @@ _SENSOR = Field("sensor", "", -1, 255)
 _VERTEX = Field("x or y", LENGTH)
 _MODE = Field("colour", "", 1, 23, 1)
 
+
+def _of_polygon(name: str, about: str, beside: int) -> Order:
+    """An order with a polygon; see `Order.beside`."""
+    corners = Field("corners", "", 3, MOST_VERTICES)
+    return Order(name, about, (corners,), more=_VERTEX, at_most=beside + 2 * MOST_VERTICES, beside=beside)
+
+
 ORDERS: dict[str, Order] = {
     order.name: order
     for order in (
@@ -133,29 +140,10 @@ ORDERS: dict[str, Order] = {
             "Laser: what counts as a line.",
             tuple(Field(name, "", 0, 1023) for name in ("threshold", "points", "gap")),
         ),
-        Order(
-            "add_obstacle",
-            "Put up a polygon: how many corners, then x y of each, counter-clockwise.",
-            (Field("corners", "", 3, MOST_VERTICES),),
-            more=_VERTEX,
-            at_most=1 + 2 * MOST_VERTICES,
-            beside=1,
-        ),
-        Order(
-            "delete_obstacle",
-            "Take the polygon with these corners away.",
-            (Field("corners", "", 3, MOST_VERTICES),),
-            more=_VERTEX,
-            at_most=1 + 2 * MOST_VERTICES,
-            beside=1,
-        ),
-        Order(
-            "move_obstacle",
-            "Move the polygon with these corners; the last two numbers say how far across and up.",
-            (Field("corners", "", 3, MOST_VERTICES),),
-            more=_VERTEX,
-            at_most=3 + 2 * MOST_VERTICES,
-            beside=3,
+        _of_polygon("add_obstacle", "Put up a polygon: how many corners, then x y of each, counter-clockwise.", 1),
+        _of_polygon("delete_obstacle", "Take the polygon with these corners away.", 1),
+        _of_polygon(
+            "move_obstacle", "Move the polygon with these corners; the last two numbers say how far across and up.", 3
         ),
         Order("new_world", "Take all obstacles away."),
         Order("draw_robot", "Draw a robot.", (*_PLACE, _MODE)),

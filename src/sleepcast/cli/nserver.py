@@ -119,10 +119,10 @@ def _page(
     from sleepcast.cli.nserver_page import show
     from sleepcast.cli.page import Address
 
-    (left, bottom), (width, height) = world.origin, world.size
-    area = (-left, -bottom, width - left, height - bottom)
     address = Address("127.0.0.1", port, insecure=False, browser=browser)
-    return lambda server: show(server, pace, title=title, area=area, address=address, say=_say if as_json else announce)
+    return lambda server: show(
+        server, pace, title=title, area=world.area, address=address, say=_say if as_json else announce
+    )
 
 
 async def _serve(

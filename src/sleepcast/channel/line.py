@@ -16,13 +16,12 @@ from random import Random
 
 import msgspec
 
+from sleepcast.channel.bodies import WITHIN
 from sleepcast.channel.mailbox import Mailbox
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.transport import Transport
 from sleepcast.clock import Clock
 
-WITHIN = "within"
-"""In the body of a command: seconds within which answers are wanted."""
 LONGEST = 60.0
 """Seconds over which answers are spread at most."""
 MAX_ASKED = 256

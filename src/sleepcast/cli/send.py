@@ -136,7 +136,7 @@ def _exchange(air: Air, kind: str, text: str, *, standing: bool = False, within:
     from contextlib import closing
 
     from sleepcast.channel import Kind
-    from sleepcast.channel.line import WITHIN as ASKED
+    from sleepcast.channel.bodies import WITHIN as ASKED
     from sleepcast.station.accounting import Outcome, answer_from
 
     roster = Known(air.fleet)

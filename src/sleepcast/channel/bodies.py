@@ -1,0 +1,14 @@
+"""What the bodies of commands and questions may say besides their text, by its name on the air."""
+
+from __future__ import annotations
+
+WITHIN = "within"
+"""Seconds over which answers are to be spread."""
+FOR, NOT = "for", "not"
+"""Names of the robots that are addressed, and of those that are not; all others do not even answer."""
+LOOK, OF = "look", "of"
+"""What a robot is to tell of itself, and of which command or description."""
+LEASE = "lease"
+"""Who is to control a group, and for how long."""
+KEYS = "keys"
+"""Whom to trust, and whom not any more."""

@@ -13,9 +13,10 @@ from enum import StrEnum
 from math import inf
 from typing import NamedTuple
 
-from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Part, Piece, look, read_message, read_piece
+from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Part, Piece
 from sleepcast.channel.keys import MAY, PublicKey, Role, Trust
 from sleepcast.channel.message import TO_OPERATOR, Kind, Message
+from sleepcast.channel.reading import Reader
 from sleepcast.clock import Clock
 
 WINDOW = 4_096
@@ -30,6 +31,8 @@ SKEW = 2.0
 """Seconds that two clocks may differ, unless another bound is given."""
 TO_ROBOTS = frozenset({Kind.COMMAND, Kind.ASK})
 """Kinds that robots are to evaluate."""
+ROBOT_EARS = frozenset(Kind) - TO_OPERATOR
+"""Kinds that robots have ears for."""
 OLDEST = 3_600.0
 """Seconds after which a message without a deadline is no news any more; what must last is told anew."""
 
@@ -111,7 +114,7 @@ class Door:
     """One party's door. trust: whom it believes; fleet: whose messages it hears; robot: whether it is a robot's, which
     has no ear for what others tell the operator, or an operator's, who has none for what robots tell each other.
     clock: Unix time, s. rate: signatures of one key that are looked at in a second. skew: s that others' clocks may be
-    wrong.
+    wrong. reader: shared by the doors of one process, None for one of our own.
 
     counts: what was dropped, by reason; passed: how many messages came in.
     """
@@ -125,11 +128,13 @@ class Door:
         robot: bool,
         rate: float = VERIFIED_A_SECOND,
         skew: float = SKEW,
+        reader: Reader | None = None,
     ) -> None:
         self.trust, self.fleet, self.robot = trust, fleet, robot
         self.counts: Counter[Drop] = Counter()
         self.passed = 0
         self._clock, self._rate, self._skew = clock, rate, skew
+        self._reader = reader or Reader()
         self._heard: OrderedDict[tuple[bytes, str, int], Heard] = OrderedDict()
         self._budgets: dict[tuple[bytes, bool], Budget] = {}
         self._open: OrderedDict[tuple[bytes, str, int, int], Assembly] = OrderedDict()
@@ -143,7 +148,7 @@ class Door:
     def look(self, datagram: bytes) -> Part | None:
         """What can be read of these bytes without believing them; None if they are dropped."""
         try:
-            return look(datagram)
+            return self._reader.look(datagram)
         except EnvelopeError:
             self.counts[Drop.MALFORMED] += 1
             return None
@@ -152,11 +157,11 @@ class Door:
         """The rest of `enter`, for what `look` made of the bytes."""
         try:
             key = self.trust.find(part.key)
-            reason = self._objection(part, key)
+            reason = self._objection(part, key, datagram)
             if reason is not None or key is None:
                 self.counts[reason or Drop.UNKNOWN_KEY] += 1
                 return None
-            piece = read_piece(part)
+            piece = self._reader.piece(datagram)
             reason = self._second_objection(key, part, piece)
             if reason is not None:
                 self.counts[reason] += 1
@@ -169,7 +174,7 @@ class Door:
             self.passed += 1
         return entered
 
-    def _objection(self, part: Part, key: PublicKey | None) -> Drop | None:
+    def _objection(self, part: Part, key: PublicKey | None, datagram: bytes) -> Drop | None:
         """Why the part is dropped, as far as can be said without reading what it says."""
         if key is None:
             return Drop.UNKNOWN_KEY
@@ -188,7 +193,7 @@ class Door:
             return Drop.REPEATED
         if not self._budget(part, now).take(now):
             return Drop.TOO_MANY
-        return None if key.signed(part.signed, part.signature) else Drop.FORGED
+        return None if self._reader.signed(key, datagram) else Drop.FORGED
 
     def _second_objection(self, key: PublicKey, part: Part, piece: Piece) -> Drop | None:
         if piece.fleet != self.fleet:
@@ -231,7 +236,7 @@ class Door:
             content = b"".join(contents)
             if len(content) > MAX_CONTENT:
                 raise EnvelopeError("a message that says more than fits into one")
-        message = read_message(part, piece.sender, content)
+        message = self._reader.message(datagram, piece.sender, content)
         if not part.standing:
             self._note(part, piece.sender)
         return Entered(message, datagrams)

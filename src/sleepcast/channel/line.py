@@ -11,7 +11,7 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import count
-from math import inf, isinf
+from math import isinf
 from random import Random
 
 import msgspec
@@ -81,13 +81,16 @@ class Line:
             self._post(heappop(self._held).message)
         self._step()
 
+    def due(self) -> float:
+        """When `pump` has something to do next even if nothing comes, s of Unix time."""
+        due = self.mailbox.due()
+        return min(due, self._held[0].time) if self._held else due
+
     def wait(self, seconds: float) -> None:
         """Pump for so long."""
         until = self._clock.now() + seconds
         while (now := self._clock.now()) < until:
-            held = self._held[0].time if self._held else inf
-            due = min(until, self.mailbox.due(), held)
-            select.select([self.transport], [], [], max(0.0, due - now))
+            select.select([self.transport], [], [], max(0.0, min(until, self.due()) - now))
             self.pump()
 
     def close(self) -> None:

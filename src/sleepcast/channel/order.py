@@ -157,11 +157,15 @@ class Order:
 
     def due(self) -> float:
         """When there is something to ask for, or nothing to wait for any more, s."""
-        asking = (want.due for stream in self._streams.values() for want in stream.wanted.values())
-        waiting = (
-            Link.of(stream.waiting[min(stream.waiting)]).until for stream in self._streams.values() if stream.waiting
-        )
-        return min((*asking, *(until + SLACK for until in waiting)), default=inf)
+        found = inf
+        for stream in self._streams.values():
+            if stream.wanted:
+                found = min(found, *(want.due for want in stream.wanted.values()))
+            if stream.waiting:
+                link = Link.of(stream.waiting[min(stream.waiting)])
+                if link.rules <= stream.rules:  # for rules it waits for ever
+                    found = min(found, link.until + SLACK)
+        return found
 
     def take_skipped(self) -> list[Skipped]:
         """What was skipped since this was asked last."""

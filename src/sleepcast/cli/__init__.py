@@ -32,6 +32,7 @@ COMMANDS = {
     "nserver": ("sleepcast.cli.nserver", "nserver"),
     "scenarios": ("sleepcast.cli.gallery", "scenarios"),
     "node": ("sleepcast.cli.node", "node"),
+    "swarm": ("sleepcast.cli.crew", "swarm"),
     "eval": ("sleepcast.cli.evaluate", "evaluate"),
     "check": ("sleepcast.cli.check", "check"),
     "repl": ("sleepcast.cli.repl", "repl"),

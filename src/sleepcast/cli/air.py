@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random, SystemRandom
@@ -13,6 +13,9 @@ import click
 if TYPE_CHECKING:
     from sleepcast.channel.keys import KeyPair, Trust
     from sleepcast.channel.line import Line
+    from sleepcast.channel.reading import Reader
+    from sleepcast.channel.transport import Transport
+    from sleepcast.channel.trunk import Branch, Trunk
 
 FLEET = "sleepcast"
 """Whose messages are heard, unless another fleet is named."""
@@ -48,22 +51,46 @@ def options(command: Command) -> Command:
 def line_for(air: Air, name: str | None, *, robot: bool, say: Callable[[str], None]) -> Line:
     """A line on this channel. name: of what we say, None for the key's owner. say: tells the person which keys are in
     use if nobody chose them. Raises what the channel raises."""
+    from sleepcast.channel.reading import Reader
+    from sleepcast.channel.transport import open_transport
+
+    key, trust = _keys(air, robot, say)
+    party = _party(air, key.public.owner if name is None else name, key, trust, Reader(), robot=robot)
+    return party(open_transport(air.channel))
+
+
+def lines_for(air: Air, names: Iterable[str], say: Callable[[str], None]) -> tuple[Trunk, list[tuple[Line, Branch]]]:
+    """Lines of robots with these names, all on one trunk, each with its branch. Raises what the channel raises."""
+    from sleepcast.channel.door import ROBOT_EARS
+    from sleepcast.channel.reading import Reader
+    from sleepcast.channel.transport import open_transport
+    from sleepcast.channel.trunk import Trunk
+
+    key, trust = _keys(air, True, say)
+    reader = Reader()
+    parties = [_party(air, name, key, trust, reader, robot=True) for name in names]
+    trunk = Trunk(open_transport(air.channel), reader)
+    branches = [trunk.branch(ROBOT_EARS) for _ in parties]
+    return trunk, [(party(branch), branch) for party, branch in zip(parties, branches, strict=True)]
+
+
+def _party(
+    air: Air, name: str, key: KeyPair, trust: Trust, reader: Reader, *, robot: bool
+) -> Callable[[Transport], Line]:
+    """What makes a line of this name, once there is a transport. Raises MisuseError if the key is not its own."""
     from sleepcast.channel.door import Door
     from sleepcast.channel.line import Line
     from sleepcast.channel.mailbox import Mailbox
-    from sleepcast.channel.transport import open_transport
     from sleepcast.clock import UnixClock
     from sleepcast.errors import MisuseError
 
-    key, trust = _keys(air, robot, say)
-    name = key.public.owner if name is None else name
     if not key.public.is_of(name):
         raise MisuseError(f"the key of {key.public.owner!r} cannot speak for {name!r}: take another with --key")
     clock, chance = UnixClock(), Random(SystemRandom().getrandbits(64))
-    door = Door(trust, air.fleet, clock, robot=robot)
+    door = Door(trust, air.fleet, clock, robot=robot, reader=reader)
     # A life begins later than all before, so that its numbers are news.
     mailbox = Mailbox(name, int(clock.now() * 1000.0), key, door, chance)
-    return Line(open_transport(air.channel), mailbox, clock, chance)
+    return lambda transport: Line(transport, mailbox, clock, chance)
 
 
 def _keys(air: Air, robot: bool, say: Callable[[str], None]) -> tuple[KeyPair, Trust]:

@@ -52,6 +52,18 @@ def _expressions(text: str, path: Path) -> Iterator[tuple[str, str]]:
         yield from ((place, piece[form.start : form.end]) for form in forms)
 
 
+def begin_with(node: Node, beginning: Beginning) -> None:
+    """Evaluate a robot's first expressions. Raises MisuseError for one that it cannot run, BeginningError for one that
+    goes wrong."""
+    for place, text in beginning.expressions:
+        try:
+            result = node.evaluate(text)
+        except SleepcastError as error:
+            raise MisuseError(f"{place}: {error}") from error
+        if result.faults:
+            raise BeginningError(f"{place}: {result.faults[0]}")
+
+
 class Life:
     """A mind in a body. ears: where plain datagrams come in, if they do. nomad: whether functions with Nclient's names
     take its units."""
@@ -65,21 +77,14 @@ class Life:
         self._orders: tuple[Order, ...] = ()
 
     def begin(self, beginning: Beginning | None) -> None:
-        """Evaluate what the robot begins with. Raises MisuseError for an expression that it cannot run, BeginningError
-        for one that goes wrong."""
+        """Evaluate what the robot begins with; see `begin_with`."""
         self.node.sense(self.robot.sense().values, 0.0)
         if self.ears is not None:
             self.node.evaluate(NOTHING_HEARD)
         if beginning is None:
             return
         self._orders = beginning.orders
-        for place, text in beginning.expressions:
-            try:
-                result = self.node.evaluate(text)
-            except SleepcastError as error:
-                raise MisuseError(f"{place}: {error}") from error
-            if result.faults:
-                raise BeginningError(f"{place}: {result.faults[0]}")
+        begin_with(self.node, beginning)
 
     def go_on(self, check: Callable[[], None], tick: float, seconds: float | None, line: Line | None = None) -> None:
         """Live, and say at the end how it went. check: raises KeyboardInterrupt when it is time. tick: s, 0 in step.

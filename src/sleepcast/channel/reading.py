@@ -1,0 +1,74 @@
+"""Reading: what datagrams say, each worked out once, however many parties of this process hear it.
+
+The same command comes several times, and reaches every robot of a swarm in one process: its layout, its signature and
+its words are the same for all of them. What each makes of it - whether it knows the key, whether it is late or was
+heard before - is a matter of its own door.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+
+from sleepcast.channel.envelope import Part, Piece, look, read_message, read_piece
+from sleepcast.channel.keys import PublicKey
+from sleepcast.channel.message import Message
+
+MAX_READ = 1_024
+"""Datagrams of which it is remembered what they say: those of the seconds in which they are repeated, one megabyte."""
+
+
+@dataclass(slots=True)
+class Read:
+    """What is known of a datagram. checked: the public half of the key with which its signature was compared, and
+    whether it was good; piece, message: read only once it was."""
+
+    part: Part
+    checked: tuple[bytes, bool] = (b"", False)
+    piece: Piece | None = None
+    message: Message | None = None
+
+
+class Reader:
+    """See the module. Nothing that no signature vouches for is read further than `look` does."""
+
+    def __init__(self) -> None:
+        self._known: OrderedDict[bytes, Read] = OrderedDict()
+
+    def look(self, datagram: bytes) -> Part:
+        """See `envelope.look`. Raises EnvelopeError."""
+        found = self._known.get(datagram)
+        return self._look(datagram).part if found is None else found.part
+
+    def signed(self, key: PublicKey, datagram: bytes) -> bool:
+        """Whether the datagram bears this key's signature. Raises EnvelopeError for what is no part of a message."""
+        found = self._of(datagram)
+        if found.checked[0] != key.public:
+            found.checked = key.public, key.signed(found.part.signed, found.part.signature)
+        return found.checked[1]
+
+    def piece(self, datagram: bytes) -> Piece:
+        """See `envelope.read_piece`; for a datagram whose signature is good. Raises EnvelopeError."""
+        found = self._of(datagram)
+        if found.piece is None:
+            found.piece = read_piece(found.part)
+        return found.piece
+
+    def message(self, datagram: bytes, sender: str, content: bytes) -> Message:
+        """The message whose last part to arrive is this datagram, see `envelope.read_message`. Raises EnvelopeError."""
+        found = self._of(datagram)
+        if found.part.parts > 1:  # what it says depends on the other parts as well
+            return read_message(found.part, sender, content)
+        if found.message is None:
+            found.message = read_message(found.part, sender, content)
+        return found.message
+
+    def _of(self, datagram: bytes) -> Read:
+        found = self._known.get(datagram)
+        return self._look(datagram) if found is None else found
+
+    def _look(self, datagram: bytes) -> Read:
+        found = self._known[datagram] = Read(look(datagram))
+        if len(self._known) > MAX_READ:
+            self._known.popitem(last=False)
+        return found

@@ -1,0 +1,108 @@
+"""A trunk: one transport for many parties of one process, each of which has a branch that is a transport for it.
+
+Every datagram is taken from the network once. What cannot be a message, and what none of the parties has ears for (a
+thousand robots' answers to their operator), ends here; the others go to every branch. What one party says goes on the
+air, and to its neighbours without it: the network gives back nothing of our own.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Iterable
+
+from sleepcast.channel.door import Drop
+from sleepcast.channel.envelope import EnvelopeError
+from sleepcast.channel.message import Kind
+from sleepcast.channel.reading import Reader
+from sleepcast.channel.transport import Transport
+
+MAX_QUEUE = 8_192
+"""Datagrams that wait for one party; the oldest make room, as in a receiver's buffer: ten megabytes for all of them,
+as they share the bytes."""
+
+
+class Trunk:
+    """See the module. reader: what the doors of the parties read with, so that they share its work.
+
+    counts: what went no further than here, by reason.
+    """
+
+    def __init__(self, transport: Transport, reader: Reader | None = None) -> None:
+        self.reader = reader or Reader()
+        self.counts: Counter[Drop] = Counter()
+        self._transport = transport
+        self._branches: list[Branch] = []
+        self._wanted: frozenset[Kind] = frozenset()
+
+    def fileno(self) -> int:
+        """What to wait on for news from the network."""
+        return self._transport.fileno()
+
+    def branch(self, wanted: Iterable[Kind]) -> Branch:
+        """The transport of one more party, which has ears for these kinds only."""
+        found = Branch(self, frozenset(wanted))
+        self._branches.append(found)
+        self._wanted |= found.wanted
+        return found
+
+    def gather(self) -> bool:
+        """Bring the branches what has come from the network since the last call; whether there was anything."""
+        came = self._transport.receive()
+        for datagram in came:
+            self._spread(datagram, None)
+        return bool(came)
+
+    def send(self, datagram: bytes, sender: Branch) -> None:
+        """Send what the party of this branch says."""
+        self._transport.send(datagram)
+        self._spread(datagram, sender)
+
+    def leave(self, branch: Branch) -> None:
+        """This branch hears nothing any more; with the last one the transport is left."""
+        if branch in self._branches:
+            self._branches.remove(branch)
+            self._wanted = frozenset[Kind]().union(*(each.wanted for each in self._branches))
+            if not self._branches:
+                self._transport.close()
+
+    def _spread(self, datagram: bytes, sender: Branch | None) -> None:
+        try:
+            kind = self.reader.look(datagram).kind
+        except EnvelopeError:
+            self.counts[Drop.MALFORMED] += 1
+            return
+        if kind not in self._wanted:
+            if sender is None:
+                self.counts[Drop.NOT_FOR_US] += 1
+            return
+        for branch in self._branches:
+            if branch is not sender and kind in branch.wanted:
+                branch.waiting.append(datagram)
+
+
+class Branch:
+    """One party's transport on a trunk. wanted: kinds that it has ears for. waiting: what it has not looked at yet."""
+
+    def __init__(self, trunk: Trunk, wanted: frozenset[Kind]) -> None:
+        self.wanted = wanted
+        self.waiting: deque[bytes] = deque(maxlen=MAX_QUEUE)
+        self._trunk = trunk
+
+    def fileno(self) -> int:
+        """What to wait on for news from the network; what a neighbour has said is there already."""
+        return self._trunk.fileno()
+
+    def send(self, datagram: bytes) -> None:
+        """Broadcast."""
+        self._trunk.send(datagram, self)
+
+    def receive(self) -> list[bytes]:
+        """What has come in since the last call, in the order in which it came; nothing of our own."""
+        self._trunk.gather()
+        found = list(self.waiting)
+        self.waiting.clear()
+        return found
+
+    def close(self) -> None:
+        """Leave. Nothing can be sent or heard afterwards."""
+        self._trunk.leave(self)

@@ -1,0 +1,148 @@
+"""`sleepcast swarm`: many robots' minds in one process, with bodies in the simulator, on a real channel."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from sleepcast.cli.air import Air, lines_for, options
+from sleepcast.cli.interrupts import Interrupts
+from sleepcast.cli.streams import announce, complain
+from sleepcast.errors import MisuseError
+
+if TYPE_CHECKING:
+    from sleepcast.cli.node_life import Beginning
+    from sleepcast.loop import Crew
+
+MOST = 10_000
+"""Nodes in one process: more than a core can let think; a simulated swarm (`sleepcast run`) takes a million."""
+MAX_ID = 1_000_000
+"""The highest number of a robot: what its name ends in."""
+CHANNEL = "udp://239.255.83.76:47123?interface=lo"
+"""Unless another one is said: multicast that stays on this machine."""
+SCENARIO = "bravo"
+"""The world, unless another one is said."""
+
+
+@click.command("swarm", short_help="Run many robots on the air in one process.")
+@click.argument("count", metavar="N", type=click.IntRange(1, MOST))
+@click.option("--channel", metavar="URI", default=CHANNEL, show_default=True, help="The radio on which commands come.")
+@click.option("--scenario", metavar="NAME|FILE", default=SCENARIO, show_default=True, help="The world of their bodies.")
+@click.option("--name-prefix", "prefix", default="r", show_default=True, help="What comes before a robot's number.")
+@click.option("--first", type=click.IntRange(0, MAX_ID), default=1, show_default=True, help="The first one's number.")
+@click.option("--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions that each begins with.")
+@options
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="What chance depends on; else the scenario's.")
+@click.option("--seconds", metavar="S", type=click.FloatRange(min=0.0), help="End after so long; else at Ctrl-C.")
+def swarm(
+    count: int,
+    channel: str,
+    scenario: str,
+    prefix: str,
+    first: int,
+    rules: Path | None,
+    fleet: str,
+    key: str | None,
+    trust: Path | None,
+    folder: Path | None,
+    seed: int | None,
+    seconds: float | None,
+) -> int:
+    """Run N robots, r1 to rN, each with a mind and a mailbox of its own, until Ctrl-C, which stops their bodies first.
+
+    Their bodies live in the world of a scenario, in real time; they obey commands from the air (`sleepcast send`). Each
+    process has a world of its own: with --first, several of them, on one computer or many, make one large fleet.
+
+    \b
+    Examples:
+      sleepcast swarm 200
+      sleepcast swarm 50 --first 51 --channel udp://192.168.1.255:47123
+      sleepcast swarm 20 --scenario maze --name-prefix scout --rules wall.sleep
+    """
+    _check_names(prefix, first, count)
+    with Interrupts() as interrupts, ExitStack() as stack:
+        from sleepcast.cli.node_life import read_beginning
+
+        beginning = None if rules is None else read_beginning(rules)
+        if beginning is not None and beginning.orders:
+            raise MisuseError(f"{rules} is a mission script: a swarm begins with expressions, without times")
+        names = [f"{prefix}{first + i}" for i in range(count)]
+        crew = _crew(stack, Air(channel, fleet, key, trust, folder), names, scenario, first, seed)
+        interrupts.defer()
+        if beginning is not None:
+            _begin(crew, beginning)
+        announce(f"{names[0]} to {names[-1]} are up: {count} robots; Ctrl-C stops their bodies and ends them")
+        clock = crew.clock
+        end = None if seconds is None else clock.now() + seconds
+
+        def going() -> bool:
+            interrupts.check()
+            return end is None or clock.now() < end
+
+        try:
+            crew.run(going)
+        finally:
+            complain(_account(crew))
+    return 0
+
+
+def _check_names(prefix: str, first: int, count: int) -> None:
+    from sleepcast.channel.message import MAX_NAME
+
+    last = f"{prefix}{first + count - 1}"
+    if first + count - 1 > MAX_ID:
+        raise MisuseError(f"--first {first} and {count} robots lead to {last}: numbers go up to {MAX_ID}")
+    if len(last) > MAX_NAME or not last.isprintable() or " " in last:
+        raise MisuseError(f"--name-prefix {prefix!r:.80}: wanted names of at most {MAX_NAME} letters without blanks")
+
+
+def _crew(stack: ExitStack, air: Air, names: list[str], scenario: str, first: int, seed: int | None) -> Crew:
+    """The minds with their bodies and their lines. Raises what the channel and the simulator raise."""
+    import time
+
+    from sleepcast.channel.chance import key
+    from sleepcast.clock import UnixClock, WallClock
+    from sleepcast.loop import Crew, Member, vocabulary_of
+    from sleepcast.node.node import Node
+    from sleepcast.simulator import Changes, Simulator, find_scenario
+
+    found = find_scenario(scenario, Changes(len(names), None, True))
+    seed = found.seed if seed is None else seed
+    simulator = Simulator(found, key(seed, "crew", first) >> 1, threads=1)  # others elsewhere begin in other places
+    vocabulary = vocabulary_of(simulator.model)
+    trunk, lines = lines_for(air, names, complain)
+    members = []
+    for i, (name, (line, branch)) in enumerate(zip(names, lines, strict=True)):
+        stack.enter_context(closing(line))
+        node = Node(name, vocabulary, number=first + i, seed=seed, body=simulator.robots[i])
+        members.append(Member(node, i, line, branch))
+    zero = time.time()
+    for member in members:
+        member.line.zero = zero
+    return Crew(simulator, members, trunk, WallClock(), UnixClock())
+
+
+def _begin(crew: Crew, beginning: Beginning) -> None:
+    """Let every mind evaluate what it begins with."""
+    from sleepcast.cli.node_life import begin_with
+
+    readings = crew.simulator.readings()
+    for member in crew.members:
+        member.node.sense(readings[member.number], 0.0)
+        begin_with(member.node, beginning)
+
+
+def _account(crew: Crew) -> str:
+    """How it went, in a sentence."""
+    from collections import Counter
+
+    passed = sum(member.line.mailbox.door.passed for member in crew.members)
+    dropped = Counter({str(reason): count for reason, count in crew.trunk.counts.items()})
+    for member in crew.members:
+        dropped.update({str(reason): count for reason, count in member.line.mailbox.door.counts.items()})
+    told = ", ".join(f"{count} {reason}" for reason, count in sorted(dropped.items()))
+    said = f"{len(crew.members)} robots: {crew.watch}; {passed} messages heard"
+    return f"{said}{f', dropped: {told}' if told else ''}; their bodies have been stopped"

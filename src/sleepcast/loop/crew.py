@@ -1,0 +1,125 @@
+"""A crew: many minds in one process, each a party of its own on the air, with simulated bodies in real time.
+
+    advance  the bodies move on by one tick
+    deliver  what the air has brought is received
+    sense    minds that have something to think about get their readings
+    think    ... and think
+    act      what they want of their bodies' actuators goes there
+    report   what they say goes on the air
+
+Between two ticks the crew listens: whatever comes is received at once, so that STOP waits for nothing. Ticks that begin
+late are counted, and what could not be kept up with is let go, never made up for. However it ends, all bodies are
+stopped first.
+"""
+
+from __future__ import annotations
+
+import select
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from math import inf, nan
+
+from sleepcast.channel.line import Line
+from sleepcast.channel.trunk import Branch, Trunk
+from sleepcast.clock import Clock
+from sleepcast.loop.real import Watch
+from sleepcast.node.node import Node
+from sleepcast.robot import Setpoint
+from sleepcast.simulator import Simulator
+
+QUIET = 0.004
+"""Seconds for which the next look at the air waits after one: what comes close together is dealt with together."""
+
+
+@dataclass(slots=True)
+class Member:
+    """A mind, the index of its body in the simulator, and its line on this branch of the trunk. due: when the line
+    wants to be pumped even if nothing comes, s of Unix time."""
+
+    node: Node
+    number: int
+    line: Line
+    branch: Branch
+    due: float = -inf
+
+
+@dataclass(slots=True)
+class Crew:
+    """See the module. trunk: on which all lines have their branches. clock: for the pace of the ticks; air: Unix time,
+    by which lines are pumped. watch: how it goes."""
+
+    simulator: Simulator
+    members: Sequence[Member]
+    trunk: Trunk
+    clock: Clock
+    air: Clock
+    watch: Watch = field(default_factory=Watch)
+
+    def run(self, going: Callable[[], bool]) -> None:
+        """Live until `going`, asked before each tick, says no; then every body is stopped. Raises what the channel
+        raises, once they are."""
+        tick = self.simulator.scenario.tick
+        due = self.clock.now()
+        try:
+            while going():
+                self.listen(due)
+                now = self.clock.now()
+                self.watch.begin(now - due, tick)
+                due = max(due + tick, now)
+                self.step()
+        finally:
+            for member in self.members:
+                self.simulator.robots[member.number].stop()
+
+    def step(self) -> None:
+        """One tick."""
+        self.simulator.step()
+        self.hear()
+        awake = [member for member in self.members if member.node.awake]
+        now = self.simulator.time
+        if awake:
+            readings = self.simulator.readings([member.number for member in awake])
+            for member, values in zip(awake, readings, strict=True):
+                member.node.sense(values, now)
+                self._think(member, now)
+
+    def listen(self, until: float) -> None:
+        """Receive what comes, until that time of `clock`."""
+        while (left := until - self.clock.now()) > 0.0:
+            wait = min((member.due for member in self.members), default=inf) - self.air.now()
+            if wait > 0.0 and not any(member.branch.waiting for member in self.members):
+                select.select([self.trunk], [], [], min(wait, left))
+            self.hear()
+            pause = min(QUIET, until - self.clock.now())
+            if pause > 0.0:
+                select.select([], [], [], pause)
+
+    def hear(self) -> None:
+        """Receive what has come, and send what is due. What one says, its neighbours hear in their turn."""
+        self.trunk.gather()
+        now = self.air.now()
+        for member in self.members:
+            if member.branch.waiting or member.due <= now:
+                for message in member.line.receive():
+                    member.node.receive(message)
+                self._report(member)
+                member.due = member.line.due()
+
+    def _think(self, member: Member, now: float) -> None:
+        node, body = member.node, self.simulator.robots[member.number]
+        node.think(self.simulator.tick, now)
+        wanted = node.actuators()
+        if wanted:
+            body.act(Setpoint(*(wanted.get(actuator.name, nan) for actuator in body.model.actuators)))
+        for caste in node.pings:
+            self.simulator.ping(member.number, caste)
+        node.pings.clear()
+        if node.outbox:
+            self._report(member)
+            member.due = member.line.due()
+
+    @staticmethod
+    def _report(member: Member) -> None:
+        for message in member.node.outbox:
+            member.line.send(message)
+        member.node.outbox.clear()

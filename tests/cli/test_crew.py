@@ -1,0 +1,86 @@
+"""`sleepcast swarm`: many robots in one process, each a party of its own on the air."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from channel.test_udp import free_port
+from cli.calling import LONGEST, called
+
+
+@pytest.fixture
+def channel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The address of a channel of our own, of a user with no keys and no memory of any fleet."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    for name in ("XDG_CONFIG_HOME", "XDG_DATA_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    return f"udp://239.255.83.77:{free_port()}?interface=lo"
+
+
+@contextmanager
+def swarm(count: int, channel: str, *options: str) -> Iterator[subprocess.Popen[str]]:
+    """A swarm that is up."""
+    arguments = ("swarm", str(count), "--channel", channel, *options)
+    process = subprocess.Popen(
+        ["env", "--default-signal=INT", sys.executable, "-m", "sleepcast", *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert process.stdout
+        assert f"are up: {count} robots" in process.stdout.readline()
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def account(channel: str, *arguments: str) -> dict[str, object]:
+    found = called(*arguments, "--channel", channel, "--json")
+    assert found.out, found.err
+    told: dict[str, object] = json.loads(found.out)
+    return told
+
+
+def test_each_robot_of_a_swarm_decides_for_itself(channel: str, tmp_path: Path) -> None:
+    rules = tmp_path / "begin.sleep"
+    rules.write_text("(DEFVAR mine (* 2 id))")
+    with swarm(4, channel, "--first", "7", "--name-prefix", "scout", "--rules", str(rules)) as process:
+        asked = account(channel, "ask", "mine")
+        assert [asked[key] for key in ("n", "min", "max")] == [4, 14.0, 20.0]
+        told = account(channel, "send", "(WHEN (> id 8) (DRIVE 1 0))")
+        assert (told["matched"], told["not_matched"]) == (["scout10", "scout9"], ["scout7", "scout8"])
+        assert account(channel, "send", "--standing", "--all", "(RULE still (DRIVE 0 0))")["n_matched"] == 4
+        assert account(channel, "stop")["n_matched"] == 4
+        assert account(channel, "release")["n_matched"] == 4
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=LONGEST)
+        assert process.returncode == 130
+        assert "their bodies have been stopped" in said
+        assert "Traceback" not in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("0",), "0 is not in the range"),
+        (("2", "--name-prefix", "a b"), "without blanks"),
+        (("2", "--first", "1000000"), "numbers go up to"),
+        (("2", "--scenario", "brav"), "bravo"),
+        (("2", "--rules", "none.sleep"), "none.sleep"),
+    ],
+)
+def test_what_is_no_swarm(channel: str, arguments: tuple[str, ...], complaint: str) -> None:
+    refused = called("swarm", *arguments, "--channel", channel)
+    assert (refused.status, refused.out) == (2, "")
+    assert complaint in refused.err
+    assert "Traceback" not in refused.err

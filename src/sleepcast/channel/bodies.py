@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
+
 WITHIN = "within"
 """Seconds over which answers are to be spread."""
 FOR, NOT = "for", "not"
@@ -12,3 +14,18 @@ LEASE = "lease"
 """Who is to control a group, and for how long."""
 KEYS = "keys"
 """Whom to trust, and whom not any more."""
+TOLD = "told"
+"""What a robot tells of itself, in the answer to a look."""
+
+
+class Look(StrEnum):
+    """What a robot can be asked to tell of itself."""
+
+    TELEMETRY = "telemetry"
+    """Its numbers, its groups, whether it is stopped."""
+    VOCABULARY = "vocabulary"
+    """The names of its type."""
+    MIND = "mind"
+    """What it has learned: groups, operators, rules."""
+    WHY = "why"
+    """How it evaluated a command, or what a rule would do now."""

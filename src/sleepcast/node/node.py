@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import inf, isnan, nan
 
+from sleepcast.channel.bodies import LOOK
 from sleepcast.channel.message import Kind, Message
 from sleepcast.errors import SleepcastError
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
@@ -25,6 +26,7 @@ from sleepcast.language.review import Checked, check
 from sleepcast.language.vocabulary import FROZEN, SLEEPING, Variable, Vocabulary, buffer_number
 from sleepcast.node.acts import ACTS
 from sleepcast.node.buffers import ExpressionBuffer, RuleView
+from sleepcast.node.looks import NOTHING, Told, look
 from sleepcast.node.memory import Fault, RobotMemory, Voice
 from sleepcast.node.scheduler import Scheduler
 from sleepcast.node.variables import VariableTable
@@ -310,6 +312,9 @@ class Node:
             self._answer(message, "late")
             return
         memory = self._memory
+        if message.kind is Kind.ASK and LOOK in message.body:
+            self._answer(message, "answer", told=look(message.body, memory, self.stopped, self.why))
+            return
         try:
             program = memory.library.program(message.text, lambda: [read(message.text)], memory)
         except SleepcastError as error:
@@ -367,11 +372,11 @@ class Node:
             Message(self.name, self.epoch, self._sequence, kind, self._memory.time, deadline, text, False, body or {})
         )
 
-    def _answer(self, message: Message, outcome: str, value: float = nan, fault: str = "") -> None:
-        body: dict[str, object] = {"command": message.id, "outcome": outcome}
-        body["value"] = None if isnan(value) else value
-        body["fault"] = fault or None
-        self._say(Kind.ANSWER, body=body)
+    def _answer(
+        self, message: Message, outcome: str, value: float = nan, fault: str = "", told: Told = NOTHING
+    ) -> None:
+        said = {"command": message.id, "outcome": outcome, "value": None if isnan(value) else value}
+        self._say(Kind.ANSWER, body={**said, "fault": fault or None, **told})
 
     def _report(self, label: str, values: tuple[float, ...]) -> None:
         if self._printed is not None:

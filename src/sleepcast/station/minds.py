@@ -86,7 +86,18 @@ class ToldByMany(Told, Protocol):
 
 
 @runtime_checkable
-class ManyMinds(Protocol):
+class Learners(Protocol):
+    """Minds of which one can ask at once what any of them has learned."""
+
+    def declared(self, key: str) -> Declared | None:
+        """What any robot has learned under this key, or None."""
+
+    def heard(self) -> Iterable[str]:
+        """Every name that any robot has learned, as written."""
+
+
+@runtime_checkable
+class ManyMinds(Learners, Protocol):
     """Minds, in the order of the roster, that answer for many robots at once."""
 
     @property
@@ -94,12 +105,6 @@ class ManyMinds(Protocol):
 
     @property
     def told(self) -> ToldByMany: ...
-
-    def declared(self, key: str) -> Declared | None:
-        """What any robot has learned under this key, or None."""
-
-    def heard(self) -> Iterable[str]:
-        """Every name that any robot has learned, as written."""
 
 
 class FleetNames:
@@ -116,7 +121,7 @@ class FleetNames:
 
     def declared(self, key: str) -> Declared | None:
         """What the first mind that knows `key` has learned under it, or None."""
-        if isinstance(self._minds, ManyMinds):
+        if isinstance(self._minds, Learners):
             return self._minds.declared(key)
         for mind in self._minds.values():
             found = mind.declared(key)
@@ -126,6 +131,6 @@ class FleetNames:
 
     def heard(self) -> Iterable[str]:
         """Every name that some mind has learned, each once."""
-        if isinstance(self._minds, ManyMinds):
+        if isinstance(self._minds, Learners):
             return self._minds.heard()
         return {name: None for mind in self._minds.values() for name in mind.heard()}

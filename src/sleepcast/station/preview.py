@@ -116,10 +116,11 @@ class DeskMemory:
     def operator(self, part: Part) -> Entered | None:
         """The robot's own operator, if it can be called without changing anything."""
         mind = self._asked(part)
+        program = mind.operator(part)  # a mind of which this is not known says so here
         found = mind.declared(part.name)
         if not isinstance(found, Operator) or len(found.parameters) != len(part.parts):
             return None
-        return self._quiet(mind.operator(part), part)
+        return self._quiet(program, part)
 
     def _asked(self, part: Part) -> Mind:
         if self.mind is None:
@@ -166,12 +167,16 @@ class Rows:
 
     def judge(self, test: Program, robots: Index) -> Judged:
         memory = DeskMemory()
+        nameless = [part.name.casefold() for part in walk(test.root) if part.op in ("absent", "missing")]
         yes, reason = np.zeros(len(robots), np.bool_), np.zeros(len(robots), np.uint8)
         reasons: dict[str, int] = {}
         for at, place in enumerate(robots.tolist()):
             name, memory.values, memory.groups = self._rows[place]
-            memory.mind = self._minds.get(name)
+            mind = memory.mind = self._minds.get(name)
             try:
+                for key in nameless:
+                    if mind is not None:
+                        mind.declared(key)  # a mind that may know it says so here
                 value = evaluate(test, memory)
             except Undecided as why:
                 if len(reasons) < MAX_REASONS:

@@ -87,8 +87,9 @@ class Roster:
         self.told = parcel.told.made(np.float64, shape, "when robots told of themselves")
 
     def observe(self, robots: Index | slice, now: float) -> None:
-        """Note that these robots have told of themselves at `now`."""
-        self.heard[robots] = self.told[robots] = now
+        """Note that these robots have told of themselves at `now`, which may be some time ago."""
+        self.heard[robots] = np.maximum(self.heard[robots], now)
+        self.told[robots] = now
 
 
 class Some(Sequence[str]):

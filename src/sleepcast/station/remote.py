@@ -1,0 +1,325 @@
+"""Minds far away: what robots on the air have told of themselves, in the shape in which a desk asks about minds.
+
+Robots of several types may be in one fleet. The desk checks texts in the names of all of them (`uniting`), so every
+robot's numbers are put into the slots of that one vocabulary; a variable that a type does not have is unknown on its
+robots. What a robot has learned is shared by all that have learned the same, and known once one of them has told it;
+until then a preview that depends on it says so.
+
+Nobody is believed about a digest: a text is taken for what it is worth itself, and a robot that lies lies about itself.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import islice
+from math import inf, nan
+from typing import NamedTuple
+
+from sleepcast.channel.bodies import TOLD, Look
+from sleepcast.channel.message import Message
+from sleepcast.errors import SleepcastError
+from sleepcast.language.explain import Explanation
+from sleepcast.language.functions import FUNCTIONS
+from sleepcast.language.machine import Program
+from sleepcast.language.names import Declared, Group, UserVariable
+from sleepcast.language.parts import Part
+from sleepcast.language.reader import is_name
+from sleepcast.language.undecided import holds
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Variable, Vocabulary, VocabularyError, buffer_number
+from sleepcast.station.learned import Learned
+from sleepcast.station.preview import Undecided
+from sleepcast.station.telling import (
+    TelemetryTold,
+    TellingError,
+    digest,
+    read_mind,
+    read_telemetry,
+    read_vocabulary,
+)
+from sleepcast.station.uniting import Fitted, united
+
+MAX_TYPES = 32
+"""Types of robots in one fleet; robots of others are heard, but nobody knows their names."""
+MAX_MINDS = 1_024
+"""Different minds that are kept; the one that was told longest ago goes first."""
+MAX_TELLERS = 20_000
+"""Robots of which is kept what they told."""
+MAX_ASKED = 4_096
+"""Digests of which is kept when they were asked for."""
+ASK_AGAIN = 1.0
+"""Seconds after which names or a mind that nobody told are asked for again; each time twice as long after that."""
+MAX_WAIT = 300.0
+"""Seconds between two such questions at most: what is too long to tell costs next to nothing."""
+AT_ONCE = 32
+"""Robots that are asked in one message."""
+
+Digest = bytes
+
+
+class Wanted(NamedTuple):
+    """These robots are to be asked for this."""
+
+    look: Look
+    robots: list[str]
+
+
+@dataclass(frozen=True, slots=True)
+class RemoteRule:
+    """An expression that a robot keeps. What it last came to stays with the robot."""
+
+    name: str
+    text: str
+    active: bool
+    protected: bool
+    last_value: float = nan
+    last_fault: str = ""
+
+
+class RemoteMind:
+    """One robot as it told of itself (a `Mind`). told_at: when, s of the desk's clock."""
+
+    def __init__(self, name: str, minds: RemoteMinds, told: TelemetryTold, now: float) -> None:
+        self.name, self.told, self.told_at = name, told, now
+        self.values: list[float] = []
+        self._minds = minds
+
+    @property
+    def groups(self) -> frozenset[str]:
+        """Keys of the groups that it is in."""
+        return frozenset(name.casefold() for name in self.told.groups)
+
+    @property
+    def stopped(self) -> bool:
+        return self.told.stopped
+
+    @property
+    def learned(self) -> Learned | None:
+        """What it has learned; None if nobody has told that yet."""
+        return self._minds.learned(self.told.mind)
+
+    def place(self, fitted: Fitted, vocabulary: Vocabulary) -> None:
+        """Put what it told where it belongs in the fleet's vocabulary. Raises TellingError for numbers of another
+        type, VocabularyError where a variable of its own finds no room."""
+        numbers = self.told.numbers()
+        if len(numbers) != len(fitted.slots):
+            raise TellingError(f"{len(numbers)} numbers of a type that has {len(fitted.slots)}")
+        own = [(_user_slot(name, vocabulary), value) for name, value in self.told.user.items()]
+        self.values = [nan] * (vocabulary.size + len(vocabulary.user_slots))
+        for slot, value in (*zip(fitted.slots, numbers, strict=True), *fitted.fixed, *own):
+            if slot is not None:
+                self.values[slot] = value if -inf < value < inf else nan
+        for number in range(1, BUFFERS):
+            self.values[ACTIVE0 + number] = float(self.told.active >> number - 1 & 1)
+
+    def declared(self, key: str) -> Declared | None:
+        """What it has learned under this key. Raises Undecided where that is not known."""
+        found = self.known(key)
+        if found is None and self.learned is None:
+            raise Undecided(holds(key))
+        return found
+
+    def known(self, key: str) -> Declared | None:
+        """The same, or None."""
+        vocabulary, learned = self._minds.vocabulary, self.learned
+        if learned is not None and (found := learned.found(key, vocabulary)) is not None:
+            return found
+        for name in self.told.groups:
+            if name.casefold() == key:
+                return Group(name)
+        for name in self.told.user:
+            if name.casefold() == key and key in vocabulary.user_slots:
+                return UserVariable(name, vocabulary.user_slots[key])
+        return None
+
+    def heard(self) -> Iterable[str]:
+        """Every learned name that is known, as written."""
+        return (*self.told.user, *(self.told.groups if self.learned is None else self.learned.names))
+
+    def fetch(self, part: Part) -> Program | None:
+        """The program in the buffer or rule that a `fetch` part names. Raises Undecided where nobody told it."""
+        return self._program(part)
+
+    def operator(self, part: Part) -> Program | None:
+        """The program of the operator that a `call` part names. Raises Undecided where nobody told it."""
+        return self._program(part)
+
+    def _program(self, part: Part) -> Program | None:
+        learned = self.learned
+        if learned is None:
+            raise Undecided(holds(part.name))
+        if not learned.has(part.name):
+            return None
+        program = learned.program(part.name, self._minds.vocabulary)
+        if program is None:
+            raise Undecided(holds(part.name))
+        return program
+
+    def why(self, command: str | None = None) -> Explanation:
+        """Refused: the robot has to be asked on the air."""
+        raise SleepcastError(f"{self.name} is far away: ask it why on the air")
+
+    def variables(self) -> list[tuple[str, float]]:
+        """Every variable that its type has, by name, and those of its own."""
+        vocabulary = self._minds.vocabulary
+        own = self._minds.types.get(self.told.type, vocabulary).bindings
+        found = [
+            (binding.name, self.values[binding.slot])
+            for key, binding in vocabulary.bindings.items()
+            if isinstance(binding, Variable) and key in own
+        ]
+        return found + [
+            (name, self.values[slot])
+            for name in self.told.user
+            if (slot := vocabulary.user_slots.get(name.casefold())) is not None
+        ]
+
+    def rules(self) -> list[RemoteRule]:
+        """Every kept expression that is known."""
+        learned = self.learned
+        told = () if learned is None else learned.told.rules
+        return [RemoteRule(name, text, self.told.runs(at), own) for at, (name, text, own) in enumerate(told)]
+
+
+class RemoteMinds(Mapping[str, RemoteMind]):
+    """The robots that have told of themselves, by name; see the module. vocabulary: of the fleet, another one as soon
+    as robots of another type are heard. types: of robots, by digest. refused: why a type is left out."""
+
+    def __init__(self) -> None:
+        self.vocabulary = Vocabulary("fleet")
+        self.types: dict[Digest, Vocabulary] = {}
+        self.refused: dict[Digest, str] = {}
+        self.malformed = 0
+        """Tellings that said something else than they should."""
+        self._fitted: dict[Digest, Fitted] = {}
+        self._learned: OrderedDict[Digest, Learned] = OrderedDict()
+        self._minds: dict[str, RemoteMind] = {}
+        self._waiting: dict[str, RemoteMind] = {}
+        """Robots whose names are not known yet."""
+        self._asked: OrderedDict[Digest, tuple[float, float, int]] = OrderedDict()
+        """What was asked for: when it may be asked for again, how long was waited for that, how often it was."""
+
+    def __getitem__(self, name: str) -> RemoteMind:
+        return self._minds[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._minds)
+
+    def __len__(self) -> int:
+        return len(self._minds)
+
+    def learned(self, mind: Digest) -> Learned | None:
+        """What robots of this mind have learned, if it was told."""
+        return self._learned.get(mind)
+
+    def declared(self, key: str) -> Declared | None:
+        """What any robot has learned under this key, or None."""
+        for learned in self._learned.values():
+            if (found := learned.found(key, self.vocabulary)) is not None:
+                return found
+        slot = self.vocabulary.user_slots.get(key)
+        if slot is not None:
+            return UserVariable(key, slot)
+        return next((found for mind in self._minds.values() if (found := mind.known(key)) is not None), None)
+
+    def heard(self) -> Iterable[str]:
+        """Every name that any robot has learned, as written."""
+        return {name: None for mind in self._minds.values() for name in mind.heard()}
+
+    # ---- what comes in
+
+    def take(self, message: Message, now: float) -> list[RemoteMind]:
+        """Take in an answer that tells something; gives the robots of which another thing is known now, each with the
+        time at which it told that (`told_at`)."""
+        told = message.body.get(TOLD)
+        try:
+            if isinstance(told, str):
+                return self._take_text(told)
+            return self._take_telemetry(message.sender, read_telemetry(told), now)
+        except TellingError:
+            self.malformed += 1
+            return []
+
+    def _take_telemetry(self, name: str, told: TelemetryTold, now: float) -> list[RemoteMind]:
+        if name not in self._minds and len(self._minds) + len(self._waiting) >= MAX_TELLERS:
+            return []
+        mind = self._minds.get(name) or RemoteMind(name, self, told, now)
+        fitted = self._fitted.get(told.type)
+        if fitted is None:
+            self._minds.pop(name, None)
+            mind.told, mind.told_at = told, now
+            self._waiting[name] = mind
+            return []
+        before = mind.told, mind.told_at
+        mind.told, mind.told_at = told, now
+        try:
+            mind.place(fitted, self.vocabulary)
+        except (TellingError, VocabularyError) as error:
+            mind.told, mind.told_at = before
+            raise TellingError(str(error)) from None
+        self._waiting.pop(name, None)
+        self._minds[name] = mind
+        return [mind]
+
+    def _take_text(self, text: str) -> list[RemoteMind]:
+        """A vocabulary or a mind, if it is one that somebody has."""
+        which = digest(text)
+        if any(mind.told.type == which for mind in self._waiting.values()) and len(self.types) < MAX_TYPES:
+            self.types[which] = read_vocabulary(text)
+            return self._unite(which)
+        minds = [mind for mind in self._minds.values() if mind.told.mind == which]
+        if minds and which not in self._learned:
+            self._learned[which] = Learned(read_mind(text))
+            if len(self._learned) > MAX_MINDS:
+                self._learned.popitem(last=False)
+        return []
+
+    def _unite(self, news: Digest) -> list[RemoteMind]:
+        """A type is new: everybody's numbers get other places."""
+        own = list(self.vocabulary.user_slots)
+        self.vocabulary, self._fitted, self.refused = united(self.types)
+        for key in own:
+            _user_slot(key, self.vocabulary)
+        found = list(self._minds.values())
+        for mind in found:
+            mind.place(self._fitted[mind.told.type], self.vocabulary)
+        for mind in [mind for mind in self._waiting.values() if mind.told.type == news]:
+            try:
+                found += self._take_telemetry(mind.name, mind.told, mind.told_at)
+            except TellingError:
+                self.malformed += 1
+        return found
+
+    # ---- what is missing
+
+    def wanted(self, now: float) -> list[Wanted]:
+        """Whom to ask for what at `now`: names of types and minds that nobody has told, one robot for each."""
+        room = len(self.types) < MAX_TYPES
+        types = ((m.told.type, m.name) for m in self._waiting.values() if room and m.told.type not in self.types)
+        minds = ((m.told.mind, m.name) for m in self._minds.values() if m.told.mind not in self._learned)
+        asked = ((Look.VOCABULARY, types), (Look.MIND, minds))
+        return [Wanted(look, found) for look, lacking in asked if (found := self._chosen(lacking, now))]
+
+    def _chosen(self, lacking: Iterable[tuple[Digest, str]], now: float) -> list[str]:
+        """Robots to be asked for these digests, another one each time."""
+        tellers: dict[Digest, list[str]] = {}
+        for which, name in lacking:
+            tellers.setdefault(which, []).append(name)
+        due = (which for which in tellers if self._asked.get(which, (-inf, 0.0, 0))[0] <= now)
+        found = []
+        for which in islice(due, AT_ONCE):
+            _, wait, times = self._asked.get(which, (0.0, ASK_AGAIN / 2, 0))
+            self._asked[which] = now + (longer := min(2 * wait, MAX_WAIT)), longer, times + 1
+            found.append(tellers[which][times % len(tellers[which])])
+        while len(self._asked) > MAX_ASKED:
+            self._asked.popitem(last=False)
+        return found
+
+
+def _user_slot(name: str, vocabulary: Vocabulary) -> int | None:
+    """The slot of a robot's own variable; None for a name that cannot be one. Raises VocabularyError."""
+    key = name.casefold()
+    if not is_name(name) or key in vocabulary.bindings or key in FUNCTIONS or buffer_number(key) is not None:
+        return None
+    return vocabulary.user_slot(key)

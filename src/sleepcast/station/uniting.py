@@ -1,0 +1,109 @@
+"""Uniting: one vocabulary for a fleet of robots of several types, so that a text is checked once, for all of them.
+
+A name is in it if any type has it; its range is the widest. What is a number that each type has for itself (a constant
+that not all of them have alike) is a variable here, since it differs from robot to robot. A name that is a function on
+one type and a number on another cannot be both: the type that was heard later is left out, and its robots cannot be
+foreseen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, SUPPORT, Constant, HostFunction, Variable, Vocabulary
+from sleepcast.units import Quantity
+
+Key = TypeVar("Key", bound=Hashable)
+
+NUMBERED = (*range(ACTIVE0 + 1), *range(ACTIVE0 + BUFFERS, len(SUPPORT)))
+"""Slots of the support variables that a robot tells as numbers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """Where what robots of one type tell belongs. slots: of the numbers, in their order. fixed: numbers that all robots
+    of the type have, by their slots."""
+
+    slots: tuple[int, ...]
+    fixed: tuple[tuple[int, float], ...]
+
+
+def united(types: Mapping[Key, Vocabulary]) -> tuple[Vocabulary, dict[Key, Fitted], dict[Key, str]]:
+    """The vocabulary of a fleet of these types, where the numbers of each belong, and why others are left out."""
+    refused = _refused(types)
+    kept = {key: found for key, found in types.items() if key not in refused}
+    alike = _alike(kept.values())
+    apart = [c for found in kept.values() for c in found.constants if c.name.casefold() not in alike]
+    numbers = [Quantity(constant.name, doc=constant.doc) for constant in apart]
+    actuators = _widest(quantity for found in kept.values() for quantity in found.actuators)
+    sensors = _widest([*(quantity for found in kept.values() for quantity in found.sensors), *numbers])
+    vocabulary = Vocabulary(
+        " and ".join(dict.fromkeys(found.name for found in kept.values())) or "robot",
+        tuple(quantity for key, quantity in sensors.items() if key not in actuators),
+        tuple(actuators.values()),
+        constants=tuple(alike.values()),
+        functions=tuple(_functions(found for each in kept.values() for found in each.functions)),
+    )
+    return vocabulary, {key: _fitted(found, vocabulary) for key, found in kept.items()}, refused
+
+
+def _refused(types: Mapping[Key, Vocabulary]) -> dict[Key, str]:
+    """The types that have as a number what an earlier one has as a function, or the other way round."""
+    sorts: dict[str, tuple[bool, str]] = {}
+    refused: dict[Key, str] = {}
+    for key, found in types.items():
+        own = {name: isinstance(binding, HostFunction) for name, binding in found.bindings.items()}
+        for name, is_function in own.items():
+            if name in sorts and sorts[name][0] is not is_function:
+                what = ("number", "function")
+                refused[key] = f"{name} is a {what[is_function]} here and a {what[not is_function]} of {sorts[name][1]}"
+        if key not in refused:
+            sorts |= {name: (is_function, found.name) for name, is_function in own.items() if name not in sorts}
+    return refused
+
+
+def _alike(types: Iterable[Vocabulary]) -> dict[str, Constant]:
+    """The constants that all types have with one value."""
+    each = [{constant.name.casefold(): constant for constant in found.constants} for found in types]
+    first = each[0] if each else {}
+    return {
+        key: constant
+        for key, constant in first.items()
+        if all(key in other and repr(other[key].value) == repr(constant.value) for other in each)
+    }
+
+
+def _widest(quantities: Iterable[Quantity]) -> dict[str, Quantity]:
+    """Quantities by key, each once, with the widest range that any type gives it."""
+    found: dict[str, Quantity] = {}
+    for quantity in quantities:
+        key = quantity.name.casefold()
+        one = found.setdefault(key, quantity)
+        found[key] = replace(one, low=min(one.low, quantity.low), high=max(one.high, quantity.high))
+    return found
+
+
+def _functions(functions: Iterable[HostFunction]) -> Iterable[HostFunction]:
+    """Functions, each once; of different shapes under one name, whatever any type takes."""
+    found: dict[str, HostFunction] = {}
+    for function in functions:
+        key = function.name.casefold()
+        one = found.setdefault(key, function)
+        if one.dimensions != function.dimensions or one.least != function.least or one.acts != function.acts:
+            most = max(len(one.dimensions), len(function.dimensions))
+            least = min(_least(one), _least(function))
+            found[key] = replace(one, dimensions=(None,) * most, least=least, acts=one.acts or function.acts)
+    return found.values()
+
+
+def _least(function: HostFunction) -> int:
+    return len(function.dimensions) if function.least is None else function.least
+
+
+def _fitted(found: Vocabulary, vocabulary: Vocabulary) -> Fitted:
+    slots = {key: binding.slot for key, binding in vocabulary.bindings.items() if isinstance(binding, Variable)}
+    told = [slots[quantity.name.casefold()] for quantity in (*found.sensors, *found.actuators)]
+    fixed = [(slots[key], c.value) for c in found.constants if (key := c.name.casefold()) in slots]
+    return Fitted((*NUMBERED, *told), tuple(fixed))

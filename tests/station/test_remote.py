@@ -1,0 +1,333 @@
+"""Robots far away: what the desk foresees from what they told is what it would foresee if it had their minds here."""
+
+from __future__ import annotations
+
+import json
+from random import Random
+
+import pytest
+
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.bodies import TOLD, Look
+from sleepcast.language import Vocabulary
+from sleepcast.language.vocabulary import Constant, HostFunction
+from sleepcast.node.looks import digest
+from sleepcast.node.node import Node
+from sleepcast.station import Station
+from sleepcast.station.remote import MAX_TYPES, RemoteMinds
+from sleepcast.station.telling import TellingError, read_why
+from sleepcast.units import Quantity
+from station.far import Far
+from station.fleet import Fleet
+
+LESSONS = (
+    "(DEFUN low (limit) (< fuel limit))",
+    "(DEFUN near (a b) (AND (low a) (< x b)))",
+    "(RULE slow (WHEN (low 0.3) (SETQ speed 1)))",
+    "(SETQQ E5 (IF (near 0.5 250) 1 0))",
+    "(DEFVAR seen (* 2 id))",
+    "(WHEN (> id 4) (JOIN bravo))",
+    "(WHEN (= id 7) (DEFVAR special 1))",
+    "(WHEN (= id 8) (RULE own (WHEN (> x 1) (SETQ speed 2))))",
+)
+QUESTIONS = (
+    "(WHEN (> fuel 50%) (SETQ speed 1))",
+    "(WHEN (IN bravo) (SETQ speed 1))",
+    "(WHEN (near 0.8 450m) (SETQ speed 1))",
+    "(WHEN (AND E5 (> seen 2)) (SETQ speed 1))",
+    "(WHEN (OR (KNOWN special) (= seen 4)) (SETQ speed 1))",
+    "(WHEN (> (SONAR 1) 1) (SETQ speed 1))",
+    "(WHEN (AND (> fuel 50%) (PROB 0.5)) (SETQ speed 1))",
+    "(WHEN (> no_such 1) (SETQ speed 1))",
+    "(WHEN (KNOWN own) (SETQ speed 1))",
+    "(WHEN (= active5 0) (SETQ speed 1))",
+    "(WHEN (> speed 1) (SETQ speed 1))",
+)
+
+
+def taught() -> Fleet:
+    fleet = Fleet()
+    for node in fleet.minds.values():
+        for lesson in LESSONS:
+            assert not node.evaluate(lesson).faults
+    return fleet
+
+
+@pytest.mark.parametrize("text", QUESTIONS)
+def test_what_was_told_foresees_what_the_minds_themselves_do(text: str) -> None:
+    fleet = taught()
+    fleet.report()
+    near = fleet.station.preview(text)
+    far = Far(fleet.minds)
+    far.look()
+    found = far.station().preview(text)
+    assert (found.yes, found.no) == (near.yes, near.no)
+    assert set(found.unknown) == set(near.unknown)
+
+
+def test_names_and_minds_are_asked_for_once_for_all_that_have_them() -> None:
+    far = Far(taught().minds)
+    far.look()
+    far.look()
+    asked = [look for _, look in far.asked if look != Look.TELEMETRY]
+    assert asked.count(Look.VOCABULARY) == 1
+    assert asked.count(Look.MIND) == 3  # those in bravo and not, and the one with a rule of its own
+    assert not far.minds.malformed
+
+
+def test_the_desk_checks_in_the_names_of_the_robots() -> None:
+    far = Far(taught().minds)
+    far.look()
+    station = far.station()
+    assert station.check("(WHEN (near 1 2m) (SETQ speed (SONAR 3)))").findings == ()
+    assert "SONAR" in station.check("(SONAR 1 2)").errors[0].message
+    assert "did you mean fuel" in station.check("(WHEN (> fuell 1) (SETQ speed 1))").warnings[0].message
+
+
+def test_a_mind_that_was_not_told_decides_nothing() -> None:
+    far = Far(taught().minds)
+    for robot in far.nodes:
+        far.minds.take(far.answers(robot, Look.TELEMETRY), far.clock.now())
+    far.minds.take(far.answers("s0", Look.VOCABULARY), far.clock.now())
+    station = far.station()
+    for text in ("(WHEN (low 1) (SETQ speed 1))", "(WHEN E5 (SETQ speed 1))", "(WHEN own (SETQ speed 1))"):
+        found = station.preview(text)
+        assert (found.yes, found.no, len(found.unknown)) == ((), (), 10)
+    assert station.preview("(WHEN (> fuel 0.45) (SETQ speed 1))").yes == ("s5", "s6", "s7", "s8", "s9")
+
+
+def test_news_has_its_age() -> None:
+    far = Far(Fleet().minds)
+    far.look(["s1", "s6"])
+    far.clock.advance(4.0)
+    far.look(["s7"])
+    far.clock.advance(2.0)
+    station = far.station()
+    found = station.preview("(WHEN (> fuel 10%) (SETQ speed 1))")
+    assert found.yes == ("s7",)
+    assert found.oldest == 2.0
+    assert set(found.unknown.values()) == {"its last news is too old"}
+
+
+# ---- several types
+
+
+def types() -> tuple[Vocabulary, Vocabulary]:
+    scout = Vocabulary(
+        "scout",
+        sensors=(Quantity("x", "m", 0.0, 10.0), Quantity("fuel", low=0.0, high=1.0)),
+        actuators=(Quantity("speed", "m/s", 0.0, 5.0),),
+        constants=(Constant("FRONT", 0.0), Constant("SIDES", 16.0)),
+        functions=(HostFunction("SONAR", lambda body, i: 1.0, (None,), acts=False, arguments="i"),),
+    )
+    boat = Vocabulary(
+        "boat",
+        sensors=(Quantity("depth", "m"), Quantity("x", "m", -5.0, 5.0)),
+        actuators=(Quantity("rudder"), Quantity("speed", "m/s", 0.0, 20.0)),
+        constants=(Constant("FRONT", 0.0), Constant("SIDES", 8.0)),
+        functions=(HostFunction("SONAR", lambda body, i, j: 1.0, (None, None), acts=False, arguments="i j"),),
+    )
+    return scout, boat
+
+
+def mixed() -> Far:
+    scout, boat = types()
+    nodes = {"s": Node("s", scout, number=1), "b": Node("b", boat, number=2)}
+    nodes["s"].sense((3.0, 0.5), 0.0)
+    nodes["b"].sense((7.0, -2.0), 0.0)
+    nodes["b"].evaluate("(DEFVAR own 9)")
+    return Far(nodes)
+
+
+@pytest.mark.parametrize("first", ["s", "b"])
+def test_robots_of_several_types_are_foreseen_each_in_its_own_names(first: str) -> None:
+    far = mixed()
+    for robot in (first, *({"s", "b"} - {first})):
+        far.look([robot])
+    station = far.station()
+    wanted = {
+        "(WHEN (> x 1m) (SETQ speed 1))": ("s",),
+        "(WHEN (> depth 5m) (SETQ speed 1))": ("b",),
+        "(WHEN (> fuel 0) (SETQ speed 1))": ("s",),
+        "(WHEN (= SIDES 8) (SETQ speed 1))": ("b",),
+        "(WHEN (= SIDES 16) (SETQ speed 1))": ("s",),
+        "(WHEN (= own 9) (SETQ speed 1))": ("b",),
+        "(WHEN (AND (= FRONT 0) (> id 0)) (SETQ speed 1))": ("s", "b") if first == "s" else ("b", "s"),
+    }
+    for text, yes in wanted.items():
+        found = station.preview(text)
+        assert (text, found.yes, dict(found.unknown)) == (text, yes, {})
+    assert not station.check("(WHEN (> x -3m) (SETQ speed (+ (SONAR 1) (SONAR 1 2))))").errors
+    assert not station.preview("(WHEN (> x -4.5m) (SETQ speed 1))").everybody, "the widest range counts"
+
+
+def test_a_type_whose_names_cannot_be_united_is_left_out_with_a_reason() -> None:
+    scout, _ = types()
+    odd = Vocabulary("odd", sensors=(Quantity("sonar"), Quantity("x", "m")))
+    far = Far({"s": Node("s", scout), "o": Node("o", odd)})
+    far.look(["s"])
+    far.look(["o"])
+    assert list(far.minds) == ["s"]
+    assert list(far.minds.refused.values()) == ["sonar is a number here and a function of scout"]
+
+
+# ---- robots that lie
+
+
+def told(sender: str, what: object) -> Message:
+    return Message(sender, 1, 1, Kind.ANSWER, 0.0, body={TOLD: what})
+
+
+def telemetry_of(far: Far, robot: str, **changes: object) -> dict[str, object]:
+    found = far.answers(robot, Look.TELEMETRY).body[TOLD]
+    assert isinstance(found, dict)
+    return found | changes
+
+
+def test_who_lies_about_a_digest_lies_about_himself() -> None:
+    far = Far(taught().minds)
+    far.look()
+    before = far.station().preview("(WHEN (near 0.8 450m) (SETQ speed 1))")
+    lie = json.dumps({"groups": [], "operators": [["near", ["a", "b"], "1"]], "rules": []})
+    assert far.minds.take(told("liar", lie), 1.0) == [], "nobody has this mind"
+    assert far.minds.take(told("liar", telemetry_of(far, "s1", mind=digest(lie))), 1_000.0)
+    assert not far.minds.take(told("liar", lie), 1_000.0)
+    after = far.station().preview("(WHEN (near 0.8 450m) (SETQ speed 1))")
+    assert (set(after.yes) - {"liar"}, after.no) == (set(before.yes), before.no)
+    assert far.minds.take(told("s1", telemetry_of(far, "s1", values=b"\0" * 16)), 1_000.0) == []
+    assert far.minds["s1"].values[far.minds.vocabulary.first_sensor] == 100.0, "what it told before stands"
+    assert far.minds.malformed == 1
+
+
+def test_a_flood_of_types_names_and_robots_has_an_end() -> None:
+    minds = RemoteMinds()
+    for number in range(3 * MAX_TYPES):
+        text = json.dumps(
+            {"name": "t", "sensors": [[f"v{number}", "", None, None, None, "", ""]], "actuators": []}
+            | {"constants": [], "functions": []}
+        )
+        body = {"type": digest(text), "mind": bytes(8), "values": bytes(8 * 8), "active": 0, "running": b""}
+        user = {f"u{number}_{i}": 1.0 for i in range(200)}
+        minds.take(told(f"r{number}", body | {"user": user, "groups": [], "stopped": False}), 1.0)
+        minds.take(told(f"r{number}", text), 1.0)
+    assert len(minds.types) == MAX_TYPES
+    assert len(minds.vocabulary.user_slots) <= 256
+    assert sum(len(found.robots) for found in minds.wanted(1.0)) <= 64
+    assert not minds.wanted(1.5), "who does not tell is not asked again at once"
+
+
+def test_a_long_chain_of_rules_is_no_way_to_break_the_desk() -> None:
+    fleet = Fleet(1)
+    far = Far(fleet.minds)
+    rules = [[f"r{i}", f"r{i + 1}", False] for i in range(60)]
+    mind = json.dumps({"groups": [], "operators": [["op", ["a"], "(op a)"]], "rules": rules})
+    far.look()
+    far.minds.take(told("s0", telemetry_of(far, "s0", mind=digest(mind))), 1_000.0)
+    far.minds.take(told("s0", mind), 1_000.0)
+    for text in ("(WHEN r0 (SETQ speed 1))", "(WHEN (op 1) (SETQ speed 1))"):
+        assert far.station().preview(text).no == ("s0",), "too deep to come to anything"
+
+
+JUNK: tuple[object, ...] = (
+    None,
+    True,
+    -1,
+    2**70,
+    1e308,
+    float("nan"),
+    "",
+    "x" * 70_000,
+    "\ud7ff",
+    b"\xff" * 9,
+    [],
+    [[]],
+    {"": []},
+)
+
+
+def mutated(value: object, chance: Random) -> object:
+    """The same with something in it changed for something else."""
+    if isinstance(value, dict) and value and chance.random() < 0.9:
+        key = chance.choice(list(value))
+        if chance.random() < 0.1:
+            return {name: inside for name, inside in value.items() if name != key}
+        return value | {key: mutated(value[key], chance)}
+    if isinstance(value, list) and value and chance.random() < 0.9:
+        at = chance.randrange(len(value))
+        return [*value[:at], mutated(value[at], chance), *value[at + 1 :]] if chance.random() < 0.9 else value * 3
+    if isinstance(value, str | bytes) and value and chance.random() < 0.5:
+        at = chance.randrange(len(value))
+        return value[:at] + value[at + 1 :]
+    return chance.choice(JUNK)
+
+
+def test_whatever_is_told_the_desk_goes_on() -> None:
+    chance = Random(5)
+    far = mixed()
+    far.nodes["s"].evaluate("(RULE slow (WHEN (> x 1) (SETQ speed 1)))")
+    far.look()
+    station = Station(far.minds.vocabulary, far.minds, [].append, far.clock)
+    texts = [far.answers("s", look).body[TOLD] for look in (Look.VOCABULARY, Look.MIND)]
+    plain = far.answers("s", Look.TELEMETRY).body[TOLD]
+    accepted = 0
+    for turn in range(3_000):
+        who = f"f{turn % 50}"
+        if turn % 2:
+            what = mutated(plain, chance)
+        else:
+            text = chance.choice(texts)
+            assert isinstance(text, str)
+            what = json.dumps(mutated(json.loads(text), chance), default=str)
+            about = {"type": digest(what)} if text is texts[0] else {"mind": digest(what)}
+            assert isinstance(plain, dict)
+            far.minds.take(told(who, plain | about), 1_000.0)
+        for mind in far.minds.take(told(who, what), 1_000.0):
+            accepted += 1
+            station.observe(mind.told_at, [mind])
+            mind.variables(), mind.rules(), mind.heard()
+        if turn % 100 == 0:
+            Station(far.minds.vocabulary, far.minds, [].append, far.clock).preview("(WHEN (> x 1) (SETQ speed 1))")
+            far.minds.wanted(1_000.0 + turn)
+    assert accepted > 100
+    assert far.minds.malformed > 500
+    assert {"s", "b"} <= set(far.minds)
+
+
+# ---- why
+
+
+def test_why_comes_back_as_it_was() -> None:
+    far = Far(taught().minds)
+    found = read_why(str(far.answers("s1", Look.WHY, "slow").body[TOLD]))
+    here = far.nodes["s1"].why("slow")
+    assert found.render() == here.render()
+    refused = far.answers("s1", Look.WHY, "desk-1.99").body
+    assert TOLD not in refused
+    assert "remembers no command or rule desk-1.99" in str(refused["fault"])
+
+
+def test_a_long_why_is_told_in_its_upper_parts() -> None:
+    node = Node("s", Fleet(1).minds["s0"].vocabulary)
+    node.evaluate(
+        "(RULE big (WHEN (OR " + " ".join(f"(= x {i} {'1' * 50}{i})" for i in range(99)) + ") (SETQ speed 1)))"
+    )
+    far = Far({"s": node})
+    text = str(far.answers("s", Look.WHY, "big").body[TOLD])
+    assert len(text.encode()) < 49_152
+    assert len(read_why(text).root.children[0].children) == 99
+
+
+def test_an_explanation_is_checked_like_everything_else() -> None:
+    chance = Random(6)
+    far = Far(taught().minds)
+    good = json.loads(str(far.answers("s1", Look.WHY, "slow").body[TOLD]))
+    refused = 0
+    for _ in range(1_000):
+        try:
+            read_why(json.dumps(mutated(good, chance), default=str)).render()
+        except TellingError:
+            refused += 1
+    assert refused > 300
+    deep = '["x",1,0,1,"",[' * 5_000 + "]]" * 5_000
+    with pytest.raises(TellingError):
+        read_why(json.dumps(good | {"root": 0}).replace('"root": 0', f'"root": {deep}'))

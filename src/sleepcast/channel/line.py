@@ -1,7 +1,9 @@
 """A line: a party's mailbox on a transport, and the way from the clock on the wall to the time of a mind.
 
 A line never waits unless it is asked to; `wait` mends and hears while its owner has nothing to do. Answers that
-somebody has asked for within a time are spread over it by chance, so that a thousand robots do not answer at once.
+somebody has asked for within a time are spread over it by chance, so that a thousand robots do not answer at once. They
+are said once, and whoever has missed them asks for them again by the names of those that he has not heard; that is the
+line's own business, of which the mind hears nothing.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from random import Random
 
 import msgspec
 
-from sleepcast.channel.bodies import WITHIN
+from sleepcast.channel.bodies import AGAIN, FOR, WITHIN
 from sleepcast.channel.mailbox import Mailbox
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.transport import Transport
@@ -26,6 +28,8 @@ LONGEST = 60.0
 """Seconds over which answers are spread at most."""
 MAX_ASKED = 256
 """Commands of which a party knows how soon they are to be answered."""
+MAX_ANSWERED = 64
+"""Commands of which a party can say its answer again, as many as it can explain."""
 MAX_HELD = 1_024
 """Answers that wait for their moment; beyond, the first one goes at once."""
 
@@ -50,18 +54,19 @@ class Line:
         self._clock, self._chance = clock, chance
         self._heard: list[Message] = []
         self._asked: OrderedDict[str, float] = OrderedDict()
+        self._answered: OrderedDict[str, Message] = OrderedDict()
         self._held: list[Held] = []
         self._tie = count()
         mailbox.start(clock.now())
 
     def send(self, message: Message) -> None:
         """Say something; an answer in its moment, all else at once. Raises MessageError for what is too long."""
-        within = self._asked.get(str(message.body.get("command")), 0.0) if message.kind is Kind.ANSWER else 0.0
-        if within > 0.0:
-            when = self._clock.now() + self._chance.uniform(0.0, within)
-            heappush(self._held, Held(when, next(self._tie), message))
-            if len(self._held) > MAX_HELD:
-                self._post(heappop(self._held).message)
+        if message.kind is Kind.ANSWER:
+            command = str(message.body.get("command"))
+            self._answered[command] = message
+            if len(self._answered) > MAX_ANSWERED:
+                self._answered.popitem(last=False)
+            self._hold(message, self._asked.get(command, 0.0))
         else:
             self._post(message)
         self._step()
@@ -97,6 +102,24 @@ class Line:
         """Leave. Nothing can be sent or heard afterwards."""
         self.transport.close()
 
+    def _hold(self, answer: Message, within: float) -> None:
+        """Say an answer in its moment, at once if it has none."""
+        if within == 0.0:
+            self._post(answer)
+            return
+        when = self._clock.now() + self._chance.uniform(0.0, within)
+        heappush(self._held, Held(when, next(self._tie), answer))
+        if len(self._held) > MAX_HELD:
+            self._post(heappop(self._held).message)
+
+    def _say_again(self, asked: Message) -> None:
+        """Somebody has missed answers; ours is among them if we are named."""
+        names, answer = asked.body.get(FOR), self._answered.get(str(asked.body[AGAIN]))
+        if answer is None or not isinstance(names, list) or self.mailbox.name not in names:
+            return
+        if all(held.message is not answer for held in self._held):  # else it is about to be said anyway
+            self._hold(answer, _within(asked))
+
     def _post(self, message: Message) -> None:
         deadline = None if isinf(message.deadline) else message.deadline + self.zero
         self.mailbox.post(
@@ -116,10 +139,21 @@ class Line:
 
     def _hear(self, messages: list[Message]) -> None:
         for message in messages:
-            match message.body.get(WITHIN):
-                case float() | int() as within if 0.0 < within <= LONGEST:
-                    self._asked[message.id] = float(within)
-                    if len(self._asked) > MAX_ASKED:
-                        self._asked.popitem(last=False)
+            if message.kind is Kind.ASK and AGAIN in message.body:
+                self._say_again(message)
+                continue
+            within = _within(message)
+            if within > 0.0:
+                self._asked[message.id] = within
+                if len(self._asked) > MAX_ASKED:
+                    self._asked.popitem(last=False)
             times = {"issued": message.issued - self.zero, "deadline": message.deadline - self.zero}
             self._heard.append(msgspec.structs.replace(message, **times))
+
+
+def _within(asked: Message) -> float:
+    """Seconds over which answers to a message are to be spread; 0 where it says nothing that can be meant."""
+    match asked.body.get(WITHIN):
+        case float() | int() as within if 0.0 < within <= LONGEST:
+            return float(within)
+    return 0.0

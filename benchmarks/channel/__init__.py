@@ -1,0 +1,1 @@
+"""The broadcast channel between real processes in real networks: how fast, how dear, how sure."""

@@ -13,6 +13,7 @@ from sleepcast.channel.door import Door
 from sleepcast.channel.envelope import look
 from sleepcast.channel.keys import KeyPair, Role, Trust
 from sleepcast.channel.mailbox import Mailbox
+from sleepcast.channel.reading import Reader
 from sleepcast.clock import ManualClock
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
@@ -32,14 +33,25 @@ class Party:
 
 
 class Air:
-    """A desk and robots. loss, twice: shares of what each receiver loses and hears twice; delay: s at most."""
+    """A desk and robots. loss, twice: shares of what each receiver loses and hears twice; delay: s at most. reader:
+    of all of them, as in one process; else each has one of its own."""
 
-    def __init__(self, robots: int, seed: int, loss: float = 0.0, twice: float = 0.0, delay: float = 0.01) -> None:
+    def __init__(
+        self,
+        robots: int,
+        seed: int,
+        loss: float = 0.0,
+        twice: float = 0.0,
+        delay: float = 0.01,
+        reader: Reader | None = None,
+    ) -> None:
         self.clock = ManualClock(START)
         self.chance = Random(seed)
         self.loss, self.twice, self.delay = loss, twice, delay
+        self.reader = reader
         self.desk = self.party("desk", DESK)
         self.robots = [self.party(f"r{number}", ROBOTS) for number in range(robots)]
+        self.others: list[Party] = []
         self.sent: Counter[Kind] = Counter()
         self.bytes = 0
         self._flying: list[tuple[float, int, int, bytes]] = []
@@ -47,14 +59,21 @@ class Air:
         self.cut: set[frozenset[int]] = set()
         """Pairs of parties, by their index with the desk as 0, that do not hear each other."""
 
-    def party(self, name: str, key: KeyPair) -> Party:
-        door = Door(Trust((DESK.public, ROBOTS.public)), "lab", self.clock, robot=key is ROBOTS, rate=1e9)
-        box = Mailbox(name, 1, key, door, Random(self.chance.random()))
+    def party(self, name: str, key: KeyPair, epoch: int = 1) -> Party:
+        door = Door(
+            Trust((DESK.public, ROBOTS.public)), "lab", self.clock, robot=key is ROBOTS, rate=1e9, reader=self.reader
+        )
+        box = Mailbox(name, epoch, key, door, Random(self.chance.random()))
         box.start(self.clock.now())
         return Party(box)
 
+    def another_desk(self) -> Party:
+        """The desk in its next life, beside the first one."""
+        self.others.append(self.party("desk", DESK, len(self.others) + 2))
+        return self.others[-1]
+
     def everybody(self) -> list[Party]:
-        return [self.desk, *self.robots]
+        return [self.desk, *self.robots, *self.others]
 
     def run(self, seconds: float) -> None:
         until = self.clock.now() + seconds
@@ -85,7 +104,7 @@ class Air:
     def _send(self, who: int, datagram: bytes, now: float) -> None:
         self.sent[look(datagram).kind] += 1
         self.bytes += len(datagram)
-        for to in range(len(self.robots) + 1):
+        for to in range(len(self.everybody())):
             if to == who or frozenset((who, to)) in self.cut:
                 continue
             for _ in range(1 + (self.chance.random() < self.twice)):

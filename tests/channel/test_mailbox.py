@@ -7,6 +7,7 @@ import pytest
 from channel.air import DESK, START, Air, Party
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.mailbox import LIFE
+from sleepcast.channel.reading import Reader
 
 
 def rules(party: Party) -> list[str]:
@@ -152,3 +153,30 @@ def test_nonsense_from_a_robot_that_is_trusted_does_no_harm(body: dict[str, obje
     air.desk.box.post(Kind.COMMAND, air.clock.now(), text="(ST)")
     air.run(1.0)
     assert [message.text for message in air.robots[0].got] == ["(ST)"]
+
+
+def test_an_operator_who_comes_by_is_told_nobodys_rules() -> None:
+    air = Air(robots=6, seed=8)
+    air.desk.box.post(Kind.COMMAND, air.clock.now(), text="(RULE a 1)", standing=True)
+    air.run(3.0)
+    air.sent.clear()
+    second = air.another_desk()
+    air.run(3.0)
+    assert air.sent[Kind.COMMAND] == 0
+    assert second.got == []
+    second.box.post(Kind.COMMAND, air.clock.now(), text="(RULE b 1)", standing=True)
+    air.run(3.0)
+    assert [[message.text for message in robot.got] for robot in air.robots] == [["(RULE a 1)", "(RULE b 1)"]] * 6
+    assert air.sent[Kind.COMMAND] == 4, "the new rule, four times, and nothing else"
+
+
+def test_a_digest_that_says_what_enough_have_said_is_not_even_let_in() -> None:
+    let_in = {}
+    for reader in (None, Reader()):
+        air = Air(robots=30, seed=9, reader=reader)
+        air.desk.box.post(Kind.COMMAND, air.clock.now(), text="(RULE a 1)", standing=True)
+        air.run(10.0)
+        assert [[message.text for message in robot.got] for robot in air.robots] == [["(RULE a 1)"]] * 30
+        let_in[reader is None] = sum(robot.box.door.passed for robot in air.robots)
+        assert air.sent[Kind.DIGEST] < 40
+    assert let_in[False] < 0.8 * let_in[True]

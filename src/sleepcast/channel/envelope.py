@@ -45,12 +45,15 @@ KINDS: Sequence[Kind] = (
 NUMBER = {kind: number for number, kind in enumerate(KINDS)}
 STANDING = len(KINDS)
 """The number of a command that stands."""
+KIND_BY_NUMBER = (*KINDS, Kind.COMMAND)
 
 HEAD = b"\xd2\x84\x43\xa1\x01\x27\xa1\x04\x48"
 """COSE_Sign1; protected: EdDSA; unprotected: the key's id, eight bytes, which follow."""
 PAYLOAD_AT = len(HEAD) + ID_BYTES + 3
 FIXED = Struct(">BBBBQBQBQBQBBBB")
 """An array of eleven: version, kind, epoch, sequence, issued, deadline, part and parts, each with its CBOR head."""
+KIND_AT = PAYLOAD_AT + 2
+"""Where the number of the kind lies."""
 ARRAY, SMALL, LONG = 0x8B, 0x18, 0x1B
 SIGNATURE_HEAD = b"\x58\x40"
 TAIL = len(SIGNATURE_HEAD) + SIGNATURE_BYTES
@@ -99,7 +102,7 @@ class Piece(NamedTuple):
 
 def encode(message: Message, fleet: str, key: KeyPair) -> list[bytes]:
     """The parts of a message, signed. Times are rounded to microseconds. Raises MessageError for what is too long."""
-    content = cbor2.dumps([message.text, message.body])
+    content = said(message.text, message.body)
     if len(content) > MAX_CONTENT:
         raise MessageError(f"a message says at most {MAX_CONTENT} bytes, this one of {message.sender} {len(content)}")
     if message.standing and message.kind is not Kind.COMMAND:
@@ -122,6 +125,18 @@ def encode(message: Message, fleet: str, key: KeyPair) -> list[bytes]:
         signature = key.sign(signed_bytes(payload))
         found.append(b"".join((HEAD, key.id, length, payload, SIGNATURE_HEAD, signature)))
     return found
+
+
+def said(text: str, body: dict[str, object]) -> bytes:
+    """What a message says, as bytes."""
+    return cbor2.dumps([text, body])
+
+
+def kind_of(datagram: bytes) -> Kind | None:
+    """The kind that a datagram has if it is a message at all, at the price of a glance; None if that cannot be."""
+    if len(datagram) < LEAST or not datagram.startswith(HEAD) or datagram[KIND_AT] > STANDING:
+        return None
+    return KIND_BY_NUMBER[datagram[KIND_AT]]
 
 
 def look(datagram: bytes) -> Part:
@@ -147,7 +162,7 @@ def look(datagram: bytes) -> Part:
         raise EnvelopeError("a message with numbers beyond their bounds")
     return Part(
         datagram[len(HEAD) : len(HEAD) + ID_BYTES],
-        Kind.COMMAND if kind == STANDING else KINDS[kind],
+        KIND_BY_NUMBER[kind],
         kind == STANDING,
         epoch,
         sequence,

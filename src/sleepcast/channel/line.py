@@ -69,7 +69,8 @@ class Line:
             self._hold(message, self._asked.get(command, 0.0))
         else:
             self._post(message)
-        self._step()
+        for datagram in self.mailbox.posted():  # nothing else is due before we have listened
+            self.transport.send(datagram)
 
     def receive(self) -> list[Message]:
         """What has come in since the last call, and can be dealt with now."""

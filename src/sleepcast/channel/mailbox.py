@@ -22,7 +22,7 @@ from random import Random
 from typing import NamedTuple, TypeVar
 
 from sleepcast.channel.door import Door
-from sleepcast.channel.envelope import Part, encode
+from sleepcast.channel.envelope import Part, encode, said
 from sleepcast.channel.keys import MAY, KeyPair, Role
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.order import MAX_STREAMS, Order, Skipped, Stream
@@ -74,6 +74,10 @@ class Mailbox:
         self._key, self._chance = key, chance
         self._shelf = Shelf()
         self._trickle = Trickle(chance)
+        self._telling: bytes | None = None
+        """What a digest of ours would say; None while that is not worked out."""
+        self._told: dict[Name, int] = {}
+        """How far others' rules have come, as an operator hears from the robots."""
         self._sequence = 0
         self._out: list[bytes] = []
         self._later: list[Mend | Again] = []
@@ -104,7 +108,7 @@ class Mailbox:
             self._shelf.keep(own.name, message.sequence, standing, datagrams, now)
             own.deal_with(message)
             if standing:
-                self._trickle.restart(now)
+                self._tell(now)
         self._out += datagrams
         if kind in REPEATED:
             for wait in REPEATS:
@@ -112,9 +116,16 @@ class Mailbox:
                     heappush(self._later, Again(now + wait, next(self._tie), datagrams))
         return message
 
+    def posted(self) -> list[bytes]:
+        """What has been said and not been sent yet."""
+        out, self._out = self._out, []
+        return out
+
     def start(self, now: float) -> None:
-        """Tell the others how far we have come: whoever was away hears what has changed."""
-        self._trickle.restart(now)
+        """Tell the others how far we have come, so that they tell us what we have missed. An operator needs nobody's
+        rules, and keeps quiet until he has sent some."""
+        if self.door.robot:
+            self._trickle.restart(now)
 
     def _own(self) -> Stream:
         return self.order.stream((self._key.id, self.epoch))
@@ -124,7 +135,7 @@ class Mailbox:
     def take(self, datagram: bytes, now: float) -> list[Message]:
         """The messages that can be dealt with now that this datagram has come."""
         part = self.door.look(datagram)
-        if part is None or self._overheard(part, datagram, now):
+        if part is None or self._overheard(part, datagram, now) or self._says_nothing_new(part, datagram):
             return []
         entered = self.door.admit(part, datagram)
         if entered is None:
@@ -139,27 +150,51 @@ class Mailbox:
         name = part.key, part.epoch
         if message.kind is not Kind.COMMAND or not self._commands(name):
             return [message]  # what robots tell each other has no order, and nobody mends it
+        self._shelf.keep(name, message.sequence, message.standing, entered.datagrams, now)
+        if not self.door.robot:
+            return [message]  # an operator sees what others send, and waits for nothing of it
         stream = self.order.stream(name)
-        self._shelf.keep(stream.name, message.sequence, message.standing, entered.datagrams, now)
         return self._dealt_with(self.order.take(stream, message, now), now)
 
     def _overheard(self, part: Part, datagram: bytes, now: float) -> bool:
         """Whether these very bytes are on our shelf: then we need not send them either."""
         return part.kind is Kind.COMMAND and self._shelf.heard((part.key, part.epoch), part.sequence, datagram, now)
 
+    def _says_nothing_new(self, part: Part, datagram: bytes) -> bool:
+        """Whether this is one more digest that says what we know and enough others have said: it would change nothing
+        here, so nothing more is done for it."""
+        if part.kind is not Kind.DIGEST or not self._trickle.has_enough:
+            return False
+        if self._telling is None:
+            self._telling = said("", self._digest())
+        return self.door.reader.content(datagram) == self._telling
+
     def _dealt_with(self, found: list[Message], now: float) -> list[Message]:
         """These messages, of which those that stand are news to be told."""
         if any(message.standing for message in found):
-            self._trickle.restart(now)
+            self._tell(now)
         return found
+
+    def _tell(self, now: float) -> None:
+        """We have come further."""
+        self._telling = None
+        self._trickle.restart(now)
 
     # ---- repair
 
     def _compare(self, digest: Message, now: float) -> None:
         """Somebody tells how far he has come: mend what he misses, and tell what we miss."""
         theirs = {name: rules for name, rules in _read(digest.body, "have", int) if self._commands(name)}
+        names = set(self.order.standing())
+        if self.door.robot:
+            names |= theirs.keys()
+        else:  # an operator has an eye on what he has sent himself
+            for name in theirs.keys() - names:
+                self._told[name] = max(theirs[name], self._told.pop(name, 0))
+                if len(self._told) > MAX_STREAMS:
+                    del self._told[next(iter(self._told))]
         alike = True
-        for name in {*theirs, *self.order.standing()}:
+        for name in names:
             stream = self.order.stream(name)
             they, we = theirs.get(name, 0), stream.rules
             alike &= they == we
@@ -169,6 +204,11 @@ class Mailbox:
             self._trickle.agree()
         else:
             self._trickle.restart(now)
+
+    def _digest(self) -> dict[str, object]:
+        """How far we have come. An operator repeats what robots tell of others' rules, so that nobody sends him any."""
+        have = self._told | self.order.standing()
+        return {"have": [[*name, have[name]] for name in sorted(have)[-MAX_STREAMS:]]}
 
     def _mend_requested(self, request: Message, now: float) -> None:
         for name, listed in _read(request.body, "want", list):
@@ -199,9 +239,8 @@ class Mailbox:
         if wanted:
             self._say(Kind.REQUEST, {"want": [[*name, numbers] for name, numbers in wanted.items()]}, now)
         if self._trickle.is_due(now):
-            self._say(Kind.DIGEST, {"have": [[*name, rules] for name, rules in self.order.standing().items()]}, now)
-        out, self._out = self._out, []
-        return out, found
+            self._say(Kind.DIGEST, self._digest(), now)
+        return self.posted(), found
 
     def due(self) -> float:
         """When `step` has something to do next, s of Unix time; it may be called earlier."""

@@ -134,7 +134,9 @@ class Order:
 
     def expire(self, now: float) -> list[Message]:
         """What no longer waits, because what it waited for would come too late."""
-        return [message for stream in self._streams.values() for message in self._advance(stream, now)]
+        return [
+            message for stream in self._streams.values() if stream.waiting for message in self._advance(stream, now)
+        ]
 
     def wanted(self, now: float, most: int) -> dict[Name, list[int]]:
         """What is to be asked for at `now`, at most so many numbers."""

@@ -14,8 +14,8 @@ from sleepcast.channel.envelope import Part, Piece, look, read_message, read_pie
 from sleepcast.channel.keys import PublicKey
 from sleepcast.channel.message import Message
 
-MAX_READ = 1_024
-"""Datagrams of which it is remembered what they say: those of the seconds in which they are repeated, one megabyte."""
+MAX_READ = 8_192
+"""Datagrams of which it is remembered what they say: as many as may wait for one party, some ten megabytes."""
 
 
 @dataclass(slots=True)
@@ -53,6 +53,11 @@ class Reader:
         if found.piece is None:
             found.piece = read_piece(found.part)
         return found.piece
+
+    def content(self, datagram: bytes) -> bytes | None:
+        """What a datagram says, if somebody here has found its signature good; None if nobody has."""
+        found = self._known.get(datagram)
+        return None if found is None or found.piece is None else found.piece.content
 
     def message(self, datagram: bytes, sender: str, content: bytes) -> Message:
         """The message whose last part to arrive is this datagram, see `envelope.read_message`. Raises EnvelopeError."""

@@ -11,7 +11,7 @@ from collections import Counter, deque
 from collections.abc import Iterable
 
 from sleepcast.channel.door import Drop
-from sleepcast.channel.envelope import EnvelopeError
+from sleepcast.channel.envelope import kind_of
 from sleepcast.channel.message import Kind
 from sleepcast.channel.reading import Reader
 from sleepcast.channel.transport import Transport
@@ -66,14 +66,10 @@ class Trunk:
                 self._transport.close()
 
     def _spread(self, datagram: bytes, sender: Branch | None) -> None:
-        try:
-            kind = self.reader.look(datagram).kind
-        except EnvelopeError:
-            self.counts[Drop.MALFORMED] += 1
-            return
+        kind = kind_of(datagram)
         if kind not in self._wanted:
             if sender is None:
-                self.counts[Drop.NOT_FOR_US] += 1
+                self.counts[Drop.MALFORMED if kind is None else Drop.NOT_FOR_US] += 1
             return
         for branch in self._branches:
             if branch is not sender and kind in branch.wanted:

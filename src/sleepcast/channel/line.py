@@ -69,7 +69,7 @@ class Line:
             self._hold(message, self._asked.get(command, 0.0))
         else:
             self._post(message)
-        self._step()
+        self.flush()
 
     def receive(self) -> list[Message]:
         """What has come in since the last call, and can be dealt with now."""
@@ -84,7 +84,7 @@ class Line:
             self._hear(self.mailbox.take(datagram, now))
         while self._held and self._held[0].time <= now:
             self._post(heappop(self._held).message)
-        self._step()
+        self.flush()
 
     def due(self) -> float:
         """When `pump` has something to do next even if nothing comes, s of Unix time."""
@@ -131,7 +131,8 @@ class Line:
             body=message.body,
         )
 
-    def _step(self) -> None:
+    def flush(self) -> None:
+        """Send what is due, without hearing anything."""
         out, freed = self.mailbox.step(self._clock.now())
         for datagram in out:
             self.transport.send(datagram)

@@ -34,7 +34,7 @@ def door(robot: bool = True, rate: float = 1e9, clock: ManualClock | None = None
 
 
 def message(sequence: int = 1, sender: str = "desk", kind: Kind = Kind.COMMAND, **others: object) -> Message:
-    fields: dict[str, object] = {"epoch": 1, "issued": NOW, "deadline": NOW + 5.0, "text": "(ST)"}
+    fields: dict[str, object] = {"epoch": 1, "issued": NOW, "deadline": NOW + 5.0, "text": "(ST)", "role": "operator"}
     return Message(**{**fields, **others}, sender=sender, sequence=sequence, kind=kind)  # type: ignore[arg-type]
 
 
@@ -168,7 +168,16 @@ def test_a_number_counts_once_and_never_after_the_window(numbers: list[tuple[int
 
 def test_what_stands_counts_however_old_it_is() -> None:
     here = door(clock=ManualClock(NOW + 10.0 * OLDEST))
-    assert here.enter(only(encode(message(deadline=inf, standing=True), "lab", DESK)))
+    assert here.enter(only(encode(message(sender="chief", deadline=inf, standing=True), "lab", CHIEF)))
+
+
+@pytest.mark.parametrize("key", [DESK, WATCH, ROBOTS])
+def test_only_a_commander_says_what_stands(key: KeyPair) -> None:
+    """Authority by key: rules are a commander's, however good the signature of somebody else."""
+    here = door()
+    said = message(sender=key.public.owner.replace("*", "1"), deadline=inf, standing=True)
+    assert here.enter(only(encode(said, "lab", key))) is None
+    assert here.counts == {Drop.NOT_ALLOWED: 1}
 
 
 def test_trust_is_bounded_and_names_what_it_does_not_know() -> None:

@@ -107,8 +107,8 @@ def test_keys_decide_who_is_obeyed(home: Path, served: Served, channel: str) -> 
     with ExitStack() as stack:
         stack.enter_context(node("r1", served, channel, "--key", "r*"))
         assert account(channel, "ask", "id", "--key", "watch")["matched"] == ["r1"]
-        refused = account(channel, "send", "(WHEN (> id 0) (VM 1 1))", "--key", "watch")
-        assert (refused["matched"], refused["silent"]) == ([], ["r1"])
+        refused = on_air(channel, "send", "(WHEN (> id 0) (VM 1 1))", "--key", "watch")
+        assert (refused.status, refused.err) == (2, "watch is an observer, who may ask and stop\n")
         assert account(channel, "send", "(WHEN (> id 0) (VM 0 0))", "--key", "desk")["matched"] == ["r1"]
         assert account(channel, "ask", "id")["matched"] == [], "the development key is nobody's here"
         assert account(channel, "stop", "--key", "watch")["matched"] == ["r1"]
@@ -117,7 +117,7 @@ def test_keys_decide_who_is_obeyed(home: Path, served: Served, channel: str) -> 
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("send", "(ST)"), "say so with --all"),
+        (("send", "(ST)"), "everybody is meant (--all)"),
         (("send", "(ST"), "missing at the end"),
         (("ask", "(+ 1"), "missing at the end"),
         (("send", "(WHEN (> x 1) (ST))", "--key", "desk"), "sleepcast keys new desk makes it"),

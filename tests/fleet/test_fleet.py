@@ -14,7 +14,7 @@ from sleepcast.channel.message import Kind, Message
 from sleepcast.errors import SleepcastError
 from sleepcast.fleet import Fleet, FleetError, columns, limits
 from sleepcast.language import CheckError, ReadError, Vocabulary
-from sleepcast.node import memory, node, scheduler
+from sleepcast.node import memory, node, scheduler, speech
 from sleepcast.station.minds import FleetNames
 from sleepcast.units import Quantity
 
@@ -29,8 +29,10 @@ def twins(count: int = 5) -> Twins:
 
 
 def test_its_bounds_are_those_of_a_node() -> None:
-    for name in ("MAX_QUEUE", "MAX_SEEN", "MAX_OUTBOX", "MAX_FAULTS_IN_ROW", "TELL_SECONDS", "REPORTS_A_SECOND"):
+    for name in ("MAX_QUEUE", "MAX_SEEN", "MAX_FAULTS_IN_ROW"):
         assert getattr(limits, name) == getattr(node, name), name
+    for name in ("MAX_OUTBOX", "TELL_SECONDS", "REPORTS_A_SECOND"):
+        assert getattr(limits, name) == getattr(speech, name), name
     for name in ("MAX_FAULTS", "PROVEN_TICKS", "FAILED"):
         assert getattr(limits, name) == getattr(memory, name), name
     assert limits.TICK_STEPS == scheduler.TICK_STEPS

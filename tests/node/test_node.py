@@ -9,8 +9,9 @@ import pytest
 from sleepcast.channel.message import Kind, Message
 from sleepcast.errors import SleepcastError
 from sleepcast.language import HostFunction, Vocabulary
-from sleepcast.node.node import MAX_FAULTS_IN_ROW, MAX_QUEUE, MAX_RECOLLECTIONS, REPORTS_A_SECOND, Node
+from sleepcast.node.node import MAX_FAULTS_IN_ROW, MAX_QUEUE, MAX_RECOLLECTIONS, Node
 from sleepcast.node.scheduler import TICK_STEPS
+from sleepcast.node.speech import REPORTS_A_SECOND
 from sleepcast.node.variables import VariableTable, actuator, sensor
 from sleepcast.units import Quantity
 

@@ -10,7 +10,8 @@ import pytest
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.names import Names
 from sleepcast.station import Outcome
-from sleepcast.station.accounting import LATE, Command, account, answer_from
+from sleepcast.station.accounting import Command, account
+from sleepcast.station.answers import LATE, answer_from
 from station.fleet import Fleet
 
 HALF = "(WHEN (> fuel 50%) (JOIN bravo))"

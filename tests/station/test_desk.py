@@ -23,7 +23,8 @@ from sleepcast.station import (
     UnknownRobotError,
 )
 from sleepcast.station.accounting import Spread
-from sleepcast.station.desk import MAX_COMMANDS, MAX_REPORTS, REPEAT_AFTER
+from sleepcast.station.desk import MAX_REPORTS, REPEAT_AFTER
+from sleepcast.station.sent import MAX_COMMANDS
 from station.fleet import Fleet, vocabulary
 
 HALF = "(WHEN (> fuel 50%) (JOIN bravo))"

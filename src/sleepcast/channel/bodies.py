@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
 
 WITHIN = "within"
@@ -16,6 +17,8 @@ LEASE = "lease"
 """Who is to control a group, and for how long."""
 KEYS = "keys"
 """Whom to trust, and whom not any more."""
+FIRST, AGE = "first", "age"
+"""The id of the message that this one repeats for those who were not heard, and the seconds since that was sent."""
 TOLD = "told"
 """What a robot tells of itself, in the answer to a look."""
 
@@ -31,3 +34,11 @@ class Look(StrEnum):
     """What it has learned: groups, operators, rules."""
     WHY = "why"
     """How it evaluated a command, or what a rule would do now."""
+
+
+def is_addressed(body: Mapping[str, object], name: str) -> bool:
+    """Whether a message is for the robot of this name. One that says for whom, and says it wrongly, is for nobody."""
+    only, others = body.get(FOR), body.get(NOT, [])
+    if not isinstance(others, list) or name in others:
+        return False
+    return FOR not in body or (isinstance(only, list) and name in only)

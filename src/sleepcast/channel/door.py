@@ -169,7 +169,7 @@ class Door:
             if reason is not None:
                 self.counts[reason] += 1
                 return None
-            entered = self._completed(part, piece, datagram)
+            entered = self._completed(part, piece, datagram, key.role)
         except EnvelopeError:
             self.counts[Drop.MALFORMED] += 1
             return None
@@ -183,7 +183,7 @@ class Door:
             return Drop.UNKNOWN_KEY
         if key.revoked:
             return Drop.REVOKED
-        if part.kind not in MAY[key.role]:
+        if part.kind not in MAY[key.role] or (part.standing and key.role is not Role.COMMANDER):
             return Drop.NOT_ALLOWED
         if part.kind in TO_OPERATOR if self.robot else part.kind in TO_ROBOTS and key.role is Role.ROBOT:
             return Drop.NOT_FOR_US
@@ -221,7 +221,7 @@ class Door:
             found = self._budgets[which] = Budget(self._rate, self._rate, now)
         return found
 
-    def _completed(self, part: Part, piece: Piece, datagram: bytes) -> Entered | None:
+    def _completed(self, part: Part, piece: Piece, datagram: bytes, role: Role) -> Entered | None:
         """The message, if this part was the last one of it that was missing."""
         content, datagrams = piece.content, (datagram,)
         if part.parts > 1:
@@ -239,7 +239,7 @@ class Door:
             content = b"".join(contents)
             if len(content) > MAX_CONTENT:
                 raise EnvelopeError("a message that says more than fits into one")
-        message = self.reader.message(datagram, piece.sender, content)
+        message = self.reader.message(datagram, piece.sender, content, role.value)
         if not part.standing:
             self._note(part, piece.sender)
         return Entered(message, datagrams)

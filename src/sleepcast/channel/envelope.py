@@ -189,14 +189,17 @@ def read_piece(part: Part) -> Piece:
     raise EnvelopeError("a message without fleet, sender and content")
 
 
-def read_message(part: Part, sender: str, content: bytes) -> Message:
-    """The message whose last part to arrive is `part`, and whose pieces make `content`. Raises EnvelopeError."""
+def read_message(part: Part, sender: str, content: bytes, role: str = "") -> Message:
+    """The message whose last part to arrive is `part`, and whose pieces make `content`. role: of the key that signed
+    it. Raises EnvelopeError."""
     found = _decoded(content)
     match found:
         case [str() as text, dict() as body] if plain(body):
             try:
                 return Message(
-                    sender, part.epoch, part.sequence, part.kind, part.issued, part.deadline, text, part.standing, body
+                    *(sender, part.epoch, part.sequence, part.kind, part.issued, part.deadline, text, part.standing),
+                    body,
+                    role,
                 )
             except MessageError as error:
                 raise EnvelopeError(str(error)) from None

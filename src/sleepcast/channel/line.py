@@ -69,8 +69,7 @@ class Line:
             self._hold(message, self._asked.get(command, 0.0))
         else:
             self._post(message)
-        for datagram in self.mailbox.posted():  # nothing else is due before we have listened
-            self.transport.send(datagram)
+        self.flush()
 
     def receive(self) -> list[Message]:
         """What has come in since the last call, and can be dealt with now."""
@@ -131,6 +130,11 @@ class Line:
             standing=message.standing,
             body=message.body,
         )
+
+    def flush(self) -> None:
+        """Send what has been said; nothing else is due before we have listened."""
+        for datagram in self.mailbox.posted():
+            self.transport.send(datagram)
 
     def _step(self) -> None:
         out, freed = self.mailbox.step(self._clock.now())

@@ -59,8 +59,9 @@ class Message(msgspec.Struct, frozen=True):
 
     issued: when it was sent; deadline: after which nobody acts on it any more (inf: always good); both in
     seconds of the swarm's clock. standing: whether it must reach everybody in the end, late joiners too
-    (rules and operators). body: what answers and reports carry: names to plain values. Raises MessageError
-    past a bound.
+    (rules and operators). body: what else it carries: names to plain values (`bodies`). role: of the key that
+    signed it, as its receiver knows it and never as it says itself; "" where nobody signs. Raises MessageError past a
+    bound.
     """
 
     sender: str
@@ -72,6 +73,7 @@ class Message(msgspec.Struct, frozen=True):
     text: str = ""
     standing: bool = False
     body: dict[str, object] = {}
+    role: str = ""
 
     def __post_init__(self) -> None:
         if not 0 < len(self.sender) <= MAX_NAME:

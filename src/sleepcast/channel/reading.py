@@ -59,13 +59,13 @@ class Reader:
         found = self._known.get(datagram)
         return None if found is None or found.piece is None else found.piece.content
 
-    def message(self, datagram: bytes, sender: str, content: bytes) -> Message:
+    def message(self, datagram: bytes, sender: str, content: bytes, role: str) -> Message:
         """The message whose last part to arrive is this datagram, see `envelope.read_message`. Raises EnvelopeError."""
         found = self._of(datagram)
         if found.part.parts > 1:  # what it says depends on the other parts as well
-            return read_message(found.part, sender, content)
-        if found.message is None:
-            found.message = read_message(found.part, sender, content)
+            return read_message(found.part, sender, content, role)
+        if found.message is None or found.message.role != role:
+            found.message = read_message(found.part, sender, content, role)
         return found.message
 
     def _of(self, datagram: bytes) -> Read:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
 from random import Random, SystemRandom
 from typing import TYPE_CHECKING, TypeVar
@@ -16,9 +18,12 @@ if TYPE_CHECKING:
     from sleepcast.channel.reading import Reader
     from sleepcast.channel.transport import Transport
     from sleepcast.channel.trunk import Branch, Trunk
+    from sleepcast.station.aired import AirStation
 
 FLEET = "sleepcast"
 """Whose messages are heard, unless another fleet is named."""
+CHANNEL = "udp://239.255.83.76:47123?interface=lo"
+"""Unless another one is said: multicast that stays on this machine."""
 
 Command = TypeVar("Command", bound=Callable[..., object])
 
@@ -27,13 +32,14 @@ Command = TypeVar("Command", bound=Callable[..., object])
 class Air:
     """channel: its address; fleet: its name. key: the owner of ours, None for the development key of this machine;
     trust: the file of those who are believed, None for the one beside the keys, or for the development keys alone.
-    folder: where keys lie, None for the one in the user's settings."""
+    folder: where keys lie, None for the one in the user's settings. within: s for answers, None: by the roster."""
 
     channel: str
     fleet: str
     key: str | None
     trust: Path | None
     folder: Path | None
+    within: float | None = None
 
 
 def options(command: Command) -> Command:
@@ -46,6 +52,60 @@ def options(command: Command) -> Command:
     ):
         command = option(command)
     return command
+
+
+def operator(command: Callable[..., int]) -> Callable[..., int]:
+    """A command of an operator on the air: it gets an `Air` and `as_json` besides what is its own."""
+
+    @click.option("--channel", metavar="URI", default=CHANNEL, show_default=True, help="The radio.")
+    @options
+    @click.option(
+        "--within", type=click.FloatRange(0.0, 60.0), help="Seconds for answers; else a millisecond for each robot."
+    )
+    @click.option("--json", "as_json", is_flag=True, help="Print the account as one JSON object.")
+    @wraps(command)
+    def on_air(
+        channel: str,
+        fleet: str,
+        key: str | None,
+        trust: Path | None,
+        folder: Path | None,
+        within: float | None,
+        **others: object,
+    ) -> int:
+        return command(air=Air(channel, fleet, key, trust, folder, within), **others)
+
+    return on_air
+
+
+@contextmanager
+def station_for(air: Air, say: Callable[[str], None], *, strict: bool = False) -> Iterator[AirStation]:
+    """An operator's desk on this channel, which remembers at its end who was heard. say: tells the person what he must
+    know. strict: whether what is only doubtful is refused. Raises what the channel raises."""
+    from sleepcast.clock import UnixClock
+    from sleepcast.language import Vocabulary
+    from sleepcast.station.aired import ABOVE, AirStation
+    from sleepcast.station.contacts import Contacts, ContactsLostError
+    from sleepcast.station.settling import Caution
+
+    contacts = Contacts.of(air.fleet)
+    with closing(line_for(air, None, robot=False, say=say)) as line:
+        station = AirStation(
+            line,
+            UnixClock(),
+            Vocabulary(),
+            {},
+            heard=contacts.heard,
+            caution=Caution(ABOVE, irreversible=True, strict=strict),
+            within=air.within,
+        )
+        try:
+            yield station
+        finally:
+            try:
+                contacts.save({name: at for name, at in station.roster.items() if at is not None})
+            except ContactsLostError as error:
+                say(str(error))
 
 
 def line_for(air: Air, name: str | None, *, robot: bool, say: Callable[[str], None]) -> Line:

@@ -14,6 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.channel.bodies import FOR, NOT, is_addressed
 from sleepcast.channel.chorus import Answers, Chorus
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.names import Names
@@ -182,6 +183,12 @@ class Core:
     def receive(self, message: Message, robots: Some = None) -> None:
         """Take a message on these robots: STOP and RELEASE at once, commands and questions into their queues."""
         new = self.inbox.first_heard(message, self.rows(robots).robots)
+        if FOR in message.body or NOT in message.body:
+            meant = [is_addressed(message.body, self.names[robot]) for robot in new.tolist()]
+            rows = Rows.of(new)
+            if message.kind is Kind.STOP:
+                self._embodied.stop(rows)
+            new = new[np.array(meant, np.bool_)]
         rows = Rows.of(new)
         if message.kind in (Kind.STOP, Kind.RELEASE):
             stopping = message.kind is Kind.STOP

@@ -20,9 +20,13 @@ from __future__ import annotations
 
 from sleepcast.language.form import Form, List, Symbol
 from sleepcast.language.functions import Function
-from sleepcast.language.vocabulary import HostFunction, Variable
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, HostFunction, Variable
 
 ACTING = frozenset({"set_user", "write", "defvar", "store", "act"})
+RULING = frozenset({"activate", "deactivate", "forget", "lease", "defun", "rollback"})
+"""Acts that change which rules and operators a robot has, or which of them run."""
+IRREVERSIBLE = frozenset({"forget", "rollback"})
+"""Acts that lose what nobody may have any more."""
 CHANCY = frozenset({"prob", "dice", "random", "gauss"})
 
 
@@ -116,6 +120,27 @@ def is_acting(part: Part) -> bool:
     if part.op == "host":
         return host_of(part).acts
     return part.op in ACTING
+
+
+def rules(part: Part) -> bool:
+    """Whether evaluating `part` itself can change the robot's rules: which there are, or which of them run."""
+    return any(map(_is_ruling, walk(part)))
+
+
+def _is_ruling(part: Part) -> bool:
+    if part.op == "write":
+        return ACTIVE0 < part.slot < ACTIVE0 + BUFFERS
+    return part.op == "store" or (part.op == "act" and part.name in RULING)
+
+
+def irreversible(part: Part) -> str:
+    """The name of the first form inside `part` that is marked as one that cannot be undone, "" if there is none."""
+    for inside in walk(part):
+        if inside.op == "host" and host_of(inside).irreversible:
+            return host_of(inside).name
+        if inside.op == "act" and inside.name in IRREVERSIBLE:
+            return inside.name.upper()
+    return ""
 
 
 def deciding(part: Part) -> Part | None:

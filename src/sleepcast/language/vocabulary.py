@@ -70,6 +70,7 @@ class HostFunction:
     the value. acts: whether it does something to the world (then an unknown argument never reaches it). labelled:
     whether its only argument is a text in quotes. `call(body, *arguments)` returns a float or None (which counts as 1).
     many: the name of the method that does the same for many bodies at once, where they are kept so that there is one.
+    irreversible: whether it cannot be undone, so that a desk asks for how many robots it is meant.
     """
 
     name: str
@@ -82,6 +83,7 @@ class HostFunction:
     labelled: bool = False
     doc: str = ""
     many: str = ""
+    irreversible: bool = False
 
     @property
     def usage(self) -> str:

@@ -10,9 +10,8 @@ from __future__ import annotations
 from collections import OrderedDict, deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import inf, isnan, nan
 
-from sleepcast.channel.bodies import LOOK
+from sleepcast.channel.bodies import LOOK, is_addressed
 from sleepcast.channel.message import Kind, Message
 from sleepcast.errors import SleepcastError
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
@@ -25,10 +24,12 @@ from sleepcast.language.rehearsal import Answer
 from sleepcast.language.review import Checked, check
 from sleepcast.language.vocabulary import FROZEN, SLEEPING, Variable, Vocabulary, buffer_number
 from sleepcast.node.acts import ACTS
+from sleepcast.node.authority import Authority
 from sleepcast.node.buffers import ExpressionBuffer, RuleView
-from sleepcast.node.looks import NOTHING, Told, look
+from sleepcast.node.looks import look
 from sleepcast.node.memory import Fault, RobotMemory, Voice
 from sleepcast.node.scheduler import Scheduler
+from sleepcast.node.speech import Speaker
 from sleepcast.node.variables import VariableTable
 from sleepcast.robot import Robot
 
@@ -38,15 +39,8 @@ MAX_QUEUE = 64
 """Messages waiting for the next tick; more are dropped and counted, as a radio drops what it has no room for."""
 MAX_SEEN = 1_024
 """Message ids remembered so that a repeated message changes nothing."""
-MAX_OUTBOX = 256
-"""Things said in one tick; the rest is dropped and counted."""
-REPORTS_A_SECOND = 20
-"""Reports of one robot that go on the air in a second of its clock: a rule that speaks at every tick is heard."""
 MAX_FAULTS_IN_ROW = 10
 """Evaluations with a fault, one after the other, after which a rule is deactivated."""
-TELL_SECONDS = 5.0
-"""How long what a robot tells others may still be acted on."""
-
 
 Recollected = tuple[Program, list[float], frozenset[str], list[Answer], float, int, str]
 
@@ -68,7 +62,7 @@ class Result:
         return explain(self.recollection)
 
 
-class Node:
+class Node(Speaker):
     """One robot's mind.
 
     number: its `id` in expressions and in its chance. seed: of the run. body: what the functions of its vocabulary are
@@ -87,26 +81,19 @@ class Node:
         variables: VariableTable | None = None,
     ) -> None:
         table = variables or VariableTable(vocabulary.name, like=vocabulary)
-        self.name, self.number, self.body = name, number, table.body if body is None else body
+        super().__init__(name)
+        self.number, self.body = number, table.body if body is None else body
         self.stopped = False
-        self.outbox: list[Message] = []
-        self.pings: list[float] = []
-        self.lost = 0
-        """Messages and sayings that found no room."""
-        self.epoch = 0
         self._memory = RobotMemory(
             table, Voice(self._report, self._tell, self._ping), ACTS, number=number, seed=seed, body=self.body
         )
+        self._authority = Authority()
         self._scheduler = Scheduler(self._memory.rules, self._run_rule)
         self._queue: deque[Message] = deque()
         self._seen: OrderedDict[str, None] = OrderedDict()
         # The fields of a Recollection, made into one only when somebody asks: this happens for every message.
         self._recollections: deque[Recollected] = deque(maxlen=MAX_RECOLLECTIONS)
-        self._printed: list[tuple[str, tuple[float, ...]]] | None = None
-        """What the text under way has reported, while somebody waits for its result."""
-        self._sequence = 0
         self._was_still = False
-        self._reported_in, self._reported = 0, 0
 
     # ---- what others look at
 
@@ -202,6 +189,8 @@ class Node:
             self._seen.popitem(last=False)
         if message.kind is Kind.STOP:
             self._stop(message)
+        elif not is_addressed(message.body, self.name):
+            return
         elif message.kind is Kind.RELEASE:
             self._release(message)
         elif message.kind in (Kind.COMMAND, Kind.ASK):
@@ -218,6 +207,7 @@ class Node:
         """One tick: the messages that are waiting, then one round of the active rules, unless asleep or frozen."""
         memory = self._memory
         memory.at(tick, now)
+        self._now = now
         memory.variables.refresh(memory.values, now)
         if memory.rules.leases:
             for buffer in memory.rules.expire(now):
@@ -320,6 +310,10 @@ class Node:
         except SleepcastError as error:
             self._answer(message, "fault", fault=str(error).splitlines()[0])
             return
+        objection = self._authority.objection(message, program)
+        if objection:
+            self._answer(message, "fault", fault=objection)
+            return
         if message.kind is Kind.ASK:
             found = rehearse(program, memory.rehearsal(), command=message.id)
             self._answer(message, "answer", found.value, "; ".join(found.faults))
@@ -334,18 +328,23 @@ class Node:
 
     def _stop(self, message: Message) -> None:
         self.stopped = True
+        self._authority.note_stop(message)
         if isinstance(self.body, Robot):
             self.body.stop()
         else:
             self._memory.held = True
+        fault = ""
         try:
             self._memory.variables.stop()
         except SleepcastError as error:
-            self._answer(message, "stopped", fault=str(error))
-        else:
-            self._answer(message, "stopped")
+            fault = str(error)
+        if is_addressed(message.body, self.name):  # whoever hears a STOP stops; the others need not say so again
+            self._answer(message, "stopped", fault=fault)
 
     def _release(self, message: Message) -> None:
+        if not self._authority.may_release(message):
+            self._answer(message, "fault", fault="a STOP that was sent later holds")
+            return
         self.stopped = self._memory.held = False
         self._memory.variables.release()
         if isinstance(self.body, Robot):
@@ -360,41 +359,3 @@ class Node:
             self._was_still = still
             if isinstance(self.body, Robot):
                 self.body.hold(still)
-
-    # ---- what goes out
-
-    def _say(self, kind: Kind, *, text: str = "", deadline: float = inf, body: dict[str, object] | None = None) -> None:
-        if len(self.outbox) >= MAX_OUTBOX:
-            self.lost += 1
-            return
-        self._sequence += 1
-        self.outbox.append(
-            Message(self.name, self.epoch, self._sequence, kind, self._memory.time, deadline, text, False, body or {})
-        )
-
-    def _answer(
-        self, message: Message, outcome: str, value: float = nan, fault: str = "", told: Told = NOTHING
-    ) -> None:
-        said = {"command": message.id, "outcome": outcome, "value": None if isnan(value) else value}
-        self._say(Kind.ANSWER, body={**said, "fault": fault or None, **told})
-
-    def _report(self, label: str, values: tuple[float, ...]) -> None:
-        if self._printed is not None:
-            self._printed.append((label, values))
-        second = int(self._memory.time)
-        if second != self._reported_in:
-            self._reported_in, self._reported = second, 0
-        self._reported += 1
-        if self._reported > REPORTS_A_SECOND:
-            self.lost += 1
-            return
-        self._say(Kind.REPORT, body={"label": label, "values": [None if isnan(v) else v for v in values]})
-
-    def _tell(self, text: str) -> None:
-        self._say(Kind.COMMAND, text=text, deadline=self._memory.time + TELL_SECONDS)
-
-    def _ping(self, caste: float) -> None:
-        if len(self.pings) < MAX_OUTBOX:
-            self.pings.append(caste)
-        else:
-            self.lost += 1

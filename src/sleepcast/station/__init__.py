@@ -1,27 +1,14 @@
 """The operator's desk, without a page: check, preview, send, stop, and a truthful account of what became of it."""
 
-from sleepcast.station.accounting import (
-    FAULT,
-    MATCHED,
-    NOT_MATCHED,
-    SILENT,
-    Accounting,
-    Answer,
-    Command,
-    Outcome,
-)
-from sleepcast.station.desk import (
-    DEADLINE,
-    AddressError,
-    NoExplanationError,
-    NoSuchCommandError,
-    SortError,
-    Station,
-)
+from sleepcast.station.accounting import Accounting, Command
+from sleepcast.station.answers import FAULT, MATCHED, NOT_MATCHED, SILENT, Answer, Outcome
+from sleepcast.station.desk import NoExplanationError, Station
 from sleepcast.station.journal import Entry, Event, Journal, MemoryJournal, Report
 from sleepcast.station.minds import FleetNames, ManyMinds, Mind, Minds, Telemetry
 from sleepcast.station.preview import NO, UNKNOWN, YES, Preview
 from sleepcast.station.roster import UnknownRobotError
+from sleepcast.station.sent import NoSuchCommandError
+from sleepcast.station.settling import DEADLINE, AddressError, Caution, CountNeededError, SortError
 
 __all__ = [
     "DEADLINE",
@@ -35,7 +22,9 @@ __all__ = [
     "Accounting",
     "AddressError",
     "Answer",
+    "Caution",
     "Command",
+    "CountNeededError",
     "Entry",
     "Event",
     "FleetNames",

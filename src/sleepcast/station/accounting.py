@@ -6,220 +6,49 @@ is silent, with the time at which it was last heard.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from functools import cached_property
-from math import inf, nan
-from sys import float_info
-from typing import TypeVar
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.chorus import Answers as Said
 from sleepcast.channel.names import Names
 from sleepcast.channel.parcels import ascending
-from sleepcast.parcel import Array, ParcelError, within
-from sleepcast.station.parcels import AnswersParcel, CommandParcel
+from sleepcast.parcel import Array, ParcelError
+from sleepcast.station.answers import FAULT, MATCHED, NOT_MATCHED, OUTCOMES, SILENT, Answers
+from sleepcast.station.parcels import CommandParcel
 from sleepcast.station.roster import Index, Seconds
 
-Number = TypeVar("Number", bound=np.generic)
-
-
-class Outcome(StrEnum):
-    """What a robot answers to a command."""
-
-    MATCHED = "matched"
-    NOT_MATCHED = "not matched"
-    FAULT = "fault"
-
-
-SAID: Mapping[str, Outcome] = {
-    "matched": Outcome.MATCHED,
-    "not matched": Outcome.NOT_MATCHED,
-    "fault": Outcome.FAULT,
-    "answer": Outcome.MATCHED,
-    "late": Outcome.FAULT,
-    "stopped": Outcome.MATCHED,
-    "released": Outcome.MATCHED,
-}
-"""What an outcome counts as, by the word that a robot uses. Late: it heard the command past its deadline and did
-nothing, which nobody should take for a decision of its own."""
-ANSWER = "answer"
-"""What a robot says to a question. If something went wrong on the way to its value, it counts as a fault."""
-LATE = "heard after its deadline, so not evaluated"
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """What one robot answered. heard: when, in s of the desk's clock. value: of the command; None for unknown."""
-
-    outcome: Outcome
-    heard: float
-    value: float | None = None
-    fault: str | None = None
-
-
-def answer_from(body: Mapping[str, object], now: float) -> Answer | None:
-    """The answer in the body of an ANSWER heard at `now`; None if it says nothing that can be understood."""
-    said = body.get("outcome")
-    outcome = SAID.get(said) if isinstance(said, str) else None
-    if outcome is None:
-        return None
-    value, fault = body.get("value"), body.get("fault")
-    if said == "late":
-        fault = LATE
-    elif said == ANSWER and fault:
-        outcome = Outcome.FAULT
-    known = float(value) if isinstance(value, int | float) and abs(value) <= float_info.max else None
-    return Answer(outcome, now, known, fault if isinstance(fault, str) else None)
-
-
-OUTCOMES = tuple(Outcome)
-SILENT, MATCHED, NOT_MATCHED, FAULT = range(len(OUTCOMES) + 1)
-"""What a robot's code in a column of outcomes means: nothing heard, or one of `OUTCOMES` in their order."""
-
-
-class Answers(Mapping[str, Answer]):
-    """The first answer of each robot, by name, kept as columns by the robots' places on the roster (`names`)."""
-
-    def __init__(self, names: Names) -> None:
-        self.names = names
-        self._outcome: NDArray[np.uint8] = np.zeros(len(names), np.uint8)
-        self._heard: Seconds = np.empty(0)
-        self._value: Seconds = np.empty(0)
-        """As long as the roster from the first answer on."""
-        self._fault: NDArray[np.int32] | None = None
-        """Which of the texts of faults, from 1; made when a robot first says one."""
-        self._faults: list[str] = []
-        self._count = 0
-
-    def add(self, robot: int, answer: Answer) -> None:
-        """What one robot answers."""
-        some = np.array([robot])
-        fault = (answer.fault,) if answer.fault else ()
-        value = nan if answer.value is None else answer.value
-        code = OUTCOMES.index(answer.outcome) + 1
-        self._take(some, np.array([code], np.uint8), np.array([value]), fault, np.array([bool(fault)]), answer.heard)
-
-    def take(self, robots: Index, places: Index, said: Said, now: float) -> None:
-        """What many robots answer, each at its place in what was `said`; what cannot be understood is left out."""
-        sort = said.sort[places]
-        codes = np.array([_code(SAID.get(word)) for word in said.sorts], np.uint8)[sort]
-        faults = (*said.faults, LATE)
-        fault = said.fault[places]
-        if "late" in said.sorts:
-            fault = np.where(sort == said.sorts.index("late"), np.int32(len(faults)), fault)
-        if ANSWER in said.sorts:
-            codes[(sort == said.sorts.index(ANSWER)) & (fault > 0)] = FAULT
-        self._take(robots, codes, said.value[places], faults, fault, now)
-
-    def _take(
-        self,
-        robots: Index,
-        codes: NDArray[np.uint8],
-        values: Seconds,
-        faults: Sequence[str],
-        fault: NDArray[np.int32] | NDArray[np.bool_],
-        now: float,
-    ) -> None:
-        """Keep the answers of those of whom there is none yet. fault: which of `faults`, from 1, or 0."""
-        self._make_room()
-        new = (self._outcome[robots] == 0) & (codes > 0)
-        if not new.all():
-            robots, codes, values, fault = robots[new], codes[new], values[new], fault[new]
-        self._count += len(robots)
-        self._outcome[robots] = codes
-        self._heard[robots], self._value[robots] = now, values
-        if fault.any():
-            if self._fault is None:
-                self._fault = np.zeros(len(self._outcome), np.int32)
-            self._fault[robots] = np.where(fault > 0, fault + len(self._faults), 0)
-            self._faults += faults
-
-    def _make_room(self) -> None:
-        """Robots may have enrolled since the command was sent, and before the first answer there are no columns."""
-        self._outcome = _longer(self._outcome, len(self.names))
-        self._heard, self._value = _longer(self._heard, len(self.names)), _longer(self._value, len(self.names))
-        if self._fault is not None:
-            self._fault = _longer(self._fault, len(self.names))
-
-    @property
-    def codes(self) -> NDArray[np.uint8]:
-        """The outcome of each robot by its place, as `SILENT` and the others."""
-        return self._outcome
-
-    @property
-    def known(self) -> Seconds:
-        """The known values that were answered, in the robots' order."""
-        found = self._value[self._outcome[: len(self._value)] > 0]
-        return found[~np.isnan(found)]
-
-    def fault(self, place: int) -> str | None:
-        """What the robot at a place said that went wrong."""
-        number = 0 if self._fault is None else int(self._fault[place])
-        return self._faults[number - 1] if number else None
-
-    def state(self) -> AnswersParcel:
-        fault = None if self._fault is None else Array.of(self._fault)
-        columns = (Array.of(self._outcome), Array.of(self._heard), Array.of(self._value))
-        return AnswersParcel(*columns, fault, tuple(self._faults))
-
-    def restore(self, parcel: AnswersParcel) -> None:
-        """Be as those answers were. Raises ParcelError."""
-        most = len(self.names)
-        self._outcome = parcel.outcome.column(np.uint8, most, "answers")
-        within(self._outcome, 0, len(OUTCOMES), "answers")
-        self._count = int(np.count_nonzero(self._outcome))
-        self._heard = parcel.heard.column(np.float64, most, "when answers were heard")
-        self._value = parcel.value.column(np.float64, most, "values of answers")
-        self._fault, self._faults = None, list(parcel.faults)
-        if parcel.fault is not None:
-            self._fault = parcel.fault.made(np.int32, self._outcome.shape, "faults of answers")
-            within(self._fault, 0, len(self._faults), "faults of answers")
-        if len({len(self._heard), len(self._value), len(self._outcome) if self._count else len(self._heard)}) > 1:
-            raise ParcelError("answers without times or values")
-
-    def __getitem__(self, name: str) -> Answer:
-        place = self.names.place(name)
-        if place is None or place >= len(self._outcome) or not self._outcome[place]:
-            raise KeyError(name)
-        value = float(self._value[place])
-        outcome = OUTCOMES[self._outcome[place] - 1]
-        return Answer(outcome, float(self._heard[place]), None if value != value else value, self.fault(place))
-
-    def __iter__(self) -> Iterator[str]:
-        return (self.names[place] for place in np.flatnonzero(self._outcome).tolist())
-
-    def __len__(self) -> int:
-        return self._count
-
-
-def _longer(column: NDArray[Number], length: int) -> NDArray[Number]:
-    return column if len(column) == length else np.append(column, np.zeros(length - len(column), column.dtype))
-
-
-def _code(outcome: Outcome | None) -> int:
-    return 0 if outcome is None else OUTCOMES.index(outcome) + 1
+BINS = 10
+"""Bars of a histogram of what was answered."""
 
 
 class Command:
     """A message that the desk sent and keeps account of.
 
-    addressed: how many robots, from the first on, were on the roster when it went out. expected: the places of those
-    of which the desk was certain that they would obey. answers: by robot, the first answer of each.
+    addressed: how many robots, from the first on, were on the roster when it went out; only: the places of those among
+    them for whom it was, None for all. expected: the places of those of which the desk was certain that they would
+    obey. answers: by robot, the first answer of each.
     """
 
-    def __init__(self, message: Message, names: Names, expected: Index | None = None, last_sent: float = -inf) -> None:
-        self.message, self.addressed, self.last_sent = message, len(names), last_sent
+    def __init__(
+        self,
+        message: Message,
+        names: Names,
+        expected: Index | None = None,
+        last_sent: float = -inf,
+        only: Index | None = None,
+    ) -> None:
+        self.message, self.addressed, self.last_sent, self.only = message, len(names), last_sent, only
         self.expected: Index = np.empty(0, np.intp) if expected is None else expected
         self.answers = Answers(names)
 
     def state(self) -> CommandParcel:
         expected = Array.of(self.expected.astype(np.int32))
-        return CommandParcel(self.message, self.addressed, expected, self.last_sent, self.answers.state())
+        only = None if self.only is None else Array.of(self.only.astype(np.int32))
+        return CommandParcel(self.message, self.addressed, expected, self.last_sent, self.answers.state(), only)
 
     @classmethod
     def restored(cls, parcel: CommandParcel, names: Names) -> Command:
@@ -228,6 +57,7 @@ class Command:
         if not 0 <= parcel.addressed <= len(names):
             raise ParcelError(f"a command to {parcel.addressed} robots, of which there are {len(names)}")
         found.addressed = parcel.addressed
+        found.only = None if parcel.only is None else ascending(parcel.only, parcel.addressed)
         found.answers.restore(parcel.answers)
         return found
 
@@ -250,9 +80,14 @@ class Command:
         return frozenset(self.answers.names[place] for place in self.expected.tolist())
 
     @property
+    def silent(self) -> NDArray[np.bool_]:
+        """Which of the robots that were on the roster are yet to answer, by place."""
+        return _silent(self.answers.codes, self.addressed, self.only)
+
+    @property
     def n_silent(self) -> int:
         """How many of the addressed robots have not answered."""
-        return self.addressed - int(np.count_nonzero(self.answers.codes[: self.addressed]))
+        return int(np.count_nonzero(self.silent))
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,13 +100,22 @@ class Spread:
     greatest: float
 
 
+@dataclass(frozen=True, slots=True)
+class Histogram:
+    """How many values lie in each of `BINS` bars of equal width from `low` to `high`, the last one with its end."""
+
+    low: float
+    high: float
+    counts: tuple[int, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Accounting:
     """What became of one command, names in the order of the roster. For a STOP, matched means that the robot says it
     is stopped; for a RELEASE, that it is not stopped any more; for a question, that it has answered.
 
     codes: by place, as in `Answers.codes`; addressed: so many of them, from the first on, count as silent.
-    heard: when each was last heard (s of the desk's clock, -inf: never).
+    heard: when each was last heard (s of the desk's clock, -inf: never). only: see `Command`.
     """
 
     command: str
@@ -281,6 +125,7 @@ class Accounting:
     addressed: int
     heard: Seconds
     answers: Answers
+    only: Index | None = None
 
     @cached_property
     def counts(self) -> list[int]:
@@ -301,8 +146,12 @@ class Accounting:
         return self.counts[FAULT]
 
     @cached_property
+    def _silent(self) -> NDArray[np.bool_]:
+        return _silent(self.codes, self.addressed, self.only)
+
+    @cached_property
     def n_silent(self) -> int:
-        return self.addressed - int(np.count_nonzero(self.codes[: self.addressed]))
+        return int(np.count_nonzero(self._silent))
 
     @cached_property
     def matched(self) -> tuple[str, ...]:
@@ -318,7 +167,7 @@ class Accounting:
 
     @cached_property
     def silent(self) -> tuple[str, ...]:
-        return self._named(SILENT)
+        return tuple(self.answers.names[place] for place in np.flatnonzero(self._silent).tolist())
 
     @property
     def last_heard(self) -> dict[str, float | None]:
@@ -338,9 +187,21 @@ class Accounting:
             return None
         return Spread(len(known), float(known.min()), float(known.mean()), float(known.max()))
 
+    @cached_property
+    def histogram(self) -> Histogram | None:
+        """How what was answered is spread, None if nobody knew a value."""
+        known = self.answers.known
+        if not len(known):
+            return None
+        low, high = float(known.min()), float(known.max())
+        width = high / 2.0 - low / 2.0  # halves, so that a spread as wide as all numbers is still a number
+        places = (known / 2.0 - low / 2.0) / width if width > 0.0 else np.zeros(len(known))
+        bars = np.minimum((places * BINS).astype(np.intp), BINS - 1)
+        return Histogram(low, high, tuple(np.bincount(bars, minlength=BINS).tolist()))
+
     def first_silent(self, most: int) -> list[str]:
         """The first silent robots, so many at most."""
-        places = np.flatnonzero(self.codes[: self.addressed] == 0)[:most]
+        places = np.flatnonzero(self._silent)[:most]
         return [self.answers.names[place] for place in places.tolist()]
 
     def heard_at(self, name: str) -> float | None:
@@ -350,8 +211,7 @@ class Accounting:
         return heard if heard > -inf else None
 
     def _named(self, code: int) -> tuple[str, ...]:
-        codes = self.codes if code else self.codes[: self.addressed]
-        return tuple(self.answers.names[place] for place in np.flatnonzero(codes == code).tolist())
+        return tuple(self.answers.names[place] for place in np.flatnonzero(self.codes == code).tolist())
 
     @property
     def complete(self) -> bool:
@@ -366,7 +226,7 @@ class Accounting:
         )
         if self.complete:
             return counts
-        shown = [f"{name} {self._ago(name)}" for name in self.first_silent(SHOWN)]
+        shown = [f"{name} {self.ago(name)}" for name in self.first_silent(SHOWN)]
         if self.n_silent > SHOWN:
             shown.append(f"and {self.n_silent - SHOWN} more")
         return f"{counts}: {', '.join(shown)}"
@@ -381,7 +241,8 @@ class Accounting:
             "silent": self.n_silent,
         }
 
-    def _ago(self, name: str) -> str:
+    def ago(self, name: str) -> str:
+        """When a robot was last heard, in words."""
         heard = self.heard_at(name)
         return "never heard" if heard is None else f"last heard {self.now - heard:.0f} s ago"
 
@@ -393,4 +254,15 @@ SHOWN = 5
 def account(command: Command, now: float, heard: Seconds) -> Accounting:
     """The account of `command` at `now`. heard: when each robot was last heard (-inf: never), by place."""
     answers = command.answers
-    return Accounting(command.id, command.text, now, answers.codes.copy(), command.addressed, heard.copy(), answers)
+    codes = answers.codes.copy()
+    return Accounting(command.id, command.text, now, codes, command.addressed, heard.copy(), answers, command.only)
+
+
+def _silent(codes: NDArray[np.uint8], addressed: int, only: Index | None) -> NDArray[np.bool_]:
+    """Which of the first `addressed` robots, of these only, have the code of silence."""
+    found: NDArray[np.bool_] = codes[:addressed] == SILENT
+    if only is not None:
+        asked = np.zeros(len(found), np.bool_)
+        asked[only[only < len(found)]] = True
+        found &= asked
+    return found

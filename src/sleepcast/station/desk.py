@@ -13,60 +13,44 @@ from __future__ import annotations
 
 import hashlib
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import inf
 from threading import RLock
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
+from sleepcast.channel.bodies import LOOK
 from sleepcast.channel.chorus import Answers, Chorus
 from sleepcast.clock import Clock
-from sleepcast.errors import MisuseError, SleepcastError, did_you_mean
-from sleepcast.language import Checked, Explanation, check
+from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.language import Checked, CheckError, Explanation, check
 from sleepcast.language.machine import Program
-from sleepcast.language.parts import walk
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.parcel import ParcelError, pack, room_for, unpack
-from sleepcast.station.accounting import Accounting, Command, account, answer_from
+from sleepcast.station.accounting import Accounting, Command, account
+from sleepcast.station.answers import answer_from
+from sleepcast.station.audience import Audience
 from sleepcast.station.journal import Event, Journal, MemoryJournal, Report
 from sleepcast.station.minds import FleetNames, ManyMinds, Mask, Minds, Telemetry, ToldByMany
 from sleepcast.station.parcels import AccountParcel, DeskParcel, ReportParcel
-from sleepcast.station.preview import YES, Preview, Rows, is_for_everybody, preview
+from sleepcast.station.preview import NO, YES, Preview, Rows, preview
 from sleepcast.station.roster import Index, Roster, Some
+from sleepcast.station.sent import Sent
+from sleepcast.station.settling import DEADLINE, Caution, settle_address, settle_count, settle_sort
 from sleepcast.station.snapshot import journal_parcel, refill
 
-DEADLINE = 5.0
-"""Seconds for which a one-shot command is good unless it says otherwise: time for repairs on a bad radio, too short
-for a command to take effect when nobody thinks of it any more."""
-MAX_DEADLINE = 3600.0
-"""Seconds for which a one-shot command may be good at most; what must hold longer is a rule."""
 STALE_AFTER = 5.0
 """Seconds after which a robot's last news decides nothing in a preview."""
 REPEAT_AFTER = 0.5
 """Seconds between two sendings of a STOP or RELEASE while somebody is not accounted for."""
-MAX_COMMANDS = 1_000
-"""Commands whose answers are kept; the journal has them all."""
-MAX_ANSWERS = 16_000_000
-"""Answers that are kept, of all commands together: with more robots, of fewer commands; a third of a gigabyte."""
 MAX_REPORTS = 1_000
 """Latest reports that are kept for the page."""
 
 
 MANY = "robots"
 """Who spoke, in the journal, where many said the same sort of thing at once."""
-
-
-class AddressError(MisuseError):
-    """A command that would go to everybody without saying so."""
-
-
-class SortError(MisuseError):
-    """A command sent as the wrong sort (one-shot or standing), or with an impossible deadline."""
-
-
-class NoSuchCommandError(MisuseError):
-    """An id that belongs to no command of this desk."""
 
 
 class NoExplanationError(SleepcastError):
@@ -78,7 +62,8 @@ class Station:
 
     vocabulary, minds: the names and the minds of the fleet (see `station.minds`); `minds` is looked into, never
     changed. Minds that answer for many tell by `observe_many`, others by `observe`. outbox: takes what is sent.
-    operator, epoch: who sends, and which life of that sender this is.
+    operator, epoch: who sends, and which life of that sender this is. caution: what it refuses, or asks about, beyond
+    what every desk does.
     """
 
     def __init__(
@@ -92,18 +77,18 @@ class Station:
         epoch: int = 1,
         journal: Journal | None = None,
         stale_after: float = STALE_AFTER,
+        caution: Caution | None = None,
     ) -> None:
         self.operator, self.epoch, self.stale_after = operator, epoch, stale_after
+        self.caution = Caution() if caution is None else caution
         self.journal: Journal = MemoryJournal() if journal is None else journal
         self.reports: deque[Report] = deque(maxlen=MAX_REPORTS)
         """What robots said unasked, the latest last."""
-        self._vocabulary, self._minds, self._outbox, self._clock = vocabulary, minds, outbox, clock
+        self.vocabulary, self._minds, self._outbox, self._clock = vocabulary, minds, outbox, clock
         self._roster = Roster(minds.names if isinstance(minds, ManyMinds) else minds)
         self._rows = Rows(minds)
         self._told: ToldByMany | None = minds.told if isinstance(minds, ManyMinds) else None
-        self._commands: dict[str, Command] = {}
-        self._latch: Command | None = None
-        """The last STOP or RELEASE."""
+        self._sent = Sent()
         self._sequence = 0
         self._lock = RLock()
 
@@ -111,8 +96,7 @@ class Station:
         """Everything that it knows, but for what robots told of themselves one by one. Raises ParcelError for more than
         fits."""
         with self._lock:
-            commands = [command.state() for command in self._commands.values()]
-            latch = self._latch.state() if self._latch is not None else None
+            commands, latch = self._sent.state()
             reports = [ReportParcel(report.robot, report.heard, report.body) for report in self.reports]
             account = AccountParcel(self.operator, self.epoch, self._sequence, commands, latch, reports)
             roster = self._roster.state(len(self._minds))
@@ -124,26 +108,21 @@ class Station:
         by itself. Raises ParcelError for anything else."""
         desk = unpack(DeskParcel, state, room_for(len(self._minds)), "the part of the desk")
         parcel = desk.account
-        if len(parcel.commands) > MAX_COMMANDS or len(parcel.reports) > MAX_REPORTS or parcel.sequence < 0:
-            raise ParcelError(f"{len(parcel.commands)} commands and {len(parcel.reports)} reports of a desk")
+        if len(parcel.reports) > MAX_REPORTS or parcel.sequence < 0:
+            raise ParcelError(f"{len(parcel.reports)} reports of a desk")
         with self._lock:
             self.operator, self.epoch, self._sequence = parcel.operator, parcel.epoch, parcel.sequence
             self._roster.restore(desk.roster)
-            names = self._roster.names
-            found = [Command.restored(command, names) for command in parcel.commands]
-            self._commands = {command.id: command for command in found}
-            if parcel.latch is not None:
-                latch = Command.restored(parcel.latch, names)
-                self._latch = self._commands.get(latch.id, latch)
+            self._sent.restore(parcel.commands, parcel.latch, self._roster.names)
             self.reports.extend(Report(report.robot, report.heard, report.body) for report in parcel.reports)
             if isinstance(self.journal, MemoryJournal):
-                refill(self.journal, desk.journal, names)
+                refill(self.journal, desk.journal, self._roster.names)
 
     # ---- before sending
 
     def check(self, text: str) -> Checked:
         """Everything that is wrong or doubtful in `text`, in the names of the fleet. Raises ReadError."""
-        return check(text, FleetNames(self._vocabulary, self._minds))
+        return check(text, FleetNames(self.vocabulary, self._minds))
 
     def preview(self, text: str) -> Preview:
         """Who would obey `text` now. Raises ReadError, and CheckError for a text that no robot could run."""
@@ -154,41 +133,65 @@ class Station:
         return preview(program, self._roster, told, self._clock.now(), self.stale_after)
 
     def _program(self, text: str) -> Program:
-        return self.check(text).required()
+        checked = self.check(text)
+        program = checked.required()
+        if self.caution.strict and checked.findings:
+            raise CheckError(list(checked.findings), text)
+        return program
 
     # ---- sending
 
     def send(
-        self, text: str, *, standing: bool = False, deadline: float | None = None, everybody: bool = False
+        self,
+        text: str,
+        *,
+        standing: bool = False,
+        deadline: float | None = None,
+        everybody: bool = False,
+        count: int | None = None,
+        only: Sequence[str] | None = None,
+        but: Sequence[str] | None = None,
     ) -> Command:
         """Broadcast an expression and keep account of it.
 
         A one-shot command (the default) is evaluated within `deadline` seconds from now (`DEADLINE` unless given) or
-        never; a standing one is good until it has reached everybody. Raises ReadError and CheckError for a text that
-        no robot could run, AddressError if it would go to everybody and `everybody` does not say so, SortError for a
-        standing command that has a test and joins a group (who matches is a matter of the moment) or a deadline.
+        never; a standing one is good until it has reached everybody. count: how many robots may obey, where the desk
+        wants to be told. only, but: for these robots, or for all except these. Raises ReadError and CheckError for a
+        text that no robot could run, AddressError if it would go to everybody and neither `everybody` nor `only` says
+        so, CountNeededError for a missing or wrong count, SortError for a standing command that has a test and joins a
+        group (who matches is a matter of the moment) or a deadline, UnknownRobotError and AudienceError.
         """
+        audience = Audience(only, but)
         try:
             program = self._program(text)
-            self._settle_address(program, everybody)
-            seconds = _settle_sort(program, standing, deadline)
+            settle_address(program, everybody or audience.named, len(self._roster))
+            seconds = settle_sort(program, standing, deadline)
+            codes = self._preview(program).codes
+            places = self._places(audience)
+            settle_count(program, int(np.count_nonzero(_at(codes, places) != NO)), count, self.caution)
+            body = audience.body()
         except SleepcastError as error:
-            self._note(Event.REFUSED, text=text, details={"reason": str(error)})
+            self._refuse(text, error)
             raise
-        expected = np.flatnonzero(self._preview(program).codes == YES)
-        return self._broadcast(Kind.COMMAND, text, standing, seconds, expected)
+        expected = np.flatnonzero(codes == YES)
+        if places is not None:
+            expected = np.intersect1d(expected, places)
+        return self._broadcast(Kind.COMMAND, text, standing, seconds, expected, places, body)
 
-    def ask(self, text: str) -> Command:
-        """Ask every robot for the value of an expression; nothing changes on it, whatever the expression does.
+    def ask(self, text: str, *, only: Sequence[str] | None = None, but: Sequence[str] | None = None) -> Command:
+        """Ask robots for the value of an expression; nothing changes on them, whatever the expression does.
 
-        Who answers is accounted for as who matched. Raises ReadError and CheckError for a text that no robot could run.
+        Who answers is accounted for as who matched. only, but: as for `send`. Raises ReadError and CheckError for a
+        text that no robot could run, UnknownRobotError and AudienceError.
         """
+        audience = Audience(only, but)
         try:
             self._program(text)
+            places, body = self._places(audience), audience.body()
         except SleepcastError as error:
-            self._note(Event.REFUSED, text=text, details={"reason": str(error)})
+            self._refuse(text, error)
             raise
-        return self._broadcast(Kind.ASK, text, seconds=DEADLINE)
+        return self._broadcast(Kind.ASK, text, seconds=DEADLINE, only=places, body=body)
 
     def stop(self) -> Command:
         """Stop every body at once, whatever it is doing; it stays stopped until `release`."""
@@ -198,10 +201,17 @@ class Station:
         """End STOP on every robot; nothing old resumes by itself."""
         return self._broadcast(Kind.RELEASE)
 
+    def _places(self, audience: Audience) -> Index | None:
+        with self._lock:
+            return audience.places(self._roster)
+
+    def _refuse(self, text: str, error: SleepcastError) -> None:
+        self._note(Event.REFUSED, text=text, details={"reason": str(error)})
+
     def attend(self) -> None:
         """Send the last STOP or RELEASE again if robots are not accounted for; call this at every tick or so."""
         with self._lock:
-            now, latest = self._clock.now(), self._latch
+            now, latest = self._clock.now(), self._sent.latch
             if latest is None or now - latest.last_sent < REPEAT_AFTER:
                 return
             silent = latest.n_silent
@@ -210,17 +220,6 @@ class Station:
                 self._note(Event.REPEATED, subject=latest.id, text=latest.text, details={"silent": silent})
                 self._outbox(latest.message)
 
-    def _settle_address(self, program: Program, everybody: bool) -> None:
-        if everybody or not is_for_everybody(program):
-            return
-        which = "has no test" if program.test is None else "has a test that is always true"
-        with self._lock:
-            count = len(self._roster)
-        raise AddressError(
-            f"this command {which}, so every robot that hears it would obey ({count} on the roster): confirm that "
-            "everybody is meant, or put a test before it, as in (WHEN (IN bravo) ...)"
-        )
-
     def _broadcast(
         self,
         kind: Kind,
@@ -228,30 +227,35 @@ class Station:
         standing: bool = False,
         seconds: float = inf,
         expected: Index | None = None,
+        only: Index | None = None,
+        body: Mapping[str, object] | None = None,
     ) -> Command:
         with self._lock:
-            self._sequence += 1
             now = self._clock.now()
-            message = Message(
-                self.operator, self.epoch, self._sequence, kind, now, now + seconds, text=text, standing=standing
-            )
-            command = Command(message, self._roster.names, expected, last_sent=now)
-            self._commands[message.id] = command
-            if kind in (Kind.STOP, Kind.RELEASE):
-                self._latch = command
-            most = max(1, min(MAX_COMMANDS, MAX_ANSWERS // max(1, len(self._roster))))
-            while len(self._commands) > most:
-                del self._commands[next(iter(self._commands))]
-            details = {
-                "kind": kind.value,
-                "standing": standing,
-                "deadline": message.deadline,
-                "digest": hashlib.sha256(text.encode()).hexdigest(),
-                "predicted": Some(self._roster.names, command.expected),
-            }
-            self._note(Event.SENT, subject=message.id, text=text, details=details)
-            self._outbox(message)
+            number, until, said = self._number(), now + seconds, dict(body or {})
+            message = Message(self.operator, self.epoch, number, kind, now, until, text, standing, said)
+            command = Command(message, self._roster.names, expected, now, only)
+            urgent = kind in (Kind.STOP, Kind.RELEASE)
+            if urgent:  # nothing comes before these, not even the journal
+                self._outbox(message)
+            self._sent.add(command, len(self._roster))
+            if LOOK not in said:  # what a desk asks in order to show it decides nothing
+                details = {
+                    "kind": kind.value,
+                    "standing": standing,
+                    "deadline": message.deadline,
+                    "digest": hashlib.sha256(text.encode()).hexdigest(),
+                    "predicted": Some(self._roster.names, command.expected),
+                }
+                self._note(Event.SENT, subject=message.id, text=text, details=details | said)
+            if not urgent:
+                self._outbox(message)
             return command
+
+    def _number(self) -> int:
+        """The number of the message that goes out next."""
+        self._sequence += 1
+        return self._sequence
 
     # ---- what comes in
 
@@ -263,7 +267,7 @@ class Station:
             if message.kind is Kind.REPORT:
                 self.reports.append(Report(message.sender, now, message.body))
             elif message.kind is Kind.ANSWER:
-                command = self._commands.get(str(message.body.get("command")))
+                command = self._sent.find(message.body.get("command"))
                 answer = answer_from(message.body, now)
                 if command is not None and answer is not None and place is not None:
                     command.answers.add(place, answer)
@@ -284,7 +288,7 @@ class Station:
             now = self._clock.now()
             self._roster.heard[chorus.robots] = now
             if isinstance(said, Answers):
-                command = self._commands.get(said.command)
+                command = self._sent.find(said.command)
                 if command is not None:
                     command.answers.take(chorus.robots, chorus.places, said, now)
                 counts = np.bincount(said.sort[chorus.places], minlength=len(said.sorts)).tolist()
@@ -313,12 +317,12 @@ class Station:
         with self._lock:
             self._told.take(robots)
             self._roster.observe(robots, now)
-            if self._latch is not None:
+            if self._sent.latch is not None:
                 self._settle_latch(robots, self._told.stopped(robots), now)
 
     def _settle_latch(self, robots: Index, stopped: Mask, now: float) -> None:
         """Robots that tell that they are stopped, or not, account for a STOP or RELEASE that was sent before."""
-        latest = self._latch
+        latest = self._sent.latch
         if latest is None or now < latest.message.issued:
             return
         there = robots[stopped == (latest.kind is Kind.STOP)]
@@ -337,15 +341,12 @@ class Station:
     def commands(self) -> list[Command]:
         """What was sent, oldest first."""
         with self._lock:
-            return list(self._commands.values())
+            return self._sent.all()
 
     def accounting(self, command: str) -> Accounting:
         """What became of the command with this id. Raises NoSuchCommandError."""
         with self._lock:
-            found = self._commands.get(command)
-            if found is None:
-                raise _no_such_command(command, self._commands)
-            return account(found, self._clock.now(), self._roster.heard)
+            return account(self._sent.get(command), self._clock.now(), self._roster.heard)
 
     def why(self, robot: str, command: str | None = None) -> Explanation:
         """How `robot` evaluated a command (None: its last one): the tree of values and the first test that failed.
@@ -353,11 +354,9 @@ class Station:
         Raises UnknownRobotError, NoSuchCommandError, and NoExplanationError if the robot cannot say.
         """
         with self._lock:
-            known = command is None or command in self._commands
             self._roster.place(robot)
-            commands = list(self._commands)
-        if command is not None and not known:
-            raise _no_such_command(command, commands)
+            if command is not None:
+                self._sent.get(command)
         mind = self._minds.get(robot)
         if mind is None:
             raise NoExplanationError(f"{robot} cannot be asked from here: only its radio is known, not its mind")
@@ -374,24 +373,5 @@ class Station:
             self.journal.append(now, who or self.operator, event, subject=subject, text=text, details=details)
 
 
-def _no_such_command(command: str, known: Iterable[str]) -> NoSuchCommandError:
-    names = list(known)
-    return NoSuchCommandError(f'no command "{command}" was sent from this desk{did_you_mean(command, names)}')
-
-
-def _settle_sort(program: Program, standing: bool, deadline: float | None) -> float:
-    """The seconds for which a command is good. Raises SortError."""
-    if not standing:
-        seconds = DEADLINE if deadline is None else deadline
-        if not 0.0 < seconds <= MAX_DEADLINE:
-            raise SortError(f"a deadline lies more than 0 and at most {MAX_DEADLINE:g} s ahead, not {seconds:g} s")
-        return seconds
-    if deadline is not None:
-        raise SortError("a standing command has no deadline: it is good until everybody has it")
-    joins = any(part.op == "act" and part.name == "join" for part in walk(program.root))
-    if joins and program.test is not None:
-        raise SortError(
-            "a command with a test and a JOIN cannot be standing, because who matches is a matter of the moment: "
-            "send it as a one-shot command"
-        )
-    return inf
+def _at(codes: NDArray[np.uint8], places: Index | None) -> NDArray[np.uint8]:
+    return codes if places is None else codes[places]

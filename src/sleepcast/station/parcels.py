@@ -30,6 +30,7 @@ class CommandParcel(msgspec.Struct, array_like=True):
     expected: Array
     last_sent: float
     answers: AnswersParcel
+    only: Array | None = None
 
 
 class EntryParcel(msgspec.Struct, array_like=True):

@@ -1,0 +1,81 @@
+"""What became of a command on the air, as a script and as a person want to have it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from sleepcast.errors import printable
+
+if TYPE_CHECKING:
+    from sleepcast.station.accounting import Accounting, Command
+
+FEW = 12
+"""Names that are listed; of more, their number is told."""
+MANY = 1_000
+"""Names that scripts get; of more, their number alone."""
+ASK, STOP, RELEASE = "ask", "stop", "release"
+"""Kinds of messages, by their values: the kinds themselves are loaded when something is sent."""
+WORDS = {ASK: "answered", STOP: "stopped", RELEASE: "released"}
+"""What those have done that did what they were told."""
+
+
+def as_dict(command: Command, found: Accounting) -> dict[str, object]:
+    """The account as plain data: counts always, names while they are few."""
+    predicted = sorted(command.predicted) if len(command.expected) <= MANY else []
+    sorts: dict[str, Sequence[str]] = {
+        "matched": found.matched,
+        "not_matched": found.not_matched,
+        "fault": found.fault,
+        "silent": found.silent,
+    }
+    told: dict[str, object] = {"id": command.id, "kind": str(command.kind), "text": command.message.text}
+    told |= {"predicted": predicted} if len(command.expected) <= MANY else {}
+    told |= {sort: sorted(names) for sort, names in sorts.items() if len(names) <= MANY}
+    told |= {"n_predicted": len(command.expected)} | {f"n_{sort}": len(names) for sort, names in sorts.items()}
+    told |= {"faults": found.faults} if len(found.fault) <= MANY else {}
+    return told | (census(found) if command.kind == ASK else {})
+
+
+def census(found: Accounting) -> dict[str, object]:
+    """How many answered, how many know the value; its least, mean and greatest, and how it is spread between them."""
+    spread, bars = found.values, found.histogram
+    answers = {"answers": found.n_matched + found.n_not_matched + found.n_fault}
+    if spread is None or bars is None:
+        return {**answers, "n": 0, "min": None, "mean": None, "max": None, "histogram": None}
+    histogram = {"low": bars.low, "high": bars.high, "counts": list(bars.counts)}
+    least, mean, greatest = spread.least, spread.mean, spread.greatest
+    return {**answers, "n": spread.count, "min": least, "mean": mean, "max": greatest, "histogram": histogram}
+
+
+def told(command: Command, found: Accounting) -> Iterator[str]:
+    """The account, for a person."""
+    from sleepcast.language import format_value
+
+    if not len(found.answers.names):
+        asked = "is a node up on this channel, with these keys?"
+        yield f"{command.id}: nobody answered, and nobody was heard before: {asked}"
+        return
+    yield f"{command.id}: {listed(WORDS.get(str(command.kind), 'matched'), found.matched)}"
+    if command.kind == ASK and found.values is not None:
+        least, mean, greatest = map(format_value, (found.values.least, found.values.mean, found.values.greatest))
+        yield f"  {found.values.count} know it: min {least}, mean {mean}, max {greatest}"
+    elif command.kind == "command":
+        yield f"  {listed('did not match', found.not_matched)}"
+    for name in found.fault[:FEW]:
+        yield f"  fault on {name}: {printable(found.answers[name].fault or '')}"
+    if len(found.fault) > FEW:
+        yield f"  faults on {len(found.fault)} robots in all"
+    yield f"  {silence(found)}"
+
+
+def silence(found: Accounting) -> str:
+    """Who said nothing, each with when it was heard last."""
+    return listed("silent", [f"{name} ({found.ago(name)})" for name in found.first_silent(FEW + 1)], found.n_silent)
+
+
+def listed(what: str, names: Sequence[str], count: int | None = None) -> str:
+    """`matched 3: r1, r2, r3`. count: how many there are, if not all are given."""
+    count = len(names) if count is None else count
+    shown = ", ".join(names[:FEW]) + (", ..." if count > FEW else "")
+    return f"{what} {count}" + (f": {shown}" if count else "")

@@ -1,0 +1,68 @@
+"""What a robot says: answers, reports, what it tells other robots, and pings. All of it waits in the outbox until
+somebody carries it away, and all of it is bounded.
+"""
+
+from __future__ import annotations
+
+from math import inf, isnan, nan
+
+from sleepcast.channel.message import Kind, Message
+from sleepcast.node.looks import NOTHING, Told
+
+MAX_OUTBOX = 256
+"""Things said in one tick; the rest is dropped and counted."""
+REPORTS_A_SECOND = 20
+"""Reports of one robot that go on the air in a second of its clock: a rule that speaks at every tick is heard."""
+TELL_SECONDS = 5.0
+"""How long what a robot tells others may still be acted on."""
+
+
+class Speaker:
+    """One robot's voice. lost: messages and sayings that found no room."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.epoch = name, 0
+        self.outbox: list[Message] = []
+        self.pings: list[float] = []
+        self.lost = 0
+        self._now = 0.0
+        self._printed: list[tuple[str, tuple[float, ...]]] | None = None
+        """What the text under way has reported, while somebody waits for its result."""
+        self._sequence = 0
+        self._reported_in, self._reported = 0, 0
+
+    def _say(self, kind: Kind, *, text: str = "", deadline: float = inf, body: dict[str, object] | None = None) -> None:
+        if len(self.outbox) >= MAX_OUTBOX:
+            self.lost += 1
+            return
+        self._sequence += 1
+        self.outbox.append(
+            Message(self.name, self.epoch, self._sequence, kind, self._now, deadline, text, False, body or {})
+        )
+
+    def _answer(
+        self, message: Message, outcome: str, value: float = nan, fault: str = "", told: Told = NOTHING
+    ) -> None:
+        said = {"command": message.id, "outcome": outcome, "value": None if isnan(value) else value}
+        self._say(Kind.ANSWER, body={**said, "fault": fault or None, **told})
+
+    def _report(self, label: str, values: tuple[float, ...]) -> None:
+        if self._printed is not None:
+            self._printed.append((label, values))
+        second = int(self._now)
+        if second != self._reported_in:
+            self._reported_in, self._reported = second, 0
+        self._reported += 1
+        if self._reported > REPORTS_A_SECOND:
+            self.lost += 1
+            return
+        self._say(Kind.REPORT, body={"label": label, "values": [None if isnan(v) else v for v in values]})
+
+    def _tell(self, text: str) -> None:
+        self._say(Kind.COMMAND, text=text, deadline=self._now + TELL_SECONDS)
+
+    def _ping(self, caste: float) -> None:
+        if len(self.pings) < MAX_OUTBOX:
+            self.pings.append(caste)
+        else:
+            self.lost += 1

@@ -1,0 +1,335 @@
+"""The operator's desk on the air: a station whose messages go out on a line, and that goes after what is lost there.
+
+numbers    messages have the ids that they have on the air
+answers    spread over a time that grows with the roster, so that robots do not all speak at once
+pursuit    who is not accounted for is asked again: a STOP until everybody is accounted for, or given up by hand; all
+           else while it is good. A STOP, a RELEASE and a question are sent again, as a new message that names the
+           first one and the robots that are to answer; of a command only the answer is asked for
+heartbeat  tells robots that are driven at our word that somebody is still there
+others     what other operators say is heard, too: a RELEASE is not pursued once somebody stops the robots again
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict, deque
+from collections.abc import Mapping, Sequence
+from math import inf
+
+import msgspec
+import numpy as np
+
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.bodies import AGAIN, AGE, FIRST, FOR, LOOK, NOT, WITHIN
+from sleepcast.channel.keys import Role
+from sleepcast.channel.line import LONGEST, Line
+from sleepcast.channel.message import TO_OPERATOR
+from sleepcast.clock import Clock
+from sleepcast.errors import MisuseError
+from sleepcast.language.parts import rules
+from sleepcast.language.vocabulary import Vocabulary
+from sleepcast.station.accounting import Command
+from sleepcast.station.answers import MATCHED
+from sleepcast.station.audience import Audience
+from sleepcast.station.desk import REPEAT_AFTER, STALE_AFTER, Station
+from sleepcast.station.journal import Event, Journal
+from sleepcast.station.minds import Minds
+from sleepcast.station.settling import DEADLINE, Caution
+
+ANSWERS_A_SECOND = 1_000.0
+"""Answers that are asked for in a second: 200 kB on the air, a fifth of what a slow radio carries."""
+FIRST_WITHIN = 0.5
+"""Seconds for answers while nobody is on the roster, who might be many."""
+LEAST_WITHIN = 0.02
+"""Seconds for answers at least."""
+SETTLE = 0.25
+"""Seconds after the time for answers before somebody counts as missed: for ticks, repeats and repairs."""
+MAX_NAMED = 400
+"""Names in a message that is sent again: two to four datagrams; where more are missed, everybody answers again."""
+MAX_AGAIN = 4_096
+"""Messages sent again whose answers are still known to be meant for the first one."""
+ABOVE = 10
+"""Robots that may obey without anybody being asked whether so many are meant."""
+LEASE = 1.0
+"""Seconds for which a robot that is driven goes on without hearing anything, unless it is told otherwise."""
+MAX_NEWS = 100
+"""What other operators said, kept for whoever shows it."""
+LATCHING = frozenset({Kind.STOP, Kind.RELEASE})
+
+
+class RoleError(MisuseError):
+    """A command that our key may not send."""
+
+
+class AirStation(Station):
+    """See the module. line: the way onto the air, whose times are those of `clock` (Unix time, s). heard: when robots
+    were heard before (`Contacts.heard`). within: s for answers, None: by the roster. holding: whether robots that are
+    driven at our word are to go on. news: what other operators said, the latest last.
+
+    Whoever waits calls `pump` or `wait`; nothing happens otherwise.
+    """
+
+    def __init__(
+        self,
+        line: Line,
+        clock: Clock,
+        vocabulary: Vocabulary,
+        minds: Minds,
+        *,
+        heard: Mapping[str, float] | None = None,
+        journal: Journal | None = None,
+        caution: Caution | None = None,
+        stale_after: float = STALE_AFTER,
+        within: float | None = None,
+    ) -> None:
+        box = line.mailbox
+        super().__init__(
+            vocabulary,
+            minds,
+            self._post,
+            clock,
+            operator=box.name,
+            epoch=box.epoch,
+            journal=journal,
+            stale_after=stale_after,
+            caution=Caution(ABOVE, irreversible=True) if caution is None else caution,
+        )
+        self.line, self.within, self.holding = line, within, False
+        self.news: deque[Message] = deque(maxlen=MAX_NEWS)
+        self._pursued: dict[str, float] = {}
+        """When those that are not accounted for are next asked again, s, by the id of the command."""
+        self._first: OrderedDict[str, str] = OrderedDict()
+        """Of messages sent again, by their ids, that of the first one."""
+        self._driver: Command | None = None
+        """The latest command that may have set robots in motion."""
+        self._beat = -inf
+        for name, time in (heard or {}).items():
+            self._roster.hear(name, time)
+
+    @property
+    def now(self) -> float:
+        """s of Unix time."""
+        return self._clock.now()
+
+    # ---- sending
+
+    def send(
+        self,
+        text: str,
+        *,
+        standing: bool = False,
+        deadline: float | None = None,
+        everybody: bool = False,
+        count: int | None = None,
+        only: Sequence[str] | None = None,
+        but: Sequence[str] | None = None,
+    ) -> Command:
+        """As every station; raises RoleError for what our key may not send, too."""
+        self._settle_role(text, standing)
+        found = super().send(
+            text, standing=standing, deadline=deadline, everybody=everybody, count=count, only=only, but=but
+        )
+        if not standing:
+            self._driver = found
+        self.pump_out()
+        return found
+
+    def ask(self, text: str, *, only: Sequence[str] | None = None, but: Sequence[str] | None = None) -> Command:
+        """As every station."""
+        found = super().ask(text, only=only, but=but)
+        self.pump_out()
+        return found
+
+    def post(
+        self,
+        kind: Kind,
+        *,
+        text: str = "",
+        body: Mapping[str, object] | None = None,
+        only: Sequence[str] | None = None,
+        seconds: float = DEADLINE,
+    ) -> Command:
+        """Send a message with a body of the caller's, and keep account of it; what robots say to it is among what
+        `pump` gives. Raises UnknownRobotError and AudienceError."""
+        audience = Audience(only)
+        said = {**audience.body(), **(body or {})}
+        found = self._broadcast(kind, text, seconds=seconds, only=self._places(audience), body=said)
+        self.pump_out()
+        return found
+
+    def stop(self) -> Command:
+        """As every station: it leaves at once."""
+        self._driver = None
+        found = super().stop()
+        self.pump_out()
+        return found
+
+    def release(self) -> Command:
+        """As every station. Raises RoleError for an observer."""
+        if self.line.mailbox.role is Role.OBSERVER:
+            raise RoleError(f"{self.operator} is an observer, who may ask and stop: an operator's key releases")
+        found = super().release()
+        self.pump_out()
+        return found
+
+    def give_up(self, command: str) -> None:
+        """Miss nobody any more who has not answered this command. Raises NoSuchCommandError."""
+        self._sent.get(command)
+        self._pursued.pop(command, None)
+
+    def _settle_role(self, text: str, standing: bool) -> None:
+        role = self.line.mailbox.role
+        if role is Role.COMMANDER:
+            return
+        why = ""
+        if role is Role.OBSERVER:
+            why = "is an observer, who may ask and stop"
+        elif standing or rules(self._program(text).root):
+            why = "is an operator, who changes no rules: that needs a commander's key"
+        if why:
+            error = RoleError(f"{self.operator} {why}")
+            self._refuse(text, error)
+            raise error
+
+    def _number(self) -> int:
+        return self.line.mailbox.next_number
+
+    def _post(self, message: Message) -> None:
+        """Give a message to the mailbox; it leaves with `pump_out`."""
+        body, kind = dict(message.body), message.kind
+        named = body.get(FOR)
+        within = self._within(len(named) if isinstance(named, list) else len(self._roster))
+        body.setdefault(WITHIN, within)
+        # Nobody keeps a RELEASE back and brings it later: it ends like everything that is done once.
+        deadline = None if kind is Kind.RELEASE else message.deadline
+        self.line.mailbox.post(
+            kind, message.issued, text=message.text, deadline=deadline, standing=message.standing, body=body
+        )
+        self._pursued[message.id] = message.issued + within + SETTLE
+
+    def _within(self, robots: int) -> float:
+        """Seconds over which so many robots are to spread their answers."""
+        if self.within is not None:
+            return min(self.within, LONGEST)
+        return min(LONGEST, max(LEAST_WITHIN, robots / ANSWERS_A_SECOND)) if robots else FIRST_WITHIN
+
+    # ---- hearing
+
+    def pump(self) -> list[Message]:
+        """Hear, and do what is due; gives what robots said, where answers to what was sent again name the first."""
+        heard = []
+        for message in self.line.receive():
+            if message.kind in TO_OPERATOR:
+                heard.append(self._known(message))
+                self.hear(heard[-1])
+            elif message.role != Role.ROBOT:
+                self._overhear(message)
+        self.attend()
+        self.pump_out()
+        return heard
+
+    def wait(self, seconds: float) -> list[Message]:
+        """Pump for so long; gives what was heard."""
+        until, heard = self._clock.now() + seconds, self.pump()
+        while (now := self._clock.now()) < until:
+            self.line.wait(min(until - now, max(0.0, self.due() - now)))
+            heard += self.pump()
+        return heard
+
+    def gather(self, command: Command, patience: float) -> None:
+        """Wait until everybody has answered, or the time for answers and `patience` s more are over, or nobody is on
+        the roster who could be missed and that time is over."""
+        within = self._within(command.addressed)
+        until = command.message.issued + within + patience
+        while (now := self._clock.now()) < until and (command.n_silent or not command.addressed):
+            self.wait(min(LEAST_WITHIN, until - now))
+
+    def due(self) -> float:
+        """When there is something to be sent again, or a heartbeat, s of Unix time."""
+        beat = self._beat + LEASE / 3.0 if self.holding and self._drives() else inf
+        return min(beat, *self._pursued.values(), inf)
+
+    def pump_out(self) -> None:
+        """Let what was posted leave now."""
+        self.line.flush()
+
+    def _known(self, message: Message) -> Message:
+        first = self._first.get(str(message.body.get("command")))
+        return message if first is None else msgspec.structs.replace(message, body={**message.body, "command": first})
+
+    def _overhear(self, message: Message) -> None:
+        """Another operator speaks."""
+        if message.kind is Kind.HEARTBEAT:
+            return
+        self.news.append(message)
+        details = {"kind": message.kind.value, **message.body}
+        self._note(Event.HEARD, message.sender, subject=message.id, text=message.text, details=details)
+        if message.kind is Kind.STOP:
+            self._driver = None
+            latch = self._sent.latch
+            if latch is not None and latch.kind is Kind.RELEASE:
+                self._pursued.pop(latch.id, None)
+
+    # ---- going after what is lost
+
+    def attend(self) -> None:
+        """Ask those again that are not accounted for, and send a heartbeat if one is due."""
+        with self._lock:
+            now = self._clock.now()
+            for command_id, when in list(self._pursued.items()):
+                if when <= now:
+                    self._pursue(command_id, now)
+            if self.holding and self._drives() and now - self._beat >= LEASE / 3.0:
+                self._beat = now
+                self.line.mailbox.post(Kind.HEARTBEAT, now, deadline=now + LEASE)
+
+    def _pursue(self, command_id: str, now: float) -> None:
+        command = self._sent.find(command_id)
+        if command is None or not command.n_silent or not self._still_good(command, now):
+            del self._pursued[command_id]
+            return
+        silent = command.n_silent
+        within = self._within(min(silent, MAX_NAMED) if command.kind is Kind.COMMAND else silent)
+        if LOOK not in command.message.body:
+            self._note(Event.REPEATED, subject=command.id, text=command.text, details={"silent": silent})
+        if command.kind is Kind.COMMAND:
+            self._ask_again(command, within, now)
+        else:
+            self._send_again(command, within, now)
+        self._pursued[command_id] = now + max(within + SETTLE, REPEAT_AFTER if command.kind is Kind.STOP else 0.0)
+
+    def _ask_again(self, command: Command, within: float, now: float) -> None:
+        """Have those that are missed say their answer again; nothing is evaluated."""
+        missed = np.flatnonzero(command.silent)[:MAX_NAMED].tolist()
+        body = {AGAIN: command.id, FOR: [self._roster.names[place] for place in missed], WITHIN: within}
+        self.line.mailbox.post(Kind.ASK, now, deadline=now + DEADLINE, body=body)
+
+    def _send_again(self, command: Command, within: float, now: float) -> None:
+        message = command.message
+        body = {**message.body, FIRST: command.id, AGE: now - message.issued, WITHIN: within, **self._missed(command)}
+        deadline = None if message.kind is Kind.RELEASE else message.deadline
+        again = self.line.mailbox.post(message.kind, now, text=message.text, deadline=deadline, body=body)
+        self._first[again.id] = command.id
+        if len(self._first) > MAX_AGAIN:
+            self._first.popitem(last=False)
+
+    def _still_good(self, command: Command, now: float) -> bool:
+        """Whether it is still to be gone after: of STOP and RELEASE only the last one is, all else in its time."""
+        if command.kind in LATCHING:
+            return command is self._sent.latch
+        return now < min(command.message.deadline, command.message.issued + DEADLINE)
+
+    def _missed(self, command: Command) -> dict[str, object]:
+        """Who is to answer what is sent again, as a body says it."""
+        names, silent = self._roster.names, command.silent
+        missed = np.flatnonzero(silent)
+        if len(missed) <= MAX_NAMED:
+            return {FOR: [names[place] for place in missed.tolist()]}
+        there = np.flatnonzero(command.answers.codes)
+        if FOR not in command.message.body and len(there) <= MAX_NAMED:
+            return {NOT: [names[place] for place in there.tolist()]}
+        return {}
+
+    def _drives(self) -> bool:
+        """Whether robots may be moving at our word: somebody obeyed the latest command, or has not answered it."""
+        command = self._driver
+        return command is not None and (bool((command.answers.codes == MATCHED).any()) or command.n_silent > 0)

@@ -1,0 +1,92 @@
+"""What a command must say before it is sent: for whom it is, of which sort it is, and how many are meant to obey.
+
+Nothing here sends anything; a command that says too little is refused with a sentence that tells what to say.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+from sleepcast.errors import MisuseError
+from sleepcast.language.machine import Program
+from sleepcast.language.parts import irreversible, walk
+from sleepcast.station.preview import is_for_everybody
+
+DEADLINE = 5.0
+"""Seconds for which a one-shot command is good unless it says otherwise: time for repairs on a bad radio, too short
+for a command to take effect when nobody thinks of it any more."""
+MAX_DEADLINE = 3600.0
+"""Seconds for which a one-shot command may be good at most; what must hold longer is a rule."""
+
+
+class AddressError(MisuseError):
+    """A command that would go to everybody without saying so."""
+
+
+class SortError(MisuseError):
+    """A command sent as the wrong sort (one-shot or standing), or with an impossible deadline."""
+
+
+class CountNeededError(MisuseError):
+    """A command whose sender must say how many robots are meant. may: how many may obey; why: the reason for asking."""
+
+    def __init__(self, may: int, why: str, count: int | None) -> None:
+        self.may, self.why = may, why
+        said = "say how many are meant" if count is None else f"{count} was said"
+        super().__init__(f"{why}: {may} may obey, {said}. Send it with that number if it is right (--count {may})")
+
+
+@dataclass(frozen=True, slots=True)
+class Caution:
+    """When a desk asks how many are meant. above: more than so many that may obey, None for never; irreversible: a form
+    that cannot be undone. strict: whether it refuses what is only doubtful (warnings)."""
+
+    above: int | None = None
+    irreversible: bool = False
+    strict: bool = False
+
+
+def settle_address(program: Program, everybody: bool, roster: int) -> None:
+    """Whoever means everybody says so. Raises AddressError."""
+    if everybody or not is_for_everybody(program):
+        return
+    which = "has no test" if program.test is None else "has a test that is always true"
+    raise AddressError(
+        f"this command {which}, so every robot that hears it would obey ({roster} on the roster): confirm that "
+        "everybody is meant (--all), or put a test before it, as in (WHEN (IN bravo) ...)"
+    )
+
+
+def settle_count(program: Program, may: int, count: int | None, caution: Caution) -> None:
+    """Whoever means many, or what cannot be undone, says how many. may: robots that are not certain not to obey. Raises
+    CountNeededError, also for a number that was said and is not the right one."""
+    form = irreversible(program.root) if caution.irreversible else ""
+    if form:
+        why = f"{form} cannot be undone"
+    elif caution.above is not None and may > caution.above:
+        why = f"this is for more than {caution.above} robots"
+    else:
+        why = "the desk counts otherwise"
+        if count is None:
+            return
+    if count != may:
+        raise CountNeededError(may, why, count)
+
+
+def settle_sort(program: Program, standing: bool, deadline: float | None) -> float:
+    """The seconds for which a command is good. Raises SortError."""
+    if not standing:
+        seconds = DEADLINE if deadline is None else deadline
+        if not 0.0 < seconds <= MAX_DEADLINE:
+            raise SortError(f"a deadline lies more than 0 and at most {MAX_DEADLINE:g} s ahead, not {seconds:g} s")
+        return seconds
+    if deadline is not None:
+        raise SortError("a standing command has no deadline: it is good until everybody has it")
+    joins = any(part.op == "act" and part.name == "join" for part in walk(program.root))
+    if joins and program.test is not None:
+        raise SortError(
+            "a command with a test and a JOIN cannot be standing, because who matches is a matter of the moment: "
+            "send it as a one-shot command"
+        )
+    return inf

@@ -13,14 +13,17 @@ import sys
 import time
 from pathlib import Path
 from random import Random
+from typing import BinaryIO
 
 from sleepcast.clock import UnixClock
 from sleepcast.station import Event
 from sleepcast.station.sqlite_journal import SqliteJournal
 
 WRITERS = 2
-LONGEST = 0.03
-"""Seconds that a writer lives at most: it opens the file, and writes up to some dozens of entries."""
+MOST = 12
+"""Entries that a writer shows before it is killed, at most."""
+MOMENT = 0.002
+"""Seconds after them, at most: the time of one entry, or of a new file."""
 
 
 def write(file: Path, name: str, shown: int) -> None:
@@ -36,30 +39,39 @@ def write(file: Path, name: str, shown: int) -> None:
         else:
             journal.append(0.0, name, Event.SENT, text=texts[0], details={"robots": ["r1"] * 50})
         os.write(shown, "".join(f"{text}\n" for text in texts).encode())
-        if number % 9 == 5:
+        if number % 5 == 4:
             journal.rotate()
+
+
+def start(file: Path, name: str) -> tuple[int, BinaryIO]:
+    """A writer: its process, and where it shows what it has written."""
+    here, there = os.pipe()
+    child = os.fork()
+    if not child:
+        os.close(here)
+        write(file, name, there)
+    os.close(there)
+    return child, open(here, "rb", buffering=0)
 
 
 def main(file: Path, rounds: int, seed: int) -> None:
     chance = Random(seed)
     shown: list[str] = []
     for turn in range(rounds):
-        here, there = os.pipe()
-        writers = []
-        for writer in range(WRITERS):
-            child = os.fork()
-            if not child:
-                os.close(here)
-                write(file, f"w{turn}-{writer}", there)
-            writers.append(child)
-        os.close(there)
-        for child in writers:
-            time.sleep(chance.uniform(0.0, LONGEST))
+        writers = [start(file, f"w{turn}-{writer}") for writer in range(WRITERS)]
+        for child, said in writers:
+            data, wanted = b"", chance.randrange(MOST)
+            while data.count(b"\n") < wanted:
+                more = said.read(4096)
+                if not more:
+                    raise SystemExit(f"writer {child} ended by itself")
+                data += more
+            time.sleep(chance.uniform(0.0, MOMENT))
             os.kill(child, signal.SIGKILL)
-        for child in writers:
             os.waitpid(child, 0)
-        with open(here, encoding="utf-8") as said:
-            shown += [line.removesuffix("\n") for line in said if line.endswith("\n")]
+            with said:
+                data += said.read()
+            shown += [line.decode() for line in data.split(b"\n")[:-1]]
     print(json.dumps(shown))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterator
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,8 +19,6 @@ from sleepcast.station.journal_file import (
     told,
 )
 
-PAGE = 500
-"""Entries that are read in one go."""
 MAX_ARCHIVES = 100_000
 """Archives of one journal: more than a folder holds with comfort; files that name each other in a circle end here."""
 
@@ -75,30 +73,44 @@ class JournalReader:
     def __init__(self, file: Path) -> None:
         self.file = file
         self.lost = ""
-        self._parts: list[tuple[Path, Origin, sqlite3.Connection]] = []
+        self._parts: list[tuple[Path, Origin]] = []
         self._stack = ExitStack()
 
     def __enter__(self) -> JournalReader:
         """Raises JournalError."""
-        with ExitStack() as opened:
-            file = self.file
-            while len(self._parts) < MAX_ARCHIVES:
-                with told(file):
-                    connection = opened.enter_context(closing(open_reading(file)))
-                    connection.execute("BEGIN")
-                    origin = origin_of(connection)
-                self._parts.insert(0, (file, origin, connection))
-                if not origin.archive:
-                    break
+        with ExitStack() as stack:
+            self._live = stack.enter_context(closing(open_reading(self.file)))
+            with told(self.file):
+                self._live.execute("BEGIN")
+            file, origin = self.file, self._origin(self.file)
+            self._parts = [(file, origin)]
+            while origin.archive and len(self._parts) < MAX_ARCHIVES:
                 file = self.file.with_name(origin.archive)
                 if not file.is_file():
                     self.lost = origin.archive
                     break
-            self._stack = opened.pop_all()
+                origin = self._origin(file)
+                self._parts.append((file, origin))
+            self._parts.reverse()
+            self._stack = stack.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._stack.close()
+
+    def _origin(self, file: Path) -> Origin:
+        with self._reading(file) as connection:
+            return origin_of(connection)
+
+    @contextmanager
+    def _reading(self, file: Path) -> Iterator[sqlite3.Connection]:
+        """A file that is read for a while: the journal as it was, or an archive, which does not change any more."""
+        with ExitStack() as stack:
+            connection = self._live
+            if file != self.file:
+                connection = stack.enter_context(closing(open_reading(file)))
+            with told(file):
+                yield connection
 
     @property
     def first(self) -> int:
@@ -108,71 +120,60 @@ class JournalReader:
     @property
     def last(self) -> int:
         """The number of the last entry, 0 for none."""
-        _, origin, connection = self._parts[-1]
+        origin = self._parts[-1][1]
         with told(self.file):
-            found = connection.execute("SELECT max(number) FROM entries").fetchone()[0]
+            found = self._live.execute("SELECT max(number) FROM entries").fetchone()[0]
         return origin.number if found is None else int(found)
 
     @property
     def files(self) -> list[Path]:
         """The archives, the oldest first, and the journal."""
-        return [file for file, _, _ in self._parts]
+        return [file for file, _ in self._parts]
 
     def search(self, query: Query, last: int | None = None) -> Iterator[Written]:
         """The entries that are wanted, oldest first. last: only the last so many of them."""
         where, values = query.where()
-        if last is not None:
-            found: list[Written] = []
-            for file, _, connection in reversed(self._parts):
-                left = last - len(found)
-                if left <= 0:
-                    break
-                with told(file):
-                    rows = connection.execute(
-                        f"SELECT line, hash FROM entries WHERE {where} ORDER BY number DESC LIMIT ?", [*values, left]
-                    ).fetchall()
-                found += [read_line(line, hash) for line, hash in rows]
-            yield from reversed(found)
+        if last is None:
+            for file, _ in self._parts:
+                with self._reading(file) as connection:
+                    rows = connection.execute(f"SELECT line, hash FROM entries WHERE {where} ORDER BY number", values)
+                    yield from (read_line(line, hash) for line, hash in rows)
             return
-        for file, _, connection in self._parts:
-            with told(file):
-                cursor = connection.execute(f"SELECT line, hash FROM entries WHERE {where} ORDER BY number", values)
-            while True:
-                with told(file):
-                    rows = cursor.fetchmany(PAGE)
-                if not rows:
-                    break
-                yield from (read_line(line, hash) for line, hash in rows)
+        found: list[Written] = []
+        for file, _ in reversed(self._parts):
+            if len(found) == last:
+                break
+            with self._reading(file) as connection:
+                rows = connection.execute(
+                    f"SELECT line, hash FROM entries WHERE {where} ORDER BY number DESC LIMIT ?",
+                    [*values, last - len(found)],
+                )
+                found += [read_line(line, hash) for line, hash in rows]
+        yield from reversed(found)
 
     def verify(self) -> Verified:
         """Go through the whole chain."""
-        number, hash, count = self._parts[0][1].number, self._parts[0][1].hash, 0
-        for file, origin, connection in self._parts:
-            if (origin.number, origin.hash) != (number, hash):
-                return Verified(
-                    count,
-                    number,
-                    hash,
-                    f"{file} goes on after entry {origin.number} of an archive that ends"
-                    f" otherwise, at {number}: one of them is not what it was",
+        so_far = Verified(0, self._parts[0][1].number, self._parts[0][1].hash, "")
+        for file, origin in self._parts:
+            if (origin.number, origin.hash) != (so_far.last, so_far.hash):
+                return replace(
+                    so_far,
+                    broken=f"{file} goes on after entry {origin.number} of an archive that ends otherwise, at "
+                    f"{so_far.last}: one of them is not what it was",
                 )
             try:
-                for row in connection.execute("SELECT number, line, hash FROM entries ORDER BY number"):
-                    wrong = _wrong(row, number, hash)
-                    if wrong:
-                        return Verified(count, number, hash, f"{file}: {wrong}")
-                    number, hash, count = row[0], row[2], count + 1
-                given = connection.execute("SELECT seq FROM sqlite_sequence WHERE name = 'entries'").fetchone()
-            except sqlite3.Error as error:
-                return Verified(count, number, hash, f"{file} cannot be read after entry {number}: {error}")
-            if given and given[0] > number:
-                return Verified(count, number, hash, f"{file}: {_missing(number + 1, given[0])} at its end")
-        return Verified(count, number, hash, "")
+                with self._reading(file) as connection:
+                    so_far = _followed(connection, so_far)
+            except JournalError as error:
+                return replace(so_far, broken=f"what comes after entry {so_far.last} cannot be read: {error}")
+            if so_far.broken:
+                return replace(so_far, broken=f"{file}: {so_far.broken}")
+        return so_far
 
     def hashes(self) -> Iterator[bytes]:
         """The hash of each entry."""
-        for file, _, connection in self._parts:
-            with told(file):
+        for file, _ in self._parts:
+            with self._reading(file) as connection:
                 yield from (row[0] for row in connection.execute("SELECT hash FROM entries ORDER BY number"))
 
 
@@ -185,6 +186,19 @@ class Verified:
     last: int
     hash: bytes
     broken: str
+
+
+def _followed(connection: sqlite3.Connection, so_far: Verified) -> Verified:
+    """The chain through one file."""
+    count, number, hash = so_far.count, so_far.last, so_far.hash
+    for row in connection.execute("SELECT number, line, hash FROM entries ORDER BY number"):
+        wrong = _wrong(row, number, hash)
+        if wrong:
+            return Verified(count, number, hash, wrong)
+        number, hash, count = row[0], row[2], count + 1
+    given = connection.execute("SELECT seq FROM sqlite_sequence WHERE name = 'entries'").fetchone()
+    cut = given is not None and given[0] > number
+    return Verified(count, number, hash, f"{_missing(number + 1, given[0])} at its end" if cut else "")
 
 
 def _wrong(row: tuple[int, str, bytes], number: int, hash: bytes) -> str:

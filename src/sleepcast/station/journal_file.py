@@ -15,8 +15,9 @@ import hashlib
 import json
 import os
 import sqlite3
+import time
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -36,6 +37,8 @@ FIRST = bytes(32)
 """The hash before the first entry of all."""
 PATIENCE = 10.0
 """Seconds to wait for another writer: it writes for milliseconds, and some seconds when it begins another file."""
+LOOK = 0.001
+"""Seconds between two looks at whether another writer is done: it takes about as long for one entry."""
 MAX_LISTED = 100_000
 """Names in one list of robots: some megabytes a command; of more, their number is kept and the first of them."""
 MAX_BYTES = 64 * 1024 * 1024
@@ -166,7 +169,8 @@ def open_writing(file: Path) -> sqlite3.Connection:
     """A journal to write to, made if there is none yet, for its owner's eyes only. Raises JournalError."""
     with told(file):
         file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        os.close(os.open(file, os.O_RDWR | os.O_CREAT, 0o600))
+        with suppress(FileExistsError):  # to open one that is there, and to close it again, would undo SQLite's locks
+            os.close(os.open(file, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600))
         connection = _connection(file, "rw")
         try:
             if not _is_journal(connection, file):
@@ -197,7 +201,7 @@ def open_reading(file: Path) -> sqlite3.Connection:
 def prepare(connection: sqlite3.Connection, file: Path, origin: Origin | None = None, *, live: bool = True) -> None:
     """Make an empty file a journal that goes on after `origin`. live: it is to be read while it is written."""
     if live:
-        connection.execute("PRAGMA journal_mode = WAL")
+        _patiently(connection, "PRAGMA journal_mode = WAL")
     with transaction(connection):
         if _is_journal(connection, file):  # somebody else was faster
             return
@@ -213,7 +217,7 @@ def prepare(connection: sqlite3.Connection, file: Path, origin: Origin | None = 
 @contextmanager
 def transaction(connection: sqlite3.Connection) -> Iterator[None]:
     """All or nothing, and nobody else writes meanwhile."""
-    connection.execute("BEGIN IMMEDIATE")
+    begin(connection)
     try:
         yield
         connection.execute("COMMIT")
@@ -221,6 +225,29 @@ def transaction(connection: sqlite3.Connection) -> Iterator[None]:
         if connection.in_transaction:
             connection.execute("ROLLBACK")
         raise
+
+
+def begin(connection: sqlite3.Connection) -> None:
+    """Begin a transaction that writes."""
+    _patiently(connection, "BEGIN IMMEDIATE")
+
+
+def _patiently(connection: sqlite3.Connection, statement: str) -> None:
+    """Do this once nobody else writes. SQLite looks more and more seldom, so that one who writes without a pause would
+    keep us out, and for some statements not even twice; so we look often ourselves."""
+    until = time.monotonic() + PATIENCE
+    connection.execute("PRAGMA busy_timeout = 0")
+    try:
+        while True:
+            try:
+                connection.execute(statement)
+                return
+            except sqlite3.OperationalError as error:
+                if error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_BUSY or time.monotonic() > until:
+                    raise
+            time.sleep(LOOK)
+    finally:
+        connection.execute(f"PRAGMA busy_timeout = {PATIENCE * 1000.0:.0f}")
 
 
 @contextmanager
@@ -273,8 +300,10 @@ def _connection(file: Path, mode: str) -> sqlite3.Connection:
 
 def _is_journal(connection: sqlite3.Connection, file: Path) -> bool:
     """Whether it is one; False for an empty file. Raises NoJournalError for anything else."""
-    application = connection.execute("PRAGMA application_id").fetchone()[0]
-    version = connection.execute("PRAGMA user_version").fetchone()[0]
+    with _at_one_moment(connection):
+        application = connection.execute("PRAGMA application_id").fetchone()[0]
+        version = connection.execute("PRAGMA user_version").fetchone()[0]
+        used = connection.execute("SELECT EXISTS (SELECT 1 FROM sqlite_schema)").fetchone()[0]
     if application == APPLICATION:
         if version > FORMAT:
             raise NoJournalError(
@@ -282,7 +311,19 @@ def _is_journal(connection: sqlite3.Connection, file: Path) -> bool:
                 "update sleepcast"
             )
         return True
-    with closing(connection.execute("SELECT 1 FROM sqlite_schema LIMIT 1")) as any_table:
-        if application or version or any_table.fetchone() is not None:
-            raise NoJournalError(f"{file} is an SQLite file, but no journal: name another with --journal")
+    if application or version or used:
+        raise NoJournalError(f"{file} is an SQLite file, but no journal: name another with --journal")
     return False
+
+
+@contextmanager
+def _at_one_moment(connection: sqlite3.Connection) -> Iterator[None]:
+    """All that is read within this is as it was at one moment: somebody else may be making the file a journal."""
+    if connection.in_transaction:
+        yield
+        return
+    connection.execute("BEGIN")
+    try:
+        yield
+    finally:
+        connection.execute("ROLLBACK")

@@ -27,6 +27,7 @@ from sleepcast.station.journal_file import (
     KEPT,
     Origin,
     about,
+    begin,
     digest,
     line_of,
     open_writing,
@@ -95,7 +96,7 @@ class SqliteJournal:
             if self._is_full():
                 self._move(only_if_full=True)
             with told(self.file):
-                self._connection.execute("BEGIN IMMEDIATE")
+                begin(self._connection)
             self._together = True
             try:
                 yield

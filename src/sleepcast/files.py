@@ -29,7 +29,7 @@ def replace_file(file: Path, data: bytes, *, private: bool = False) -> None:
             output.flush()
             os.fsync(output.fileno())
         os.replace(beside, target)
-        _settle(target.parent)
+        settle(target.parent)
     except BaseException:
         beside.unlink(missing_ok=True)
         raise
@@ -39,7 +39,7 @@ def _private(path: str, flags: int) -> int:
     return os.open(path, flags, 0o600)
 
 
-def _settle(folder: Path) -> None:
+def settle(folder: Path) -> None:
     """See that the folder's new entry outlives a loss of power, on systems where that can be asked for."""
     if os.name == "posix":
         opened = os.open(folder, os.O_RDONLY)

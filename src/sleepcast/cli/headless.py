@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, cast
@@ -16,7 +17,7 @@ from sleepcast.cli.streams import complain
 from sleepcast.errors import MisuseError
 from sleepcast.loop import Swarm, load, resume
 from sleepcast.simulator import Scenario, Simulator
-from sleepcast.station import Station
+from sleepcast.station import Journal, Station
 
 if TYPE_CHECKING:
     from sleepcast.cli.recording import Wanted
@@ -27,27 +28,34 @@ FEW, WARM_TICKS = 12, 3
 
 
 def assemble(
-    scenario: Scenario, seed: int | None, *, mission: bool, threads: int | None = None
+    scenario: Scenario,
+    seed: int | None,
+    *,
+    mission: bool,
+    threads: int | None = None,
+    journal: Journal | None = None,
 ) -> tuple[Swarm, Station]:
     """A swarm in its scenario and the operator's desk. mission: whether the desk sends the scenario's own orders.
-    threads: None is one for each core."""
+    threads: None is one for each core. journal: None is one in memory."""
     simulator = Simulator(scenario, seed, threads=threads)
     swarm = Swarm(simulator, scenario.mission if mission else ())
-    station = desk_of(swarm)
+    station = desk_of(swarm, journal)
     swarm.desk = station
     return swarm, station
 
 
-def assemble_from(file: Path, seed: int | None, threads: int | None = None) -> tuple[Swarm, Station]:
+def assemble_from(
+    file: Path, seed: int | None, threads: int | None = None, journal: Journal | None = None
+) -> tuple[Swarm, Station]:
     """A swarm that goes on from the snapshot in `file`, and its desk. seed: another one makes a fork. Raises
     SnapshotError."""
-    swarm = resume(load(file), seed=seed, threads=threads, desk=desk_of, name=str(file))
+    swarm = resume(load(file), seed=seed, threads=threads, desk=partial(desk_of, journal=journal), name=str(file))
     return swarm, cast(Station, swarm.desk)
 
 
-def desk_of(swarm: Swarm) -> Station:
+def desk_of(swarm: Swarm, journal: Journal | None = None) -> Station:
     """The operator's desk for a swarm."""
-    return Station(swarm.vocabulary, swarm.minds, swarm.post, swarm)
+    return Station(swarm.vocabulary, swarm.minds, swarm.post, swarm, journal=journal)
 
 
 def warm_up(scenario: Scenario, threads: int | None) -> None:

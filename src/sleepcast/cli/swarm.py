@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sleepcast.cli.snapshots import Keeping
     from sleepcast.loop import Swarm
     from sleepcast.simulator import Changes
-    from sleepcast.station import Station
+    from sleepcast.station import Journal, Station
 
 HOST, PORT = "127.0.0.1", 8317
 FASTEST, SLOWEST = 10_000.0, 0.01
@@ -52,6 +52,7 @@ class Options(TypedDict):
     from_: Path | None
     snapshot: Path | None
     snapshot_at: float | None
+    journal: Path | None
 
 
 _PERIOD = click.FloatRange(0.001, 86_400.0)
@@ -80,6 +81,7 @@ _COMMON = (
     click.option(
         "--snapshot-at", metavar="TIME", type=SimulatedTime(), help="Headless: when, as in 30s; else at the end."
     ),
+    click.option("--journal", metavar="FILE", type=click.Path(path_type=Path), help="Write the journal into a file."),
 )
 
 
@@ -161,6 +163,7 @@ def _beginning(name: str | None, options: Options, *, mission: bool) -> Callable
     from sleepcast.cli.headless import assemble, assemble_from, warm_up
 
     seed, threads, file = options["seed"], options["threads"], options["from_"]
+    journal = _journal(options)
     if file is None:
         if name is None:
             raise MisuseError("which scenario? Give the name of one, its path, or --from and a snapshot")
@@ -170,7 +173,7 @@ def _beginning(name: str | None, options: Options, *, mission: bool) -> Callable
 
         def begin() -> tuple[Swarm, Station]:
             warm_up(scenario, threads)
-            return assemble(scenario, seed, mission=mission, threads=threads)
+            return assemble(scenario, seed, mission=mission, threads=threads, journal=journal)
 
         return begin
     if name is not None:
@@ -179,11 +182,20 @@ def _beginning(name: str | None, options: Options, *, mission: bool) -> Callable
         raise MisuseError("--robots, --density and --no-walls change how a scenario starts: a snapshot has started")
 
     def go_on() -> tuple[Swarm, Station]:
-        swarm, station = assemble_from(file, seed, threads)
+        swarm, station = assemble_from(file, seed, threads, journal)
         warm_up(swarm.simulator.scenario, threads)
         return swarm, station
 
     return go_on
+
+
+def _journal(options: Options) -> Journal | None:
+    """The journal in a file, which the end of the process closes; None for one in memory."""
+    if options["journal"] is None:
+        return None
+    from sleepcast.cli.journals import opened
+
+    return opened(options["journal"])
 
 
 def _keeping(options: Options) -> Keeping | None:

@@ -1,8 +1,10 @@
-"""Simulated time on the command line: `30s`, `2min`, or a bare number of seconds."""
+"""Time on the command line: simulated (`30s`, `2min`), and moments of a day (`14:30`, `10min` ago)."""
 
 from __future__ import annotations
 
 import re
+import time
+from datetime import datetime
 from math import isfinite
 
 import click
@@ -18,11 +20,47 @@ class SimulatedTime(click.ParamType):  # type: ignore[type-arg]  # takes one onl
     name = "time"
 
     def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        match = _TIME.fullmatch(str(value).strip())
-        unit = match[2].casefold() or "s" if match else ""
-        if match is None or unit not in UNITS or UNITS[unit].dimension != TIME:
+        seconds = _seconds(str(value).strip())
+        if seconds is None:
             self.fail(f"wanted a time such as 30s or 2min, not {str(value)[:40]!r}", param, ctx)
-        seconds = to_si(float(match[1]), unit)
         if not isfinite(seconds):
             self.fail(f"{str(value)[:40]!r} is too far away", param, ctx)
         return seconds
+
+
+class Moment(click.ParamType):  # type: ignore[type-arg]  # as above
+    """A moment: so long ago, a time of today, or a date with or without a time, local unless it says otherwise; gives
+    s of Unix time."""
+
+    name = "moment"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        if isinstance(value, float):
+            return value
+        text = str(value).strip()
+        ago = _seconds(text)
+        if ago is not None:
+            return time.time() - ago
+        when = _moment(text)
+        if when is None:
+            self.fail(f"wanted 10min, 14:30 or 2026-11-21T14:30, not {text[:40]!r}", param, ctx)
+        return when
+
+
+def _moment(text: str) -> float | None:
+    today = datetime.now().strftime("%Y-%m-%dT")
+    for written in (text, today + text):
+        try:
+            return datetime.fromisoformat(written).timestamp()
+        except (ValueError, OverflowError, OSError):
+            continue
+    return None
+
+
+def _seconds(text: str) -> float | None:
+    """A time with its unit in s, inf for one that is too long; None if it is no time."""
+    match = _TIME.fullmatch(text)
+    unit = match[2].casefold() or "s" if match else ""
+    if match is None or unit not in UNITS or UNITS[unit].dimension != TIME:
+        return None
+    return to_si(float(match[1]), unit)

@@ -7,12 +7,19 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
+from sleepcast.errors import SleepcastError
+
 MAX_ENTRIES = 200_000
 """Entries that a journal in memory keeps: the answers of 1,000 robots to 200 commands; the oldest go first."""
+
+
+class JournalError(SleepcastError):
+    """A journal that cannot be written or read."""
 
 
 class Event(StrEnum):
@@ -53,12 +60,15 @@ class Report:
 
 
 class Journal(Protocol):
-    """Where the desk writes; it only ever appends."""
+    """Where the desk writes; it only ever appends. Whatever keeps a journal raises JournalError where it cannot."""
 
     def append(
         self, time: float, who: str, event: Event, *, subject: str = "", text: str = "", details: Mapping[str, object]
     ) -> None:
         """Write one entry; its number is the next one."""
+
+    def together(self) -> AbstractContextManager[None]:
+        """Entries that are written within this are kept at once when it ends, so that many cost what one does."""
 
     def entries(self, after: int = 0) -> Iterable[Entry]:
         """The entries with a number above `after`, oldest first."""
@@ -81,6 +91,10 @@ class MemoryJournal:
         """Write one entry; its number is the next one."""
         self._written += 1
         self._entries.append(Entry(self._written, time, who, event, subject, text, details))
+
+    def together(self) -> AbstractContextManager[None]:
+        """Nothing: memory keeps at once."""
+        return nullcontext()
 
     def entries(self, after: int = 0) -> list[Entry]:
         """The kept entries with a number above `after`, oldest first."""

@@ -13,7 +13,9 @@ from sleepcast.station.roster import Some
 
 
 def journal_parcel(journal: Journal) -> JournalParcel:
-    """Every entry that a journal has."""
+    """Every entry that a journal in memory has; one in a file goes on by itself."""
+    if not isinstance(journal, MemoryJournal):
+        return JournalParcel(0, [])
     return JournalParcel(journal.dropped, [_entry_parcel(entry) for entry in journal.entries()])
 
 

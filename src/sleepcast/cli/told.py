@@ -1,0 +1,74 @@
+"""What an entry of the journal, an answer or a report says, in a few words for a person."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+
+from sleepcast.cli.standard_memory import reported_body
+from sleepcast.language import format_value
+from sleepcast.station.journal import Entry, Event
+
+SHOWN = 5
+"""Names that are listed."""
+
+
+def said_in(entry: Entry) -> str:
+    """What an entry says."""
+    about = f"{entry.subject}: " if entry.subject else ""
+    return about + TELLERS.get(entry.event, _other)(entry)
+
+
+def said(body: Mapping[str, object]) -> str:
+    """What an answer or a report says."""
+    if "label" in body:
+        return reported_body(body)
+    outcomes = body.get("outcomes")
+    if isinstance(outcomes, dict):
+        return ", ".join(f"{outcome} {count}" for outcome, count in outcomes.items())
+    outcome, value, fault = body.get("outcome"), body.get("value"), body.get("fault")
+    if not isinstance(outcome, str):
+        return json.dumps({key: value for key, value in body.items() if key not in ("kind", "command")})
+    known = f" {format_value(value)}" if isinstance(value, float) and value == value else ""
+    return f"{outcome}{known}{f': {fault}' if fault else ''}"
+
+
+def _sent(entry: Entry) -> str:
+    details, text = entry.details, _one_line(entry.text)
+    kind = str(details.get("kind", "")).upper()
+    named = text if kind == "COMMAND" else f"{kind} {text}".strip()
+    predicted = details.get("predicted")
+    names = [str(name) for name in predicted] if isinstance(predicted, list) else []
+    count = details.get("n_predicted", len(names))
+    listed = ", ".join(names[:SHOWN]) + (", ..." if len(names) > SHOWN else "")
+    expected = f"  [{count} expected: {listed}]" if names else ""
+    return f"{named}{'  [standing]' if details.get('standing') else ''}{expected}"
+
+
+def _refused(entry: Entry) -> str:
+    reason = str(entry.details.get("reason", "")).partition("\n")[0]
+    return f"{_one_line(entry.text)} ({reason})"
+
+
+def _heard(entry: Entry) -> str:
+    return said(entry.details)
+
+
+def _repeated(entry: Entry) -> str:
+    return f"{entry.text}, as {entry.details.get('silent')} are silent"
+
+
+def _other(entry: Entry) -> str:
+    return f"{_one_line(entry.text)} {json.dumps(dict(entry.details), ensure_ascii=False)}".strip()
+
+
+TELLERS: Mapping[Event, Callable[[Entry], str]] = {
+    Event.SENT: _sent,
+    Event.REFUSED: _refused,
+    Event.HEARD: _heard,
+    Event.REPEATED: _repeated,
+}
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

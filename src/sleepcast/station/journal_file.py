@@ -1,0 +1,329 @@
+"""The file of a journal: what lies in it, how its entries are chained, and how it is opened.
+
+A journal is an SQLite file. Each entry is one line of JSON, kept as it was written, and its hash:
+
+    hash = SHA-256(the hash before it, as 32 bytes, then the line in UTF-8)
+
+so an entry that is changed, removed or put between others breaks the chain there. What is searched for is taken out of
+the line by SQLite itself, so that nothing can say something else than the line. The first hash of all is 32 zeros; a
+file that goes on after an archive begins with the last hash of that.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sqlite3
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+
+from sleepcast.errors import SleepcastError
+from sleepcast.files import settle
+from sleepcast.station.journal import Entry, Event, JournalError
+from sleepcast.station.roster import Some
+
+FORMAT = 1
+"""The version of the format of journals; a file of a newer one is refused."""
+APPLICATION = 0x534C504A
+"""What marks an SQLite file as a journal: `SLPJ`."""
+FIRST = bytes(32)
+"""The hash before the first entry of all."""
+PATIENCE = 10.0
+"""Seconds to wait for another writer: it writes for milliseconds, and some seconds when it begins another file."""
+LOOK = 0.001
+"""Seconds between two looks at whether another writer is done: it takes about as long for one entry."""
+MAX_LISTED = 100_000
+"""Names in one list of robots: some megabytes a command; of more, their number is kept and the first of them."""
+MAX_BYTES = 64 * 1024 * 1024
+"""Bytes of one value in the file: an entry with the longest lists has less."""
+MAX_DEPTH = 16
+"""Lists within each other in details: four times what a message may have."""
+
+SCHEMA = """
+CREATE TABLE entries (
+    number INTEGER PRIMARY KEY AUTOINCREMENT,
+    line TEXT NOT NULL,
+    hash BLOB NOT NULL,
+    written REAL GENERATED ALWAYS AS (json_extract(line, '$.written')) VIRTUAL,
+    who TEXT GENERATED ALWAYS AS (json_extract(line, '$.who')) VIRTUAL,
+    event TEXT GENERATED ALWAYS AS (json_extract(line, '$.event')) VIRTUAL,
+    subject TEXT GENERATED ALWAYS AS (json_extract(line, '$.subject')) VIRTUAL
+) STRICT;
+CREATE INDEX by_written ON entries (written);
+CREATE INDEX by_subject ON entries (subject);
+CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT;
+CREATE TRIGGER entries_stay BEFORE UPDATE ON entries BEGIN SELECT RAISE(ABORT, 'a journal only grows'); END;
+"""
+KEPT = "CREATE TRIGGER entries_are_kept BEFORE DELETE ON entries BEGIN SELECT RAISE(ABORT, 'a journal only grows'); END"
+"""Against accidents; whoever wants to do harm is found by the chain."""
+
+
+class NoJournalError(JournalError):
+    """There is no file, or it is no journal, or one of a newer format."""
+
+    exit_status = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """An entry as it lies in a file. written: when, s of Unix time; `entry.time` is that of the desk's clock, which may
+    be a simulation's. line, hash: see the module."""
+
+    entry: Entry
+    written: float
+    line: str
+    hash: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """What came before a file: the archive's name, the number of its last entry, and that one's hash."""
+
+    archive: str = ""
+    number: int = 0
+    hash: bytes = FIRST
+
+
+def digest(before: bytes, line: str) -> bytes:
+    """The hash of an entry; see the module."""
+    return hashlib.sha256(before + line.encode()).digest()
+
+
+def line_of(entry: Entry, written: float) -> str:
+    """An entry as it is written; what JSON cannot say is told as near as it can: bytes in hexadecimal, and nothing
+    (`null`) for what is unknown or never comes."""
+    details: dict[str, object] = {}
+    for key, value in entry.details.items():
+        if isinstance(value, Some) and len(value) > MAX_LISTED:
+            details[f"n_{key}"], value = len(value), value[:MAX_LISTED]
+        details[key] = _plain(value)
+    found = {
+        "number": entry.number,
+        "written": written,
+        "time": entry.time,
+        "who": _text(entry.who),
+        "event": entry.event.value,
+        "subject": _text(entry.subject),
+        "text": _text(entry.text),
+        "details": details,
+    }
+    return json.dumps(found, ensure_ascii=False, separators=(",", ":"))
+
+
+def read_line(line: str, hash: bytes) -> Written:
+    """What a line says. Raises JournalError for one that is no entry."""
+    try:
+        match json.loads(line):
+            case {
+                "number": int() as number,
+                "written": float() | int() as written,
+                "time": float() | int() as time,
+                "who": str() as who,
+                "event": str() as event,
+                "subject": str() as subject,
+                "text": str() as text,
+                "details": dict() as details,
+            }:
+                entry = Entry(number, float(time), who, Event(event), subject, text, details)
+                return Written(entry, float(written), line, hash)
+    except (ValueError, RecursionError):
+        pass
+    raise JournalError(f"this is no entry of a journal: {line[:80]!r}")
+
+
+def _plain(value: object, depth: int = 0) -> object:
+    match value:
+        case None | bool() | int():
+            return value
+        case str():
+            return _text(value)
+        case np.generic():
+            return _plain(value.item(), depth)
+        case float():
+            return value if isfinite(value) else None
+        case bytes():
+            return value.hex()
+        case Mapping() if depth < MAX_DEPTH:
+            return {_text(str(key)): _plain(each, depth + 1) for key, each in value.items()}
+        case Iterable() if depth < MAX_DEPTH:
+            return [_plain(each, depth + 1) for each in value]
+    return _text(str(value))
+
+
+def _text(text: str) -> str:
+    """Text that UTF-8 can say."""
+    return text.encode(errors="backslashreplace").decode()
+
+
+# ---- files
+
+
+def open_writing(file: Path) -> sqlite3.Connection:
+    """A journal to write to, made if there is none yet, for its owner's eyes only. Raises JournalError."""
+    with told(file):
+        file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with suppress(FileExistsError):  # to open one that is there, and to close it again, would undo SQLite's locks
+            os.close(os.open(file, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600))
+        connection = _connection(file, "rw")
+        try:
+            if not _is_journal(connection, file):
+                prepare(connection, file)
+                settle(file.parent)
+            connection.execute("PRAGMA synchronous = FULL")
+        except BaseException:
+            connection.close()
+            raise
+    return connection
+
+
+def open_reading(file: Path) -> sqlite3.Connection:
+    """A journal to read, whoever writes to it meanwhile. Raises NoJournalError."""
+    if not file.is_file():
+        raise NoJournalError(f"there is no journal {file}: commands on the air make it, or name another with --journal")
+    with told(file):
+        connection = _connection(file, "ro")
+        try:
+            if not _is_journal(connection, file):
+                raise NoJournalError(f"{file} is empty: nothing was ever written to this journal")
+        except BaseException:
+            connection.close()
+            raise
+    return connection
+
+
+def prepare(connection: sqlite3.Connection, file: Path, origin: Origin | None = None, *, live: bool = True) -> None:
+    """Make an empty file a journal that goes on after `origin`. live: it is to be read while it is written."""
+    if live:
+        _patiently(connection, "PRAGMA journal_mode = WAL")
+    with transaction(connection):
+        if _is_journal(connection, file):  # somebody else was faster
+            return
+        for statement in SCHEMA.strip().split(";\n"):
+            connection.execute(statement)
+        connection.execute(KEPT)
+        if origin is not None:
+            set_origin(connection, origin)
+        connection.execute(f"PRAGMA application_id = {APPLICATION}")
+        connection.execute(f"PRAGMA user_version = {FORMAT}")
+
+
+@contextmanager
+def transaction(connection: sqlite3.Connection) -> Iterator[None]:
+    """All or nothing, and nobody else writes meanwhile."""
+    begin(connection)
+    try:
+        yield
+        connection.execute("COMMIT")
+    except BaseException:
+        if connection.in_transaction:
+            connection.execute("ROLLBACK")
+        raise
+
+
+def begin(connection: sqlite3.Connection) -> None:
+    """Begin a transaction that writes."""
+    _patiently(connection, "BEGIN IMMEDIATE")
+
+
+def _patiently(connection: sqlite3.Connection, statement: str) -> None:
+    """Do this once nobody else writes. SQLite looks more and more seldom, so that one who writes without a pause would
+    keep us out, and for some statements not even twice; so we look often ourselves."""
+    until = time.monotonic() + PATIENCE
+    connection.execute("PRAGMA busy_timeout = 0")
+    try:
+        while True:
+            try:
+                connection.execute(statement)
+                return
+            except sqlite3.OperationalError as error:
+                if error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_BUSY or time.monotonic() > until:
+                    raise
+            time.sleep(LOOK)
+    finally:
+        connection.execute(f"PRAGMA busy_timeout = {PATIENCE * 1000.0:.0f}")
+
+
+@contextmanager
+def told(file: Path) -> Iterator[None]:
+    """What goes wrong with a file, as a sentence."""
+    try:
+        yield
+    except SleepcastError:
+        raise
+    except (sqlite3.Error, OSError) as error:
+        said = (error.strerror or str(error)) if isinstance(error, OSError) else str(error)
+        raise JournalError(f"the journal {file}: {said}") from None
+
+
+def about(connection: sqlite3.Connection, key: str) -> str:
+    """What a file says of itself, "" for nothing."""
+    found = connection.execute("SELECT value FROM about WHERE key = ?", (key,)).fetchone()
+    return str(found[0]) if found else ""
+
+
+def say_about(connection: sqlite3.Connection, key: str, value: str) -> None:
+    """Let a file say this of itself."""
+    connection.execute("INSERT OR REPLACE INTO about VALUES (?, ?)", (key, value))
+
+
+def origin_of(connection: sqlite3.Connection) -> Origin:
+    """What came before a file. Raises JournalError."""
+    archive = about(connection, "archive")
+    if not archive:
+        return Origin()
+    try:
+        return Origin(Path(archive).name, int(about(connection, "number")), bytes.fromhex(about(connection, "hash")))
+    except ValueError:
+        raise JournalError(f"it does not say where {archive} ended, which came before it") from None
+
+
+def set_origin(connection: sqlite3.Connection, origin: Origin) -> None:
+    """Let a file begin after `origin`."""
+    for key, value in (("archive", origin.archive), ("number", str(origin.number)), ("hash", origin.hash.hex())):
+        say_about(connection, key, value)
+
+
+def _connection(file: Path, mode: str) -> sqlite3.Connection:
+    where = f"{file.absolute().as_uri()}?mode={mode}"
+    # Its users lock it for themselves.
+    found = sqlite3.connect(where, timeout=PATIENCE, isolation_level=None, check_same_thread=False, uri=True)
+    found.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_BYTES)
+    return found
+
+
+def _is_journal(connection: sqlite3.Connection, file: Path) -> bool:
+    """Whether it is one; False for an empty file. Raises NoJournalError for anything else."""
+    with _at_one_moment(connection):
+        application = connection.execute("PRAGMA application_id").fetchone()[0]
+        version = connection.execute("PRAGMA user_version").fetchone()[0]
+        used = connection.execute("SELECT EXISTS (SELECT 1 FROM sqlite_schema)").fetchone()[0]
+    if application == APPLICATION:
+        if version > FORMAT:
+            raise NoJournalError(
+                f"{file} has format {version}, which is newer than this sleepcast, which reads format {FORMAT}: "
+                "update sleepcast"
+            )
+        return True
+    if application or version or used:
+        raise NoJournalError(f"{file} is an SQLite file, but no journal: name another with --journal")
+    return False
+
+
+@contextmanager
+def _at_one_moment(connection: sqlite3.Connection) -> Iterator[None]:
+    """All that is read within this is as it was at one moment: somebody else may be making the file a journal."""
+    if connection.in_transaction:
+        yield
+        return
+    connection.execute("BEGIN")
+    try:
+        yield
+    finally:
+        connection.execute("ROLLBACK")

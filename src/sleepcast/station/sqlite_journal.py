@@ -1,0 +1,197 @@
+"""The journal as a file that only grows: an entry that `append` has taken is on the disk, whatever happens next.
+
+Any number of processes may write to one journal and read it: SQLite's lock puts their entries into one order and one
+chain. `rotate` moves what there is into an archive beside it, `NAME.FIRST-LAST.db`, and goes on under the old name:
+
+    1. under the lock, the entries are copied into a new file, which is brought to the disk and gets its name
+    2. in one transaction they leave the journal, which from then on says which archive came before it
+
+A process that is killed in between leaves a copy too many, and nothing is lost.
+"""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+from threading import RLock
+
+from sleepcast.clock import Clock
+from sleepcast.files import settle
+from sleepcast.station.journal import Entry, Event
+from sleepcast.station.journal_file import (
+    KEPT,
+    Origin,
+    about,
+    begin,
+    digest,
+    line_of,
+    open_writing,
+    origin_of,
+    prepare,
+    read_line,
+    say_about,
+    set_origin,
+    told,
+    transaction,
+)
+
+PAGE = 500
+"""Entries that are read in one go, so that a reader keeps nobody waiting."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """When a journal is full and moves into an archive. size: bytes of its file; age: s since its first entry was
+    written; whichever comes first."""
+
+    size: float = inf
+    age: float = inf
+
+
+class SqliteJournal:
+    """A `Journal` in a file; see the module. clock: Unix time, s, of when entries are written.
+
+    It may be used by any thread. All its methods raise JournalError when the file cannot be written or read.
+    """
+
+    def __init__(self, file: Path, clock: Clock) -> None:
+        self.file = file
+        self._clock, self._lock = clock, RLock()
+        self._connection = open_writing(file)
+        self._together = False
+
+    def close(self) -> None:
+        """Be done with the file."""
+        with self._lock:
+            self._connection.close()
+
+    def append(
+        self, time: float, who: str, event: Event, *, subject: str = "", text: str = "", details: Mapping[str, object]
+    ) -> None:
+        """Write one entry; its number is the next one. It is on the disk when this returns, or, within `together`,
+        when that ends."""
+        with self.together():
+            number, before = self._head()
+            entry = Entry(number + 1, time, who, event, subject, text, details)
+            line = line_of(entry, self._clock.now())
+            with told(self.file):
+                self._connection.execute(
+                    "INSERT INTO entries (number, line, hash) VALUES (?, ?, ?)",
+                    (entry.number, line, digest(before, line)),
+                )
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Entries that are written within this come to the disk at once, when it ends: many cost what one does.
+        Others cannot write meanwhile, so it must be short."""
+        with self._lock:
+            if self._together:
+                yield
+                return
+            if self._is_full():
+                self._move(only_if_full=True)
+            with told(self.file):
+                begin(self._connection)
+            self._together = True
+            try:
+                yield
+            finally:  # what was written is true, whatever went wrong after it
+                self._together = False
+                if self._connection.in_transaction:  # a full disk ends it by itself
+                    with told(self.file):
+                        self._connection.execute("COMMIT")
+
+    def entries(self, after: int = 0) -> Iterator[Entry]:
+        """The entries in this file with a number above `after`, oldest first."""
+        rows: list[tuple[int, str, bytes]] = [(after, "", b"")]
+        while rows:
+            with self._lock, told(self.file):
+                rows = self._connection.execute(
+                    "SELECT number, line, hash FROM entries WHERE number > ? ORDER BY number LIMIT ?",
+                    (rows[-1][0], PAGE),
+                ).fetchall()
+            yield from (read_line(line, hash).entry for _, line, hash in rows)
+
+    @property
+    def dropped(self) -> int:
+        """How many of the oldest entries lie in archives."""
+        with self._lock, told(self.file):
+            return origin_of(self._connection).number
+
+    # ---- another file
+
+    @property
+    def limits(self) -> Limits:
+        """When it moves into an archive by itself; every writer keeps to it."""
+        with self._lock, told(self.file):
+            size, age = about(self._connection, "most_bytes"), about(self._connection, "most_seconds")
+        return Limits(float(size or inf), float(age or inf))
+
+    @limits.setter
+    def limits(self, limits: Limits) -> None:
+        with self._lock, told(self.file), transaction(self._connection):
+            say_about(self._connection, "most_bytes", repr(limits.size))
+            say_about(self._connection, "most_seconds", repr(limits.age))
+
+    def rotate(self) -> Path | None:
+        """Move all entries into an archive; gives it, or None if there were none."""
+        with self._lock:
+            return self._move()
+
+    def _move(self, *, only_if_full: bool = False) -> Path | None:
+        with told(self.file), transaction(self._connection):
+            first = self._connection.execute("SELECT min(number) FROM entries").fetchone()[0]
+            if first is None or (only_if_full and not self._is_full()):  # another writer may have been faster
+                return None
+            last, hash = self._head()
+            archive = self.file.with_name(f"{self.file.stem}.{first}-{last}{self.file.suffix}")
+            self._copy_to(archive)
+            self._connection.execute("DROP TRIGGER entries_are_kept")
+            self._connection.execute("DELETE FROM entries")
+            self._connection.execute(KEPT)
+            set_origin(self._connection, Origin(archive.name, last, hash))
+        return archive
+
+    def _copy_to(self, archive: Path) -> None:
+        beside = archive.with_name(f".{archive.name}.{os.getpid()}.new")
+        beside.unlink(missing_ok=True)  # of a process that was killed and had our number
+        try:
+            os.close(os.open(beside, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600))
+            with closing(sqlite3.connect(beside, isolation_level=None)) as copy:
+                prepare(copy, beside, origin_of(self._connection), live=False)
+                with transaction(copy):
+                    rows = self._connection.execute("SELECT number, line, hash FROM entries ORDER BY number")
+                    copy.executemany("INSERT INTO entries (number, line, hash) VALUES (?, ?, ?)", rows)
+            os.replace(beside, archive)
+            settle(archive.parent)
+        except BaseException:
+            beside.unlink(missing_ok=True)
+            raise
+
+    def _is_full(self) -> bool:
+        limits = self.limits
+        if limits == Limits():
+            return False
+        with told(self.file):
+            begun = self._connection.execute("SELECT min(written) FROM entries").fetchone()[0]
+            if begun is None:
+                return False
+            pages, free, size = (
+                self._connection.execute(f"PRAGMA {what}").fetchone()[0]
+                for what in ("page_count", "freelist_count", "page_size")
+            )
+        return bool((pages - free) * size >= limits.size or self._clock.now() - begun >= limits.age)
+
+    def _head(self) -> tuple[int, bytes]:
+        """The number and the hash of the last entry."""
+        with told(self.file):
+            # The highest number that was ever given: a last entry that was taken away leaves a gap.
+            number = self._connection.execute("SELECT seq FROM sqlite_sequence WHERE name = 'entries'").fetchone()
+            last = self._connection.execute("SELECT hash FROM entries ORDER BY number DESC LIMIT 1").fetchone()
+            origin = origin_of(self._connection)
+        return max(number[0] if number else 0, origin.number), bytes(last[0]) if last else origin.hash

@@ -1,0 +1,375 @@
+"""The journal in a file: nothing that was shown is lost, nothing that is taken away goes unseen, others may read."""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+import stat
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import closing
+from math import inf, nan
+from pathlib import Path
+from threading import Thread
+
+import numpy as np
+import pytest
+
+from sleepcast.channel.names import Names
+from sleepcast.clock import ManualClock
+from sleepcast.station import Event
+from sleepcast.station.journal import JournalError
+from sleepcast.station.journal_file import MAX_LISTED, NoJournalError
+from sleepcast.station.journal_reader import JournalReader, Query, Verified
+from sleepcast.station.roster import Some
+from sleepcast.station.sqlite_journal import Limits, SqliteJournal
+from station.fleet import Fleet
+
+TESTS = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "made for it" / "desk?.db"
+
+
+@pytest.fixture
+def clock() -> ManualClock:
+    return ManualClock(1000.0)
+
+
+@pytest.fixture
+def journal(file: Path, clock: ManualClock) -> Iterator[SqliteJournal]:
+    with closing(SqliteJournal(file, clock)) as found:
+        yield found
+
+
+def fill(journal: SqliteJournal, first: int, last: int) -> None:
+    for number in range(first, last + 1):
+        journal.append(float(number), "desk", Event.SENT, subject=f"desk-1.{number}", text="(ST)", details={})
+
+
+def verified(file: Path) -> Verified:
+    with JournalReader(file) as reader:
+        return reader.verify()
+
+
+def found(file: Path, query: Query, last: int | None = None) -> list[int]:
+    with JournalReader(file) as reader:
+        return [written.entry.number for written in reader.search(query, last)]
+
+
+def tamper(file: Path, *statements: str) -> None:
+    """What somebody does who opens the file with a tool for SQLite."""
+    with closing(sqlite3.connect(file, isolation_level=None)) as connection:
+        connection.execute("DROP TRIGGER IF EXISTS entries_are_kept")
+        connection.execute("DROP TRIGGER IF EXISTS entries_stay")
+        for statement in statements:
+            connection.execute(statement)
+
+
+def test_entries_come_back_as_they_were_also_to_another_process(journal: SqliteJournal, file: Path) -> None:
+    told = {"kind": "command", "deadline": inf, "value": nan, "bytes": b"\x01\xff", "n": np.int64(3), "list": [1, None]}
+    names = Names()
+    for name in ("r1", "r2", "r3"):
+        names.add(name)
+    journal.append(2.5, "desk", Event.SENT, subject="desk-1.1", text='(REPORT "größer" 1)', details=told)
+    journal.append(3.5, "r2\udc80", Event.HEARD, details={"predicted": Some(names, np.array([0, 2]))})
+    first, second = journal.entries()
+    assert (first.number, first.time, first.who, first.event) == (1, 2.5, "desk", Event.SENT)
+    assert (first.subject, first.text) == ("desk-1.1", '(REPORT "größer" 1)')
+    wanted = {"kind": "command", "deadline": None, "value": None, "bytes": "01ff", "n": 3, "list": [1, None]}
+    assert first.details == wanted
+    assert (second.who, second.details) == (r"r2\udc80", {"predicted": ["r1", "r3"]})
+    assert [entry.number for entry in journal.entries(after=1)] == [2]
+    with JournalReader(file) as reader:
+        written = list(reader.search(Query()))
+    assert [each.entry for each in written] == [first, second]
+    assert {each.written for each in written} == {1000.0}
+    assert stat.S_IMODE(os.stat(file).st_mode) == 0o600
+
+
+def test_more_entries_than_one_page_come_back(journal: SqliteJournal, file: Path) -> None:
+    with journal.together():
+        fill(journal, 1, 1234)
+    assert [entry.number for entry in journal.entries()] == list(range(1, 1235))
+    assert found(file, Query()) == list(range(1, 1235))
+
+
+def test_a_list_of_very_many_robots_is_cut_and_says_so(journal: SqliteJournal) -> None:
+    names = Names()
+    for number in range(MAX_LISTED + 5):
+        names.add(f"r{number + 1}")
+    journal.append(0.0, "desk", Event.SENT, details={"predicted": Some(names, np.arange(MAX_LISTED + 5))})
+    (entry,) = journal.entries()
+    predicted = entry.details["predicted"]
+    assert isinstance(predicted, list)
+    assert (len(predicted), predicted[-1]) == (MAX_LISTED, f"r{MAX_LISTED}")
+    assert entry.details["n_predicted"] == MAX_LISTED + 5
+
+
+def test_a_desk_writes_it(journal: SqliteJournal, file: Path) -> None:
+    fleet = Fleet()
+    station = fleet.station
+    station.journal = journal
+    station.send("(ST)", everybody=True)
+    with pytest.raises(Exception, match="confirm that"):
+        station.send("(ST)")
+    assert [entry.event for entry in journal.entries()] == [Event.SENT, Event.REFUSED]
+    assert found(file, Query(event=Event.REFUSED)) == [2]
+
+
+def test_nothing_that_was_shown_is_lost_whenever_its_writer_is_killed(tmp_path: Path) -> None:
+    rounds = 20
+    file = tmp_path / "journal.db"
+    command = [sys.executable, "-m", "station.killed_writers", str(file), str(rounds), "7"]
+    done = subprocess.run(command, cwd=TESTS, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    shown = json.loads(done.stdout)
+    assert len(shown) > rounds, "writers were killed before they had written anything"
+    result = verified(file)
+    assert not result.broken
+    with JournalReader(file) as reader:
+        texts = [written.entry.text for written in reader.search(Query())]
+        assert len(reader.files) > 1, "nobody began another file"
+    assert len(texts) == len(set(texts)) == result.count
+    assert set(shown) <= set(texts)
+    for each in texts:  # what was written together is there as a whole
+        if each.endswith(".0") and each.count(".") == 2:
+            assert {f"{each[:-1]}1", f"{each[:-1]}2"} <= set(texts)
+    with closing(SqliteJournal(file, ManualClock())) as journal:
+        journal.append(0.0, "desk", Event.SENT, details={})
+    assert verified(file).last == result.last + 1
+
+
+def test_writers_at_the_same_time_make_one_chain(file: Path) -> None:
+    def write(name: str) -> None:
+        with closing(SqliteJournal(file, ManualClock())) as journal:
+            for _ in range(50):
+                journal.append(0.0, name, Event.SENT, details={})
+
+    writers = [Thread(target=write, args=(name,)) for name in ("anna", "bert", "carl")]
+    for each in writers:
+        each.start()
+    for each in writers:
+        each.join()
+    result = verified(file)
+    assert (result.count, result.broken) == (150, "")
+    assert len(found(file, Query(robot="bert"))) == 50
+
+
+def test_it_is_read_while_it_is_written(journal: SqliteJournal, file: Path) -> None:
+    fill(journal, 1, 3)
+    with JournalReader(file) as reader:
+        fill(journal, 4, 5)
+        assert [written.entry.number for written in reader.search(Query())] == [1, 2, 3]
+        with journal.together():
+            fill(journal, 6, 6)
+            assert found(file, Query(after=3)) == [4, 5]
+    assert found(file, Query(after=3)) == [4, 5, 6]
+
+
+def test_what_was_written_before_an_error_stays(journal: SqliteJournal, file: Path) -> None:
+    def fail() -> None:
+        with journal.together():
+            fill(journal, 1, 2)
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    fill(journal, 3, 3)
+    assert (verified(file).count, verified(file).broken) == (3, "")
+
+
+@pytest.mark.parametrize(
+    ("query", "numbers"),
+    [
+        (Query(), [1, 2, 3, 4, 5]),
+        (Query(after=3), [4, 5]),
+        (Query(text="vm 0.1"), [1]),
+        (Query(text="ZERO"), [4]),
+        (Query(text="100%"), []),
+        (Query(robot="r2"), [1, 3]),
+        (Query(event=Event.HEARD), [2, 3, 4]),
+        (Query(command="desk-1.1"), [1, 2, 3]),
+        (Query(since=1002.0, until=1003.0), [3, 4]),
+        (Query(event=Event.HEARD, robot="r1", text="zero"), [4]),
+        (Query(robot="' OR 1=1 --"), []),
+    ],
+)
+def test_it_is_searched(
+    journal: SqliteJournal, file: Path, clock: ManualClock, query: Query, numbers: list[int]
+) -> None:
+    names = Names()
+    for name in ("r1", "r2"):
+        names.add(name)
+    predicted = {"predicted": Some(names, np.array([1]))}
+    said = {"outcome": "fault", "fault": "division by zero"}
+    journal.append(0.0, "desk", Event.SENT, subject="desk-1.1", text="(VM 0.1 0.1)", details=predicted)
+    journal.append(0.0, "r1", Event.HEARD, subject="desk-1.1", details={"outcome": "not matched"})
+    clock.advance(2.0)
+    journal.append(0.0, "r2", Event.HEARD, subject="desk-1.1", details={"outcome": "matched"})
+    clock.advance(1.0)
+    journal.append(0.0, "r1", Event.HEARD, subject="desk-1.2", details=said)
+    clock.advance(1.0)
+    journal.append(0.0, "desk", Event.REFUSED, text="(ST", details={})
+    assert found(file, query) == numbers
+    assert found(file, query, last=2) == numbers[-2:]
+
+
+@pytest.mark.parametrize(
+    ("statements", "broken", "good"),
+    [
+        (["DELETE FROM entries WHERE number = 3"], "entry 3 is missing", 2),
+        (["DELETE FROM entries WHERE number BETWEEN 2 AND 4"], "entries 2 to 4 are missing", 1),
+        (["DELETE FROM entries WHERE number = 1"], "entry 1 is missing", 0),
+        (["DELETE FROM entries WHERE number > 3"], "entries 4 to 5 are missing at its end", 3),
+        (["UPDATE entries SET line = replace(line, '(ST)', '(GO)') WHERE number = 4"], "entry 4 is not what", 3),
+        (
+            ["DELETE FROM entries WHERE number = 2", "UPDATE entries SET number = number - 1 WHERE number > 2"],
+            "entry 2 is not what",
+            1,
+        ),
+        (["UPDATE entries SET hash = zeroblob(32) WHERE number = 5"], "entry 5 is not what", 4),
+    ],
+)
+def test_what_was_changed_or_taken_away_is_named(
+    journal: SqliteJournal, file: Path, statements: list[str], broken: str, good: int
+) -> None:
+    fill(journal, 1, 5)
+    assert not verified(file).broken
+    tamper(file, *statements)
+    result = verified(file)
+    assert broken in result.broken
+    assert result.count == good
+
+
+def test_an_end_that_was_cut_off_stays_seen_after_more_was_written(journal: SqliteJournal, file: Path) -> None:
+    fill(journal, 1, 5)
+    tamper(file, "DELETE FROM entries WHERE number > 3")
+    journal.append(0.0, "desk", Event.SENT, details={})
+    assert "entries 4 to 5 are missing" in verified(file).broken
+
+
+def test_a_tool_cannot_change_it_by_accident(journal: SqliteJournal, file: Path) -> None:
+    fill(journal, 1, 2)
+    with closing(sqlite3.connect(file)) as connection:
+        for statement in ("DELETE FROM entries", "UPDATE entries SET line = '{}' WHERE number = 1"):
+            with pytest.raises(sqlite3.IntegrityError, match="only grows"):
+                connection.execute(statement)
+
+
+# ---- archives
+
+
+def test_it_goes_on_in_its_own_name_and_the_chain_holds(journal: SqliteJournal, file: Path) -> None:
+    assert journal.rotate() is None, "nothing to move"
+    fill(journal, 1, 3)
+    archive = journal.rotate()
+    assert archive == file.with_name("desk?.1-3.db")
+    assert (list(journal.entries()), journal.dropped) == ([], 3)
+    fill(journal, 4, 5)
+    second = journal.rotate()
+    fill(journal, 6, 6)
+    assert second == file.with_name("desk?.4-5.db")
+    with JournalReader(file) as reader:
+        assert reader.files == [archive, second, file]
+        assert (reader.first, reader.lost) == (1, "")
+        assert [written.entry.number for written in reader.search(Query())] == [1, 2, 3, 4, 5, 6]
+        assert [written.entry.number for written in reader.search(Query(), last=2)] == [5, 6]
+    assert (verified(file).count, verified(file).broken) == (6, "")
+    assert found(archive, Query()) == [1, 2, 3], "an archive can be read by itself"
+    assert found(second, Query()) == [1, 2, 3, 4, 5]
+    assert not [path for path in file.parent.iterdir() if path.suffix == ".new"]
+
+
+def test_an_archive_that_is_gone_or_another_one_is_told(journal: SqliteJournal, file: Path) -> None:
+    fill(journal, 1, 3)
+    archive = journal.rotate()
+    assert archive is not None
+    fill(journal, 4, 5)
+    kept = archive.read_bytes()
+    tamper(archive, "DELETE FROM entries WHERE number = 3")
+    assert "entry 3 is missing at its end" in verified(file).broken
+    tamper(archive, "DELETE FROM sqlite_sequence")
+    assert "ends otherwise, at 2" in verified(file).broken
+    archive.unlink()
+    with JournalReader(file) as reader:
+        assert (reader.first, reader.lost) == (4, archive.name)
+        assert reader.verify().count == 2
+    archive.write_bytes(kept)
+    assert verified(file).count == 5
+
+
+@pytest.mark.parametrize("limits", [Limits(size=150_000.0), Limits(age=60.0)])
+def test_it_moves_by_itself_when_asked(journal: SqliteJournal, file: Path, clock: ManualClock, limits: Limits) -> None:
+    journal.limits = limits
+    with closing(SqliteJournal(file, clock)) as other:  # it is the journal's wish, not one writer's
+        assert other.limits == limits
+        for number in range(40):
+            clock.advance(5.0)
+            other.append(0.0, "desk", Event.SENT, text=f"({number}{' ' * 10_000})", details={})
+    with JournalReader(file) as reader:
+        archives = reader.files[:-1]
+    assert 2 <= len(archives) <= 5
+    assert all(archive.stat().st_size < 250_000 for archive in archives)
+    assert (verified(file).count, verified(file).broken) == (40, "")
+    journal.limits = Limits()
+    fill(journal, 1, 50)
+    with JournalReader(file) as reader:
+        assert reader.files[:-1] == archives
+
+
+# ---- files that are no journals
+
+
+def test_a_newer_format_is_refused(journal: SqliteJournal, file: Path) -> None:
+    tamper(file, "PRAGMA user_version = 2")
+    for use in (lambda: SqliteJournal(file, ManualClock()), lambda: JournalReader(file).__enter__()):
+        with pytest.raises(NoJournalError, match=r"has format 2, which is newer than .* update sleepcast"):
+            use()
+
+
+def test_what_is_no_journal_is_left_alone(tmp_path: Path) -> None:
+    text = tmp_path / "notes.txt"
+    text.write_text("not a journal at all, but long enough to be looked at" * 20, encoding="utf-8")
+    other = tmp_path / "other.db"
+    with closing(sqlite3.connect(other)) as connection:
+        connection.execute("CREATE TABLE mine (x)")
+    for file in (text, other):
+        before = file.read_bytes()
+        with pytest.raises(JournalError):
+            SqliteJournal(file, ManualClock())
+        assert file.read_bytes() == before
+    with pytest.raises(NoJournalError, match="there is no journal"):
+        JournalReader(tmp_path / "none.db").__enter__()
+    with pytest.raises(JournalError, match="the journal"):
+        SqliteJournal(tmp_path, ManualClock())
+
+
+def test_a_damaged_file_is_told_in_a_sentence(journal: SqliteJournal, file: Path) -> None:
+    with journal.together():
+        fill(journal, 1, 300)
+    journal.close()
+    data = bytearray(file.read_bytes())
+    middle = data.find(b'"number":200')
+    data[middle - 2_000 : middle + 2_000] = b"\x55" * 4_000
+    file.write_bytes(bytes(data))
+    result = verified(file)
+    assert result.count < 300
+    assert "cannot be read" in result.broken or "is not what was written" in result.broken
+
+
+def test_a_full_disk_is_told_in_a_sentence(journal: SqliteJournal, file: Path) -> None:
+    fill(journal, 1, 2)
+    journal._connection.execute("PRAGMA max_page_count = 20")
+
+    def write_on() -> None:
+        for _ in range(100):
+            journal.append(0.0, "desk", Event.SENT, text="x" * 10_000, details={})
+
+    with pytest.raises(JournalError, match="full"):
+        write_on()
+    assert verified(file).broken == ""

@@ -52,7 +52,7 @@ HOUSE = {
     "channel": room(libraries="msgspec numpy cbor2 nacl"),
     "robot": room(),
     "nomad": room("robot"),
-    "node": room("language channel robot", late="numpy"),
+    "node": room("language channel robot", "msgspec", late="numpy"),
     "fleet": room("language channel robot", "numpy msgspec", late="llvmlite"),
     "simulator": room("channel robot", "numpy msgspec mcap numba llvmlite", late="yaml PIL"),
     "bridges": room("nomad robot"),

@@ -8,12 +8,14 @@ it forgeries. STOP has a budget of its own: no flood of other messages keeps it 
 from __future__ import annotations
 
 from collections import Counter, OrderedDict
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
 from math import inf
 from typing import NamedTuple
 
 from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Part, Piece
+from sleepcast.channel.kept import Window
 from sleepcast.channel.keys import MAY, PublicKey, Role, Trust
 from sleepcast.channel.message import TO_OPERATOR, Kind, Message
 from sleepcast.channel.reading import Reader
@@ -35,6 +37,8 @@ TO_ROBOTS = frozenset({Kind.COMMAND, Kind.ASK})
 """Kinds that robots are to evaluate."""
 ROBOT_EARS = frozenset(Kind) - TO_OPERATOR
 """Kinds that robots have ears for."""
+LASTING = frozenset({Kind.COMMAND, Kind.STOP, Kind.RELEASE})
+"""Kinds that do something: that they were heard must not be forgotten, whatever happens to this process."""
 OLDEST = 3_600.0
 """Seconds after which a message without a deadline is no news any more; what must last is told anew."""
 
@@ -139,6 +143,7 @@ class Door:
         self._clock, self._rate, self._skew = clock, usual if rate is None else rate, skew
         self.reader = reader or Reader()
         self._heard: OrderedDict[tuple[bytes, str, int], Heard] = OrderedDict()
+        self._changed: set[tuple[bytes, str, int]] = set()
         self._budgets: dict[tuple[bytes, bool], Budget] = {}
         self._open: OrderedDict[tuple[bytes, str, int, int], Assembly] = OrderedDict()
 
@@ -176,6 +181,22 @@ class Door:
         if entered is not None:
             self.passed += 1
         return entered
+
+    def news(self) -> list[Window]:
+        """What was heard of those senders who have had something done since this was asked last."""
+        found = [Window(*which, *self._both(which)) for which in self._changed if which in self._heard]
+        self._changed.clear()
+        return found
+
+    def restore(self, windows: Iterable[Window]) -> None:
+        """Know again what was heard."""
+        for window in windows:
+            heard = Heard(window.latest, window.numbers & (1 << WINDOW) - 1)
+            self._heard[window.key, window.sender, window.epoch] = heard
+
+    def _both(self, which: tuple[bytes, str, int]) -> tuple[int, int]:
+        heard = self._heard[which]
+        return heard.latest, heard.numbers
 
     def _objection(self, part: Part, key: PublicKey | None, datagram: bytes) -> Drop | None:
         """Why the part is dropped, as far as can be said without reading what it says."""
@@ -250,6 +271,8 @@ class Door:
         if heard is None:
             heard = self._heard[which] = Heard(part.sequence)
         heard.note(part.sequence)
+        if part.kind in LASTING:
+            self._changed.add(which)
         self._heard.move_to_end(which)
         if len(self._heard) > MAX_SENDERS:
             self._heard.popitem(last=False)

@@ -13,7 +13,7 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import count
-from math import isinf
+from math import inf, isinf
 from random import Random
 
 import msgspec
@@ -87,7 +87,9 @@ class Line:
         self._step()
 
     def due(self) -> float:
-        """When `pump` has something to do next even if nothing comes, s of Unix time."""
+        """When `receive` has something to do next even if nothing comes, s of Unix time."""
+        if self._heard:
+            return -inf
         due = self.mailbox.due()
         return min(due, self._held[0].time) if self._held else due
 

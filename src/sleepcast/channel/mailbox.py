@@ -23,10 +23,11 @@ from typing import NamedTuple, TypeVar
 
 from sleepcast.channel.door import Door
 from sleepcast.channel.envelope import Part, encode, said
+from sleepcast.channel.kept import Name, News
 from sleepcast.channel.keys import MAY, KeyPair, Role
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.order import MAX_STREAMS, Order, Skipped, Stream
-from sleepcast.channel.shelf import Name, Shelf
+from sleepcast.channel.shelf import Shelf
 from sleepcast.channel.trickle import Trickle
 
 REPEATS = (0.03, 0.09, 0.21)
@@ -108,7 +109,7 @@ class Mailbox:
         datagrams = tuple(encode(message, self.door.fleet, self._key))
         if kind is Kind.COMMAND:
             self._shelf.keep(own.name, message.sequence, standing, datagrams, now)
-            own.deal_with(message)
+            self.order.deal_with(own, message)
             if standing:
                 self._tell(now)
         self._out += datagrams
@@ -169,8 +170,14 @@ class Mailbox:
         return self._dealt_with(self.order.take(stream, message, now), now)
 
     def _overheard(self, part: Part, datagram: bytes, now: float) -> bool:
-        """Whether these very bytes are on our shelf: then we need not send them either."""
-        return part.kind is Kind.COMMAND and self._shelf.heard((part.key, part.epoch), part.sequence, datagram, now)
+        """Whether these very bytes are on our shelf: then we need not send them either. What there was no room for to
+        wait is there as well, and comes anew."""
+        name = part.key, part.epoch
+        return (
+            part.kind is Kind.COMMAND
+            and self._shelf.heard(name, part.sequence, datagram, now)
+            and self.order.knows(name, part.sequence)
+        )
 
     def _says_nothing_new(self, part: Part, datagram: bytes) -> bool:
         """Whether this is one more digest that says what we know and enough others have said: it would change nothing
@@ -191,6 +198,26 @@ class Mailbox:
         """We have come further."""
         self._telling = None
         self._trickle.restart(now)
+
+    # ---- what outlasts us
+
+    def news(self) -> News:
+        """What has changed since this was asked last, and is to outlast us. What waits for something before it counts
+        as not heard: it is asked for again."""
+        windows = (each.without(self.order.waiting((each.key, each.epoch))) for each in self.door.news())
+        return News(self.order.news(), tuple(windows), self._shelf.news())
+
+    def restore(self, kept: News) -> None:
+        """Go on where a mailbox had come to whose news these are, the latest of each. What stands beyond what was dealt
+        with is left out: it comes again."""
+        rules = {progress.stream: progress.rules for progress in kept.streams}
+        dealt_with = [each for each in kept.standing if each.number <= rules.get(each.stream, 0)]
+        numbers: dict[Name, list[int]] = {}
+        for each in dealt_with:
+            numbers.setdefault(each.stream, []).append(each.number)
+        self.order.restore(kept.streams, {name: sorted(found) for name, found in numbers.items()})
+        self._shelf.restore(dealt_with)
+        self.door.restore(kept.windows)
 
     # ---- repair
 

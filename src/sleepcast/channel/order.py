@@ -8,17 +8,18 @@ that counts once only until its deadline.
 from __future__ import annotations
 
 from collections import OrderedDict, deque
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from random import Random
 from typing import NamedTuple
 
+from sleepcast.channel.kept import Name, Progress
 from sleepcast.channel.message import Message
-from sleepcast.channel.shelf import Name
 
 MAX_STREAMS = 64
-"""Senders of commands, each in each of its epochs, whose order is kept; the one that was silent longest makes room."""
+"""Senders of commands, each in each of its epochs, whose order is kept; of those that were silent longest, one without
+rules makes room first."""
 MAX_WAITING = 1_024
 """Commands of one sender that wait; beyond, the farthest ahead are forgotten, and asked for again in their turn."""
 MAX_SKIPPED = 1_024
@@ -107,6 +108,7 @@ class Order:
         self._chance = chance
         self._streams: OrderedDict[Name, Stream] = OrderedDict()
         self._skipped: deque[Skipped] = deque(maxlen=MAX_SKIPPED)
+        self._changed: set[Name] = set()
 
     def stream(self, name: Name) -> Stream:
         """The stream of this name, made when it is first asked for."""
@@ -114,9 +116,40 @@ class Order:
         if found is None:
             found = self._streams[name] = Stream(name)
             if len(self._streams) > MAX_STREAMS:
-                self._streams.popitem(last=False)
+                oldest = next(iter(self._streams))
+                without = (each.name for each in self._streams.values() if each is not found and not each.standing)
+                del self._streams[next(without, oldest)]
         self._streams.move_to_end(name)
         return found
+
+    def knows(self, name: Name, number: int) -> bool:
+        """Whether a command has come, and waits or was dealt with."""
+        stream = self._streams.get(name)
+        return stream is not None and (number <= stream.done or number in stream.waiting)
+
+    def waiting(self, name: Name) -> set[int]:
+        """Numbers of a stream's commands that have come too early."""
+        stream = self._streams.get(name)
+        return set() if stream is None else set(stream.waiting)
+
+    def deal_with(self, stream: Stream, message: Message) -> None:
+        """The next command of a stream is dealt with."""
+        stream.deal_with(message)
+        self._changed.add(stream.name)
+
+    def news(self) -> tuple[Progress, ...]:
+        """How far those streams have come that have moved since this was asked last."""
+        moved = (self._streams[name] for name in self._changed if name in self._streams)
+        found = tuple(Progress(stream.name, stream.done, stream.until, stream.rules) for stream in moved)
+        self._changed.clear()
+        return found
+
+    def restore(self, streams: Iterable[Progress], standing: Mapping[Name, Sequence[int]]) -> None:
+        """Go on where these streams had come to. standing: numbers of each one's standing commands, ascending."""
+        for progress in streams:
+            stream = self.stream(progress.stream)
+            stream.done, stream.until = progress.done, progress.until
+            stream.standing = [number for number in standing.get(stream.name, ()) if number <= progress.rules]
 
     def standing(self) -> dict[Name, int]:
         """How far each stream's rules have come, of those that have any."""
@@ -189,7 +222,7 @@ class Order:
                     break
                 stream.wanted.pop(link.after, None)
                 self._skipped.append(Skipped(*stream.name, link.after))
-            stream.deal_with(message)
+            self.deal_with(stream, message)
             found.append(message)
         return found
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Iterable
 from dataclasses import dataclass
+from math import inf
+
+from sleepcast.channel.kept import Name, Standing
 
 MAX_RECENT = 512
 """One-shot commands kept: all of the last seconds at a hundred a second."""
 MAX_STANDING = 20_000
 """Standing commands kept, of all senders: months of a busy desk, some ten megabytes."""
-
-Name = tuple[bytes, int]
-"""Of a stream: the id of its sender's key, and the epoch."""
 
 
 @dataclass(slots=True)
@@ -28,13 +29,28 @@ class Shelf:
     def __init__(self) -> None:
         self._standing: OrderedDict[tuple[Name, int], Kept] = OrderedDict()
         self._recent: OrderedDict[tuple[Name, int], Kept] = OrderedDict()
+        self._news: list[Standing] = []
 
     def keep(self, stream: Name, number: int, standing: bool, datagrams: tuple[bytes, ...], now: float) -> None:
         """Keep a command that was heard or sent at `now` (s); the oldest ones make room."""
         shelf, most = (self._standing, MAX_STANDING) if standing else (self._recent, MAX_RECENT)
+        if standing and (stream, number) not in shelf:
+            self._news.append(Standing(stream, number, datagrams))
         shelf[stream, number] = Kept(datagrams, now)
         if len(shelf) > most:
             shelf.popitem(last=False)
+
+    def news(self) -> tuple[Standing, ...]:
+        """The standing commands that have come since this was asked last."""
+        found = tuple(self._news)
+        self._news.clear()
+        return found
+
+    def restore(self, standing: Iterable[Standing]) -> None:
+        """Put back what was kept, the oldest first; none of it has been on the air for long."""
+        for each in standing:
+            self.keep(each.stream, each.number, True, each.datagrams, -inf)
+        self._news.clear()
 
     def heard(self, stream: Name, number: int, datagram: bytes, now: float) -> bool:
         """Whether this datagram is on the shelf; if so, it has been heard at `now` (s)."""

@@ -108,19 +108,25 @@ def station_for(air: Air, say: Callable[[str], None], *, strict: bool = False) -
                 say(str(error))
 
 
-def line_for(air: Air, name: str | None, *, robot: bool, say: Callable[[str], None]) -> Line:
+def line_for(
+    air: Air, name: str | None, *, robot: bool, say: Callable[[str], None], life: Callable[[str], int] | None = None
+) -> Line:
     """A line on this channel. name: of what we say, None for the key's owner. say: tells the person which keys are in
-    use if nobody chose them. Raises what the channel raises."""
+    use if nobody chose them. life: numbers the lives of this name; None: by the time. Raises what the channel
+    raises."""
     from sleepcast.channel.reading import Reader
     from sleepcast.channel.transport import open_transport
 
     key, trust = _keys(air, robot, say)
-    party = _party(air, key.public.owner if name is None else name, key, trust, Reader(), robot=robot)
+    party = _party(air, key.public.owner if name is None else name, key, trust, Reader(), life, robot=robot)
     return party(open_transport(air.channel))
 
 
-def lines_for(air: Air, names: Iterable[str], say: Callable[[str], None]) -> tuple[Trunk, list[tuple[Line, Branch]]]:
-    """Lines of robots with these names, all on one trunk, each with its branch. Raises what the channel raises."""
+def lines_for(
+    air: Air, names: Iterable[str], say: Callable[[str], None], life: Callable[[str], int] | None = None
+) -> tuple[Trunk, list[tuple[Line, Branch]]]:
+    """Lines of robots with these names, all on one trunk, each with its branch. life: as in `line_for`. Raises what the
+    channel raises."""
     from sleepcast.channel.door import ROBOT_EARS
     from sleepcast.channel.reading import Reader
     from sleepcast.channel.transport import open_transport
@@ -128,14 +134,21 @@ def lines_for(air: Air, names: Iterable[str], say: Callable[[str], None]) -> tup
 
     key, trust = _keys(air, True, say)
     reader = Reader()
-    parties = [_party(air, name, key, trust, reader, robot=True) for name in names]
+    parties = [_party(air, name, key, trust, reader, life, robot=True) for name in names]
     trunk = Trunk(open_transport(air.channel), reader)
     branches = [trunk.branch(ROBOT_EARS) for _ in parties]
     return trunk, [(party(branch), branch) for party, branch in zip(parties, branches, strict=True)]
 
 
 def _party(
-    air: Air, name: str, key: KeyPair, trust: Trust, reader: Reader, *, robot: bool
+    air: Air,
+    name: str,
+    key: KeyPair,
+    trust: Trust,
+    reader: Reader,
+    life: Callable[[str], int] | None,
+    *,
+    robot: bool,
 ) -> Callable[[Transport], Line]:
     """What makes a line of this name, once there is a transport. Raises MisuseError if the key is not its own."""
     from sleepcast.channel.door import Door
@@ -149,7 +162,8 @@ def _party(
     clock, chance = UnixClock(), Random(SystemRandom().getrandbits(64))
     door = Door(trust, air.fleet, clock, robot=robot, reader=reader)
     # A life begins later than all before, so that its numbers are news.
-    mailbox = Mailbox(name, int(clock.now() * 1000.0), key, door, chance)
+    epoch = int(clock.now() * 1000.0) if life is None else life(name)
+    mailbox = Mailbox(name, epoch, key, door, chance)
     return lambda transport: Line(transport, mailbox, clock, chance)
 
 

@@ -10,12 +10,14 @@ import click
 
 from sleepcast.cli.air import Air, lines_for, options
 from sleepcast.cli.interrupts import Interrupts
+from sleepcast.cli.stores import open_store, store_option
 from sleepcast.cli.streams import announce, complain
 from sleepcast.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.cli.node_life import Beginning
     from sleepcast.loop import Crew
+    from sleepcast.node.store import Store
 
 MOST = 10_000
 """Nodes in one process: more than a core can let think; a simulated swarm (`sleepcast run`) takes a million."""
@@ -34,6 +36,7 @@ SCENARIO = "bravo"
 @click.option("--name-prefix", "prefix", default="r", show_default=True, help="What comes before a robot's number.")
 @click.option("--first", type=click.IntRange(0, MAX_ID), default=1, show_default=True, help="The first one's number.")
 @click.option("--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions that each begins with.")
+@store_option
 @options
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="What chance depends on; else the scenario's.")
 @click.option("--seconds", metavar="S", type=click.FloatRange(min=0.0), help="End after so long; else at Ctrl-C.")
@@ -44,6 +47,7 @@ def swarm(
     prefix: str,
     first: int,
     rules: Path | None,
+    file: Path | None,
     fleet: str,
     key: str | None,
     trust: Path | None,
@@ -59,21 +63,22 @@ def swarm(
     \b
     Examples:
       sleepcast swarm 200
+      sleepcast swarm 50 --store fifty.store
       sleepcast swarm 50 --first 51 --channel udp://192.168.1.255:47123
       sleepcast swarm 20 --scenario maze --name-prefix scout --rules wall.sleep
     """
     _check_names(prefix, first, count)
     with Interrupts() as interrupts, ExitStack() as stack:
-        from sleepcast.cli.node_life import read_beginning
+        from sleepcast.cli.node_life import Beginning, read_beginning
 
         beginning = None if rules is None else read_beginning(rules)
         if beginning is not None and beginning.orders:
             raise MisuseError(f"{rules} is a mission script: a swarm begins with expressions, without times")
         names = [f"{prefix}{first + i}" for i in range(count)]
-        crew = _crew(stack, Air(channel, fleet, key, trust, folder), names, scenario, first, seed)
+        store = None if file is None else stack.enter_context(closing(open_store(file, complain)))
+        crew = _crew(stack, Air(channel, fleet, key, trust, folder), names, scenario, first, seed, store)
         interrupts.defer()
-        if beginning is not None:
-            _begin(crew, beginning)
+        _begin(crew, beginning or Beginning(), store)
         announce(f"{names[0]} to {names[-1]} are up: {count} robots; Ctrl-C stops their bodies and ends them")
         clock = crew.clock
         end = None if seconds is None else clock.now() + seconds
@@ -99,7 +104,9 @@ def _check_names(prefix: str, first: int, count: int) -> None:
         raise MisuseError(f"--name-prefix {prefix!r:.80}: wanted names of at most {MAX_NAME} letters without blanks")
 
 
-def _crew(stack: ExitStack, air: Air, names: list[str], scenario: str, first: int, seed: int | None) -> Crew:
+def _crew(
+    stack: ExitStack, air: Air, names: list[str], scenario: str, first: int, seed: int | None, store: Store | None
+) -> Crew:
     """The minds with their bodies and their lines. Raises what the channel and the simulator raise."""
     import time
 
@@ -113,26 +120,27 @@ def _crew(stack: ExitStack, air: Air, names: list[str], scenario: str, first: in
     seed = found.seed if seed is None else seed
     simulator = Simulator(found, key(seed, "crew", first) >> 1, threads=1)  # others elsewhere begin in other places
     vocabulary = vocabulary_of(simulator.model)
-    trunk, lines = lines_for(air, names, complain)
+    trunk, lines = lines_for(air, names, complain, None if store is None else store.life)
     members = []
     for i, (name, (line, branch)) in enumerate(zip(names, lines, strict=True)):
         stack.enter_context(closing(line))
-        node = Node(name, vocabulary, number=first + i, seed=seed, body=simulator.robots[i])
+        node = Node(name, vocabulary, number=first + i, seed=seed, body=simulator.robots[i], on_air=True)
         members.append(Member(node, i, line, branch))
     zero = time.time()
     for member in members:
-        member.line.zero = zero
-    return Crew(simulator, members, trunk, WallClock(), UnixClock())
+        member.node.zero = member.line.zero = zero
+    return Crew(simulator, members, trunk, WallClock(), UnixClock(), keeper=store)
 
 
-def _begin(crew: Crew, beginning: Beginning) -> None:
-    """Let every mind evaluate what it begins with."""
+def _begin(crew: Crew, beginning: Beginning, store: Store | None) -> None:
+    """Let every mind go on where it was, or evaluate what it begins with."""
     from sleepcast.cli.node_life import begin_with
 
     readings = crew.simulator.readings()
     for member in crew.members:
         member.node.sense(readings[member.number], 0.0)
-        begin_with(member.node, beginning)
+        if store is None or not store.adopt(member.node, member.line.mailbox):
+            begin_with(member.node, beginning)
 
 
 def _account(crew: Crew) -> str:

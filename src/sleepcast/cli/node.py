@@ -9,6 +9,7 @@ import click
 
 from sleepcast.cli.air import Air, line_for, options
 from sleepcast.cli.interrupts import Interrupts
+from sleepcast.cli.stores import chosen_store, no_store_option, open_store, store_option
 from sleepcast.cli.streams import complain
 from sleepcast.errors import MisuseError
 
@@ -22,6 +23,9 @@ LONGEST_TICK = 0.5
 @click.option("--body", "uri", metavar="URI", required=True, help="The body, as nomad://HOST:PORT#1.")
 @click.option(
     "--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions to begin with, or a mission script."
+)
+@click.option(
+    "--golden", metavar="FILE", type=click.Path(path_type=Path), help="Rules that nobody changes over the air."
 )
 @click.option("--datagrams", metavar="PORT", type=click.IntRange(0, 65_535), help="Hear plain datagrams of 3 numbers.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="The address at which datagrams are heard.")
@@ -41,12 +45,15 @@ LONGEST_TICK = 0.5
 @click.option(
     "--channel", metavar="URI", help="The radio on which commands come, for example udp://239.255.83.76:47123."
 )
+@store_option
+@no_store_option
 @options
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="What chance depends on.")
 def node(
     name: str,
     uri: str,
     rules: Path | None,
+    golden: Path | None,
     datagrams: int | None,
     host: str,
     vocabulary: str,
@@ -56,6 +63,8 @@ def node(
     number: int | None,
     seed: int,
     channel: str | None,
+    file: Path | None,
+    forgetful: bool,
     fleet: str,
     key: str | None,
     trust: Path | None,
@@ -68,10 +77,14 @@ def node(
     start, or orders with their times (@10s ...). With --datagrams a datagram of three numbers as text sets `message` to
     TRUE and `m0`, `m1` and `m2` to the numbers. If this process dies, the server stops the robot.
 
+    A robot on a channel goes on where it was when it is started again: its rules, groups and variables, a STOP, and
+    what it has heard and done lie in its store, and outlive a kill at any moment. FILE is for its first life.
+
     \b
     Examples:
       sleepcast node --name r1 --body nomad://127.0.0.1:7019#1 --rules stop.sleep --datagrams 5001
       sleepcast node --name r2 --body nomad://127.0.0.1#2 --channel 'udp://239.255.83.76:47123?interface=lo'
+      sleepcast node --name r3 --body nomad://127.0.0.1#3 --channel udp:// --golden safety.sleep --store r3.store
       sleepcast node --body nomad://127.0.0.1#2 --vocabulary nomad
       sleepcast node --body 'nomad://127.0.0.1:7019?speed=0.3#1'
     """
@@ -79,21 +92,27 @@ def node(
     with Interrupts() as interrupts, ExitStack() as stack:
         from sleepcast.bridges import open_robot
         from sleepcast.channel.datagrams import Datagrams
-        from sleepcast.cli.node_life import Life, read_beginning
+        from sleepcast.cli.node_life import Beginning, Life, read_beginning
 
-        beginning = None if rules is None else read_beginning(rules)
+        beginning, built_in = (Beginning() if each is None else read_beginning(each) for each in (rules, golden))
+        if built_in.orders:
+            raise MisuseError(f"{golden} is a mission script: built-in rules have no times")
         ears = None if datagrams is None else stack.enter_context(Datagrams(host, datagrams))
+        lies = chosen_store(file, forgetful, fleet, name, channel is not None)
+        store = None if lies is None else stack.enter_context(closing(open_store(lies, complain)))
         line = None
         if channel is not None:
             if lockstep:
                 raise MisuseError("--lockstep and --channel do not go together: deadlines on the air are of real time")
             air = Air(channel, fleet, key, trust, folder)
-            line = stack.enter_context(closing(line_for(air, name, robot=True, say=complain)))
+            life_of = None if store is None else store.life
+            line = stack.enter_context(closing(line_for(air, name, robot=True, say=complain, life=life_of)))
         robot = stack.enter_context(open_robot(uri, in_step=lockstep))
         interrupts.defer()
-        life = Life(name, robot, ears, nomad=vocabulary == NOMAD, number=_id(name, number), seed=seed)
-        life.begin(beginning)
-        life.go_on(interrupts.check, 0.0 if lockstep else tick, seconds, line)
+        nomad = vocabulary == NOMAD
+        life = Life(name, robot, ears, line, store, nomad=nomad, number=_id(name, number), seed=seed)
+        life.begin(built_in, beginning)
+        life.go_on(interrupts.check, 0.0 if lockstep else tick, seconds)
     return 0
 
 

@@ -99,7 +99,8 @@ class NodeDesk:
     """The channel of one node: see the module.
 
     orders: what is to be done when, s after the start. typed: where an operator types. ears: plain datagrams, of which
-    one is told in each tick. line: the radio, if there is one. All this is received in the order given here.
+    one is told in each tick. line: the radio, if there is one. All this is received in the order given here. epoch: of
+    what is typed and told.
     """
 
     def __init__(
@@ -110,11 +111,12 @@ class NodeDesk:
         typed: Typed,
         ears: Datagrams | None,
         line: Channel | None = None,
+        epoch: int = 0,
     ) -> None:
         self._name, self._clock, self._start = name, clock, clock.now()
         self._orders, self._typed, self._ears, self._line = deque(orders), typed, ears, line
         self._waiting: deque[Numbers] = deque()
-        self._sequence = 0
+        self._epoch, self._sequence = epoch, 0
         self.lost = 0
         """Datagrams that found no room."""
 
@@ -143,7 +145,7 @@ class NodeDesk:
         kind = {"STOP": Kind.STOP, "RELEASE": Kind.RELEASE}.get(text.upper(), Kind.COMMAND)
         self._sequence += 1
         said = text[:MAX_TEXT] if kind is Kind.COMMAND else ""
-        return Message(sender, 0, self._sequence, kind, self._clock.now() - self._start, text=said)
+        return Message(sender, self._epoch, self._sequence, kind, self._clock.now() - self._start, text=said)
 
     def send(self, message: Message) -> None:
         """Print what the robot says to the terminal, and send all else."""

@@ -15,9 +15,10 @@ from sleepcast.cli.node_desk import NOTHING_HEARD, NodeDesk, Typed
 from sleepcast.cli.streams import announce, complain, pieces, read_file
 from sleepcast.clock import Clock, WallClock
 from sleepcast.errors import MisuseError, SleepcastError
-from sleepcast.language import read_all
+from sleepcast.language import List, Symbol, read, read_all, show
 from sleepcast.loop import Watch, run_robot, vocabulary_of
 from sleepcast.node.node import Node
+from sleepcast.node.store import Store
 from sleepcast.nomad.vocabulary import nomad_vocabulary
 from sleepcast.simulator.mission import Order, parse_mission
 
@@ -64,33 +65,62 @@ def begin_with(node: Node, beginning: Beginning) -> None:
             raise BeginningError(f"{place}: {result.faults[0]}")
 
 
+def install(node: Node, golden: Beginning) -> None:
+    """Give a robot rules that nobody changes over the air. Raises MisuseError for what is no rule, or is refused."""
+    for place, text in golden.expressions:
+        match read(text):
+            case List(items=(Symbol(key="rule"), Symbol() as name, rule)):
+                try:
+                    node.install(name.text, show(rule))
+                except SleepcastError as error:
+                    raise MisuseError(f"{place}: {error}") from error
+            case _:
+                raise MisuseError(f"{place}: wanted (RULE name expression), not {text!r:.200}")
+
+
 class Life:
-    """A mind in a body. ears: where plain datagrams come in, if they do. nomad: whether functions with Nclient's names
-    take its units."""
+    """A mind in a body. ears: where plain datagrams come in, if they do. line: the radio, if there is one. store: what
+    outlives this life, if anything does. nomad: whether functions with Nclient's names take its units."""
 
     def __init__(
-        self, name: str, robot: RealRobot, ears: Datagrams | None, *, nomad: bool, number: int, seed: int
+        self,
+        name: str,
+        robot: RealRobot,
+        ears: Datagrams | None,
+        line: Line | None,
+        store: Store | None,
+        *,
+        nomad: bool,
+        number: int,
+        seed: int,
     ) -> None:
-        self.robot, self.ears, self.watch = robot, ears, Watch()
+        self.robot, self.ears, self.line, self.store, self.watch = robot, ears, line, store, Watch()
         names = vocabulary_of(nomad_vocabulary(robot.model) if nomad else robot.model)
-        self.node = Node(name, names, number=number, seed=seed, body=robot)
+        self.node = Node(name, names, number=number, seed=seed, body=robot, on_air=line is not None)
         self._orders: tuple[Order, ...] = ()
 
-    def begin(self, beginning: Beginning | None) -> None:
-        """Evaluate what the robot begins with; see `begin_with`."""
+    def begin(self, golden: Beginning, beginning: Beginning) -> None:
+        """Go on where the life before this one ended, or evaluate what the robot begins with; see `begin_with`.
+        golden: rules that are built in, in every life."""
         self.node.sense(self.robot.sense().values, 0.0)
+        install(self.node, golden)
         if self.ears is not None:
             self.node.evaluate(NOTHING_HEARD)
-        if beginning is None:
-            return
         self._orders = beginning.orders
-        begin_with(self.node, beginning)
+        self.node.zero = time.time()
+        if self.line is not None:
+            self.line.zero = self.node.zero
+        if self.store is not None and self.store.adopt(self.node, None if self.line is None else self.line.mailbox):
+            complain(f"{self.node.name} goes on where it was ({self.store.file})")
+        else:
+            begin_with(self.node, beginning)
 
-    def go_on(self, check: Callable[[], None], tick: float, seconds: float | None, line: Line | None = None) -> None:
+    def go_on(self, check: Callable[[], None], tick: float, seconds: float | None) -> None:
         """Live, and say at the end how it went. check: raises KeyboardInterrupt when it is time. tick: s, 0 in step.
-        seconds: to live, None for ever. line: the radio. Raises SleepcastError when the body fails."""
+        seconds: to live, None for ever. Raises SleepcastError when the body fails."""
         clock: Clock = WallClock() if tick else self.robot
-        desk = NodeDesk(self.node.name, clock, self._orders, Typed(), self.ears, line)
+        line = self.line
+        desk = NodeDesk(self.node.name, clock, self._orders, Typed(), self.ears, line, int(self.node.zero * 1000.0))
         end = inf if seconds is None else clock.now() + seconds
 
         def going() -> bool:
@@ -103,17 +133,22 @@ class Life:
         told = "1 rule" if rules == 1 else f"{rules} rules"
         announce(f"{self.node.name} is up, with {told}; Ctrl-C stops its body and ends it")
         try:
-            if line is not None:
-                line.zero = time.time()
             sleep = time.sleep if line is None else line.wait
-            run_robot(self.node, self.robot, clock, desk, tick=tick, going=going, watch=self.watch, sleep=sleep)
+            run_robot(
+                *(self.node, self.robot, clock, desk),
+                tick=tick,
+                going=going,
+                watch=self.watch,
+                sleep=sleep,
+                keeper=self.store,
+            )
         finally:
-            complain(self._account(desk, line))
+            complain(self._account(desk))
 
-    def _account(self, desk: NodeDesk, line: Line | None) -> str:
+    def _account(self, desk: NodeDesk) -> str:
         said = f"{self.node.name}: {self.watch}"
-        if line is not None:
-            door = line.mailbox.door
+        if self.line is not None:
+            door = self.line.mailbox.door
             dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(door.counts.items()))
             said += f"; {door.passed} messages heard" + (f", dropped: {dropped}" if dropped else "")
         if self.ears is not None:

@@ -1,11 +1,11 @@
 """A crew: many minds in one process, each a party of its own on the air, with simulated bodies in real time.
 
     advance  the bodies move on by one tick
-    deliver  what the air has brought is received
+    deliver  what the air has brought is received, and written down if somebody keeps it
     sense    minds that have something to think about get their readings
     think    ... and think
     act      what they want of their bodies' actuators goes there
-    report   what they say goes on the air
+    report   what has come of it is written down, and what they say goes on the air
 
 Between two ticks the crew listens: whatever comes is received at once, so that STOP waits for nothing. Ticks that begin
 late are counted, and what could not be kept up with is let go, never made up for. However it ends, all bodies are
@@ -22,13 +22,17 @@ from math import inf, nan
 from sleepcast.channel.line import Line
 from sleepcast.channel.trunk import Branch, Trunk
 from sleepcast.clock import Clock
-from sleepcast.loop.real import Watch
+from sleepcast.loop.real import Keeper, Watch
 from sleepcast.node.node import Node
 from sleepcast.robot import Setpoint
 from sleepcast.simulator import Simulator
 
 QUIET = 0.004
 """Seconds for which the next look at the air waits after one: what comes close together is dealt with together."""
+
+
+LAG = 0.05
+"""Seconds by which simulated time may fall behind that on the wall before deadlines are reckoned anew."""
 
 
 @dataclass(slots=True)
@@ -46,7 +50,7 @@ class Member:
 @dataclass(slots=True)
 class Crew:
     """See the module. trunk: on which all lines have their branches. clock: for the pace of the ticks; air: Unix time,
-    by which lines are pumped. watch: how it goes."""
+    by which lines are pumped. watch: how it goes. keeper: of what the minds know."""
 
     simulator: Simulator
     members: Sequence[Member]
@@ -54,6 +58,7 @@ class Crew:
     clock: Clock
     air: Clock
     watch: Watch = field(default_factory=Watch)
+    keeper: Keeper | None = None
 
     def run(self, going: Callable[[], bool]) -> None:
         """Live until `going`, asked before each tick, says no; then every body is stopped. Raises what the channel
@@ -74,14 +79,23 @@ class Crew:
     def step(self) -> None:
         """One tick."""
         self.simulator.step()
+        self._set_time()
         self.hear()
         awake = [member for member in self.members if member.node.awake]
+        if self.keeper is not None:
+            self.keeper.before()
         now = self.simulator.time
         if awake:
             readings = self.simulator.readings([member.number for member in awake])
             for member, values in zip(awake, readings, strict=True):
                 member.node.sense(values, now)
                 self._think(member, now)
+        if self.keeper is not None:
+            self.keeper.after()
+        for member in awake:
+            if member.node.outbox:
+                self._report(member)
+                member.due = member.line.due()
 
     def listen(self, until: float) -> None:
         """Receive what comes, until that time of `clock`."""
@@ -98,12 +112,22 @@ class Crew:
         """Receive what has come, and send what is due. What one says, its neighbours hear in their turn."""
         self.trunk.gather()
         now = self.air.now()
-        for member in self.members:
-            if member.branch.waiting or member.due <= now:
-                for message in member.line.receive():
-                    member.node.receive(message)
-                self._report(member)
-                member.due = member.line.due()
+        heard = [member for member in self.members if member.branch.waiting or member.due <= now]
+        for member in heard:
+            for message in member.line.receive():
+                member.node.receive(message)
+        if self.keeper is not None and any(member.node.outbox for member in heard):
+            self.keeper.after()
+        for member in heard:
+            self._report(member)
+            member.due = member.line.due()
+
+    def _set_time(self) -> None:
+        """Tell the minds, whose time goes with the ticks, how late it is on the wall: deadlines are of that."""
+        zero = self.air.now() - self.simulator.time
+        if self.members and zero > self.members[0].node.zero + LAG:
+            for member in self.members:
+                member.node.zero = member.line.zero = zero
 
     def _think(self, member: Member, now: float) -> None:
         node, body = member.node, self.simulator.robots[member.number]
@@ -114,9 +138,6 @@ class Crew:
         for caste in node.pings:
             self.simulator.ping(member.number, caste)
         node.pings.clear()
-        if node.outbox:
-            self._report(member)
-            member.due = member.line.due()
 
     @staticmethod
     def _report(member: Member) -> None:

@@ -1,10 +1,10 @@
 """A mind with a real body, in real time: one tick after the other, each through one function in one order.
 
     sense    what the body last measured
-    deliver  what the channel has brought is received
+    deliver  what the channel has brought is received, and written down if somebody keeps it
     think    ... and thought about, with the active rules
     act      what the mind wants of its body's actuators goes there
-    report   what it says goes on the air
+    report   what has come of it is written down, and what the mind says goes on the air
 
 Nobody watches a robot that is on its own, so the loop does: ticks that begin late are counted, and what a robot could
 not keep up with is let go, never made up for; a body that fails ends the run; and however it ends, the body is stopped
@@ -17,11 +17,22 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, nan
+from typing import Protocol
 
 from sleepcast.channel import Channel
 from sleepcast.clock import Clock
 from sleepcast.node.node import Node
 from sleepcast.robot import Robot, Setpoint
+
+
+class Keeper(Protocol):
+    """Keeps what minds know, so that it outlives this process."""
+
+    def before(self) -> None:
+        """Messages were received, and are to be thought about now."""
+
+    def after(self) -> None:
+        """They were thought about."""
 
 
 @dataclass(slots=True)
@@ -55,12 +66,13 @@ def run_robot(
     going: Callable[[], bool],
     watch: Watch,
     sleep: Callable[[float], None] = time.sleep,
+    keeper: Keeper | None = None,
 ) -> None:
     """Let a mind live in its body until `going`, asked before each tick, says no; then the body is stopped.
 
     node: its body is `robot`. clock: of the mind, whose time begins with 0. tick: s from one to the next; 0 for a body
     in step, whose `sense` waits for the next one by itself (and which is its own clock). sleep: waits so many s of
-    `clock`. Raises whatever `robot` and `channel` raise, once the body is stopped.
+    `clock`. keeper: of what the mind knows. Raises whatever `robot` and `channel` raise, once the body is stopped.
     """
     start = due = clock.now()
     try:
@@ -71,12 +83,20 @@ def run_robot(
                 now = clock.now()
             watch.begin(now - due, tick)
             due = max(due + tick, now)
-            step_robot(node, robot, clock, channel, watch, start)
+            step_robot(node, robot, clock, channel, watch, start, keeper)
     finally:
         robot.stop()
 
 
-def step_robot(node: Node, robot: Robot, clock: Clock, channel: Channel, watch: Watch, start: float) -> None:
+def step_robot(
+    node: Node,
+    robot: Robot,
+    clock: Clock,
+    channel: Channel,
+    watch: Watch,
+    start: float,
+    keeper: Keeper | None = None,
+) -> None:
     """One tick: sense, deliver, think, act, report. start: when the mind's time began, s of `clock`."""
     reading = robot.sense()
     now = clock.now() - start
@@ -85,10 +105,15 @@ def step_robot(node: Node, robot: Robot, clock: Clock, channel: Channel, watch: 
         node.sense(reading.values, now)
     for message in channel.receive():
         node.receive(message)
+    if keeper is not None:
+        keeper.before()
+        now = clock.now() - start  # writing takes its time, and nothing is evaluated after its deadline
     node.think(watch.ticks, now)
     wanted = node.actuators()
     if wanted:
         robot.act(Setpoint(*(wanted.get(actuator.name, nan) for actuator in robot.model.actuators)))
+    if keeper is not None:
+        keeper.after()
     for message in node.outbox:
         channel.send(message)
     node.outbox.clear()

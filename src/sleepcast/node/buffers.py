@@ -70,6 +70,8 @@ class RuleBase:
         """The active ones, in the order of the round; made anew by `changed`."""
         self.leases = False
         """Whether any of them has a lease."""
+        self.version = 0
+        """Grows with every change."""
 
     def put(self, key: str, name: str, text: str, program: Program) -> ExpressionBuffer:
         """Keep an expression; one that is there already keeps its place, its flag and its lease."""
@@ -108,6 +110,7 @@ class RuleBase:
 
     def changed(self) -> None:
         """Make the round anew: in order, a higher priority later."""
+        self.version += 1
         self.running = sorted((b for b in self.in_order() if b.active), key=lambda b: b.priority)
         self.leases = any(buffer.lease < inf for buffer in self.running)
 

@@ -37,6 +37,9 @@ MAX_RECOLLECTIONS = 64
 """Evaluations of messages that a robot can still explain."""
 MAX_QUEUE = 64
 """Messages waiting for the next tick; more are dropped and counted, as a radio drops what it has no room for."""
+MAX_BACKLOG = 4_096
+"""... on a real channel, where what was missing comes with everything that waited for it: as many as a sender's numbers
+are told apart. In one tick as many are dealt with as without one."""
 MAX_SEEN = 1_024
 """Message ids remembered so that a repeated message changes nothing."""
 MAX_FAULTS_IN_ROW = 10
@@ -67,7 +70,9 @@ class Node(Speaker):
 
     number: its `id` in expressions and in its chance. seed: of the run. body: what the functions of its vocabulary are
     called on (the linked object, if none is given); if it is a `Robot` it is stopped, released and held still as well.
-    variables: linked variables, if any.
+    variables: linked variables, if any. on_air: whether it hears a real channel, and not a simulated one.
+
+    zero: when its time began, s of Unix time, where that matters.
     """
 
     def __init__(
@@ -79,6 +84,7 @@ class Node(Speaker):
         seed: int = 0,
         body: object | None = None,
         variables: VariableTable | None = None,
+        on_air: bool = False,
     ) -> None:
         table = variables or VariableTable(vocabulary.name, like=vocabulary)
         super().__init__(name)
@@ -94,12 +100,19 @@ class Node(Speaker):
         # The fields of a Recollection, made into one only when somebody asks: this happens for every message.
         self._recollections: deque[Recollected] = deque(maxlen=MAX_RECOLLECTIONS)
         self._was_still = False
+        self._room = MAX_BACKLOG if on_air else MAX_QUEUE
+        self.zero = 0.0
 
     # ---- what others look at
 
     @property
     def vocabulary(self) -> Vocabulary:
         return self._memory.vocabulary
+
+    @property
+    def memory(self) -> RobotMemory:
+        """What it knows, for whoever keeps it."""
+        return self._memory
 
     @property
     def values(self) -> list[float]:
@@ -110,6 +123,11 @@ class Node(Speaker):
     def groups(self) -> frozenset[str]:
         """Keys of the groups that the robot is in."""
         return self._memory.groups
+
+    @property
+    def waiting(self) -> Iterable[Message]:
+        """The messages that wait for the next tick, or the one after it, in their order."""
+        return self._queue
 
     @property
     def awake(self) -> bool:
@@ -194,7 +212,7 @@ class Node(Speaker):
         elif message.kind is Kind.RELEASE:
             self._release(message)
         elif message.kind in (Kind.COMMAND, Kind.ASK):
-            if len(self._queue) < MAX_QUEUE:
+            if len(self._queue) < self._room:
                 self._queue.append(message)
             else:
                 self.lost += 1
@@ -212,7 +230,7 @@ class Node(Speaker):
         if memory.rules.leases:
             for buffer in memory.rules.expire(now):
                 self._report(f"lease of {buffer.name} ended", ())
-        while self._queue:
+        for _ in range(min(len(self._queue), MAX_QUEUE)):
             self._obey(self._queue.popleft(), now)
         if memory.rules.running and not (memory.values[SLEEPING] > 0 or memory.values[FROZEN] > 0):
             self._scheduler.round()
@@ -326,16 +344,24 @@ class Node(Speaker):
 
     # ---- the body
 
-    def _stop(self, message: Message) -> None:
+    def interrupted(self, message: Message) -> None:
+        """Answer a message that the life before this one began to evaluate: that is not done again."""
+        self._answer(message, "fault", fault="interrupted: the robot was restarted while it did this")
+
+    def halt(self) -> None:
+        """Stop, and stay so until RELEASE. Raises LinkError if not everything came to rest."""
         self.stopped = True
-        self._authority.note_stop(message)
         if isinstance(self.body, Robot):
             self.body.stop()
         else:
             self._memory.held = True
+        self._memory.variables.stop()
+
+    def _stop(self, message: Message) -> None:
+        self._authority.note_stop(message)
         fault = ""
         try:
-            self._memory.variables.stop()
+            self.halt()
         except SleepcastError as error:
             fault = str(error)
         if is_addressed(message.body, self.name):  # whoever hears a STOP stops; the others need not say so again

@@ -4,6 +4,7 @@ somebody carries it away, and all of it is bounded.
 
 from __future__ import annotations
 
+from collections import deque
 from math import inf, isnan, nan
 
 from sleepcast.channel.message import Kind, Message
@@ -11,6 +12,8 @@ from sleepcast.node.looks import NOTHING, Told
 
 MAX_OUTBOX = 256
 """Things said in one tick; the rest is dropped and counted."""
+MAX_EVALUATED = 256
+"""Messages whose outcome waits for somebody to keep it: what comes in one tick, and STOPs between two of them."""
 REPORTS_A_SECOND = 20
 """Reports of one robot that go on the air in a second of its clock: a rule that speaks at every tick is heard."""
 TELL_SECONDS = 5.0
@@ -18,13 +21,15 @@ TELL_SECONDS = 5.0
 
 
 class Speaker:
-    """One robot's voice. lost: messages and sayings that found no room."""
+    """One robot's voice. lost: messages and sayings that found no room. evaluated: the latest messages that it had an
+    answer to, the outcome, and the robot's time, for whoever keeps that and takes it out."""
 
     def __init__(self, name: str) -> None:
         self.name, self.epoch = name, 0
         self.outbox: list[Message] = []
         self.pings: list[float] = []
         self.lost = 0
+        self.evaluated: deque[tuple[Message, str, float]] = deque(maxlen=MAX_EVALUATED)
         self._now = 0.0
         self._printed: list[tuple[str, tuple[float, ...]]] | None = None
         """What the text under way has reported, while somebody waits for its result."""
@@ -45,6 +50,7 @@ class Speaker:
     ) -> None:
         said = {"command": message.id, "outcome": outcome, "value": None if isnan(value) else value}
         self._say(Kind.ANSWER, body={**said, "fault": fault or None, **told})
+        self.evaluated.append((message, outcome, self._now))
 
     def _report(self, label: str, values: tuple[float, ...]) -> None:
         if self._printed is not None:
@@ -57,6 +63,10 @@ class Speaker:
             self.lost += 1
             return
         self._say(Kind.REPORT, body={"label": label, "values": [None if isnan(v) else v for v in values]})
+
+    def remark(self, said: str) -> None:
+        """Report something that no expression has asked for."""
+        self._report(said, ())
 
     def _tell(self, text: str) -> None:
         self._say(Kind.COMMAND, text=text, deadline=self._now + TELL_SECONDS)

@@ -1,0 +1,354 @@
+"""The store: what the robots of one process know outlives it, also if it is killed at any moment.
+
+Every tick of a robot has two moments for it, the same for all robots of the process and each one transaction at most:
+
+    before    what was taken from the channel is written down, before it is evaluated; and how far each stream has come
+    after     what became of it, and what the robot has learned by it
+
+So a command is evaluated once: one that was begun when the process ended is told as interrupted, and not begun again;
+one that stands is evaluated again, since nothing that it did was kept. What rules change by themselves is written at
+most once in a second. Answers go on the air afterwards.
+
+If nothing can be written - a full disk, a file that is read-only - the robots go on, and say so; it is tried again and
+again.
+"""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import inf
+from pathlib import Path
+
+import msgspec
+
+from sleepcast.channel.kept import Name, News, Progress, Window
+from sleepcast.channel.mailbox import Mailbox
+from sleepcast.channel.message import Kind, Message
+from sleepcast.clock import Clock
+from sleepcast.errors import SleepcastError
+from sleepcast.node.keeping import MindParcel, fingerprint, mind_of, put_back
+from sleepcast.node.node import MAX_QUEUE, Node
+from sleepcast.node.store_file import (
+    Content,
+    Remembered,
+    StoreError,
+    lock,
+    open_file,
+    read_all,
+    read_only,
+    set_aside,
+    transaction,
+)
+from sleepcast.parcel import ParcelError, pack, unpack
+
+__all__ = ["Store", "StoreError"]
+
+LOOK_EVERY = 1.0
+"""Seconds after which it is looked whether rules have changed something by themselves."""
+TRY_AGAIN = 5.0
+"""Seconds after which it is tried again to write what could not be written."""
+MAX_EVALUATIONS = 1_000_000
+"""Evaluations that are remembered, of all robots of a file: some eighty megabytes."""
+MAX_UNWRITTEN = 100_000
+"""Evaluations that wait for a disk that has room again; older ones are forgotten."""
+MAX_MIND = 16 * 1024 * 1024
+"""Bytes of what one robot has learned: as many rules and operators as it may have, of the longest texts."""
+LASTING = frozenset({Kind.COMMAND, Kind.STOP, Kind.RELEASE})
+"""What is remembered as evaluated."""
+INTERRUPTED = "interrupted"
+"""The outcome of a command that was begun when the process ended: nobody knows how far it came."""
+
+Evaluated = tuple[int, str, str, float, str]
+"""A robot's number, a command's id and kind, when (s of Unix time), and the outcome."""
+
+
+@dataclass(slots=True)
+class Robot:
+    """One robot of the store. known: ids of what is written down as taken, and whether as begun; fingerprint: of the
+    mind as it was last looked at."""
+
+    number: int
+    node: Node
+    mailbox: Mailbox | None
+    known: dict[str, bool] = field(default_factory=dict)
+    fingerprint: tuple[object, ...] = ()
+
+
+@dataclass(slots=True)
+class Unwritten:
+    """What waits to be written: see the tables of the file."""
+
+    streams: dict[tuple[int, Name], Progress] = field(default_factory=dict)
+    windows: dict[tuple[int, bytes, str, int], Window] = field(default_factory=dict)
+    standing: dict[tuple[Name, int], tuple[bytes, ...]] = field(default_factory=dict)
+    taken: dict[tuple[int, str], tuple[Message, bool]] = field(default_factory=dict)
+    finished: set[tuple[int, str]] = field(default_factory=set)
+    evaluated: list[Evaluated] = field(default_factory=list)
+    minds: dict[int, tuple[float, bytes]] = field(default_factory=dict)
+    lives: dict[int, tuple[str, int]] = field(default_factory=dict)
+
+    def __bool__(self) -> bool:
+        return any((self.streams, self.windows, self.standing, self.taken, self.finished, self.minds, self.lives)) or (
+            bool(self.evaluated)
+        )
+
+
+class Store:
+    """See the module. clock: Unix time. say: tells a person what goes wrong with the file, and when it is over.
+
+    Raises StoreError for a file that is in use, is no store, or is one of a newer format. A damaged one is set aside.
+    """
+
+    def __init__(self, file: Path, clock: Clock, say: Callable[[str], None]) -> None:
+        self.file, self._clock, self._say = file, clock, say
+        self._robots: dict[str, Robot] = {}
+        self._lock: int | None = None
+        self._connection: sqlite3.Connection | None = None
+        self._content = Content()
+        self._unwritten = Unwritten()
+        self._failing = False
+        self._try_at = self._look_at = -inf
+        self._open()
+
+    # ---- robots
+
+    def life(self, name: str) -> int:
+        """The number of the life of this robot that begins now: higher than of all its lives before."""
+        now = self._clock.now()
+        before = self._content.robots.get(name)
+        if before is None:
+            number = 1 + max((each.number for each in self._content.robots.values()), default=0)
+            before = self._content.robots[name] = Remembered(number, 0, now, None)
+        before.epoch = max(int(now * 1000.0), before.epoch + 1)
+        self._unwritten.lives[before.number] = name, before.epoch
+        return before.epoch
+
+    def adopt(self, node: Node, mailbox: Mailbox | None) -> bool:
+        """Let a robot go on where it was, and keep it from now on; whether it had been here before. Its mailbox (whose
+        epoch is its `life`) has heard nothing yet, if it has one, and its mind has learned nothing but what is built
+        in. Raises StoreError for what no mind can be."""
+        if node.name not in self._content.robots:
+            self.life(node.name)
+        kept = self._content.robots[node.name]
+        robot = self._robots[node.name] = Robot(kept.number, node, mailbox)
+        if kept.mind is not None:
+            self._restore(node, kept.mind, kept.saved)
+        if mailbox is not None:
+            mailbox.restore(News(tuple(kept.streams), tuple(kept.windows), tuple(self._content.standing)))
+        for taken in kept.taken:
+            message = _shifted(taken.message, -node.zero)
+            robot.known[message.id] = taken.begun
+            if taken.begun and not message.standing:
+                node.interrupted(message)
+                self._finish(robot, message, INTERRUPTED, self._clock.now())
+            else:
+                node.receive(message)
+        node.evaluated.clear()
+        robot.fingerprint = fingerprint(node.memory, node.stopped)
+        return kept.mind is not None or bool(kept.streams)
+
+    def _restore(self, node: Node, packed: bytes, saved: float) -> None:
+        try:
+            parcel = unpack(MindParcel, packed, MAX_MIND, f"what {node.name} has learned")
+            lost = put_back(parcel, node.memory, max(0.0, self._clock.now() - saved))
+        except ParcelError as error:
+            raise StoreError(
+                f"{self.file}: {error}; name another file with --store, or take none with --no-store"
+            ) from None
+        if parcel.stopped:
+            try:
+                node.halt()
+            except SleepcastError as error:
+                lost.append(str(error))
+        for sentence in lost:
+            self._say(f"{node.name}: {sentence}")
+
+    # ---- a tick
+
+    def before(self) -> None:
+        """All robots have received what has come, and are going to think about it."""
+        now, begins = self._clock.now(), bool(self._unwritten.lives)
+        for robot in self._robots.values():
+            self._take_news(robot)
+            for place, message in enumerate(robot.node.waiting):
+                begun = place < MAX_QUEUE
+                if message.kind is Kind.COMMAND and (message.id not in robot.known or begun > robot.known[message.id]):
+                    robot.known[message.id] = begun
+                    self._unwritten.taken[robot.number, message.id] = _shifted(message, robot.node.zero), begun
+                    begins |= begun
+        if begins:
+            self._write(now)
+
+    def after(self) -> None:
+        """All robots have thought."""
+        now = self._clock.now()
+        look = now >= self._look_at
+        if look:
+            self._look_at = now + LOOK_EVERY
+        urgent = look
+        for robot in self._robots.values():
+            evaluated = robot.node.evaluated
+            while evaluated:
+                message, outcome, time = evaluated.popleft()
+                if message.kind in LASTING:
+                    urgent = True
+                    self._finish(robot, message, outcome, time + robot.node.zero)
+            if urgent:
+                self._look(robot, now)
+        if urgent and self._unwritten:
+            self._write(now)
+
+    def close(self) -> None:
+        """Write what is left, and let others use the file. What was heard and not thought about is not kept: it is
+        heard again."""
+        self._look_at = self._try_at = -inf
+        self.after()
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+    # ---- what is to be written
+
+    def _take_news(self, robot: Robot) -> None:
+        if robot.mailbox is None:
+            return
+        news, waits = robot.mailbox.news(), self._unwritten
+        for progress in news.streams:
+            waits.streams[robot.number, progress.stream] = progress
+        for window in news.windows:
+            waits.windows[robot.number, window.key, window.sender, window.epoch] = window
+        for each in news.standing:
+            waits.standing[each.stream, each.number] = each.datagrams
+
+    def _finish(self, robot: Robot, message: Message, outcome: str, time: float) -> None:
+        waits, which = self._unwritten, (robot.number, message.id)
+        if robot.known.pop(message.id, None) is not None and waits.taken.pop(which, None) is None:
+            waits.finished.add(which)
+        waits.evaluated.append((robot.number, message.id, message.kind.value, time, outcome))
+        del waits.evaluated[:-MAX_UNWRITTEN]
+
+    def _look(self, robot: Robot, now: float) -> None:
+        found = fingerprint(robot.node.memory, robot.node.stopped)
+        if found != robot.fingerprint:
+            robot.fingerprint = found
+            self._unwritten.minds[robot.number] = now, pack(mind_of(robot.node.memory, robot.node.stopped), MAX_MIND)
+
+    # ---- the file
+
+    def _open(self) -> None:
+        try:
+            self._lock = lock(self.file)
+            self._connection = self._read()
+        except (sqlite3.Error, OSError) as error:
+            self._content = read_only(self.file)
+            self._say(
+                f"{self.file} cannot be written: {_reason(error)}. Nothing is kept there: after a restart everything "
+                "since now will have been forgotten"
+            )
+
+    def _read(self) -> sqlite3.Connection:
+        """The open file, read; a new one in the place of a damaged one."""
+        try:
+            connection = open_file(self.file)
+            try:
+                self._content = read_all(connection)
+            except BaseException:
+                connection.close()
+                raise
+        except sqlite3.OperationalError:
+            raise
+        except sqlite3.DatabaseError as error:
+            aside = set_aside(self.file, self._clock.now())
+            self._say(
+                f"{self.file} is damaged ({error}). It was set aside as {aside.name}, and what was learned is "
+                "forgotten: rules come again from the other robots"
+            )
+            return open_file(self.file)
+        return connection
+
+    def _write(self, now: float) -> None:
+        if self._connection is None:
+            self._unwritten = Unwritten()
+        elif now >= self._try_at:
+            try:
+                with transaction(self._connection):
+                    self._write_all(self._connection)
+            except sqlite3.Error as error:
+                self._try_at = now + TRY_AGAIN
+                if not self._failing:
+                    self._failing = True
+                    self._say(
+                        f"{self.file} cannot be written: {_reason(error)}. The robot goes on; after a restart it would "
+                        f"have forgotten what comes now. It is tried again every {TRY_AGAIN:g} s"
+                    )
+                    self._remark("store cannot be written")
+                return
+            self._unwritten = Unwritten()
+            if self._failing:
+                self._failing = False
+                self._say(f"{self.file} is written again, with everything that had to wait")
+                self._remark("store is written again")
+
+    def _remark(self, said: str) -> None:
+        """Tell the operators: one robot for all of the process."""
+        for robot in self._robots.values():
+            robot.node.remark(said)
+            break
+
+    def _write_all(self, to: sqlite3.Connection) -> None:
+        waits = self._unwritten
+        to.executemany(
+            "INSERT INTO robots VALUES (?, ?, ?, 0.0, NULL) ON CONFLICT (number) DO UPDATE SET epoch = excluded.epoch",
+            ((number, name, epoch) for number, (name, epoch) in waits.lives.items()),
+        )
+        to.executemany(
+            "INSERT OR REPLACE INTO streams VALUES (?, ?, ?, ?, ?, ?)",
+            ((robot, *name, each.done, each.until, each.rules) for (robot, name), each in waits.streams.items()),
+        )
+        to.executemany(
+            "INSERT OR REPLACE INTO windows VALUES (?, ?, ?, ?, ?, ?)",
+            ((*which, each.latest, _bytes(each.numbers)) for which, each in waits.windows.items()),
+        )
+        to.executemany(
+            "INSERT OR IGNORE INTO standing (key, epoch, sequence, datagrams) VALUES (?, ?, ?, ?)",
+            ((*name, number, msgspec.msgpack.encode(data)) for (name, number), data in waits.standing.items()),
+        )
+        to.executemany(
+            "INSERT INTO taken (robot, command, begun, message) VALUES (?, ?, ?, ?) "
+            "ON CONFLICT (robot, command) DO UPDATE SET begun = excluded.begun",
+            ((*which, begun, msgspec.msgpack.encode(said)) for which, (said, begun) in waits.taken.items()),
+        )
+        to.executemany("DELETE FROM taken WHERE robot = ? AND command = ?", waits.finished)
+        to.executemany(
+            "UPDATE robots SET saved = ?, mind = ? WHERE number = ?",
+            ((saved, mind, number) for number, (saved, mind) in waits.minds.items()),
+        )
+        self._write_evaluated(to)
+
+    def _write_evaluated(self, to: sqlite3.Connection) -> None:
+        evaluated = self._unwritten.evaluated
+        to.executemany(
+            "INSERT INTO evaluations (robot, command, kind, time, outcome) VALUES (?, ?, ?, ?, ?)", evaluated
+        )
+        if evaluated:
+            (last,) = to.execute("SELECT max(number) FROM evaluations").fetchone()
+            to.execute("DELETE FROM evaluations WHERE number <= ?", (last - MAX_EVALUATIONS,))
+
+
+def _bytes(number: int) -> bytes:
+    return number.to_bytes((number.bit_length() + 7) // 8, "big")
+
+
+def _shifted(message: Message, seconds: float) -> Message:
+    times = {"issued": message.issued + seconds, "deadline": message.deadline + seconds}
+    return msgspec.structs.replace(message, **times)
+
+
+def _reason(error: Exception) -> str:
+    return (error.strerror or str(error)) if isinstance(error, OSError) else str(error)

@@ -1,9 +1,10 @@
-"""`sleepcast node`: one robot's mind as a process, with a real body."""
+"""`sleepcast node`: one robot's mind as a process, with a real body or one in the simulator."""
 
 from __future__ import annotations
 
 from contextlib import ExitStack, closing
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -12,14 +13,19 @@ from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.streams import complain
 from sleepcast.errors import MisuseError
 
+if TYPE_CHECKING:
+    from sleepcast.bridges import RealRobot
+
 STANDARD, NOMAD = "standard", "nomad"
+SIMULATED, SCENARIO = "sim", "bravo"
+"""The address of a body in the simulator, and whose world it has unless it says otherwise."""
 LONGEST_TICK = 0.5
 """s: a body that its mind does not look at for a second is brought to rest."""
 
 
 @click.command("node", short_help="Run one robot's mind with a real body.")
 @click.option("--name", default="r1", show_default=True, help="What the robot is called.")
-@click.option("--body", "uri", metavar="URI", required=True, help="The body, as nomad://HOST:PORT#1.")
+@click.option("--body", "uri", metavar="URI", required=True, help="The body, as nomad://HOST:PORT#1 or sim.")
 @click.option(
     "--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions to begin with, or a mission script."
 )
@@ -63,6 +69,9 @@ def node(
 ) -> int:
     """Give the body at URI a mind of its own, until Ctrl-C, which stops the body first.
 
+    `sim` is a body in the simulator, with the world of the scenario bravo to itself; `sim:maze`, or the path of a
+    scenario, is one in another world.
+
     With --channel it obeys commands from the air, by those whose keys it trusts (`sleepcast send`, `sleepcast keys`).
     Lines on standard input are commands to it, STOP and RELEASE among them. A FILE has expressions, evaluated at the
     start, or orders with their times (@10s ...). With --datagrams a datagram of three numbers as text sets `message` to
@@ -72,6 +81,7 @@ def node(
     Examples:
       sleepcast node --name r1 --body nomad://127.0.0.1:7019#1 --rules stop.sleep --datagrams 5001
       sleepcast node --name r2 --body nomad://127.0.0.1#2 --channel 'udp://239.255.83.76:47123?interface=lo'
+      sleepcast node --name r7 --body sim --channel 'udp://239.255.83.76:47123?interface=lo'
       sleepcast node --body nomad://127.0.0.1#2 --vocabulary nomad
       sleepcast node --body 'nomad://127.0.0.1:7019?speed=0.3#1'
     """
@@ -89,12 +99,29 @@ def node(
                 raise MisuseError("--lockstep and --channel do not go together: deadlines on the air are of real time")
             air = Air(channel, fleet, key, trust, folder)
             line = stack.enter_context(closing(line_for(air, name, robot=True, say=complain)))
-        robot = stack.enter_context(open_robot(uri, in_step=lockstep))
+        number = _id(name, number)
+        if uri.partition(":")[0] == SIMULATED:
+            if vocabulary == NOMAD:
+                raise MisuseError("a body in the simulator has the vocabulary that its scenario says: no --vocabulary")
+            robot = stack.enter_context(_simulated(uri, seed, number, lockstep))
+        else:
+            robot = stack.enter_context(open_robot(uri, in_step=lockstep))
         interrupts.defer()
-        life = Life(name, robot, ears, nomad=vocabulary == NOMAD, number=_id(name, number), seed=seed)
+        life = Life(name, robot, ears, nomad=vocabulary == NOMAD, number=number, seed=seed)
         life.begin(beginning)
         life.go_on(interrupts.check, 0.0 if lockstep else tick, seconds, line)
     return 0
+
+
+def _simulated(uri: str, seed: int, number: int, in_step: bool) -> RealRobot:
+    """A body in the simulator. Raises MisuseError for a scenario that there is not."""
+    from sleepcast.channel.chance import key
+    from sleepcast.clock import WallClock
+    from sleepcast.simulator import Changes, LoneBody, Simulator, find_scenario
+
+    scenario = find_scenario(uri.partition(":")[2] or SCENARIO, Changes(1, None, True))
+    simulator = Simulator(scenario, key(seed, "alone", number) >> 1, threads=1)  # another one begins elsewhere
+    return LoneBody(simulator, None if in_step else WallClock())
 
 
 def _check_name(name: str) -> None:

@@ -47,6 +47,9 @@ LONGEST_TICK = 0.5
 @click.option(
     "--channel", metavar="URI", help="The radio on which commands come, for example udp://239.255.83.76:47123."
 )
+@click.option(
+    "--lease", metavar="TIME|off", default="1s", show_default=True, help="How long a driven body goes on unattended."
+)
 @options
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="What chance depends on.")
 def node(
@@ -62,6 +65,7 @@ def node(
     number: int | None,
     seed: int,
     channel: str | None,
+    lease: str,
     fleet: str,
     key: str | None,
     trust: Path | None,
@@ -75,7 +79,8 @@ def node(
     With --channel it obeys commands from the air, by those whose keys it trusts (`sleepcast send`, `sleepcast keys`).
     Lines on standard input are commands to it, STOP and RELEASE among them. A FILE has expressions, evaluated at the
     start, or orders with their times (@10s ...). With --datagrams a datagram of three numbers as text sets `message` to
-    TRUE and `m0`, `m1` and `m2` to the numbers. If this process dies, the server stops the robot.
+    TRUE and `m0`, `m1` and `m2` to the numbers. A body that a command from the air has moved comes to rest when nobody
+    who may command was heard for the time of --lease. If this process dies, the server stops the robot.
 
     \b
     Examples:
@@ -90,8 +95,10 @@ def node(
         from sleepcast.bridges import open_robot
         from sleepcast.channel.datagrams import Datagrams
         from sleepcast.cli.node_life import Life, read_beginning
+        from sleepcast.node.deadman import read_lease
 
         beginning = None if rules is None else read_beginning(rules)
+        seconds_unattended = read_lease(lease)
         ears = None if datagrams is None else stack.enter_context(Datagrams(host, datagrams))
         line = None
         if channel is not None:
@@ -107,7 +114,7 @@ def node(
         else:
             robot = stack.enter_context(open_robot(uri, in_step=lockstep))
         interrupts.defer()
-        life = Life(name, robot, ears, nomad=vocabulary == NOMAD, number=number, seed=seed)
+        life = Life(name, robot, ears, nomad=vocabulary == NOMAD, number=number, seed=seed, lease=seconds_unattended)
         life.begin(beginning)
         life.go_on(interrupts.check, 0.0 if lockstep else tick, seconds, line)
     return 0

@@ -66,14 +66,14 @@ def begin_with(node: Node, beginning: Beginning) -> None:
 
 class Life:
     """A mind in a body. ears: where plain datagrams come in, if they do. nomad: whether functions with Nclient's names
-    take its units."""
+    take its units. lease: s for which a body that is driven goes on while nobody is heard."""
 
     def __init__(
-        self, name: str, robot: RealRobot, ears: Datagrams | None, *, nomad: bool, number: int, seed: int
+        self, name: str, robot: RealRobot, ears: Datagrams | None, *, nomad: bool, number: int, seed: int, lease: float
     ) -> None:
         self.robot, self.ears, self.watch = robot, ears, Watch()
         names = vocabulary_of(nomad_vocabulary(robot.model) if nomad else robot.model)
-        self.node = Node(name, names, number=number, seed=seed, body=robot)
+        self.node = Node(name, names, number=number, seed=seed, body=robot, lease=lease)
         self._orders: tuple[Order, ...] = ()
 
     def begin(self, beginning: Beginning | None) -> None:

@@ -53,6 +53,7 @@ class BodyFunction:
     (done). dimensions: of each number, None where any will do; `least` of them must be given. result: dimension
     of the value. acts: whether calling it does something to the world. many: the name of the method that does the same
     for many bodies at once (their indices, then a column for each argument), where they are kept so that there is one.
+    moves: whether what it does, if it acts, may move the body.
     """
 
     name: str
@@ -65,6 +66,7 @@ class BodyFunction:
     labelled: bool = False
     doc: str = ""
     many: str = ""
+    moves: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,9 +63,14 @@ def _axes(names: str, speeds: Dimensions, ways: Dimensions, accelerations: Dimen
     return (
         BodyFunction("VM", NomadRobot.turn_axes, speeds, arguments=names, doc="Turns its axes at these speeds."),
         BodyFunction("PR", NomadRobot.travel, ways, arguments=names, doc=f"Turns its axes so far, {said}"),
-        BodyFunction("SP", NomadRobot.cruise, speeds, arguments=names, doc="How fast PR turns its axes."),
+        BodyFunction("SP", NomadRobot.cruise, speeds, arguments=names, doc="How fast PR turns its axes.", moves=False),
         BodyFunction(
-            "AC", NomadRobot.accelerate, accelerations, arguments=names, doc="How fast its axes change their speed."
+            "AC",
+            NomadRobot.accelerate,
+            accelerations,
+            arguments=names,
+            doc="How fast its axes change their speed.",
+            moves=False,
         ),
     )
 
@@ -80,6 +85,7 @@ def _places(turret: str) -> tuple[BodyFunction, ...]:
             angles,
             arguments=f"heading{turret}",
             doc="Says how the robot is to believe to stand.",
+            moves=False,
         ),
         BodyFunction(
             "PLACE_ROBOT",
@@ -108,6 +114,7 @@ FUNCTIONS = (
         (LENGTH, LENGTH),
         arguments="x y",
         doc="Says where the robot is to believe to be.",
+        moves=False,
     ),
     BodyFunction(
         "CONF_SN",
@@ -116,8 +123,9 @@ FUNCTIONS = (
         least=1,
         arguments="pause sonar...",
         doc="Fires these sonars one after the other, so long after the echo before; without any: all in sequence.",
+        moves=False,
     ),
-    BodyFunction("TK", NomadRobot.say, arguments='"text"', labelled=True, doc="Says the text aloud."),
+    BodyFunction("TK", NomadRobot.say, arguments='"text"', labelled=True, doc="Says the text aloud.", moves=False),
     BodyFunction(
         "SONAR",
         NomadRobot.sonar,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack, closing
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,6 +30,18 @@ SCENARIO = "bravo"
 """The world, unless another one is said."""
 
 
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Which robots: their names, the first one's number, the scenario of their bodies, what chance depends on (None: as
+    the scenario says), and for how long a driven body goes on unattended, s."""
+
+    names: list[str]
+    first: int
+    scenario: str
+    seed: int | None
+    lease: float
+
+
 @click.command("swarm", short_help="Run many robots on the air in one process.")
 @click.argument("count", metavar="N", type=click.IntRange(1, MOST))
 @click.option("--channel", metavar="URI", default=CHANNEL, show_default=True, help="The radio on which commands come.")
@@ -37,6 +50,9 @@ SCENARIO = "bravo"
 @click.option("--first", type=click.IntRange(0, MAX_ID), default=1, show_default=True, help="The first one's number.")
 @click.option("--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions that each begins with.")
 @store_option
+@click.option(
+    "--lease", metavar="TIME|off", default="1s", show_default=True, help="How long a driven body goes on unattended."
+)
 @options
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="What chance depends on; else the scenario's.")
 @click.option("--seconds", metavar="S", type=click.FloatRange(min=0.0), help="End after so long; else at Ctrl-C.")
@@ -48,6 +64,7 @@ def swarm(
     first: int,
     rules: Path | None,
     file: Path | None,
+    lease: str,
     fleet: str,
     key: str | None,
     trust: Path | None,
@@ -70,13 +87,15 @@ def swarm(
     _check_names(prefix, first, count)
     with Interrupts() as interrupts, ExitStack() as stack:
         from sleepcast.cli.node_life import Beginning, read_beginning
+        from sleepcast.node.deadman import read_lease
 
         beginning = None if rules is None else read_beginning(rules)
         if beginning is not None and beginning.orders:
             raise MisuseError(f"{rules} is a mission script: a swarm begins with expressions, without times")
         names = [f"{prefix}{first + i}" for i in range(count)]
         store = None if file is None else stack.enter_context(closing(open_store(file, complain)))
-        crew = _crew(stack, Air(channel, fleet, key, trust, folder), names, scenario, first, seed, store)
+        wanted = Wanted(names, first, scenario, seed, read_lease(lease))
+        crew = _crew(stack, Air(channel, fleet, key, trust, folder), wanted, store)
         interrupts.defer()
         _begin(crew, beginning or Beginning(), store)
         announce(f"{names[0]} to {names[-1]} are up: {count} robots; Ctrl-C stops their bodies and ends them")
@@ -104,9 +123,7 @@ def _check_names(prefix: str, first: int, count: int) -> None:
         raise MisuseError(f"--name-prefix {prefix!r:.80}: wanted names of at most {MAX_NAME} letters without blanks")
 
 
-def _crew(
-    stack: ExitStack, air: Air, names: list[str], scenario: str, first: int, seed: int | None, store: Store | None
-) -> Crew:
+def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> Crew:
     """The minds with their bodies and their lines. Raises what the channel and the simulator raise."""
     import time
 
@@ -116,15 +133,16 @@ def _crew(
     from sleepcast.node.node import Node
     from sleepcast.simulator import Changes, Simulator, find_scenario
 
-    found = find_scenario(scenario, Changes(len(names), None, True))
-    seed = found.seed if seed is None else seed
-    simulator = Simulator(found, key(seed, "crew", first) >> 1, threads=1)  # others elsewhere begin in other places
+    scenario = find_scenario(wanted.scenario, Changes(len(wanted.names), None, True))
+    seed, first = scenario.seed if wanted.seed is None else wanted.seed, wanted.first
+    simulator = Simulator(scenario, key(seed, "crew", first) >> 1, threads=1)  # others elsewhere begin in other places
     vocabulary = vocabulary_of(simulator.model)
-    trunk, lines = lines_for(air, names, complain, None if store is None else store.life)
+    trunk, lines = lines_for(air, wanted.names, complain, None if store is None else store.life)
     members = []
-    for i, (name, (line, branch)) in enumerate(zip(names, lines, strict=True)):
+    for i, (name, (line, branch)) in enumerate(zip(wanted.names, lines, strict=True)):
         stack.enter_context(closing(line))
-        node = Node(name, vocabulary, number=first + i, seed=seed, body=simulator.robots[i], on_air=True)
+        body = simulator.robots[i]
+        node = Node(name, vocabulary, number=first + i, seed=seed, body=body, lease=wanted.lease, on_air=True)
         members.append(Member(node, i, line, branch))
     zero = time.time()
     for member in members:

@@ -1,9 +1,10 @@
-"""`sleepcast node`: one robot's mind as a process, with a real body."""
+"""`sleepcast node`: one robot's mind as a process, with a real body or one in the simulator."""
 
 from __future__ import annotations
 
 from contextlib import ExitStack, closing
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -13,14 +14,19 @@ from sleepcast.cli.stores import chosen_store, no_store_option, open_store, stor
 from sleepcast.cli.streams import complain
 from sleepcast.errors import MisuseError
 
+if TYPE_CHECKING:
+    from sleepcast.bridges import RealRobot
+
 STANDARD, NOMAD = "standard", "nomad"
+SIMULATED, SCENARIO = "sim", "bravo"
+"""The address of a body in the simulator, and whose world it has unless it says otherwise."""
 LONGEST_TICK = 0.5
 """s: a body that its mind does not look at for a second is brought to rest."""
 
 
 @click.command("node", short_help="Run one robot's mind with a real body.")
 @click.option("--name", default="r1", show_default=True, help="What the robot is called.")
-@click.option("--body", "uri", metavar="URI", required=True, help="The body, as nomad://HOST:PORT#1.")
+@click.option("--body", "uri", metavar="URI", required=True, help="The body, as nomad://HOST:PORT#1 or sim.")
 @click.option(
     "--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions to begin with, or a mission script."
 )
@@ -47,6 +53,9 @@ LONGEST_TICK = 0.5
 )
 @store_option
 @no_store_option
+@click.option(
+    "--lease", metavar="TIME|off", default="1s", show_default=True, help="How long a driven body goes on unattended."
+)
 @options
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="What chance depends on.")
 def node(
@@ -65,6 +74,7 @@ def node(
     channel: str | None,
     file: Path | None,
     forgetful: bool,
+    lease: str,
     fleet: str,
     key: str | None,
     trust: Path | None,
@@ -72,10 +82,14 @@ def node(
 ) -> int:
     """Give the body at URI a mind of its own, until Ctrl-C, which stops the body first.
 
+    `sim` is a body in the simulator, with the world of the scenario bravo to itself; `sim:maze`, or the path of a
+    scenario, is one in another world.
+
     With --channel it obeys commands from the air, by those whose keys it trusts (`sleepcast send`, `sleepcast keys`).
     Lines on standard input are commands to it, STOP and RELEASE among them. A FILE has expressions, evaluated at the
     start, or orders with their times (@10s ...). With --datagrams a datagram of three numbers as text sets `message` to
-    TRUE and `m0`, `m1` and `m2` to the numbers. If this process dies, the server stops the robot.
+    TRUE and `m0`, `m1` and `m2` to the numbers. A body that a command from the air has moved comes to rest when nobody
+    who may command was heard for the time of --lease. If this process dies, the server stops the robot.
 
     A robot on a channel goes on where it was when it is started again: its rules, groups and variables, a STOP, and
     what it has heard and done lie in its store, and outlive a kill at any moment. FILE is for its first life.
@@ -85,6 +99,7 @@ def node(
       sleepcast node --name r1 --body nomad://127.0.0.1:7019#1 --rules stop.sleep --datagrams 5001
       sleepcast node --name r2 --body nomad://127.0.0.1#2 --channel 'udp://239.255.83.76:47123?interface=lo'
       sleepcast node --name r3 --body nomad://127.0.0.1#3 --channel udp:// --golden safety.sleep --store r3.store
+      sleepcast node --name r7 --body sim --channel 'udp://239.255.83.76:47123?interface=lo'
       sleepcast node --body nomad://127.0.0.1#2 --vocabulary nomad
       sleepcast node --body 'nomad://127.0.0.1:7019?speed=0.3#1'
     """
@@ -93,10 +108,12 @@ def node(
         from sleepcast.bridges import open_robot
         from sleepcast.channel.datagrams import Datagrams
         from sleepcast.cli.node_life import Beginning, Life, read_beginning
+        from sleepcast.node.deadman import read_lease
 
         beginning, built_in = (Beginning() if each is None else read_beginning(each) for each in (rules, golden))
         if built_in.orders:
             raise MisuseError(f"{golden} is a mission script: built-in rules have no times")
+        seconds_unattended = read_lease(lease)
         ears = None if datagrams is None else stack.enter_context(Datagrams(host, datagrams))
         lies = chosen_store(file, forgetful, fleet, name, channel is not None)
         store = None if lies is None else stack.enter_context(closing(open_store(lies, complain)))
@@ -107,13 +124,30 @@ def node(
             air = Air(channel, fleet, key, trust, folder)
             life_of = None if store is None else store.life
             line = stack.enter_context(closing(line_for(air, name, robot=True, say=complain, life=life_of)))
-        robot = stack.enter_context(open_robot(uri, in_step=lockstep))
+        number = _id(name, number)
+        if uri.partition(":")[0] == SIMULATED:
+            if vocabulary == NOMAD:
+                raise MisuseError("a body in the simulator has the vocabulary that its scenario says: no --vocabulary")
+            robot = stack.enter_context(_simulated(uri, seed, number, lockstep))
+        else:
+            robot = stack.enter_context(open_robot(uri, in_step=lockstep))
         interrupts.defer()
         nomad = vocabulary == NOMAD
-        life = Life(name, robot, ears, line, store, nomad=nomad, number=_id(name, number), seed=seed)
+        life = Life(name, robot, ears, line, store, nomad=nomad, number=number, seed=seed, lease=seconds_unattended)
         life.begin(built_in, beginning)
         life.go_on(interrupts.check, 0.0 if lockstep else tick, seconds)
     return 0
+
+
+def _simulated(uri: str, seed: int, number: int, in_step: bool) -> RealRobot:
+    """A body in the simulator. Raises MisuseError for a scenario that there is not."""
+    from sleepcast.channel.chance import key
+    from sleepcast.clock import WallClock
+    from sleepcast.simulator import Changes, LoneBody, Simulator, find_scenario
+
+    scenario = find_scenario(uri.partition(":")[2] or SCENARIO, Changes(1, None, True))
+    simulator = Simulator(scenario, key(seed, "alone", number) >> 1, threads=1)  # another one begins elsewhere
+    return LoneBody(simulator, None if in_step else WallClock())
 
 
 def _check_name(name: str) -> None:

@@ -80,7 +80,8 @@ def install(node: Node, golden: Beginning) -> None:
 
 class Life:
     """A mind in a body. ears: where plain datagrams come in, if they do. line: the radio, if there is one. store: what
-    outlives this life, if anything does. nomad: whether functions with Nclient's names take its units."""
+    outlives this life, if anything does. nomad: whether functions with Nclient's names take its units. lease: s for
+    which a body that is driven goes on while nobody is heard."""
 
     def __init__(
         self,
@@ -93,10 +94,11 @@ class Life:
         nomad: bool,
         number: int,
         seed: int,
+        lease: float,
     ) -> None:
         self.robot, self.ears, self.line, self.store, self.watch = robot, ears, line, store, Watch()
         names = vocabulary_of(nomad_vocabulary(robot.model) if nomad else robot.model)
-        self.node = Node(name, names, number=number, seed=seed, body=robot, on_air=line is not None)
+        self.node = Node(name, names, number=number, seed=seed, body=robot, lease=lease, on_air=line is not None)
         self._orders: tuple[Order, ...] = ()
 
     def begin(self, golden: Beginning, beginning: Beginning) -> None:

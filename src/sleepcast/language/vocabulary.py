@@ -71,6 +71,7 @@ class HostFunction:
     whether its only argument is a text in quotes. `call(body, *arguments)` returns a float or None (which counts as 1).
     many: the name of the method that does the same for many bodies at once, where they are kept so that there is one.
     irreversible: whether it cannot be undone, so that a desk asks for how many robots it is meant.
+    moves: whether it moves the robot's body, if it acts.
     """
 
     name: str
@@ -84,6 +85,7 @@ class HostFunction:
     doc: str = ""
     many: str = ""
     irreversible: bool = False
+    moves: bool = True
 
     @property
     def usage(self) -> str:

@@ -286,7 +286,19 @@ class Pace:
 def vocabulary_of(model: RobotModel) -> Vocabulary:
     """The names that robots of this model know. Raises VocabularyError for names that clash."""
     functions = (
-        HostFunction(f.name, f.call, f.dimensions, f.least, f.arguments, f.result, f.acts, f.labelled, f.doc, f.many)
+        HostFunction(
+            f.name,
+            f.call,
+            f.dimensions,
+            f.least,
+            f.arguments,
+            f.result,
+            f.acts,
+            f.labelled,
+            f.doc,
+            f.many,
+            moves=f.moves,
+        )
         for f in model.functions
     )
     constants = (Constant(c.name, c.value, UNITS[c.unit].dimension if c.unit else NONE, c.doc) for c in model.constants)

@@ -93,6 +93,7 @@ def telemetry(memory: RobotMemory, stopped: bool) -> dict[str, object]:
         "user": {found.name: memory.values[found.slot] for found in learned if isinstance(found, UserVariable)},
         "groups": [found.name for key, found in memory.learned.items() if key in memory.groups],
         "stopped": stopped,
+        "driven": memory.driven,
     }
 
 

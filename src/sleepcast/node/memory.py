@@ -87,6 +87,10 @@ class RobotMemory:
         self.tick, self.time = 0, 0.0
         self.actuated: set[int] = set()
         """Slots of actuators assigned since somebody last cleared it."""
+        self.moved = False
+        """Whether the body was asked to move since somebody last cleared this."""
+        self.driven = False
+        """Whether the body was last moved by a person's command that counts once."""
         self.held = False
         """Whether functions that act are refused: the robot is stopped and its body has no latch of its own."""
         self.dropped = 0
@@ -196,12 +200,14 @@ class RobotMemory:
             except SleepcastError as error:
                 return self.refuse(part, str(error))
             self.actuated.add(part.slot)
+            self.moved |= variable.kind is Kind.ACTUATOR
         elif self._is_built_in(part.slot):
             return self.refuse(part, f"E{part.slot - ACTIVE0} is built in: it cannot be changed over the air")
         else:
             self.values[part.slot] = value
             if variable.kind is Kind.ACTUATOR:
                 self.actuated.add(part.slot)
+                self.moved = True
             elif ACTIVE0 < part.slot < ACTIVE0 + BUFFERS:
                 self.changing()
                 self.rules.flags_assigned()
@@ -255,6 +261,7 @@ class RobotMemory:
             return self._answer(nan)
         if function.acts and self.held:
             return self._answer(self.refuse(part, f"the robot is stopped: {function.name} waits for RELEASE"))
+        self.moved |= function.acts and function.moves
         label = (part.data.text,) if isinstance(part.data, Label) else ()
         try:
             result = function.call(self.body, *label, *arguments)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import OrderedDict, deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from math import inf
 
 from sleepcast.channel.bodies import LOOK, is_addressed
 from sleepcast.channel.message import Kind, Message
@@ -26,6 +27,7 @@ from sleepcast.language.vocabulary import FROZEN, SLEEPING, Variable, Vocabulary
 from sleepcast.node.acts import ACTS
 from sleepcast.node.authority import Authority
 from sleepcast.node.buffers import ExpressionBuffer, RuleView
+from sleepcast.node.deadman import DeadMan, drives
 from sleepcast.node.looks import look
 from sleepcast.node.memory import Fault, RobotMemory, Voice
 from sleepcast.node.scheduler import Scheduler
@@ -70,7 +72,8 @@ class Node(Speaker):
 
     number: its `id` in expressions and in its chance. seed: of the run. body: what the functions of its vocabulary are
     called on (the linked object, if none is given); if it is a `Robot` it is stopped, released and held still as well.
-    variables: linked variables, if any. on_air: whether it hears a real channel, and not a simulated one.
+    variables: linked variables, if any. lease: s for which a body that is driven goes on while nobody is heard.
+    on_air: whether it hears a real channel, and not a simulated one.
 
     zero: when its time began, s of Unix time, where that matters.
     """
@@ -84,6 +87,7 @@ class Node(Speaker):
         seed: int = 0,
         body: object | None = None,
         variables: VariableTable | None = None,
+        lease: float = inf,
         on_air: bool = False,
     ) -> None:
         table = variables or VariableTable(vocabulary.name, like=vocabulary)
@@ -93,7 +97,7 @@ class Node(Speaker):
         self._memory = RobotMemory(
             table, Voice(self._report, self._tell, self._ping), ACTS, number=number, seed=seed, body=self.body
         )
-        self._authority = Authority()
+        self._authority, self._deadman = Authority(), DeadMan(lease)
         self._scheduler = Scheduler(self._memory.rules, self._run_rule)
         self._queue: deque[Message] = deque()
         self._seen: OrderedDict[str, None] = OrderedDict()
@@ -131,8 +135,13 @@ class Node(Speaker):
 
     @property
     def awake(self) -> bool:
-        """Whether the next tick has anything to do: a message, or rules that run."""
-        return bool(self._queue) or bool(self._memory.rules.running)
+        """Whether the next tick has anything to do: a message, rules that run, or a body that is driven."""
+        return bool(self._queue) or bool(self._memory.rules.running) or self._memory.driven
+
+    @property
+    def driven(self) -> bool:
+        """Whether the body was last moved by a person's command that counts once; see `deadman`."""
+        return self._memory.driven
 
     @property
     def dropped(self) -> int:
@@ -205,6 +214,7 @@ class Node(Speaker):
         self._seen[message.id] = None
         if len(self._seen) > MAX_SEEN:
             self._seen.popitem(last=False)
+        self._deadman.hear(message)
         if message.kind is Kind.STOP:
             self._stop(message)
         elif not is_addressed(message.body, self.name):
@@ -227,13 +237,17 @@ class Node(Speaker):
         memory.at(tick, now)
         self._now = now
         memory.variables.refresh(memory.values, now)
+        if self._deadman.is_over(now) and memory.driven:
+            self._let_go()
         if memory.rules.leases:
             for buffer in memory.rules.expire(now):
                 self._report(f"lease of {buffer.name} ended", ())
         for _ in range(min(len(self._queue), MAX_QUEUE)):
             self._obey(self._queue.popleft(), now)
         if memory.rules.running and not (memory.values[SLEEPING] > 0 or memory.values[FROZEN] > 0):
+            memory.moved = False
             self._scheduler.round()
+            memory.driven &= not memory.moved
         self._hold()
 
     def evaluate(self, text: str) -> Result:
@@ -336,7 +350,10 @@ class Node(Speaker):
             found = rehearse(program, memory.rehearsal(), command=message.id)
             self._answer(message, "answer", found.value, "; ".join(found.faults))
             return
+        memory.moved = False
         value = self._run(program, message.id)
+        if memory.moved:
+            memory.driven = drives(message)
         if memory.faults:
             self._answer(message, "fault", value, str(memory.faults[0]))
         else:
@@ -376,6 +393,24 @@ class Node(Speaker):
         if isinstance(self.body, Robot):
             self.body.release()
         self._answer(message, "released")
+
+    def _let_go(self) -> None:
+        """Whoever drove the body is gone: it comes to rest, and nothing that was asked goes on by itself."""
+        memory = self._memory
+        memory.driven = False
+        memory.actuated.clear()
+        if self.stopped:
+            return
+        if isinstance(self.body, Robot):
+            self.body.stop()
+            self.body.release()
+        try:
+            memory.variables.stop()
+            memory.variables.release()
+        except SleepcastError as error:
+            self._report(f"nobody drives it any more, and it does not rest: {error}", ())
+        else:
+            self._report("at rest: nobody drives it any more", ())
 
     def _hold(self) -> None:
         """A sleeping or frozen robot keeps its body still."""

@@ -12,6 +12,7 @@ compiled `kernels`. `simulation` puts everything together.
 `setups` say.
 """
 
+from sleepcast.simulator.alone import LoneBody
 from sleepcast.simulator.bodies import Saying
 from sleepcast.simulator.body import Body
 from sleepcast.simulator.engine import Machine, choose
@@ -29,6 +30,7 @@ __all__ = [
     "Body",
     "Changes",
     "Circle",
+    "LoneBody",
     "Machine",
     "MissionError",
     "Order",

@@ -145,7 +145,7 @@ FUNCTIONS = (
     BodyFunction(
         "TUMBLE", Body.tumble, result=NONE, doc="Turns by 67 degrees, left or right by chance.", many="tumble"
     ),
-    BodyFunction("TK", Body.say, arguments='"text"', labelled=True, doc="Says the text aloud."),
+    BodyFunction("TK", Body.say, arguments='"text"', labelled=True, doc="Says the text aloud.", moves=False),
 )
 WHEEL_FUNCTIONS = (
     BodyFunction(

@@ -74,7 +74,9 @@ class Hearing:
         seed, reach = options["seed"], number(uri, "range", options["range"])
         if not (seed.isascii() and seed.isdigit() and len(seed) <= 19):
             raise AddressError(f"{uri!r}: seed is a whole number from 0, not {seed!r}")
-        return Hearing(found.path, loss, delay, jitter, duplicate, reorder, int(seed), _place(uri, options["at"]), reach)
+        return Hearing(
+            found.path, loss, delay, jitter, duplicate, reorder, int(seed), _place(uri, options["at"]), reach
+        )
 
 
 def _place(uri: str, written: str) -> tuple[float, float]:

@@ -7,7 +7,7 @@
 All who name the same KEY (`sleepcast` if none is named) hear each other, whichever of the linked routers they are at.
 Every party is a client, or a router: neither looks for anybody by itself. Where the router goes away, a party loses
 what it says and finds the router again by itself. It is used as a radio that loses little: what a link cannot take is
-dropped, never waited for, and all that the channel promises comes from the channel. What is said is signed by whoever
+dropped, and all that the channel promises comes from the channel. What is said is signed by whoever
 says it, so a router has to be believed no more than the air.
 """
 
@@ -37,6 +37,8 @@ LARGEST = 65_535
 """Bytes of what a link takes in at all: far more than a datagram of ours."""
 BATCHES = 16
 """Of 64 KiB each, that a link keeps while it is busy: a burst of some hundred datagrams. It is the library's most."""
+PATIENCE = 20_000
+"""Microseconds that a link which is that busy is waited for before a datagram is dropped: less than anybody notices."""
 WANTED = "wanted zenoh://HOST:PORT/KEY, with ?listen to be the router there, for instance zenoh://127.0.0.1:7447"
 
 
@@ -107,7 +109,6 @@ class Zenoh:
             site.key,
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.REAL_TIME,
-            express=True,
             allowed_destination=remote,
         )
         # Not indirectly: that takes a thread of Python's, which keeps a process from ending.
@@ -135,7 +136,7 @@ class Zenoh:
 
     def close(self) -> None:
         """Leave. Nothing can be sent or heard afterwards."""
-        self._session.close()
+        self._session.close()  # type: ignore[no-untyped-call]
         self._bell.close()
 
     def _hear(self, sample: zenoh.Sample) -> None:
@@ -156,6 +157,7 @@ def _config(site: Site) -> zenoh.Config:
         "scouting/gossip/enabled": False,
         "transport/link/rx/max_message_size": LARGEST,
         "transport/link/tx/queue/size/real_time": BATCHES,
+        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": PATIENCE,
     }.items():
         config.insert_json5(name, json.dumps(value))
     return config

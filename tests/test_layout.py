@@ -49,7 +49,7 @@ HOUSE = {
     "parcel": room(libraries="msgspec", late="numpy"),
     "files": room(),
     "language": room(),
-    "channel": room(libraries="msgspec numpy cbor2 nacl"),
+    "channel": room(libraries="msgspec numpy cbor2 nacl zenoh"),
     "robot": room(),
     "nomad": room("robot"),
     "node": room("language channel robot", "msgspec", late="numpy"),

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
-from sleepcast.channel.udp import EXAMPLE, AddressError, Udp
+from sleepcast.channel.address import AddressError
+from sleepcast.channel.local import Local
+from sleepcast.channel.udp import EXAMPLE, Udp
+from sleepcast.clock import Clock, UnixClock
 from sleepcast.errors import did_you_mean
-
-SCHEMES = {"udp": Udp}
-"""What carries bytes, by the first word of its addresses."""
 
 
 class Transport(Protocol):
@@ -22,13 +23,30 @@ class Transport(Protocol):
     def receive(self) -> list[bytes]:
         """What has come in since the last call, in the order in which it came; nothing of our own."""
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Leave. Nothing can be sent or heard afterwards."""
 
 
-def open_transport(uri: str) -> Transport:
-    """Raises AddressError for an address that means nothing, and what the transport raises where it cannot be had."""
-    scheme = uri.partition("://")[0]
+def open_transport(uri: str, clock: Clock | None = None) -> Transport:
+    """The transport at an address. clock: s; of a medium that exists only here, and whose delays are ours; None for
+    this computer's. Raises AddressError for an address that means nothing, and what the transport raises where it
+    cannot be had."""
+    scheme = uri.partition(":")[0]
     if scheme not in SCHEMES:
-        wanted = f"wanted one that begins with {' or '.join(SCHEMES)}://, for instance {EXAMPLE}"
-        raise AddressError(f"{uri!r} is no address of a channel{did_you_mean(scheme, SCHEMES)}: {wanted}")
-    return SCHEMES[scheme](uri)
+        wanted = f"wanted one that begins with {', '.join(SCHEMES)}:, for instance {EXAMPLE}"
+        raise AddressError(f"{uri[:80]!r} is no address of a channel{did_you_mean(scheme, SCHEMES)}: {wanted}")
+    return SCHEMES[scheme](uri, clock or UnixClock())
+
+
+def _udp(uri: str, clock: Clock) -> Transport:
+    return Udp(uri)
+
+
+def _zenoh(uri: str, clock: Clock) -> Transport:
+    from sleepcast.channel.zenoh import Zenoh  # a library of megabytes, for those who have and want it
+
+    return Zenoh(uri)
+
+
+SCHEMES: dict[str, Callable[[str, Clock], Transport]] = {"udp": _udp, "memory": Local, "zenoh": _zenoh}
+"""What carries bytes, by the first word of its addresses."""

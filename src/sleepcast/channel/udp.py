@@ -14,10 +14,10 @@ import struct
 import sys
 from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv6Address, ip_address
-from urllib.parse import parse_qsl, urlsplit
 
+from sleepcast.channel.address import AddressError, split
 from sleepcast.channel.envelope import MAX_DATAGRAM
-from sleepcast.errors import MisuseError, SleepcastError, did_you_mean
+from sleepcast.errors import SleepcastError, did_you_mean
 
 EXAMPLE = "udp://239.255.83.76:47123?interface=lo"
 """Multicast that stays on this machine."""
@@ -27,11 +27,6 @@ BUFFER = 4 * 1024 * 1024
 """Bytes that the system is asked to keep of what comes between two calls; it may grant less."""
 HOPS = 1
 """Networks that multicast crosses: it stays on its own."""
-HIGHEST_PORT = 65_535
-
-
-class AddressError(MisuseError):
-    """A channel's address that means nothing."""
 
 
 class UdpError(SleepcastError):
@@ -50,19 +45,14 @@ class Address:
     def read(uri: str) -> Address:
         """Raises AddressError, with a sentence that says what is wrong."""
         wanted = f"wanted udp://ADDRESS:PORT?interface=NAME, for instance {EXAMPLE}"
+        found, options = split(uri, wanted, {"interface": ""})
+        if found.scheme != "udp" or not found.port or found.path:
+            raise AddressError(f"{uri!r} is no address of a channel: {wanted}")
         try:
-            found = urlsplit(uri)
-            port = found.port
             host = ip_address(found.hostname or "")
         except ValueError as error:
             raise AddressError(f"{uri!r} is no address of a channel: {error}; {wanted}") from None
-        options = dict(parse_qsl(found.query))
-        unknown = next((name for name in options if name != "interface"), None)
-        if found.scheme != "udp" or not port or found.path or found.username:
-            raise AddressError(f"{uri!r} is no address of a channel: {wanted}")
-        if unknown is not None:
-            raise AddressError(f"{uri!r}: unknown option {unknown!r}{did_you_mean(unknown, ['interface'])}; {wanted}")
-        return Address(host, port, options.get("interface", ""))
+        return Address(host, found.port, options["interface"])
 
     @property
     def link(self) -> int:

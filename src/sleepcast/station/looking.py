@@ -8,17 +8,17 @@ robot's telemetry mentions it.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import TOLD, Look
+from sleepcast.channel.bodies import LOOK, OF, TOLD, Look
 from sleepcast.errors import SleepcastError, printable
 from sleepcast.language import Explanation
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.accounting import Command
 from sleepcast.station.minds import Telemetry
-from sleepcast.station.remote import RemoteMinds
+from sleepcast.station.remote import RemoteMind, RemoteMinds
 from sleepcast.station.telling import TellingError, read_why
 
 MAX_LOOKS = 256
@@ -32,7 +32,10 @@ class Asker(Protocol):
 
     vocabulary: Vocabulary
 
-    def look(self, what: str, *, of: str | None = None, only: Sequence[str] | None = None) -> Command: ...
+    @property
+    def now(self) -> float: ...
+
+    def post(self, kind: Kind, *, body: Mapping[str, object], only: Sequence[str] | None = None) -> Command: ...
 
     def observe(self, now: float, rows: Iterable[Telemetry]) -> None: ...
 
@@ -46,22 +49,16 @@ class Looker:
         self._looks: OrderedDict[str, Command] = OrderedDict()
         self._whys: OrderedDict[tuple[str, str], Explanation | SleepcastError | None] = OrderedDict()
         """What was said to questions why, by the id of the question and the robot; None so far."""
-        self.recall()
-
-    def recall(self) -> None:
-        """Give the desk what `minds` knows already."""
-        self._station.vocabulary = self.minds.vocabulary
-        for mind in self.minds.values():
-            self._station.observe(mind.told_at, [mind])
+        self._tell(minds.values())
 
     def look(self, robots: Sequence[str] | None = None) -> Command:
         """Ask these robots (None: all) for telemetry."""
-        return self._asked(self._station.look(Look.TELEMETRY, only=robots))
+        return self._ask({LOOK: Look.TELEMETRY}, robots)
 
     def ask_why(self, robot: str, command: str | None) -> Command:
         """Ask a robot how it evaluated a command (its id), what a rule (its name) would do, or, for None, how the last
         command went. Raises UnknownRobotError."""
-        found = self._station.look(Look.WHY, of=command, only=[robot])
+        found = self._ask({LOOK: Look.WHY} | ({} if command is None else {OF: command}), [robot])
         self._whys[found.id, robot] = None
         if len(self._whys) > MAX_LOOKS:
             self._whys.popitem(last=False)
@@ -75,8 +72,8 @@ class Looker:
             raise found
         return found
 
-    def hear(self, heard: Iterable[Message], now: float) -> None:
-        """Take in what robots said at `now`, s of Unix time, and ask for what is missing then."""
+    def hear(self, heard: Iterable[Message]) -> None:
+        """Take in what robots said now, and ask for what is missing then."""
         for message in heard:
             command = str(message.body.get("command"))
             if message.kind is not Kind.ANSWER:
@@ -85,26 +82,32 @@ class Looker:
                 self._whys[command, message.sender] = _why(message)
             elif TOLD in message.body and command in self._looks:
                 self._take(message, self._looks[command].message.issued)
-        for look, robots in self.minds.wanted(now):
-            self._asked(self._station.look(look, only=robots))
+        for look, robots in self.minds.wanted(self._station.now):
+            self._ask({LOOK: look}, robots)
 
     def _take(self, message: Message, asked: float) -> None:
         """asked: s; what is told is of that time or later, since answers wait for their moment."""
-        found = self.minds.take(message, asked)
+        self._tell(self.minds.take(message, asked))
+
+    def _tell(self, minds: Iterable[RemoteMind]) -> None:
+        """Give the desk what is known of these."""
         self._station.vocabulary = self.minds.vocabulary
-        for mind in found:
+        for mind in minds:
             self._station.observe(mind.told_at, [mind])
 
-    def _asked(self, command: Command) -> Command:
+    def _ask(self, body: Mapping[str, object], robots: Sequence[str] | None) -> Command:
+        command = self._station.post(Kind.ASK, body=body, only=robots)
         self._looks[command.id] = command
         if len(self._looks) > MAX_LOOKS:
             self._looks.popitem(last=False)
         return command
 
-    @property
-    def complete(self) -> bool:
-        """Whether everybody has answered the looks that are under way."""
-        return not any(command.n_silent for command in self._looks.values())
+    def learning(self, since: float) -> bool:
+        """Whether names or minds were asked for, at this time (s of Unix time) or later, that have not come yet."""
+        asked = (
+            c for c in self._looks.values() if c.message.issued >= since and c.message.body[LOOK] != Look.TELEMETRY
+        )
+        return any(command.n_silent for command in asked)
 
 
 def _why(message: Message) -> Explanation | SleepcastError:
@@ -114,5 +117,4 @@ def _why(message: Message) -> Explanation | SleepcastError:
             return read_why(told)
         except TellingError as error:
             return SleepcastError(f"{message.sender} explained it in a way that cannot be read: {error}")
-    said = printable(fault)[:MAX_FAULT] if isinstance(fault, str) else "it does not tell why"
-    return SleepcastError(f"{message.sender}: {said}")
+    return SleepcastError(printable(fault)[:MAX_FAULT] if isinstance(fault, str) else f"{message.sender} does not tell")

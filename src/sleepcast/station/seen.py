@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from math import isfinite
+from pathlib import Path
 
 import msgspec
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.bodies import TOLD
+from sleepcast.channel.message import MAX_NAME
+from sleepcast.files import data_folder, replace_file
 from sleepcast.parcel import ParcelError, pack, unpack
+from sleepcast.station.contacts import ContactsLostError
 from sleepcast.station.remote import MAX_MINDS, MAX_TELLERS, MAX_TYPES, RemoteMinds
 from sleepcast.station.telling import TelemetryTold
 
@@ -27,23 +31,41 @@ class SeenParcel(msgspec.Struct):
     tellers: list[tuple[str, float, TelemetryTold]]
 
 
-def state(minds: RemoteMinds, now: float) -> bytes:
-    """Everything that was told of late, as bytes. Raises ParcelError for more than fits."""
-    tellers = [(mind.name, mind.told_at, mind.told) for mind in minds.values() if now - mind.told_at <= KEPT]
-    return pack(SeenParcel(VERSION, minds.texts(), tellers), MAX_SEEN)
+class Seen:
+    """What is kept in a file. It is no more than a memory: one that is lost or cannot be read fills again by itself."""
 
+    def __init__(self, file: Path) -> None:
+        self.file = file
 
-def restore(minds: RemoteMinds, data: bytes, now: float) -> None:
-    """Take in what another desk was told. What cannot be read is left out; raises ParcelError where nothing can."""
-    parcel = unpack(SeenParcel, data, MAX_SEEN, "what robots told")
-    if parcel.version != VERSION:
-        raise ParcelError(f"what robots told, of version {parcel.version}, wanted {VERSION}")
-    for name, at, told in parcel.tellers[:MAX_TELLERS]:
-        if isfinite(at) and now - at <= KEPT:
-            minds.take(_said(name, msgspec.to_builtins(told, builtin_types=(bytes,))), min(at, now))
-    for text in parcel.texts[: MAX_TYPES + MAX_MINDS]:
-        minds.take(_said("", text), now)
+    @classmethod
+    def of(cls, fleet: str) -> Seen:
+        """That of a fleet, in this user's data."""
+        return cls(data_folder() / "seen" / fleet.encode().hex())
+
+    def restore(self, minds: RemoteMinds, now: float) -> None:
+        """Take in what another desk was told. now: s of Unix time."""
+        try:
+            with self.file.open("rb") as opened:
+                parcel = unpack(SeenParcel, opened.read(MAX_SEEN), MAX_SEEN, "what robots told")
+        except (OSError, ParcelError):
+            return
+        if parcel.version != VERSION:
+            return
+        for name, at, told in parcel.tellers[:MAX_TELLERS]:
+            if 0 < len(name) <= MAX_NAME and isfinite(at) and now - at <= KEPT:
+                minds.take(_said(name, msgspec.to_builtins(told, builtin_types=(bytes,))), min(at, now))
+        for text in parcel.texts[: MAX_TYPES + MAX_MINDS]:
+            minds.take(_said("desk", text), now)
+
+    def save(self, minds: RemoteMinds, now: float) -> None:
+        """Keep what was told of late. Raises ContactsLostError; the file is then as it was."""
+        tellers = [(mind.name, mind.told_at, mind.told) for mind in minds.values() if now - mind.told_at <= KEPT]
+        try:
+            self.file.parent.mkdir(parents=True, exist_ok=True)
+            replace_file(self.file, pack(SeenParcel(VERSION, minds.texts(), tellers), MAX_SEEN))
+        except (OSError, ParcelError) as error:
+            raise ContactsLostError(f"cannot remember what robots told ({self.file}: {error})") from None
 
 
 def _said(name: str, told: object) -> Message:
-    return Message(name or "desk", 0, 0, Kind.ANSWER, 0.0, body={TOLD: told})
+    return Message(name, 0, 0, Kind.ANSWER, 0.0, body={TOLD: told})

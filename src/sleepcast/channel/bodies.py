@@ -19,6 +19,8 @@ KEYS = "keys"
 """Whom to trust, and whom not any more."""
 FIRST, AGE = "first", "age"
 """The id of the message that this one repeats for those who were not heard, and the seconds since that was sent."""
+MATCHED = "matched"
+"""Whether a robot would have obeyed what it was asked, in the answer to a question."""
 TOLD = "told"
 """What a robot tells of itself, in the answer to a look."""
 

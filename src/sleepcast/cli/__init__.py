@@ -36,11 +36,15 @@ COMMANDS = {
     "eval": ("sleepcast.cli.evaluate", "evaluate"),
     "check": ("sleepcast.cli.check", "check"),
     "repl": ("sleepcast.cli.repl", "repl"),
+    "who": ("sleepcast.cli.who", "who"),
     "send": ("sleepcast.cli.send", "send"),
     "ask": ("sleepcast.cli.send", "ask"),
     "stop": ("sleepcast.cli.send", "stop"),
     "release": ("sleepcast.cli.send", "release"),
     "journal": ("sleepcast.cli.journal", "journal"),
+    "why": ("sleepcast.cli.who", "why"),
+    "watch": ("sleepcast.cli.watch", "watch"),
+    "roster": ("sleepcast.cli.roster", "roster"),
     "keys": ("sleepcast.cli.keys", "keys"),
 }
 """Every subcommand with its module and its name there, in the order of the help page."""

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from sleepcast.channel.transport import Transport
     from sleepcast.channel.trunk import Branch, Trunk
     from sleepcast.station.aired import AirStation
+    from sleepcast.station.looking import Looker
 
 FLEET = "sleepcast"
 """Whose messages are heard, unless another fleet is named."""
@@ -82,28 +83,41 @@ def operator(command: Callable[..., int]) -> Callable[..., int]:
 def station_for(air: Air, say: Callable[[str], None], *, strict: bool = False) -> Iterator[AirStation]:
     """An operator's desk on this channel, which remembers at its end who was heard. say: tells the person what he must
     know. strict: whether what is only doubtful is refused. Raises what the channel raises."""
+    with looking_for(air, say, strict=strict) as (station, _):
+        yield station
+
+
+@contextmanager
+def looking_for(air: Air, say: Callable[[str], None], *, strict: bool = False) -> Iterator[tuple[AirStation, Looker]]:
+    """The same, with what asks robots to tell of themselves. It remembers what they told, too."""
     from sleepcast.clock import UnixClock
-    from sleepcast.language import Vocabulary
     from sleepcast.station.aired import ABOVE, AirStation
     from sleepcast.station.contacts import Contacts, ContactsLostError
+    from sleepcast.station.looking import Looker
+    from sleepcast.station.remote import RemoteMinds
+    from sleepcast.station.seen import Seen
     from sleepcast.station.settling import Caution
 
-    contacts = Contacts.of(air.fleet)
+    contacts, minds, seen = Contacts.of(air.fleet), RemoteMinds(), Seen.of(air.fleet)
+    seen.restore(minds, UnixClock().now())
     with closing(line_for(air, None, robot=False, say=say)) as line:
         station = AirStation(
             line,
             UnixClock(),
-            Vocabulary(),
-            {},
+            minds.vocabulary,
+            minds,
             heard=contacts.heard,
             caution=Caution(ABOVE, irreversible=True, strict=strict),
             within=air.within,
         )
+        looker = Looker(station, minds)
+        station.listeners.append(looker.hear)
         try:
-            yield station
+            yield station, looker
         finally:
             try:
                 contacts.save({name: at for name, at in station.roster.items() if at is not None})
+                seen.save(minds, station.now)
             except ContactsLostError as error:
                 say(str(error))
 

@@ -129,7 +129,15 @@ def _described(vocabulary: Vocabulary, doc: int) -> str:
 
     def function(found: HostFunction) -> object:
         least = len(found.dimensions) if found.least is None else found.least
-        shape = (list(found.dimensions), least, found.arguments, found.result, found.acts, found.labelled)
+        shape = (
+            list(found.dimensions),
+            least,
+            found.arguments,
+            found.result,
+            found.acts,
+            found.labelled,
+            found.irreversible,
+        )
         return [found.name, *shape, found.doc[:doc]]
 
     return _json(

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import inf
 
-from sleepcast.channel.bodies import LOOK, is_addressed
+from sleepcast.channel.bodies import LOOK, MATCHED, is_addressed
 from sleepcast.channel.message import Kind, Message
 from sleepcast.errors import SleepcastError
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
@@ -348,7 +348,7 @@ class Node(Speaker):
             return
         if message.kind is Kind.ASK:
             found = rehearse(program, memory.rehearsal(), command=message.id)
-            self._answer(message, "answer", found.value, "; ".join(found.faults))
+            self._answer(message, "answer", found.value, "; ".join(found.faults), {MATCHED: found.matched})
             return
         memory.moved = False
         value = self._run(program, message.id)

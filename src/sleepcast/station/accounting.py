@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
+from sleepcast.channel.bodies import LOOK
 from sleepcast.channel.names import Names
 from sleepcast.channel.parcels import ascending
 from sleepcast.parcel import Array, ParcelError
@@ -64,6 +65,11 @@ class Command:
     @property
     def id(self) -> str:
         return self.message.id
+
+    @property
+    def is_look(self) -> bool:
+        """Whether robots are only to tell of themselves."""
+        return LOOK in self.message.body
 
     @property
     def kind(self) -> Kind:

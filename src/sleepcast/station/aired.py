@@ -12,14 +12,14 @@ others     what other operators say is heard, too: a RELEASE is not pursued once
 from __future__ import annotations
 
 from collections import OrderedDict, deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import inf
 
 import msgspec
 import numpy as np
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import AGAIN, AGE, FIRST, FOR, LOOK, NOT, WITHIN
+from sleepcast.channel.bodies import AGAIN, AGE, FIRST, FOR, NOT, WITHIN
 from sleepcast.channel.keys import Role
 from sleepcast.channel.line import LONGEST, Line
 from sleepcast.channel.message import TO_OPERATOR
@@ -95,6 +95,8 @@ class AirStation(Station):
         )
         self.line, self.within, self.holding = line, within, False
         self.news: deque[Message] = deque(maxlen=MAX_NEWS)
+        self.listeners: list[Callable[[list[Message]], None]] = []
+        """Who gets what robots said, each time something was heard."""
         self._pursued: dict[str, float] = {}
         """When those that are not accounted for are next asked again, s, by the id of the command."""
         self._first: OrderedDict[str, str] = OrderedDict()
@@ -223,6 +225,8 @@ class AirStation(Station):
                 self.hear(heard[-1])
             elif message.role != Role.ROBOT:
                 self._overhear(message)
+        for listener in self.listeners if heard else ():
+            listener(heard)
         self.attend()
         self.pump_out()
         return heard
@@ -289,7 +293,7 @@ class AirStation(Station):
             return
         silent = command.n_silent
         within = self._within(min(silent, MAX_NAMED) if command.kind is Kind.COMMAND else silent)
-        if LOOK not in command.message.body:
+        if not command.is_look:
             self._note(Event.REPEATED, subject=command.id, text=command.text, details={"silent": silent})
         if command.kind is Kind.COMMAND:
             self._ask_again(command, within, now)

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import LOOK
+from sleepcast.channel.bodies import TOLD
 from sleepcast.channel.chorus import Answers, Chorus
 from sleepcast.clock import Clock
 from sleepcast.errors import MisuseError, SleepcastError
@@ -239,7 +239,7 @@ class Station:
             if urgent:  # nothing comes before these, not even the journal
                 self._outbox(message)
             self._sent.add(command, len(self._roster))
-            if LOOK not in said:  # what a desk asks in order to show it decides nothing
+            if not command.is_look:  # what a desk asks in order to show it decides nothing
                 details = {
                     "kind": kind.value,
                     "standing": standing,
@@ -271,6 +271,8 @@ class Station:
                 answer = answer_from(message.body, now)
                 if command is not None and answer is not None and place is not None:
                     command.answers.add(place, answer)
+                if TOLD in message.body or (command is not None and command.is_look):
+                    return
             else:
                 return
             details = {"kind": message.kind.value, **message.body}

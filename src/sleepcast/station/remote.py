@@ -193,6 +193,8 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         self.malformed = 0
         """Tellings that said something else than they should."""
         self._fitted: dict[Digest, Fitted] = {}
+        self._texts: dict[Digest, str] = {}
+        """The texts of types and minds, as they were told."""
         self._learned: OrderedDict[Digest, Learned] = OrderedDict()
         self._minds: dict[str, RemoteMind] = {}
         self._waiting: dict[str, RemoteMind] = {}
@@ -226,6 +228,10 @@ class RemoteMinds(Mapping[str, RemoteMind]):
     def heard(self) -> Iterable[str]:
         """Every name that any robot has learned, as written."""
         return {name: None for mind in self._minds.values() for name in mind.heard()}
+
+    def texts(self) -> list[str]:
+        """What was told of types and minds, those of types first."""
+        return [self._texts[which] for which in (*self.types, *self._learned)]
 
     # ---- what comes in
 
@@ -267,12 +273,13 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         which = digest(text)
         if any(mind.told.type == which for mind in self._waiting.values()) and len(self.types) < MAX_TYPES:
             self.types[which] = read_vocabulary(text)
+            self._texts[which] = text
             return self._unite(which)
         minds = [mind for mind in self._minds.values() if mind.told.mind == which]
         if minds and which not in self._learned:
-            self._learned[which] = Learned(read_mind(text))
+            self._learned[which], self._texts[which] = Learned(read_mind(text)), text
             if len(self._learned) > MAX_MINDS:
-                self._learned.popitem(last=False)
+                del self._texts[self._learned.popitem(last=False)[0]]
         return []
 
     def _unite(self, news: Digest) -> list[RemoteMind]:

@@ -13,6 +13,8 @@ from sleepcast.station.parcels import CommandParcel
 
 MAX_COMMANDS = 1_000
 """Commands whose answers are kept; the journal has them all."""
+MAX_LOOKS = 256
+"""Questions to robots about themselves whose answers are kept; they are no commands, and nobody wants them later."""
 MAX_ANSWERS = 16_000_000
 """Answers that are kept, of all commands together: with more robots, of fewer commands; a third of a gigabyte."""
 
@@ -31,6 +33,7 @@ class Sent:
     def __init__(self) -> None:
         self.latch: Command | None = None
         self._commands: dict[str, Command] = {}
+        self._looks: dict[str, Command] = {}
 
     def __contains__(self, command: object) -> bool:
         return command in self._commands
@@ -45,17 +48,22 @@ class Sent:
 
     def find(self, command: object) -> Command | None:
         """The command with this id, if it is kept."""
-        return self._commands.get(str(command))
+        return self._commands.get(str(command)) or self._looks.get(str(command))
 
     def get(self, command: str) -> Command:
         """The same. Raises NoSuchCommandError."""
-        found = self._commands.get(command)
+        found = self.find(command)
         if found is None:
             raise NoSuchCommandError(command, self._commands)
         return found
 
     def add(self, command: Command, roster: int) -> None:
         """Keep a command to a roster of so many robots; the oldest ones make room."""
+        if command.is_look:
+            self._looks[command.id] = command
+            while len(self._looks) > MAX_LOOKS:
+                del self._looks[next(iter(self._looks))]
+            return
         self._commands[command.id] = command
         if command.kind in (Kind.STOP, Kind.RELEASE):
             self.latch = command

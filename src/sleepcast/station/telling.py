@@ -97,6 +97,7 @@ class FunctionTold(msgspec.Struct, array_like=True):
     result: Exponents | None
     acts: bool
     labelled: bool
+    irreversible: bool
     doc: Words
 
     def made(self) -> HostFunction:
@@ -106,7 +107,7 @@ class FunctionTold(msgspec.Struct, array_like=True):
         dimensions = tuple(map(_dimension, self.dimensions))
         result = _dimension(self.result)
         shape = (self.least, self.arguments, result, self.acts, self.labelled, self.doc)
-        return HostFunction(self.name, _far_away, dimensions, *shape)
+        return HostFunction(self.name, _far_away, dimensions, *shape, irreversible=self.irreversible)
 
 
 class VocabularyTold(msgspec.Struct):

@@ -91,10 +91,12 @@ def _functions(functions: Iterable[HostFunction]) -> Iterable[HostFunction]:
     for function in functions:
         key = function.name.casefold()
         one = found.setdefault(key, function)
-        if one.dimensions != function.dimensions or one.least != function.least or one.acts != function.acts:
+        if one.dimensions != function.dimensions or _least(one) != _least(function):
             most = max(len(one.dimensions), len(function.dimensions))
             least = min(_least(one), _least(function))
-            found[key] = replace(one, dimensions=(None,) * most, least=least, acts=one.acts or function.acts)
+            found[key] = replace(one, dimensions=(None,) * most, least=least)
+        acts, for_good = one.acts or function.acts, one.irreversible or function.irreversible
+        found[key] = replace(found[key], acts=acts, irreversible=for_good)
     return found.values()
 
 

@@ -1,0 +1,220 @@
+"""`sleepcast watch`: what robots on the air tell of themselves, as a table that lives."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import click
+
+from sleepcast.cli.air import Air, looking_for, operator
+from sleepcast.cli.evaluate import NegativeNumbersAllowed
+from sleepcast.cli.streams import announce, complain, put
+from sleepcast.cli.who import look_around
+from sleepcast.errors import MisuseError, did_you_mean, printable
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from sleepcast.station.aired import AirStation
+    from sleepcast.station.looking import Looker
+    from sleepcast.station.remote import RemoteMind
+
+USUAL = ("x", "y", "heading", "battery", "fuel", "speed")
+"""Variables that are shown, of those that there are, unless others are named."""
+MOST_SHOWN = 12
+"""Variables in one table."""
+MOST_ROWS = 10_000
+"""Robots in one table that is printed as a whole."""
+AROUND = 5
+"""Lines of a terminal that the table cannot have: its head, its frame, and what stands under it."""
+FLAGS = ("frozen", "sleeping", "marked")
+PAUSE = 0.05
+"""Seconds between two looks at whether something has come."""
+
+
+@click.command("watch", cls=NegativeNumbersAllowed, short_help="Watch robots on the air in a table.")
+@click.argument("text", required=False)
+@click.option("--show", metavar="NAMES", help=f"Variables, as x,y,fuel; else {', '.join(USUAL)}, if there are any.")
+@click.option(
+    "--every", metavar="S", type=click.FloatRange(0.2, 60.0), default=1.0, show_default=True, help="Ask so often."
+)
+@click.option("--once", is_flag=True, help="Print the table once.")
+@operator
+def watch(text: str | None, show: str | None, every: float, once: bool, air: Air, as_json: bool) -> int:
+    """Ask robots for their numbers every second, and show them in a table until Ctrl-C: how old each one's news are,
+    whether it is stopped, its groups, and the variables that you name. With TEXT, an expression such as (IN bravo),
+    only robots for which it is true.
+
+    With --json, a line each time: an object with `time` and `robots`.
+
+    \b
+    Examples:
+      sleepcast watch
+      sleepcast watch --show x,y,fuel '(< fuel 30%)'
+      sleepcast watch --once --json
+    """
+    with looking_for(air, complain) as (station, looker):
+        window = Window(station, looker, text, None if show is None else show.replace(",", " ").split())
+        look_around(station, looker)
+        if as_json:
+            put(json.dumps(window.as_dict()))
+            while not once:
+                _look(station, looker, every)
+                announce(json.dumps(window.as_dict()))
+        elif once:
+            _print(window)
+        else:
+            _live(window, every)
+    return 0
+
+
+def _look(station: AirStation, looker: Looker, seconds: float) -> None:
+    """Ask for telemetry, and hear what comes for so long."""
+    looker.look()
+    station.wait(seconds)
+
+
+class Window:
+    """What is shown. text: for which robots it must be true, None for all; wanted: names of variables, None for the
+    usual ones. Raises ReadError and CheckError for the text."""
+
+    def __init__(self, station: AirStation, looker: Looker, text: str | None, wanted: Sequence[str] | None) -> None:
+        self.station, self.looker, self.text = station, looker, text
+        self._wanted = wanted
+        if wanted is not None and not 0 < len(wanted) <= MOST_SHOWN:
+            raise MisuseError(f"--show takes 1 to {MOST_SHOWN} names, not {len(wanted)}")
+        if text is not None:
+            station.check(text).required()
+
+    def columns(self) -> list[str]:
+        """The variables that are shown. Raises MisuseError for one that no robot has, once any has told of itself."""
+        names = [name for mind in list(self.looker.minds.values())[:1] for name, _ in mind.variables()]
+        vocabulary = self.looker.minds.vocabulary
+        known = {*vocabulary.bindings, *vocabulary.user_slots}
+        if self._wanted is None:
+            return [name for name in USUAL if name in known]
+        for name in self._wanted if names else ():
+            if name.casefold() not in known:
+                raise MisuseError(f"no robot has a variable {name}{did_you_mean(name, names)}")
+        return list(self._wanted)
+
+    def robots(self) -> list[str]:
+        """The names of those that are shown, numbers in their order."""
+        roster = self.station.roster
+        # As a test of a command that does nothing, it is true where it would be obeyed.
+        chosen = list(roster) if self.text is None else self.station.preview(f"(WHEN {self.text} 0)").yes
+        return sorted(chosen, key=_by_number)
+
+    def as_dict(self) -> dict[str, object]:
+        """All of it for a script."""
+        now, columns = self.station.now, self.columns()
+        heard = self.station.roster
+        return {"time": now, "robots": [self._robot(name, heard[name], columns, now) for name in self.robots()]}
+
+    def _robot(self, name: str, heard: float | None, columns: Sequence[str], now: float) -> dict[str, object]:
+        found: dict[str, object] = {"name": name, "heard": None if heard is None else now - heard}
+        mind = self.looker.minds.get(name)
+        if mind is None:
+            return found | {"told": None}
+        values = {key: None if value != value else value for key, value in _values(mind, columns).items()}
+        groups = sorted(mind.told.groups)
+        found |= {"told": now - mind.told_at, "stopped": mind.stopped, "flags": _flags(mind), "groups": groups}
+        return found | {"rules": len(mind.rules()), "values": values}
+
+    def table(self, most: int) -> Table:
+        """The table with so many robots at most."""
+        from rich.box import SIMPLE_HEAD
+        from rich.table import Table
+
+        columns, names, now = self.columns(), self.robots(), self.station.now
+        heard, table = self.station.roster, Table(box=SIMPLE_HEAD, pad_edge=False)
+        table.caption, table.caption_justify = self._caption(len(names), most), "left"
+        table.add_column("robot", no_wrap=True)
+        table.add_column("told", justify="right", no_wrap=True)
+        table.add_column("state", no_wrap=True)
+        table.add_column("groups", no_wrap=True)
+        for name in columns:
+            table.add_column(f"{name}\n{self._unit(name)}".strip(), justify="right", no_wrap=True)
+        for name in names[:most]:
+            table.add_row(*map(printable, self._row(name, heard[name], columns, now)))
+        return table
+
+    def _caption(self, count: int, most: int) -> str:
+        more = f", {count - most} more than fit here" if count > most else ""
+        which = "robots" if self.text is None else "robots for which it is true"
+        return f"{count} {which}{more}"
+
+    def _row(self, name: str, heard: float | None, columns: Sequence[str], now: float) -> list[str]:
+        mind = self.looker.minds.get(name)
+        if mind is None:
+            return [
+                name,
+                "never",
+                "" if heard is None else f"heard {_age(now - heard)} ago",
+                "",
+                *("" for _ in columns),
+            ]
+        age = now - mind.told_at
+        late = "silent " if age > self.station.stale_after else ""
+        state = " ".join(["STOPPED"] * mind.stopped + _flags(mind))
+        values = _values(mind, columns)
+        return [
+            name,
+            _age(age),
+            f"{late}{state}",
+            ", ".join(sorted(mind.told.groups)),
+            *map(self._shown, columns, values.values()),
+        ]
+
+    def _unit(self, name: str) -> str:
+        """The unit in which people read a variable."""
+        from sleepcast.language import Variable
+
+        binding = self.looker.minds.vocabulary.bindings.get(name.casefold())
+        return (binding.quantity.shown_as or binding.quantity.unit) if isinstance(binding, Variable) else ""
+
+    def _shown(self, name: str, value: float) -> str:
+        from sleepcast.units import shown
+
+        unit = self._unit(name)
+        return "?" if value != value else shown(value, unit).removesuffix(f" {unit}")
+
+
+def _print(window: Window) -> None:
+    from rich.console import Console
+
+    Console().print(window.table(MOST_ROWS))
+
+
+def _live(window: Window, every: float) -> None:
+    from rich.console import Console
+    from rich.live import Live
+
+    console = Console()
+    with Live(console=console, auto_refresh=False) as live:
+        while True:
+            live.update(window.table(max(1, console.height - AROUND)), refresh=True)
+            _look(window.station, window.looker, every)
+
+
+def _values(mind: RemoteMind, columns: Sequence[str]) -> dict[str, float]:
+    """The variables by the names that were asked for, NaN for unknown."""
+    found = {name.casefold(): value for name, value in mind.variables()}
+    return {name: found.get(name.casefold(), float("nan")) for name in columns}
+
+
+def _flags(mind: RemoteMind) -> list[str]:
+    found = dict(mind.variables())
+    return [flag for flag in FLAGS if found.get(flag, 0.0) > 0.0]
+
+
+def _age(seconds: float) -> str:
+    return f"{max(0.0, seconds):.1f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} min"
+
+
+def _by_number(name: str) -> list[tuple[int, str]]:
+    """r2 before r10."""
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d{1,18})", name)]

@@ -1,0 +1,177 @@
+"""`sleepcast who` and `why`: for whom an expression is meant, and why a robot did what it did."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import click
+
+from sleepcast.cli.account import FEW, MANY, listed
+from sleepcast.cli.air import Air, looking_for, operator
+from sleepcast.cli.evaluate import NegativeNumbersAllowed
+from sleepcast.cli.streams import complain, put
+from sleepcast.errors import SleepcastError, printable
+
+if TYPE_CHECKING:
+    from sleepcast.channel import Message
+    from sleepcast.station.aired import AirStation
+    from sleepcast.station.looking import Looker
+
+PATIENCE = 1.0
+"""Seconds after the time for answers for which they are still taken: they are asked for again where they were lost."""
+PAUSE = 0.02
+"""Seconds between two looks at whether something has come."""
+NO_ANSWER = "it did not answer"
+
+
+class SilentError(SleepcastError):
+    """A robot that does not answer."""
+
+
+@dataclass(slots=True)
+class Obeyers:
+    """Who would obey: names. unknown: with the reason. everybody: whether all that hear it would. oldest: s since the
+    oldest news that a yes or no rests on; None where the robots were asked themselves."""
+
+    yes: list[str] = field(default_factory=list)
+    no: list[str] = field(default_factory=list)
+    unknown: dict[str, str] = field(default_factory=dict)
+    everybody: bool = False
+    oldest: float | None = None
+
+    def as_dict(self, text: str) -> dict[str, object]:
+        """For a script: counts always, names while they are few."""
+        sorts = {"yes": self.yes, "no": self.no, "unknown": self.unknown}
+        found: dict[str, object] = {"text": text, "polled": self.oldest is None, "everybody": self.everybody}
+        found |= {f"n_{sort}": len(names) for sort, names in sorts.items()}
+        return found | {"oldest": self.oldest} | {s: names for s, names in sorts.items() if len(names) <= MANY}
+
+    def told(self) -> Iterator[str]:
+        """For a person."""
+        if not (self.yes or self.no or self.unknown):
+            yield "nobody is known here: is a node up on this channel, with these keys?"
+            return
+        yield listed("would obey", self.yes)
+        yield f"  {listed('would not', self.no)}"
+        if self.unknown:
+            few = [f"{name} ({printable(why)})" for name, why in list(self.unknown.items())[: FEW + 1]]
+            yield f"  {listed('unknown', few, len(self.unknown))}"
+        if self.oldest is not None and (self.yes or self.no):
+            yield f"  from what they told up to {self.oldest:.1f} s ago"
+
+
+@click.command("who", cls=NegativeNumbersAllowed, short_help="Tell who would obey an expression.")
+@click.argument("text")
+@click.option("--poll", is_flag=True, help="Let every robot decide it itself.")
+@click.option("--told", is_flag=True, help="Ask nobody: go by what robots told before.")
+@operator
+def who(text: str, poll: bool, told: bool, air: Air, as_json: bool) -> int:
+    """Tell who would obey an expression if it were sent now; nothing is done.
+
+    Robots are asked for their numbers, and the test is evaluated here: certainly yes, certainly no, or unknown with the
+    reason. With --poll each robot evaluates it, with its sonars, its chance and all, and does nothing. With --told
+    nothing is sent, and what a robot told more than five seconds ago decides nothing.
+
+    \b
+    Examples:
+      sleepcast who '(WHEN (> fuel 50%) (JOIN bravo))'
+      sleepcast who --poll '(WHEN (< (SONAR 0) 1m) (ST))'
+    """
+    with looking_for(air, complain) as (station, looker):
+        if poll:
+            found = _polled(station, text)
+        else:
+            if not told:
+                look_around(station, looker)
+            found = _foreseen(station, text)
+        for finding in station.check(text).findings:
+            complain(finding.render(text))
+    if as_json:
+        put(json.dumps(found.as_dict(text)))
+        return 0
+    for line in found.told():
+        put(line)
+    return 0
+
+
+def look_around(station: AirStation, looker: Looker, robots: list[str] | None = None) -> None:
+    """Ask robots (None: all) for telemetry, and for whatever is missing then; wait for it."""
+    began = station.now
+    station.gather(looker.look(robots), PATIENCE)
+    until = station.now + PATIENCE
+    while looker.learning(began) and station.now < until:
+        station.wait(PAUSE)
+
+
+def _foreseen(station: AirStation, text: str) -> Obeyers:
+    """By what the robots told."""
+    found = station.preview(text)
+    return Obeyers(
+        sorted(found.yes), sorted(found.no), dict(sorted(found.unknown.items())), found.everybody, found.oldest
+    )
+
+
+def _polled(station: AirStation, text: str) -> Obeyers:
+    """By what the robots say."""
+    from sleepcast.channel.bodies import MATCHED
+
+    matched: dict[str, object] = {}
+
+    def listen(heard: list[Message]) -> None:
+        matched.update((m.sender, m.body.get(MATCHED)) for m in heard if m.body.get("command") == asked.id)
+
+    asked = station.ask(text)
+    station.listeners.append(listen)
+    station.gather(asked, PATIENCE)
+    found, account = Obeyers(everybody=station.preview(text).everybody), station.accounting(asked.id)
+    faults = account.faults
+    for name in sorted((*account.matched, *account.not_matched, *account.fault)):
+        if matched.get(name) is True:
+            found.yes.append(name)
+        elif name in faults:
+            found.unknown[name] = faults[name]
+        elif matched.get(name) is False:
+            found.no.append(name)
+        else:
+            found.unknown[name] = "it does not say"
+    found.unknown |= {name: f"{NO_ANSWER}: {account.ago(name)}" for name in account.silent}
+    return found
+
+
+@click.command("why", short_help="Ask a robot why it obeyed a command, or did not.")
+@click.argument("robot")
+@click.argument("command", required=False)
+@operator
+def why(robot: str, command: str | None, air: Air, as_json: bool) -> int:
+    """Ask ROBOT how it evaluated COMMAND: every part of the expression with its value at that moment, the first test
+    that did not hold, and by how much. COMMAND is the id that `sleepcast send` tells, or the name of a rule, which is
+    evaluated now without doing anything; without it, the last command that came.
+
+    \b
+    Examples:
+      sleepcast why r7
+      sleepcast why r7 desk-1763763151000.4
+      sleepcast why r7 keep
+    """
+    with looking_for(air, complain) as (station, looker):
+        if robot not in station.roster:  # it may be there all the same: everybody is asked who he is
+            look_around(station, looker)
+        asked = looker.ask_why(robot, command)
+        until = station.now + PATIENCE
+        while (found := looker.explanation(asked, robot)) is None and station.now < until:
+            station.wait(PAUSE)
+    if found is None:
+        raise SilentError(f"{robot} does not answer ({station.accounting(asked.id).ago(robot)})")
+    if as_json:
+        put(json.dumps({"robot": robot, **found.to_dict()}))
+    else:
+        put(
+            printable(
+                f"{robot}, {found.command or 'the last command'}: {'obeyed' if found.matched else 'did not obey'}"
+            )
+        )
+        put(printable(found.render()))
+    return 0

@@ -1,0 +1,120 @@
+"""Looking: asking robots on the air to tell of themselves, and keeping what they told where the desk finds it.
+
+A look goes to everybody, or to some; answers come spread over a time, and those that are lost are asked for again, as
+for every question. What has to be known besides (the names of a type, what was learned) is asked for as soon as a
+robot's telemetry mentions it.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Protocol
+
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.bodies import LOOK, OF, TOLD, Look
+from sleepcast.errors import SleepcastError, printable
+from sleepcast.language import Explanation
+from sleepcast.language.vocabulary import Vocabulary
+from sleepcast.station.accounting import Command
+from sleepcast.station.minds import Telemetry
+from sleepcast.station.remote import RemoteMind, RemoteMinds
+from sleepcast.station.telling import TellingError, read_why
+
+MAX_LOOKS = 256
+"""Looks whose answers are still expected."""
+MAX_FAULT = 200
+"""Characters of what a robot says went wrong."""
+
+
+class Asker(Protocol):
+    """A desk that can ask robots to tell of themselves."""
+
+    vocabulary: Vocabulary
+
+    @property
+    def now(self) -> float: ...
+
+    def post(self, kind: Kind, *, body: Mapping[str, object], only: Sequence[str] | None = None) -> Command: ...
+
+    def observe(self, now: float, rows: Iterable[Telemetry]) -> None: ...
+
+
+class Looker:
+    """See the module. minds: where it is kept what robots told."""
+
+    def __init__(self, station: Asker, minds: RemoteMinds) -> None:
+        self.minds = minds
+        self._station = station
+        self._looks: OrderedDict[str, Command] = OrderedDict()
+        self._whys: OrderedDict[tuple[str, str], Explanation | SleepcastError | None] = OrderedDict()
+        """What was said to questions why, by the id of the question and the robot; None so far."""
+        self._tell(minds.values())
+
+    def look(self, robots: Sequence[str] | None = None) -> Command:
+        """Ask these robots (None: all) for telemetry."""
+        return self._ask({LOOK: Look.TELEMETRY}, robots)
+
+    def ask_why(self, robot: str, command: str | None) -> Command:
+        """Ask a robot how it evaluated a command (its id), what a rule (its name) would do, or, for None, how the last
+        command went. Raises UnknownRobotError."""
+        found = self._ask({LOOK: Look.WHY} | ({} if command is None else {OF: command}), [robot])
+        self._whys[found.id, robot] = None
+        if len(self._whys) > MAX_LOOKS:
+            self._whys.popitem(last=False)
+        return found
+
+    def explanation(self, asked: Command, robot: str) -> Explanation | None:
+        """What the robot said to that question; None while nothing has come. Raises SleepcastError for what it said it
+        cannot tell."""
+        found = self._whys.get((asked.id, robot))
+        if isinstance(found, SleepcastError):
+            raise found
+        return found
+
+    def hear(self, heard: Iterable[Message]) -> None:
+        """Take in what robots said now, and ask for what is missing then."""
+        for message in heard:
+            command = str(message.body.get("command"))
+            if message.kind is not Kind.ANSWER:
+                continue
+            if (command, message.sender) in self._whys:
+                self._whys[command, message.sender] = _why(message)
+            elif TOLD in message.body and command in self._looks:
+                self._take(message, self._looks[command].message.issued)
+        for look, robots in self.minds.wanted(self._station.now):
+            self._ask({LOOK: look}, robots)
+
+    def _take(self, message: Message, asked: float) -> None:
+        """asked: s; what is told is of that time or later, since answers wait for their moment."""
+        self._tell(self.minds.take(message, asked))
+
+    def _tell(self, minds: Iterable[RemoteMind]) -> None:
+        """Give the desk what is known of these."""
+        self._station.vocabulary = self.minds.vocabulary
+        for mind in minds:
+            self._station.observe(mind.told_at, [mind])
+
+    def _ask(self, body: Mapping[str, object], robots: Sequence[str] | None) -> Command:
+        command = self._station.post(Kind.ASK, body=body, only=robots)
+        self._looks[command.id] = command
+        if len(self._looks) > MAX_LOOKS:
+            self._looks.popitem(last=False)
+        return command
+
+    def learning(self, since: float) -> bool:
+        """Whether names or minds were asked for, at this time (s of Unix time) or later, that have not come yet."""
+        asked = (
+            c for c in self._looks.values() if c.message.issued >= since and c.message.body[LOOK] != Look.TELEMETRY
+        )
+        return any(command.n_silent for command in asked)
+
+
+def _why(message: Message) -> Explanation | SleepcastError:
+    told, fault = message.body.get(TOLD), message.body.get("fault")
+    if isinstance(told, str):
+        try:
+            return read_why(told)
+        except TellingError as error:
+            return SleepcastError(f"{message.sender} explained it in a way that cannot be read: {error}")
+    return SleepcastError(printable(fault)[:MAX_FAULT] if isinstance(fault, str) else f"{message.sender} does not tell")

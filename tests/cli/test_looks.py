@@ -1,0 +1,112 @@
+"""Looking at robots on the air: who would obey, why one did not, a table that lives, and who was ever heard."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from cli.calling import called
+from cli.terminal import terminal
+from cli.test_crew import channel, swarm
+
+__all__ = ["channel"]
+
+TEACHING = """(DEFUN late (n) (> id n))
+(RULE keep (WHEN (late 4) (SETQ marked 1)))
+(DEFVAR twice (* 2 id))
+(WHEN (late 2) (JOIN bravo))
+"""
+
+
+@pytest.fixture
+def taught(channel: str, tmp_path: Path) -> Iterator[str]:
+    """The channel of six robots that have learned something."""
+    rules = tmp_path / "begin.sleep"
+    rules.write_text(TEACHING)
+    with swarm(6, channel, "--rules", str(rules)):
+        yield channel
+
+
+def told(channel: str, *arguments: str) -> dict[str, object]:
+    found = called(*arguments, "--channel", channel, "--json")
+    assert found.status == 0, found.err
+    said: dict[str, object] = json.loads(found.out.splitlines()[0])
+    return said
+
+
+def test_who_would_obey_is_said_before_anything_is_sent(taught: str) -> None:
+    text = "(WHEN (AND (late 3) (> twice 9) (IN bravo)) (JOIN charlie))"
+    found = told(taught, "who", text)
+    assert (found["yes"], found["no"], found["unknown"]) == (["r5", "r6"], ["r1", "r2", "r3", "r4"], {})
+    assert (found["n_yes"], found["n_no"], found["n_unknown"], found["polled"]) == (2, 4, 0, False)
+    assert isinstance(found["oldest"], float)
+    asked_sonar = told(taught, "who", "(WHEN (> (SONAR 0) 0) (JOIN charlie))")
+    assert asked_sonar["n_unknown"] == 6
+    polled = told(taught, "who", "--poll", text)
+    assert (polled["yes"], polled["no"], polled["polled"]) == (["r5", "r6"], ["r1", "r2", "r3", "r4"], True)
+    sent = told(taught, "send", text)
+    assert (sent["predicted"], sorted(map(str, sent["matched"]))) == (["r5", "r6"], ["r5", "r6"])
+    why = told(taught, "why", "r4", str(sent["id"]))
+    assert (why["robot"], why["matched"], why["reason"]) == ("r4", False, "twice = 8, needed > 9")
+    rule = called("why", "r5", "keep", "--channel", taught)
+    assert "r5, keep: obeyed" in rule.out
+    assert "(late 4)" in rule.out
+    lost = called("why", "r5", "nothing", "--channel", taught)
+    assert (lost.status, lost.out) == (1, "")
+    assert "r5 remembers no command or rule nothing" in lost.err
+
+
+def test_a_table_of_robots(taught: str, tmp_path: Path) -> None:
+    with terminal(
+        ["watch", "--show", "id,twice", "(IN bravo)", "--channel", taught, "--every", "0.2"], tmp_path
+    ) as live:
+        for _ in range(2):
+            live.wait_for("r3")
+            live.wait_for("4 robots for which it is true")
+        live.interrupt()
+        assert live.status() == 130
+    assert "r1 " not in live.screen
+    found = told(taught, "watch", "--once", "--show", "twice")
+    robots = found["robots"]
+    assert isinstance(robots, list)
+    assert [(each["name"], each["values"]) for each in robots] == [(f"r{i}", {"twice": 2 * i}) for i in range(1, 7)]
+    assert {(each["stopped"], each["rules"], tuple(each["groups"])) for each in robots} == {
+        (False, 1, ()),
+        (False, 1, ("bravo",)),
+    }
+    missing = called("watch", "--once", "--show", "twce", "--channel", taught)
+    assert (missing.status, missing.out) == (2, "")
+    assert "did you mean twice" in missing.err
+
+
+def test_what_was_told_is_kept_and_grows_old(channel: str) -> None:
+    with swarm(3, channel):
+        assert told(channel, "who", "(WHEN (> id 1) (JOIN bravo))")["yes"] == ["r2", "r3"]
+    late = time.monotonic() + 5.0
+    found = json.loads(called("roster", "--json").out)
+    assert sorted(each["name"] for each in found["robots"]) == ["r1", "r2", "r3"]
+    assert all(0 <= each["heard"] < 600 for each in found["robots"])
+    assert "2 robots were heard" in called("roster", "--forget", "r3").out
+    unknown = called("roster", "--forget", "r3")
+    assert unknown.status == 2
+    assert "no robot 'r3' was ever heard" in unknown.err
+    lost = called("why", "r1", "--channel", channel)
+    assert (lost.status, lost.out) == (1, "")
+    assert "r1 does not answer (last heard" in lost.err
+    time.sleep(max(0.0, late - time.monotonic()))
+    heard = told(channel, "who", "--told", "(WHEN (> id 1) (JOIN bravo))")
+    assert set(heard["unknown"].values()) == {"its last news is too old"}
+    asked_sonar = called("who", "--told", "(WHEN (> (SONAR 1 2) 1) (JOIN bravo))", "--channel", channel)
+    assert asked_sonar.status == 2
+    assert "(SONAR number) takes" in asked_sonar.err, "the names of the type are known without anybody there"
+
+
+def test_nobody_there(channel: str) -> None:
+    found = called("who", "(WHEN (> id 1) (ST))", "--channel", channel, "--within", "0")
+    assert found.status == 0
+    assert "nobody is known here" in found.out
+    assert told(channel, "watch", "--once", "--within", "0")["robots"] == []

@@ -15,7 +15,9 @@ from pathlib import Path
 
 import pytest
 
+from channel.test_udp import free_port
 from cli.calling import Called, called
+from cli.test_crew import account, swarm
 from sleepcast.cli.journals import journal_of, opened
 from sleepcast.clock import ManualClock
 from sleepcast.station import Event
@@ -185,6 +187,31 @@ def test_a_run_is_written_when_asked(tmp_path: Path) -> None:
     assert journal_says(file, "verify").status == 0
     refused = called("run", "bravo", "--seconds", "2", "--journal", str(tmp_path))
     assert (refused.status, "the journal" in refused.err) == (1, True)
+
+
+def test_commands_on_the_air_are_written_by_whoever_sends_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    for name in ("XDG_CONFIG_HOME", "XDG_DATA_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    channel = f"udp://239.255.83.78:{free_port()}?interface=lo"
+    with swarm(2, channel):
+        sent = account(channel, "send", "(WHEN (> id 1) (DRIVE 1 0))")
+        stopped = account(channel, "stop", "--journal", str(tmp_path / "stops.db"))
+    refused = called("send", "(DRIVE 1 0)", "--channel", channel)
+    assert refused.status == 2
+    entries = [json.loads(line) for line in called("journal", "export").out.splitlines()]
+    assert [entry["event"] for entry in entries] == ["sent", "heard", "heard", "refused"]
+    assert {entry["who"]: entry["details"]["outcome"] for entry in entries[1:3]} == {
+        "r1": "not matched",
+        "r2": "matched",
+    }
+    assert {entry["subject"] for entry in entries[:3]} == {sent["id"]}
+    assert called("journal", "verify").status == 0
+    stops = [json.loads(line) for line in journal_says(tmp_path / "stops.db", "export").out.splitlines()]
+    assert {(entry["event"], entry["subject"]) for entry in stops} >= {
+        ("sent", stopped["id"]),
+        ("heard", stopped["id"]),
+    }
 
 
 def test_the_word_alone_shows_the_last_entries(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,13 +19,13 @@ import pytest
 
 from sleepcast.channel.names import Names
 from sleepcast.clock import ManualClock
-from sleepcast.station import Event
+from sleepcast.station import Event, Station
 from sleepcast.station.journal import JournalError
 from sleepcast.station.journal_file import MAX_LISTED, NoJournalError
 from sleepcast.station.journal_reader import JournalReader, Query, Verified
 from sleepcast.station.roster import Some
 from sleepcast.station.sqlite_journal import Limits, SqliteJournal
-from station.fleet import Fleet
+from station.fleet import Fleet, vocabulary
 
 TESTS = Path(__file__).resolve().parent.parent
 
@@ -112,8 +112,7 @@ def test_a_list_of_very_many_robots_is_cut_and_says_so(journal: SqliteJournal) -
 
 def test_a_desk_writes_it(journal: SqliteJournal, file: Path) -> None:
     fleet = Fleet()
-    station = fleet.station
-    station.journal = journal
+    station = Station(vocabulary(), fleet.minds, fleet.sent.append, fleet.clock, journal=journal)
     station.send("(ST)", everybody=True)
     with pytest.raises(Exception, match="confirm that"):
         station.send("(ST)")
@@ -171,7 +170,7 @@ def test_it_is_read_while_it_is_written(journal: SqliteJournal, file: Path) -> N
     assert found(file, Query(after=3)) == [4, 5, 6]
 
 
-def test_what_was_written_before_an_error_stays(journal: SqliteJournal, file: Path) -> None:
+def test_an_error_among_many_entries_keeps_none_of_them(journal: SqliteJournal, file: Path) -> None:
     def fail() -> None:
         with journal.together():
             fill(journal, 1, 2)
@@ -179,8 +178,14 @@ def test_what_was_written_before_an_error_stays(journal: SqliteJournal, file: Pa
 
     with pytest.raises(RuntimeError):
         fail()
-    fill(journal, 3, 3)
-    assert (verified(file).count, verified(file).broken) == (3, "")
+    fill(journal, 1, 1)
+    assert (verified(file).count, verified(file).broken) == (1, "")
+
+
+def test_nobody_waits_longer_than_he_has_patience(journal: SqliteJournal, file: Path) -> None:
+    other = SqliteJournal(file, ManualClock(), patience=0.01)
+    with closing(other), journal.together(), pytest.raises(JournalError, match="locked"):
+        fill(other, 1, 1)
 
 
 @pytest.mark.parametrize(

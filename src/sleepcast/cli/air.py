@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
+from sleepcast.cli.journals import journal_option, opened
+
 if TYPE_CHECKING:
     from sleepcast.channel.keys import KeyPair, Trust
     from sleepcast.channel.line import Line
@@ -33,7 +35,8 @@ Command = TypeVar("Command", bound=Callable[..., object])
 class Air:
     """channel: its address; fleet: its name. key: the owner of ours, None for the development key of this machine;
     trust: the file of those who are believed, None for the one beside the keys, or for the development keys alone.
-    folder: where keys lie, None for the one in the user's settings. within: s for answers, None: by the roster."""
+    folder: where keys lie, None for the one in the user's settings. within: s for answers, None: by the roster.
+    journal: the file in which it is written down, None for the fleet's own."""
 
     channel: str
     fleet: str
@@ -41,6 +44,7 @@ class Air:
     trust: Path | None
     folder: Path | None
     within: float | None = None
+    journal: Path | None = None
 
 
 def options(command: Command) -> Command:
@@ -57,32 +61,40 @@ def options(command: Command) -> Command:
 
 def operator(command: Callable[..., int]) -> Callable[..., int]:
     """A command of an operator on the air: it gets an `Air` and `as_json` besides what is its own."""
+    return on_air(
+        click.option("--json", "as_json", is_flag=True, help="Print the account as one JSON object.")(command)
+    )
+
+
+def on_air(command: Callable[..., int]) -> Callable[..., int]:
+    """The same without `as_json`."""
 
     @click.option("--channel", metavar="URI", default=CHANNEL, show_default=True, help="The radio.")
     @options
     @click.option(
         "--within", type=click.FloatRange(0.0, 60.0), help="Seconds for answers; else a millisecond for each robot."
     )
-    @click.option("--json", "as_json", is_flag=True, help="Print the account as one JSON object.")
+    @journal_option
     @wraps(command)
-    def on_air(
+    def placed(
         channel: str,
         fleet: str,
         key: str | None,
         trust: Path | None,
         folder: Path | None,
         within: float | None,
+        journal: Path | None,
         **others: object,
     ) -> int:
-        return command(air=Air(channel, fleet, key, trust, folder, within), **others)
+        return command(air=Air(channel, fleet, key, trust, folder, within, journal), **others)
 
-    return on_air
+    return placed
 
 
 @contextmanager
 def station_for(air: Air, say: Callable[[str], None], *, strict: bool = False) -> Iterator[AirStation]:
     """An operator's desk on this channel, which remembers at its end who was heard. say: tells the person what he must
-    know. strict: whether what is only doubtful is refused. Raises what the channel raises."""
+    know. strict: whether what is only doubtful is refused. Raises what the channel raises, and JournalError."""
     with looking_for(air, say, strict=strict) as (station, _):
         yield station
 
@@ -100,13 +112,17 @@ def looking_for(air: Air, say: Callable[[str], None], *, strict: bool = False) -
 
     contacts, minds, seen = Contacts.of(air.fleet), RemoteMinds(), Seen.of(air.fleet)
     seen.restore(minds, UnixClock().now())
-    with closing(line_for(air, None, robot=False, say=say)) as line:
+    with (
+        closing(line_for(air, None, robot=False, say=say)) as line,
+        closing(opened(air.journal, air.fleet)) as journal,
+    ):
         station = AirStation(
             line,
             UnixClock(),
             minds.vocabulary,
             minds,
             heard=contacts.heard,
+            journal=journal,
             caution=Caution(ABOVE, irreversible=True, strict=strict),
             within=air.within,
         )
@@ -115,6 +131,8 @@ def looking_for(air: Air, say: Callable[[str], None], *, strict: bool = False) -
         try:
             yield station, looker
         finally:
+            if station.trouble:
+                say(station.trouble)
             try:
                 contacts.save({name: at for name, at in station.roster.items() if at is not None})
                 seen.save(minds, station.now)

@@ -201,7 +201,7 @@ def rotate(file: Path, at: str | None) -> int:
     from sleepcast.cli.journals import opened
     from sleepcast.station.sqlite_journal import Limits
 
-    with closing(opened(file)) as found:
+    with closing(opened(file, FLEET)) as found:
         if at is None:
             archive = found.rotate()
             put(f"moved into {archive}" if archive else "there is nothing to move")

@@ -10,7 +10,6 @@ from urllib.parse import quote
 
 import click
 
-from sleepcast.cli.air import FLEET
 from sleepcast.files import data_folder
 
 if TYPE_CHECKING:
@@ -18,6 +17,9 @@ if TYPE_CHECKING:
 
 LONGEST = 200
 """Bytes of a file's name for a fleet, so that the names of its archives fit into 255."""
+
+HASTE = 0.25
+"""Seconds that a desk waits for another writer: it has robots to hear, and writes later what it could not."""
 
 Command = TypeVar("Command", bound=Callable[..., object])
 
@@ -39,9 +41,9 @@ def journal_of(fleet: str) -> Path:
     return data_folder() / "journals" / f"{name if len(name) <= LONGEST else sha256(fleet.encode()).hexdigest()}.db"
 
 
-def opened(journal: Path | None, fleet: str = FLEET) -> SqliteJournal:
+def opened(journal: Path | None, fleet: str) -> SqliteJournal:
     """A journal to write to: the file, or that of the fleet. Raises JournalError."""
     from sleepcast.clock import UnixClock
     from sleepcast.station.sqlite_journal import SqliteJournal
 
-    return SqliteJournal(journal or journal_of(fleet), UnixClock())
+    return SqliteJournal(journal or journal_of(fleet), UnixClock(), HASTE)

@@ -193,9 +193,10 @@ def _journal(options: Options) -> Journal | None:
     """The journal in a file, which the end of the process closes; None for one in memory."""
     if options["journal"] is None:
         return None
-    from sleepcast.cli.journals import opened
+    from sleepcast.clock import UnixClock
+    from sleepcast.station.sqlite_journal import SqliteJournal
 
-    return opened(options["journal"])
+    return SqliteJournal(options["journal"], UnixClock())
 
 
 def _keeping(options: Options) -> Keeping | None:

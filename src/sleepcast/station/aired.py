@@ -161,17 +161,13 @@ class AirStation(Station):
     def stop(self) -> Command:
         """As every station: it leaves at once."""
         self._driver = None
-        found = super().stop()
-        self.pump_out()
-        return found
+        return super().stop()
 
     def release(self) -> Command:
         """As every station. Raises RoleError for an observer."""
         if self.line.mailbox.role is Role.OBSERVER:
             raise RoleError(f"{self.operator} is an observer, who may ask and stop: an operator's key releases")
-        found = super().release()
-        self.pump_out()
-        return found
+        return super().release()
 
     def give_up(self, command: str) -> None:
         """Miss nobody any more who has not answered this command. Raises NoSuchCommandError."""
@@ -196,7 +192,7 @@ class AirStation(Station):
         return self.line.mailbox.next_number
 
     def _post(self, message: Message) -> None:
-        """Give a message to the mailbox; it leaves with `pump_out`."""
+        """Give a message to the mailbox; it leaves with `pump_out`, STOP and RELEASE at once."""
         body, kind = dict(message.body), message.kind
         named = body.get(FOR)
         within = self._within(len(named) if isinstance(named, list) else len(self._roster))
@@ -207,6 +203,8 @@ class AirStation(Station):
             kind, message.issued, text=message.text, deadline=deadline, standing=message.standing, body=body
         )
         self._pursued[message.id] = message.issued + within + SETTLE
+        if kind in (Kind.STOP, Kind.RELEASE):
+            self.pump_out()
 
     def _within(self, robots: int) -> float:
         """Seconds over which so many robots are to spread their answers."""
@@ -219,12 +217,13 @@ class AirStation(Station):
     def pump(self) -> list[Message]:
         """Hear, and do what is due; gives what robots said, where answers to what was sent again name the first."""
         heard = []
-        for message in self.line.receive():
-            if message.kind in TO_OPERATOR:
-                heard.append(self._known(message))
-                self.hear(heard[-1])
-            elif message.role != Role.ROBOT:
-                self._overhear(message)
+        with self._lock, self.notes.together(self._clock.now()):
+            for message in self.line.receive():
+                if message.kind in TO_OPERATOR:
+                    heard.append(self._known(message))
+                    self.hear(heard[-1])
+                elif message.role != Role.ROBOT:
+                    self._overhear(message)
         for listener in self.listeners if heard else ():
             listener(heard)
         self.attend()

@@ -34,6 +34,7 @@ from sleepcast.station.answers import answer_from
 from sleepcast.station.audience import Audience
 from sleepcast.station.journal import Event, Journal, MemoryJournal, Report
 from sleepcast.station.minds import FleetNames, ManyMinds, Mask, Minds, Telemetry, ToldByMany
+from sleepcast.station.notes import Note, Notes
 from sleepcast.station.parcels import AccountParcel, DeskParcel, ReportParcel
 from sleepcast.station.preview import NO, YES, Preview, Rows, preview
 from sleepcast.station.roster import Index, Roster, Some
@@ -81,7 +82,7 @@ class Station:
     ) -> None:
         self.operator, self.epoch, self.stale_after = operator, epoch, stale_after
         self.caution = Caution() if caution is None else caution
-        self.journal: Journal = MemoryJournal() if journal is None else journal
+        self.notes = Notes(MemoryJournal() if journal is None else journal)
         self.reports: deque[Report] = deque(maxlen=MAX_REPORTS)
         """What robots said unasked, the latest last."""
         self.vocabulary, self._minds, self._outbox, self._clock = vocabulary, minds, outbox, clock
@@ -91,6 +92,16 @@ class Station:
         self._sent = Sent()
         self._sequence = 0
         self._lock = RLock()
+
+    @property
+    def journal(self) -> Journal:
+        """Everything that was sent, heard and decided."""
+        return self.notes.journal
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with the journal, for a person; "" while nothing is."""
+        return self.notes.trouble
 
     def state(self) -> bytes:
         """Everything that it knows, but for what robots told of themselves one by one. Raises ParcelError for more than
@@ -238,7 +249,6 @@ class Station:
             urgent = kind in (Kind.STOP, Kind.RELEASE)
             if urgent:  # nothing comes before these, not even the journal
                 self._outbox(message)
-            self._sent.add(command, len(self._roster))
             if not command.is_look:  # what a desk asks in order to show it decides nothing
                 details = {
                     "kind": kind.value,
@@ -247,7 +257,8 @@ class Station:
                     "digest": hashlib.sha256(text.encode()).hexdigest(),
                     "predicted": Some(self._roster.names, command.expected),
                 }
-                self._note(Event.SENT, subject=message.id, text=text, details=details | said)
+                self._note(Event.SENT, subject=message.id, text=text, details=details | said, first=not urgent)
+            self._sent.add(command, len(self._roster))
             if not urgent:
                 self._outbox(message)
             return command
@@ -368,11 +379,19 @@ class Station:
             raise NoExplanationError(str(error)) from error
 
     def _note(
-        self, event: Event, who: str = "", *, subject: str = "", text: str = "", details: Mapping[str, object]
+        self,
+        event: Event,
+        who: str = "",
+        *,
+        subject: str = "",
+        text: str = "",
+        details: Mapping[str, object],
+        first: bool = False,
     ) -> None:
+        """Write an entry. first: before what it tells happens; then it raises JournalError."""
         with self._lock:
-            now = self._clock.now()
-            self.journal.append(now, who or self.operator, event, subject=subject, text=text, details=details)
+            note = Note(self._clock.now(), who or self.operator, event, subject, text, details)
+            (self.notes.write_first if first else self.notes.write)(note)
 
 
 def _at(codes: NDArray[np.uint8], places: Index | None) -> NDArray[np.uint8]:

@@ -215,9 +215,9 @@ def prepare(connection: sqlite3.Connection, file: Path, origin: Origin | None = 
 
 
 @contextmanager
-def transaction(connection: sqlite3.Connection) -> Iterator[None]:
-    """All or nothing, and nobody else writes meanwhile."""
-    begin(connection)
+def transaction(connection: sqlite3.Connection, patience: float = PATIENCE) -> Iterator[None]:
+    """All or nothing, and nobody else writes meanwhile. patience: s to wait until nobody does."""
+    _patiently(connection, "BEGIN IMMEDIATE", patience)
     try:
         yield
         connection.execute("COMMIT")
@@ -227,15 +227,10 @@ def transaction(connection: sqlite3.Connection) -> Iterator[None]:
         raise
 
 
-def begin(connection: sqlite3.Connection) -> None:
-    """Begin a transaction that writes."""
-    _patiently(connection, "BEGIN IMMEDIATE")
-
-
-def _patiently(connection: sqlite3.Connection, statement: str) -> None:
+def _patiently(connection: sqlite3.Connection, statement: str, patience: float = PATIENCE) -> None:
     """Do this once nobody else writes. SQLite looks more and more seldom, so that one who writes without a pause would
     keep us out, and for some statements not even twice; so we look often ourselves."""
-    until = time.monotonic() + PATIENCE
+    until = time.monotonic() + patience
     connection.execute("PRAGMA busy_timeout = 0")
     try:
         while True:

@@ -25,9 +25,9 @@ from sleepcast.files import settle
 from sleepcast.station.journal import Entry, Event
 from sleepcast.station.journal_file import (
     KEPT,
+    PATIENCE,
     Origin,
     about,
-    begin,
     digest,
     line_of,
     open_writing,
@@ -54,13 +54,15 @@ class Limits:
 
 
 class SqliteJournal:
-    """A `Journal` in a file; see the module. clock: Unix time, s, of when entries are written.
+    """A `Journal` in a file; see the module. clock: Unix time, s, of when entries are written. patience: s to
+    wait while somebody else writes.
 
     It may be used by any thread. All its methods raise JournalError when the file cannot be written or read.
     """
 
-    def __init__(self, file: Path, clock: Clock) -> None:
+    def __init__(self, file: Path, clock: Clock, patience: float = PATIENCE) -> None:
         self.file = file
+        self._patience = patience
         self._clock, self._lock = clock, RLock()
         self._connection = open_writing(file)
         self._together = False
@@ -87,24 +89,20 @@ class SqliteJournal:
 
     @contextmanager
     def together(self) -> Iterator[None]:
-        """Entries that are written within this come to the disk at once, when it ends: many cost what one does.
-        Others cannot write meanwhile, so it must be short."""
+        """Entries that are written within this come to the disk at once, when it ends: many cost what one does. None
+        does if that raises anything. Others cannot write meanwhile, so it must be short."""
         with self._lock:
             if self._together:
                 yield
                 return
             if self._is_full():
                 self._move(only_if_full=True)
-            with told(self.file):
-                begin(self._connection)
-            self._together = True
-            try:
-                yield
-            finally:  # what was written is true, whatever went wrong after it
-                self._together = False
-                if self._connection.in_transaction:  # a full disk ends it by itself
-                    with told(self.file):
-                        self._connection.execute("COMMIT")
+            with told(self.file), transaction(self._connection, self._patience):
+                self._together = True
+                try:
+                    yield
+                finally:
+                    self._together = False
 
     def entries(self, after: int = 0) -> Iterator[Entry]:
         """The entries in this file with a number above `after`, oldest first."""

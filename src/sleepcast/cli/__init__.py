@@ -41,6 +41,7 @@ COMMANDS = {
     "stop": ("sleepcast.cli.send", "stop"),
     "release": ("sleepcast.cli.send", "release"),
     "journal": ("sleepcast.cli.journal", "journal"),
+    "lease": ("sleepcast.cli.lease", "lease"),
     "keys": ("sleepcast.cli.keys", "keys"),
 }
 """Every subcommand with its module and its name there, in the order of the help page."""

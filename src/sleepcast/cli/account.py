@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from sleepcast.errors import printable
 
 if TYPE_CHECKING:
     from sleepcast.station.accounting import Accounting, Command
+    from sleepcast.station.settling import Foreseen
 
 FEW = 12
 """Names that are listed; of more, their number is told."""
@@ -20,21 +21,28 @@ WORDS = {ASK: "answered", STOP: "stopped", RELEASE: "released"}
 """What those have done that did what they were told."""
 
 
+SORTS = ("matched", "not_matched", "fault", "silent")
+
+
 def as_dict(command: Command, found: Accounting) -> dict[str, object]:
     """The account as plain data: counts always, names while they are few."""
-    predicted = sorted(command.predicted) if len(command.expected) <= MANY else []
-    sorts: dict[str, Sequence[str]] = {
-        "matched": found.matched,
-        "not_matched": found.not_matched,
-        "fault": found.fault,
-        "silent": found.silent,
-    }
-    told: dict[str, object] = {"id": command.id, "kind": str(command.kind), "text": command.message.text}
-    told |= {"predicted": predicted} if len(command.expected) <= MANY else {}
-    told |= {sort: sorted(names) for sort, names in sorts.items() if len(names) <= MANY}
-    told |= {"n_predicted": len(command.expected)} | {f"n_{sort}": len(names) for sort, names in sorts.items()}
-    told |= {"faults": found.faults} if len(found.fault) <= MANY else {}
-    return told | (census(found) if command.kind == ASK else {})
+    names = {"predicted": command.predicted} | {sort: getattr(found, sort) for sort in SORTS}
+    about = {"id": command.id, "kind": str(command.kind), "text": command.message.text}
+    faults = {"faults": found.faults} if len(found.fault) <= MANY else {}
+    return {**about, **_counted(names), **faults, **(census(found) if command.kind == ASK else {})}
+
+
+def stages_as_dict(text: str, stages: Sequence[tuple[Command, Accounting]]) -> dict[str, object]:
+    """The account of a command that was sent in stages: of all together, and of each."""
+    names: dict[str, Collection[str]] = {"predicted": set().union(*(command.predicted for command, _ in stages))}
+    names |= {sort: set().union(*(getattr(found, sort) for _, found in stages)) for sort in SORTS}
+    about = {"id": stages[0][0].id, "kind": str(stages[0][0].kind), "text": text}
+    return {**about, **_counted(names), "stages": [as_dict(*stage) for stage in stages]}
+
+
+def _counted(names: Mapping[str, Collection[str]]) -> dict[str, object]:
+    listed: dict[str, object] = {sort: sorted(found) for sort, found in names.items() if len(found) <= MANY}
+    return listed | {f"n_{sort}": len(found) for sort, found in names.items()}
 
 
 def census(found: Accounting) -> dict[str, object]:
@@ -46,6 +54,13 @@ def census(found: Accounting) -> dict[str, object]:
     histogram = {"low": bars.low, "high": bars.high, "counts": list(bars.counts)}
     least, mean, greatest = spread.least, spread.mean, spread.greatest
     return {**answers, "n": spread.count, "min": least, "mean": mean, "max": greatest, "histogram": histogram}
+
+
+def foreseen(found: Foreseen) -> str:
+    """Who would obey, as far as the desk knows: to be said before anything is sent."""
+    if not found.may + len(found.no):
+        return "nobody was heard before, so nobody knows who will obey"
+    return f"{listed('would obey', found.yes)}; {listed('cannot say', found.unknown)}; would not {len(found.no)}"
 
 
 def told(command: Command, found: Accounting) -> Iterator[str]:

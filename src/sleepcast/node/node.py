@@ -11,7 +11,7 @@ from collections import OrderedDict, deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from sleepcast.channel.bodies import LOOK, is_addressed
+from sleepcast.channel.bodies import LEASE, LOOK, is_addressed
 from sleepcast.channel.message import Kind, Message
 from sleepcast.errors import SleepcastError
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
@@ -305,12 +305,17 @@ class Node(Speaker):
         if message.kind is Kind.ASK and LOOK in message.body:
             self._answer(message, "answer", told=look(message.body, memory, self.stopped, self.why))
             return
+        if message.kind is Kind.COMMAND and LEASE in message.body:
+            group, refusal = self._authority.lease(message, now)
+            granted = "matched" if group in self.groups else "not matched"
+            self._answer(message, "fault" if refusal else granted, fault=refusal)
+            return
         try:
             program = memory.library.program(message.text, lambda: [read(message.text)], memory)
         except SleepcastError as error:
             self._answer(message, "fault", fault=str(error).splitlines()[0])
             return
-        objection = self._authority.objection(message, program)
+        objection = self._authority.objection(message, program, self.groups, now)
         if objection:
             self._answer(message, "fault", fault=objection)
             return

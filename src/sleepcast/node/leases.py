@@ -42,7 +42,7 @@ class Wish:
         if not isinstance(body, Mapping):
             return None
         deed, group, seconds, to = body.get(DO), body.get(GROUP), body.get(SECONDS, 0.0), body.get(TO, "")
-        if deed not in set(Deed) or not isinstance(group, str) or not 0 < len(group) <= MAX_NAME:
+        if deed not in tuple(Deed) or not isinstance(group, str) or not 0 < len(group) <= MAX_NAME:
             return None
         if not isinstance(seconds, float | int) or not 0.0 <= seconds <= MAX_LEASE or not isinstance(to, str):
             return None

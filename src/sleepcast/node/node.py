@@ -87,7 +87,7 @@ class Node(Speaker):
         self._memory = RobotMemory(
             table, Voice(self._report, self._tell, self._ping), ACTS, number=number, seed=seed, body=self.body
         )
-        self._authority = Authority()
+        self.authority = Authority()
         self._scheduler = Scheduler(self._memory.rules, self._run_rule)
         self._queue: deque[Message] = deque()
         self._seen: OrderedDict[str, None] = OrderedDict()
@@ -306,7 +306,7 @@ class Node(Speaker):
             self._answer(message, "answer", told=look(message.body, memory, self.stopped, self.why))
             return
         if message.kind is Kind.COMMAND and LEASE in message.body:
-            group, refusal = self._authority.lease(message, now)
+            group, refusal = self.authority.lease(message, now)
             granted = "matched" if group in self.groups else "not matched"
             self._answer(message, "fault" if refusal else granted, fault=refusal)
             return
@@ -315,7 +315,7 @@ class Node(Speaker):
         except SleepcastError as error:
             self._answer(message, "fault", fault=str(error).splitlines()[0])
             return
-        objection = self._authority.objection(message, program, self.groups, now)
+        objection = self.authority.objection(message, program, self.groups, now)
         if objection:
             self._answer(message, "fault", fault=objection)
             return
@@ -333,7 +333,7 @@ class Node(Speaker):
 
     def _stop(self, message: Message) -> None:
         self.stopped = True
-        self._authority.note_stop(message)
+        self.authority.note_stop(message)
         if isinstance(self.body, Robot):
             self.body.stop()
         else:
@@ -347,7 +347,7 @@ class Node(Speaker):
             self._answer(message, "stopped", fault=fault)
 
     def _release(self, message: Message) -> None:
-        if not self._authority.may_release(message):
+        if not self.authority.may_release(message):
             self._answer(message, "fault", fault="a STOP that was sent later holds")
             return
         self.stopped = self._memory.held = False

@@ -40,8 +40,8 @@ COMMANDS = {
     "ask": ("sleepcast.cli.send", "ask"),
     "stop": ("sleepcast.cli.send", "stop"),
     "release": ("sleepcast.cli.send", "release"),
-    "journal": ("sleepcast.cli.journal", "journal"),
     "lease": ("sleepcast.cli.lease", "lease"),
+    "journal": ("sleepcast.cli.journal", "journal"),
     "keys": ("sleepcast.cli.keys", "keys"),
 }
 """Every subcommand with its module and its name there, in the order of the help page."""

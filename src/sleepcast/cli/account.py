@@ -41,7 +41,10 @@ def stages_as_dict(text: str, stages: Sequence[tuple[Command, Accounting]]) -> d
 
 
 def _counted(names: Mapping[str, Collection[str]]) -> dict[str, object]:
-    listed: dict[str, object] = {sort: sorted(found) for sort, found in names.items() if len(found) <= MANY}
+    from sleepcast.channel.names import natural
+
+    few = {sort: found for sort, found in names.items() if len(found) <= MANY}
+    listed: dict[str, object] = {sort: sorted(found, key=natural) for sort, found in few.items()}
     return listed | {f"n_{sort}": len(found) for sort, found in names.items()}
 
 
@@ -77,7 +80,7 @@ def told(command: Command, found: Accounting) -> Iterator[str]:
         yield f"  {found.values.count} know it: min {least}, mean {mean}, max {greatest}"
     elif command.kind == "command":
         yield f"  {listed('did not match', found.not_matched)}"
-    for name in found.fault[:FEW]:
+    for name in _sorted(found.fault)[:FEW]:
         yield f"  fault on {name}: {printable(found.answers[name].fault or '')}"
     if len(found.fault) > FEW:
         yield f"  faults on {len(found.fault)} robots in all"
@@ -86,11 +89,19 @@ def told(command: Command, found: Accounting) -> Iterator[str]:
 
 def silence(found: Accounting) -> str:
     """Who said nothing, each with when it was heard last."""
-    return listed("silent", [f"{name} ({found.ago(name)})" for name in found.first_silent(FEW + 1)], found.n_silent)
+    shown = [f"{name} ({found.ago(name)})" for name in _sorted(found.first_silent(MANY))[:FEW]]
+    return listed("silent", shown, found.n_silent)
 
 
 def listed(what: str, names: Sequence[str], count: int | None = None) -> str:
     """`matched 3: r1, r2, r3`. count: how many there are, if not all are given."""
     count = len(names) if count is None else count
-    shown = ", ".join(names[:FEW]) + (", ..." if count > FEW else "")
+    shown = printable(", ".join(_sorted(names)[:FEW])) + (", ..." if count > FEW else "")
     return f"{what} {count}" + (f": {shown}" if count else "")
+
+
+def _sorted(names: Sequence[str]) -> Sequence[str]:
+    """In the order in which people look for them, as long as they are not too many for anybody to look."""
+    from sleepcast.channel.names import natural
+
+    return sorted(names, key=natural) if len(names) <= MANY else names

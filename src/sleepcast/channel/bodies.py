@@ -14,7 +14,9 @@ AGAIN = "again"
 LOOK, OF = "look", "of"
 """What a robot is to tell of itself, and of which command or description."""
 LEASE = "lease"
-"""Who is to control a group, and for how long."""
+"""Who is to control a group, and for how long: a map with these four."""
+DO, GROUP, SECONDS, TO = "do", "group", "seconds", "to"
+"""What is to be done with the lease (see `Deed`), of which group, for how long, and who is to have it."""
 KEYS = "keys"
 """Whom to trust, and whom not any more."""
 FIRST, AGE = "first", "age"
@@ -23,6 +25,21 @@ MATCHED = "matched"
 """Whether a robot would have obeyed what it was asked, in the answer to a question."""
 TOLD = "told"
 """What a robot tells of itself, in the answer to a look."""
+
+
+class Deed(StrEnum):
+    """What can be done with the lease of a group."""
+
+    TAKE = "take"
+    """Have it, if nobody else does, or have it longer."""
+    GIVE = "give"
+    """Have it no more."""
+    REQUEST = "request"
+    """Have it if nobody else does; who does hears of the wish."""
+    GRANT = "grant"
+    """Let somebody else have it."""
+    FORCE = "force"
+    """Have it whoever else does; for commanders."""
 
 
 class Look(StrEnum):

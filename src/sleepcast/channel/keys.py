@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from hashlib import sha256
 from types import MappingProxyType
 
@@ -18,6 +17,7 @@ from nacl.exceptions import BadSignatureError
 from nacl.signing import SigningKey, VerifyKey
 
 from sleepcast.channel.message import MAX_NAME, Kind
+from sleepcast.channel.roles import Role as Role
 from sleepcast.errors import MisuseError, did_you_mean
 
 SEED_BYTES = PUBLIC_BYTES = 32
@@ -25,19 +25,6 @@ SIGNATURE_BYTES = crypto_sign_BYTES
 ID_BYTES = 8
 MAX_KEYS = 16_384
 """Keys in one trust file: one for each of ten thousand robots, and their operators."""
-
-
-class Role(StrEnum):
-    """What the owner of a key may do. Anybody with a role may send STOP."""
-
-    OBSERVER = "observer"
-    """Ask, and nothing else."""
-    OPERATOR = "operator"
-    """Command."""
-    COMMANDER = "commander"
-    """Command, and say whom to trust."""
-    ROBOT = "robot"
-    """Answer, report, tell other robots, and hand on what others have missed."""
 
 
 ANYBODY = frozenset({Kind.STOP, Kind.REQUEST, Kind.DIGEST})

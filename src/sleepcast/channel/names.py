@@ -5,6 +5,7 @@ Numbered names (`scout1` to `scout1000000`) are made when somebody looks; kept, 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from typing import overload
 
@@ -60,3 +61,12 @@ class Names(Sequence[str]):
 
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and self.place(name) is not None
+
+
+_NUMBERS = re.compile(r"(\d+)")
+
+
+def natural(name: str) -> list[tuple[int, str]]:
+    """What to sort names by, so that r2 comes before r10."""
+    parts = _NUMBERS.split(name)
+    return [(int(part[:18]) if at % 2 else 0, part) for at, part in enumerate(parts)]

@@ -41,6 +41,7 @@ COMMANDS = {
     "ask": ("sleepcast.cli.send", "ask"),
     "stop": ("sleepcast.cli.send", "stop"),
     "release": ("sleepcast.cli.send", "release"),
+    "lease": ("sleepcast.cli.lease", "lease"),
     "journal": ("sleepcast.cli.journal", "journal"),
     "why": ("sleepcast.cli.who", "why"),
     "watch": ("sleepcast.cli.watch", "watch"),

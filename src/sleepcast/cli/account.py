@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from sleepcast.errors import printable
 
 if TYPE_CHECKING:
     from sleepcast.station.accounting import Accounting, Command
+    from sleepcast.station.settling import Foreseen
 
 FEW = 12
 """Names that are listed; of more, their number is told."""
@@ -20,21 +21,31 @@ WORDS = {ASK: "answered", STOP: "stopped", RELEASE: "released"}
 """What those have done that did what they were told."""
 
 
+SORTS = ("matched", "not_matched", "fault", "silent")
+
+
 def as_dict(command: Command, found: Accounting) -> dict[str, object]:
     """The account as plain data: counts always, names while they are few."""
-    predicted = sorted(command.predicted) if len(command.expected) <= MANY else []
-    sorts: dict[str, Sequence[str]] = {
-        "matched": found.matched,
-        "not_matched": found.not_matched,
-        "fault": found.fault,
-        "silent": found.silent,
-    }
-    told: dict[str, object] = {"id": command.id, "kind": str(command.kind), "text": command.message.text}
-    told |= {"predicted": predicted} if len(command.expected) <= MANY else {}
-    told |= {sort: sorted(names) for sort, names in sorts.items() if len(names) <= MANY}
-    told |= {"n_predicted": len(command.expected)} | {f"n_{sort}": len(names) for sort, names in sorts.items()}
-    told |= {"faults": found.faults} if len(found.fault) <= MANY else {}
-    return told | (census(found) if command.kind == ASK else {})
+    names = {"predicted": command.predicted} | {sort: getattr(found, sort) for sort in SORTS}
+    about = {"id": command.id, "kind": str(command.kind), "text": command.message.text}
+    faults = {"faults": found.faults} if len(found.fault) <= MANY else {}
+    return {**about, **_counted(names), **faults, **(census(found) if command.kind == ASK else {})}
+
+
+def stages_as_dict(text: str, stages: Sequence[tuple[Command, Accounting]]) -> dict[str, object]:
+    """The account of a command that was sent in stages: of all together, and of each."""
+    names: dict[str, Collection[str]] = {"predicted": set().union(*(command.predicted for command, _ in stages))}
+    names |= {sort: set().union(*(getattr(found, sort) for _, found in stages)) for sort in SORTS}
+    about = {"id": stages[0][0].id, "kind": str(stages[0][0].kind), "text": text}
+    return {**about, **_counted(names), "stages": [as_dict(*stage) for stage in stages]}
+
+
+def _counted(names: Mapping[str, Collection[str]]) -> dict[str, object]:
+    from sleepcast.channel.names import natural
+
+    few = {sort: found for sort, found in names.items() if len(found) <= MANY}
+    listed: dict[str, object] = {sort: sorted(found, key=natural) for sort, found in few.items()}
+    return listed | {f"n_{sort}": len(found) for sort, found in names.items()}
 
 
 def census(found: Accounting) -> dict[str, object]:
@@ -46,6 +57,13 @@ def census(found: Accounting) -> dict[str, object]:
     histogram = {"low": bars.low, "high": bars.high, "counts": list(bars.counts)}
     least, mean, greatest = spread.least, spread.mean, spread.greatest
     return {**answers, "n": spread.count, "min": least, "mean": mean, "max": greatest, "histogram": histogram}
+
+
+def foreseen(found: Foreseen) -> str:
+    """Who would obey, as far as the desk knows: to be said before anything is sent."""
+    if not found.may + len(found.no):
+        return "nobody was heard before, so nobody knows who will obey"
+    return f"{listed('would obey', found.yes)}; {listed('cannot say', found.unknown)}; would not {len(found.no)}"
 
 
 def told(command: Command, found: Accounting) -> Iterator[str]:
@@ -62,7 +80,7 @@ def told(command: Command, found: Accounting) -> Iterator[str]:
         yield f"  {found.values.count} know it: min {least}, mean {mean}, max {greatest}"
     elif command.kind == "command":
         yield f"  {listed('did not match', found.not_matched)}"
-    for name in found.fault[:FEW]:
+    for name in _sorted(found.fault)[:FEW]:
         yield f"  fault on {name}: {printable(found.answers[name].fault or '')}"
     if len(found.fault) > FEW:
         yield f"  faults on {len(found.fault)} robots in all"
@@ -71,11 +89,19 @@ def told(command: Command, found: Accounting) -> Iterator[str]:
 
 def silence(found: Accounting) -> str:
     """Who said nothing, each with when it was heard last."""
-    return listed("silent", [f"{name} ({found.ago(name)})" for name in found.first_silent(FEW + 1)], found.n_silent)
+    shown = [f"{name} ({found.ago(name)})" for name in _sorted(found.first_silent(MANY))[:FEW]]
+    return listed("silent", shown, found.n_silent)
 
 
 def listed(what: str, names: Sequence[str], count: int | None = None) -> str:
     """`matched 3: r1, r2, r3`. count: how many there are, if not all are given."""
     count = len(names) if count is None else count
-    shown = ", ".join(names[:FEW]) + (", ..." if count > FEW else "")
+    shown = printable(", ".join(_sorted(names)[:FEW])) + (", ..." if count > FEW else "")
     return f"{what} {count}" + (f": {shown}" if count else "")
+
+
+def _sorted(names: Sequence[str]) -> Sequence[str]:
+    """In the order in which people look for them, as long as they are not too many for anybody to look."""
+    from sleepcast.channel.names import natural
+
+    return sorted(names, key=natural) if len(names) <= MANY else names

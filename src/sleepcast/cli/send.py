@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.account import as_dict, silence, told
+from sleepcast.cli.account import as_dict, foreseen, silence, stages_as_dict, told
 from sleepcast.cli.air import Air, operator, station_for
 from sleepcast.cli.evaluate import NegativeNumbersAllowed
 from sleepcast.cli.streams import complain, put
@@ -16,6 +17,7 @@ from sleepcast.cli.streams import complain, put
 if TYPE_CHECKING:
     from sleepcast.station.accounting import Command
     from sleepcast.station.aired import AirStation
+    from sleepcast.station.settling import Draft
 
 GRACE = 1.0
 """Seconds after the time for answers for which they are still taken: for a robot's tick, and for repairs."""
@@ -23,6 +25,8 @@ PATIENCE = 2.0
 """The same for a question, which is asked again where its answer was lost."""
 UNWATCHED = 10.0
 """Seconds after which a STOP gives up on silent robots where nobody sits at a terminal who could."""
+MAX_HOLD = 86_400.0
+"""Seconds for which a command of one line may keep robots going: what drives longer than a day wants a rule."""
 TELL_EVERY = 1.0
 """Seconds between two sentences on how far a STOP has come."""
 
@@ -34,6 +38,9 @@ TELL_EVERY = 1.0
 @click.option("--only", metavar="NAMES", help="It is for these robots alone, as r1,r2.")
 @click.option("--count", type=click.IntRange(0), help="So many robots may obey: asked for where they are many.")
 @click.option("--deadline", metavar="S", type=float, help="Seconds for which it is good; else 5.")
+@click.option("--staged", is_flag=True, help="To one robot, then to a tenth, then to all, while nothing goes wrong.")
+@click.option("--hold", metavar="S", type=click.FloatRange(0.0, MAX_HOLD), help="Keep driving robots going so long.")
+@click.option("--strict", is_flag=True, help="Send nothing that is only doubtful.")
 @operator
 def send(
     text: str,
@@ -42,6 +49,9 @@ def send(
     only: str | None,
     count: int | None,
     deadline: float | None,
+    staged: bool,
+    hold: float | None,
+    strict: bool,
     air: Air,
     as_json: bool,
 ) -> int:
@@ -49,32 +59,69 @@ def send(
     where it went wrong, and who said nothing.
 
     Where more than ten robots may obey, or the expression cannot be undone, their number must be typed, or said with
-    --count.
+    --count. A robot that drives stops by itself when it hears nobody for a second; --hold keeps it going until so many
+    seconds are over, or Ctrl-C.
 
     \b
     Examples:
       sleepcast send '(WHEN (> front_range 1m) (VM 0.2m/s 0.2m/s))'
       sleepcast send --standing --all '(RULE keep (WHEN (< front_range 10in) (ST)))'
-      sleepcast send --only r7 --deadline 30 '(VM 0.2m/s 0.2m/s)'
+      sleepcast send --only r7 --hold 10 '(VM 0.2m/s 0.2m/s)'
+      sleepcast send --staged --count 48 '(WHEN (> battery 20%) (GOTO 10m 5m))'
     """
-    from sleepcast.station.settling import CountNeededError
+    from sleepcast.station.audience import Audience
+    from sleepcast.station.settling import CountNeededError, Draft
 
-    names = None if only is None else [name for name in only.replace(",", " ").split() if name]
-
-    def sending(station: AirStation, said: int | None) -> Command:
-        return station.send(text, standing=standing, deadline=deadline, everybody=everybody, count=said, only=names)
-
-    with station_for(air, complain) as station:
+    if staged and only is not None:
+        raise click.UsageError("--staged and --only do not go together: stages are chosen among all")
+    audience = Audience(None if only is None else [name for name in only.replace(",", " ").split() if name])
+    draft = Draft(text, standing, deadline, everybody, count, audience)
+    with station_for(air, complain, strict=strict) as station:
+        station.holding = hold is not None
+        complain(foreseen(station.foresee(text, only=audience.only)))
         try:
-            sent = sending(station, count)
+            station.settle(draft)
         except CountNeededError as error:
             if count is not None or as_json:
                 raise
-            sent = sending(station, _typed(error))
-        return _gathered(station, sent, GRACE, as_json)
+            draft = replace(draft, count=_typed(error))
+        status = _in_stages(station, draft, as_json) if staged else _at_once(station, draft, as_json)
+        if hold is not None:
+            station.wait(hold)
+        return status
 
 
-def _typed(error: Exception) -> int | None:
+def _at_once(station: AirStation, draft: Draft, as_json: bool) -> int:
+    sent = station.send(
+        draft.text,
+        standing=draft.standing,
+        deadline=draft.deadline,
+        everybody=draft.everybody,
+        count=draft.count,
+        only=draft.audience.only,
+    )
+    return gathered(station, sent, GRACE, as_json)
+
+
+def _in_stages(station: AirStation, draft: Draft, as_json: bool) -> int:
+    """Send in stages, telling what becomes of each. The exit status is 1 if there was one too few."""
+    from sleepcast.station.staging import staged
+
+    stages = []
+    for stage in staged(station, draft, GRACE):
+        stages.append(stage)
+        if not as_json:
+            complain(f"stage {len(stages)}, for {stage.account.asked} robots:")
+            _show(station, stage.command, as_json)
+    whole = stages[-1].last and stages[-1].good
+    if as_json:
+        put(json.dumps(stages_as_dict(draft.text, [(stage.command, stage.account) for stage in stages])))
+    elif not stages[-1].last:
+        complain("not sent to the others, because not all went well so far")
+    return 0 if whole else 1
+
+
+def _typed(error: Exception) -> int:
     """The number that a person types. Raises the error where nobody can, and click.Abort at the end of input."""
     if sys.stdin is None or not sys.stdin.isatty():
         raise error
@@ -95,7 +142,7 @@ def ask(text: str, air: Air, as_json: bool) -> int:
       sleepcast ask battery
     """
     with station_for(air, complain) as station:
-        return _gathered(station, station.ask(text), PATIENCE, as_json)
+        return gathered(station, station.ask(text), PATIENCE, as_json)
 
 
 @click.command("stop", short_help="Stop every robot on the air.")
@@ -148,10 +195,10 @@ def release(air: Air, as_json: bool) -> int:
       sleepcast release
     """
     with station_for(air, complain) as station:
-        return _gathered(station, station.release(), PATIENCE, as_json)
+        return gathered(station, station.release(), PATIENCE, as_json)
 
 
-def _gathered(station: AirStation, sent: Command, patience: float, as_json: bool) -> int:
+def gathered(station: AirStation, sent: Command, patience: float, as_json: bool) -> int:
     """Collect the answers, and print the account. The exit status is 1 if anything went wrong on a robot."""
     station.gather(sent, patience)
     _show(station, sent, as_json)

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import inf
 
-from sleepcast.channel.bodies import LOOK, MATCHED, is_addressed
+from sleepcast.channel.bodies import LEASE, LOOK, MATCHED, is_addressed
 from sleepcast.channel.message import Kind, Message
 from sleepcast.errors import SleepcastError
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
@@ -97,7 +97,7 @@ class Node(Speaker):
         self._memory = RobotMemory(
             table, Voice(self._report, self._tell, self._ping), ACTS, number=number, seed=seed, body=self.body
         )
-        self._authority, self._deadman = Authority(), DeadMan(lease)
+        self.authority, self._deadman = Authority(), DeadMan(lease)
         self._scheduler = Scheduler(self._memory.rules, self._run_rule)
         self._queue: deque[Message] = deque()
         self._seen: OrderedDict[str, None] = OrderedDict()
@@ -337,12 +337,17 @@ class Node(Speaker):
         if message.kind is Kind.ASK and LOOK in message.body:
             self._answer(message, "answer", told=look(message.body, memory, self.stopped, self.why))
             return
+        if message.kind is Kind.COMMAND and LEASE in message.body:
+            group, refusal = self.authority.lease(message, now)
+            granted = "matched" if group in self.groups else "not matched"
+            self._answer(message, "fault" if refusal else granted, fault=refusal)
+            return
         try:
             program = memory.library.program(message.text, lambda: [read(message.text)], memory)
         except SleepcastError as error:
             self._answer(message, "fault", fault=str(error).splitlines()[0])
             return
-        objection = self._authority.objection(message, program)
+        objection = self.authority.objection(message, program, self.groups, now)
         if objection:
             self._answer(message, "fault", fault=objection)
             return
@@ -375,7 +380,7 @@ class Node(Speaker):
         self._memory.variables.stop()
 
     def _stop(self, message: Message) -> None:
-        self._authority.note_stop(message)
+        self.authority.note_stop(message)
         fault = ""
         try:
             self.halt()
@@ -385,7 +390,7 @@ class Node(Speaker):
             self._answer(message, "stopped", fault=fault)
 
     def _release(self, message: Message) -> None:
-        if not self._authority.may_release(message):
+        if not self.authority.may_release(message):
             self._answer(message, "fault", fault="a STOP that was sent later holds")
             return
         self.stopped = self._memory.held = False

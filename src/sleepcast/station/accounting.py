@@ -151,6 +151,11 @@ class Accounting:
     def n_fault(self) -> int:
         return self.counts[FAULT]
 
+    @property
+    def asked(self) -> int:
+        """How many robots of the roster it was for."""
+        return self.addressed if self.only is None else len(self.only)
+
     @cached_property
     def _silent(self) -> NDArray[np.bool_]:
         return _silent(self.codes, self.addressed, self.only)

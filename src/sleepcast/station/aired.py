@@ -20,11 +20,12 @@ import numpy as np
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.bodies import AGAIN, AGE, FIRST, FOR, NOT, WITHIN
-from sleepcast.channel.keys import Role
+from sleepcast.channel.keys import MAY
 from sleepcast.channel.line import LONGEST, Line
 from sleepcast.channel.message import TO_OPERATOR
+from sleepcast.channel.roles import Role
 from sleepcast.clock import Clock
-from sleepcast.errors import MisuseError
+from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.language.parts import rules
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.accounting import Command
@@ -33,7 +34,7 @@ from sleepcast.station.audience import Audience
 from sleepcast.station.desk import REPEAT_AFTER, STALE_AFTER, Station
 from sleepcast.station.journal import Event, Journal
 from sleepcast.station.minds import Minds
-from sleepcast.station.settling import DEADLINE, Caution
+from sleepcast.station.settling import DEADLINE, Caution, Draft, Settled
 
 ANSWERS_A_SECOND = 1_000.0
 """Answers that are asked for in a second: 200 kB on the air, a fifth of what a slow radio carries."""
@@ -114,6 +115,11 @@ class AirStation(Station):
 
     # ---- sending
 
+    def settle(self, draft: Draft) -> Settled:
+        """As every station; raises RoleError for what our key may not send, too."""
+        self._settle_role(Kind.COMMAND, draft.text, draft.standing or self._changes_rules(draft.text))
+        return super().settle(draft)
+
     def send(
         self,
         text: str,
@@ -126,7 +132,6 @@ class AirStation(Station):
         but: Sequence[str] | None = None,
     ) -> Command:
         """As every station; raises RoleError for what our key may not send, too."""
-        self._settle_role(text, standing)
         found = super().send(
             text, standing=standing, deadline=deadline, everybody=everybody, count=count, only=only, but=but
         )
@@ -151,10 +156,11 @@ class AirStation(Station):
         seconds: float = DEADLINE,
     ) -> Command:
         """Send a message with a body of the caller's, and keep account of it; what robots say to it is among what
-        `pump` gives. Raises UnknownRobotError and AudienceError."""
+        `pump` gives. Raises UnknownRobotError, AudienceError, and RoleError for a kind that our key may not send."""
+        self._settle_role(kind, text)
         audience = Audience(only)
         said = {**audience.body(), **(body or {})}
-        found = self._broadcast(kind, text, seconds=seconds, only=self._places(audience), body=said)
+        found = self._broadcast(kind, text, seconds=seconds, only=audience.places(self._roster), body=said)
         self.pump_out()
         return found
 
@@ -165,8 +171,7 @@ class AirStation(Station):
 
     def release(self) -> Command:
         """As every station. Raises RoleError for an observer."""
-        if self.line.mailbox.role is Role.OBSERVER:
-            raise RoleError(f"{self.operator} is an observer, who may ask and stop: an operator's key releases")
+        self._settle_role(Kind.RELEASE)
         return super().release()
 
     def give_up(self, command: str) -> None:
@@ -174,19 +179,22 @@ class AirStation(Station):
         self._sent.get(command)
         self._pursued.pop(command, None)
 
-    def _settle_role(self, text: str, standing: bool) -> None:
-        role = self.line.mailbox.role
-        if role is Role.COMMANDER:
-            return
-        why = ""
-        if role is Role.OBSERVER:
-            why = "is an observer, who may ask and stop"
-        elif standing or rules(self._program(text).root):
-            why = "is an operator, who changes no rules: that needs a commander's key"
+    def _settle_role(self, kind: Kind, text: str = "", rules_change: bool = False) -> None:
+        role, why = self.line.mailbox.role, ""
+        if kind not in MAY[role]:
+            why = f"is an {role}, who may only ask and stop: {kind} needs an operator's key"
+        elif rules_change and role is not Role.COMMANDER:
+            why = f"is an {role}, who changes no rules: that needs a commander's key"
         if why:
             error = RoleError(f"{self.operator} {why}")
             self._refuse(text, error)
             raise error
+
+    def _changes_rules(self, text: str) -> bool:
+        try:
+            return rules(self._program(text).root)
+        except SleepcastError:  # whoever sends it says what is wrong with it
+            return False
 
     def _number(self) -> int:
         return self.line.mailbox.next_number
@@ -203,7 +211,7 @@ class AirStation(Station):
             kind, message.issued, text=message.text, deadline=deadline, standing=message.standing, body=body
         )
         self._pursued[message.id] = message.issued + within + SETTLE
-        if kind in (Kind.STOP, Kind.RELEASE):
+        if kind in LATCHING:
             self.pump_out()
 
     def _within(self, robots: int) -> float:

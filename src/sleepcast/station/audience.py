@@ -46,3 +46,6 @@ class Audience(NamedTuple):
             return None
         listed = range(len(roster)) if self.only is None else map(roster.place, self.only)
         return np.array(sorted(set(listed) - set(map(roster.place, self.but or ()))), np.intp)
+
+
+EVERYBODY = Audience()

@@ -36,10 +36,19 @@ from sleepcast.station.journal import Event, Journal, MemoryJournal, Report
 from sleepcast.station.minds import FleetNames, ManyMinds, Mask, Minds, Telemetry, ToldByMany
 from sleepcast.station.notes import Note, Notes
 from sleepcast.station.parcels import AccountParcel, DeskParcel, ReportParcel
-from sleepcast.station.preview import NO, YES, Preview, Rows, preview
+from sleepcast.station.preview import NO, UNKNOWN, YES, Preview, Rows, preview
 from sleepcast.station.roster import Index, Roster, Some
 from sleepcast.station.sent import Sent
-from sleepcast.station.settling import DEADLINE, Caution, settle_address, settle_count, settle_sort
+from sleepcast.station.settling import (
+    DEADLINE,
+    Caution,
+    Draft,
+    Foreseen,
+    Settled,
+    settle_address,
+    settle_count,
+    settle_sort,
+)
 from sleepcast.station.snapshot import journal_parcel, refill
 
 STALE_AFTER = 5.0
@@ -152,6 +161,35 @@ class Station:
 
     # ---- sending
 
+    def settle(self, draft: Draft) -> Settled:
+        """Everything that `send` does before it sends, and raises; nothing is sent."""
+        try:
+            program = self._program(draft.text)
+            settle_address(program, draft.everybody or draft.audience.named, len(self._roster))
+            seconds = settle_sort(program, draft.standing, draft.deadline)
+            codes, places = self._judged(program, draft.audience)
+            settle_count(program, int(np.count_nonzero(codes != NO)), draft.count, self.caution)
+            body = draft.audience.body()
+        except SleepcastError as error:
+            self._refuse(draft.text, error)
+            raise
+        expected = np.flatnonzero(codes == YES)
+        return Settled(draft.standing, seconds, expected if places is None else places[expected], places, body)
+
+    def foresee(self, text: str, *, only: Sequence[str] | None = None, but: Sequence[str] | None = None) -> Foreseen:
+        """Who would obey, of these. Raises ReadError, CheckError, UnknownRobotError."""
+        codes, places = self._judged(self._program(text), Audience(only, but))
+        there = np.arange(len(codes)) if places is None else places
+        yes, no, unknown = (Some(self._roster.names, there[codes == code]) for code in (YES, NO, UNKNOWN))
+        return Foreseen(yes, no, unknown)
+
+    def _judged(self, program: Program, audience: Audience) -> tuple[NDArray[np.uint8], Index | None]:
+        """The codes of a preview, and the places that they are for, None for all."""
+        codes = self._preview(program).codes
+        with self._lock:
+            places = audience.places(self._roster)
+        return (codes if places is None else codes[places]), places
+
     def send(
         self,
         text: str,
@@ -166,28 +204,14 @@ class Station:
         """Broadcast an expression and keep account of it.
 
         A one-shot command (the default) is evaluated within `deadline` seconds from now (`DEADLINE` unless given) or
-        never; a standing one is good until it has reached everybody. count: how many robots may obey, where the desk
-        wants to be told. only, but: for these robots, or for all except these. Raises ReadError and CheckError for a
-        text that no robot could run, AddressError if it would go to everybody and neither `everybody` nor `only` says
-        so, CountNeededError for a missing or wrong count, SortError for a standing command that has a test and joins a
-        group (who matches is a matter of the moment) or a deadline, UnknownRobotError and AudienceError.
+        never; a standing one is good until it has reached everybody. count: how many robots may obey (see `foresee`),
+        where the desk wants to be told. only, but: for these robots, or for all except these. Raises ReadError and
+        CheckError for a text that no robot could run, AddressError if it would go to everybody and neither `everybody`
+        nor `only` says so, CountNeededError for a missing or wrong count, SortError for a standing command that has a
+        test and joins a group (who matches is a matter of the moment) or a deadline, UnknownRobotError, AudienceError.
         """
-        audience = Audience(only, but)
-        try:
-            program = self._program(text)
-            settle_address(program, everybody or audience.named, len(self._roster))
-            seconds = settle_sort(program, standing, deadline)
-            codes = self._preview(program).codes
-            places = self._places(audience)
-            settle_count(program, int(np.count_nonzero(_at(codes, places) != NO)), count, self.caution)
-            body = audience.body()
-        except SleepcastError as error:
-            self._refuse(text, error)
-            raise
-        expected = np.flatnonzero(codes == YES)
-        if places is not None:
-            expected = np.intersect1d(expected, places)
-        return self._broadcast(Kind.COMMAND, text, standing, seconds, expected, places, body)
+        settled = self.settle(Draft(text, standing, deadline, everybody, count, Audience(only, but)))
+        return self._broadcast(Kind.COMMAND, text, *settled)
 
     def ask(self, text: str, *, only: Sequence[str] | None = None, but: Sequence[str] | None = None) -> Command:
         """Ask robots for the value of an expression; nothing changes on them, whatever the expression does.
@@ -198,7 +222,7 @@ class Station:
         audience = Audience(only, but)
         try:
             self._program(text)
-            places, body = self._places(audience), audience.body()
+            places, body = audience.places(self._roster), audience.body()
         except SleepcastError as error:
             self._refuse(text, error)
             raise
@@ -211,10 +235,6 @@ class Station:
     def release(self) -> Command:
         """End STOP on every robot; nothing old resumes by itself."""
         return self._broadcast(Kind.RELEASE)
-
-    def _places(self, audience: Audience) -> Index | None:
-        with self._lock:
-            return audience.places(self._roster)
 
     def _refuse(self, text: str, error: SleepcastError) -> None:
         self._note(Event.REFUSED, text=text, details={"reason": str(error)})
@@ -345,6 +365,11 @@ class Station:
     # ---- afterwards
 
     @property
+    def names(self) -> Sequence[str]:
+        """Of all robots on the roster, in its order."""
+        return self._roster.names
+
+    @property
     def roster(self) -> dict[str, float | None]:
         """Every robot by name, with the time at which it was last heard (s of the desk's clock), None if never."""
         with self._lock:
@@ -392,7 +417,3 @@ class Station:
         with self._lock:
             note = Note(self._clock.now(), who or self.operator, event, subject, text, details)
             (self.notes.write_first if first else self.notes.write)(note)
-
-
-def _at(codes: NDArray[np.uint8], places: Index | None) -> NDArray[np.uint8]:
-    return codes if places is None else codes[places]

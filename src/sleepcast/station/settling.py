@@ -5,13 +5,17 @@ Nothing here sends anything; a command that says too little is refused with a se
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
+from typing import NamedTuple
 
 from sleepcast.errors import MisuseError
 from sleepcast.language.machine import Program
 from sleepcast.language.parts import irreversible, walk
+from sleepcast.station.audience import EVERYBODY, Audience
 from sleepcast.station.preview import is_for_everybody
+from sleepcast.station.roster import Index
 
 DEADLINE = 5.0
 """Seconds for which a one-shot command is good unless it says otherwise: time for repairs on a bad radio, too short
@@ -45,6 +49,42 @@ class Caution:
     above: int | None = None
     irreversible: bool = False
     strict: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """A command before it is sent: see `Station.send`."""
+
+    text: str
+    standing: bool = False
+    deadline: float | None = None
+    everybody: bool = False
+    count: int | None = None
+    audience: Audience = EVERYBODY
+
+
+class Foreseen(NamedTuple):
+    """Robots that will obey for certain, that will not, and of which the desk cannot say."""
+
+    yes: Sequence[str]
+    no: Sequence[str]
+    unknown: Sequence[str]
+
+    @property
+    def may(self) -> int:
+        """How many may obey."""
+        return len(self.yes) + len(self.unknown)
+
+
+class Settled(NamedTuple):
+    """What a command says besides its text. seconds: for which it is good; expected: the places of those who will obey
+    for certain; places: of those for whom it is, None for all."""
+
+    standing: bool
+    seconds: float
+    expected: Index
+    places: Index | None
+    body: dict[str, object]
 
 
 def settle_address(program: Program, everybody: bool, roster: int) -> None:

@@ -1,0 +1,89 @@
+"""`sleepcast lease`: who alone may command the robots of a group."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from sleepcast.cli.air import Air, operator, station_for
+from sleepcast.cli.send import GRACE, gathered
+from sleepcast.cli.streams import complain
+from sleepcast.errors import printable
+
+if TYPE_CHECKING:
+    from sleepcast.channel.bodies import Deed
+    from sleepcast.station.aired import AirStation
+
+SECONDS = 60.0
+"""For which a lease is had unless another time is said: long enough for a task, short enough to be waited for."""
+DEEDS = ("take", "give", "request", "grant", "force")
+
+
+@click.command("lease", short_help="Have a group of robots to yourself for a while.")
+@click.argument("deed", type=click.Choice(DEEDS))
+@click.argument("group")
+@click.option("--seconds", metavar="S", type=float, default=SECONDS, show_default=True, help="For how long.")
+@click.option("--to", default="", metavar="NAME", help="To whom it is granted.")
+@click.option("--keep", is_flag=True, help="Renew it until Ctrl-C, then give it back.")
+@operator
+def lease(deed: str, group: str, seconds: float, to: str, keep: bool, air: Air, as_json: bool) -> int:
+    """Control a GROUP: while you have its lease, its robots refuse the commands of other operators, and tell them why.
+    STOP and questions are for everybody, always; what stands comes from commanders, and is no matter of leases.
+
+    \b
+    take     have it, or have it longer; refused while somebody else has it
+    give     have it no more
+    request  the same as take; who has it is told that you ask
+    grant    let somebody else have it (--to NAME)
+    force    take it from whoever has it; for commanders
+
+    \b
+    Examples:
+      sleepcast lease take bravo --seconds 300
+      sleepcast lease take bravo --keep
+      sleepcast lease grant bravo --to anna
+    """
+    from sleepcast.channel.bodies import Deed
+
+    if keep and deed not in ("take", "request", "force"):
+        raise click.UsageError("--keep goes with take, request and force")
+    with station_for(air, complain) as station:
+        status = _done(station, Deed(deed), group, seconds, to, as_json)
+        if keep and status == 0:
+            _keep(station, group, seconds, as_json)
+        return status
+
+
+def _done(station: AirStation, deed: Deed, group: str, seconds: float, to: str, as_json: bool) -> int:
+    from sleepcast.channel import Kind
+    from sleepcast.station.leases import lease_body
+
+    sent = station.post(Kind.COMMAND, body=lease_body(deed, group, seconds, to))
+    return gathered(station, sent, GRACE, as_json)
+
+
+def _keep(station: AirStation, group: str, seconds: float, as_json: bool) -> None:
+    """Renew the lease until Ctrl-C, telling what others say about it; then give it back."""
+    from sleepcast.channel import Kind
+    from sleepcast.channel.bodies import Deed
+    from sleepcast.station.leases import lease_body, wish
+
+    complain(f"{group} is yours until Ctrl-C")
+    renewed = station.now
+    try:
+        while True:
+            station.wait(0.1)
+            while station.news:
+                said = wish(station.news.popleft())
+                if said:
+                    complain(printable(said))
+            if station.now - renewed >= seconds / 3.0:
+                renewed = station.now
+                sent = station.post(Kind.COMMAND, body=lease_body(Deed.TAKE, group, seconds))
+                station.gather(sent, GRACE)
+                found = station.accounting(sent.id)
+                if found.n_fault:
+                    complain(printable(f"{group} is not all yours: {next(iter(found.faults.values()))}"))
+    finally:
+        _done(station, Deed.GIVE, group, 0.0, "", as_json)

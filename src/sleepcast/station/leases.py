@@ -1,0 +1,40 @@
+"""The desk's side of group leases: what to say for one, and what others' wishes mean to a person."""
+
+from __future__ import annotations
+
+from sleepcast.channel import Message
+from sleepcast.channel.bodies import DO, GROUP, LEASE, SECONDS, TO, Deed
+from sleepcast.errors import MisuseError
+
+MAX_LEASE = 3_600.0
+"""Seconds for which a lease may be had at a time, as robots take it."""
+
+
+class LeaseError(MisuseError):
+    """A lease that no robot could grant."""
+
+
+def lease_body(deed: Deed, group: str, seconds: float, to: str = "") -> dict[str, object]:
+    """As it stands in a message. Raises LeaseError."""
+    if not 0.0 <= seconds <= MAX_LEASE:
+        raise LeaseError(f"a lease is for 0 to {MAX_LEASE:g} s, not {seconds:g}: renew it where you need it longer")
+    if deed is Deed.GRANT and not to:
+        raise LeaseError(f"say to whom {group} is granted (--to NAME)")
+    return {LEASE: {DO: deed.value, GROUP: group, SECONDS: seconds, TO: to}}
+
+
+def wish(message: Message) -> str:
+    """What another operator does about a lease, in words; "" for messages about something else."""
+    match message.body.get(LEASE):
+        case {"do": str() as deed, "group": str() as group}:
+            words = {
+                Deed.TAKE.value: f"{message.sender} takes {group}",
+                Deed.GIVE.value: f"{message.sender} gives {group} back",
+                Deed.REQUEST.value: (
+                    f"{message.sender} asks for {group}: sleepcast lease grant {group} --to {message.sender}"
+                ),
+                Deed.GRANT.value: f"{message.sender} grants {group} to somebody else",
+                Deed.FORCE.value: f"{message.sender} has taken {group} by force",
+            }
+            return words.get(deed, "")
+    return ""

@@ -1,0 +1,203 @@
+"""Operators and robots on one radio in simulated time: real desks, real doors, real minds, and bodies that note what
+is asked of them. Only the radio is made: it loses, repeats and delays as it is told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from heapq import heappop, heappush
+from random import Random
+
+from sleepcast.channel import Message
+from sleepcast.channel.door import Door
+from sleepcast.channel.keys import KeyPair, PublicKey, Role, Trust
+from sleepcast.channel.line import Line
+from sleepcast.channel.mailbox import Mailbox
+from sleepcast.clock import ManualClock
+from sleepcast.language import HostFunction, Vocabulary
+from sleepcast.node.node import Node
+from sleepcast.station.aired import AirStation
+from sleepcast.station.settling import Caution
+from sleepcast.units import Quantity
+
+START = 1_000_000.0
+STEP = 0.01
+FLEET = "lab"
+KEYS = {
+    "chief": KeyPair("chief", Role.COMMANDER, b"c" * 32),
+    "anna": KeyPair("anna", Role.OPERATOR, b"a" * 32),
+    "bert": KeyPair("bert", Role.OPERATOR, b"b" * 32),
+    "watch": KeyPair("watch", Role.OBSERVER, b"w" * 32),
+    "r*": KeyPair("r*", Role.ROBOT, b"r" * 32),
+}
+
+
+class Body:
+    """A body that notes what is asked of it."""
+
+    def __init__(self) -> None:
+        self.driven: list[float] = []
+        self.dropped = 0
+
+    def drive(self, speed: float) -> None:
+        self.driven.append(speed)
+
+    def drop(self) -> None:
+        self.dropped += 1
+
+
+VOCABULARY = Vocabulary(
+    "craft",
+    sensors=(Quantity("x", "m"), Quantity("fuel", low=0, high=1, shown_as="%")),
+    actuators=(Quantity("throttle", low=0, high=1),),
+    functions=(
+        HostFunction("DRIVE", Body.drive, dimensions=(None,), arguments="speed"),
+        HostFunction("DROP", Body.drop, irreversible=True),
+    ),
+)
+
+
+class Wire:
+    """One party's end of the radio."""
+
+    def __init__(self, scene: Scene, name: str) -> None:
+        self.scene, self.name, self.heard = scene, name, list[bytes]()
+
+    def fileno(self) -> int:
+        raise NotImplementedError("nobody waits in simulated time")
+
+    def send(self, datagram: bytes) -> None:
+        self.scene.sent.append(datagram)
+        self.scene.fly(self.name, datagram)
+
+    def receive(self) -> list[bytes]:
+        found, self.heard = self.heard, []
+        return found
+
+    def close(self) -> None:
+        self.heard.clear()
+
+
+@dataclass
+class Robot:
+    """A mind on the radio. on: whether it has power."""
+
+    node: Node
+    line: Line
+    wire: Wire
+    body: Body
+    on: bool = True
+    ticks: int = 0
+
+
+@dataclass
+class Scene:
+    """Robots `r0`, `r1`, ... and operators, who join when they are first asked for. loss: share of what each receiver
+    loses of everything; twice: what he hears twice; delay: s at most, which also changes the order. deaf: pairs of
+    speaker and hearer between whom nothing goes."""
+
+    robots: int = 3
+    loss: float = 0.0
+    twice: float = 0.0
+    delay: float = 0.0
+    seed: int = 1
+    caution: Caution | None = None
+    clock: ManualClock = field(default_factory=lambda: ManualClock(START))
+    sent: list[bytes] = field(default_factory=list)
+    deaf: set[tuple[str, str]] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.chance = Random(self.seed)
+        self.trust = Trust(key.public for key in KEYS.values())
+        self._flying: list[tuple[float, int, str, bytes]] = []
+        self._tie = 0
+        self._wires: dict[str, Wire] = {}
+        self._desks: dict[str, AirStation] = {}
+        self.fleet = {f"r{i}": self._robot(f"r{i}", i) for i in range(self.robots)}
+
+    def _line(self, name: str, key: KeyPair, robot: bool, zero: float = 0.0) -> tuple[Line, Wire]:
+        wire = self._wires[name] = Wire(self, name)
+        door = Door(self.trust, FLEET, self.clock, robot=robot)
+        epoch = int(self.clock.now() * 1000.0)
+        box = Mailbox(name, epoch, key, door, Random(self.chance.random()))
+        return Line(wire, box, self.clock, Random(self.chance.random()), zero), wire
+
+    def _robot(self, name: str, number: int) -> Robot:
+        body = Body()
+        line, wire = self._line(name, KEYS["r*"], robot=True, zero=self.clock.now())
+        node = Node(name, VOCABULARY, number=number, body=body)
+        node.sense((float(number), 0.5), 0.0)
+        return Robot(node, line, wire, body)
+
+    def desk(self, owner: str = "chief", heard: Iterable[str] | None = None) -> AirStation:
+        """The desk of an operator. heard: who was heard before, by default all robots."""
+        if owner not in self._desks:
+            line, _ = self._line(owner, KEYS[owner], robot=False)
+            names = self.fleet if heard is None else heard
+            self._desks[owner] = AirStation(
+                line,
+                self.clock,
+                VOCABULARY,
+                {},
+                heard=dict.fromkeys(names, START - 8.0),
+                caution=self.caution,
+            )
+        return self._desks[owner]
+
+    def trusted(self, owner: str) -> PublicKey:
+        return KEYS[owner].public
+
+    def run(self, seconds: float) -> None:
+        """Let time pass."""
+        until = self.clock.now() + seconds
+        while self.clock.now() < until:
+            self.clock.advance(STEP)
+            self._deliver()
+            for robot in self.fleet.values():
+                if robot.on:
+                    self._tick(robot)
+            for desk in self._desks.values():
+                desk.pump()
+
+    def _tick(self, robot: Robot) -> None:
+        robot.ticks += 1
+        for message in robot.line.receive():
+            robot.node.receive(message)
+        robot.node.think(robot.ticks, self.clock.now() - robot.line.zero)
+        for said in robot.node.outbox:
+            robot.line.send(said)
+        robot.node.outbox.clear()
+
+    def fly(self, speaker: str, datagram: bytes) -> None:
+        """What somebody says goes to everybody else."""
+        for name in self._wires:
+            if name == speaker or (speaker, name) in self.deaf:
+                continue
+            for _ in range(1 + (self.chance.random() < self.twice)):
+                if self.chance.random() >= self.loss:
+                    self._tie += 1
+                    arrives = self.clock.now() + self.chance.random() * self.delay
+                    heappush(self._flying, (arrives, self._tie, name, datagram))
+
+    def _deliver(self) -> None:
+        while self._flying and self._flying[0][0] <= self.clock.now():
+            _, _, name, datagram = heappop(self._flying)
+            if name not in self.fleet or self.fleet[name].on:
+                self._wires[name].heard.append(datagram)
+
+    def say(self, message: Message, key: KeyPair) -> None:
+        """Somebody who keeps to no rules of ours sends this."""
+        from sleepcast.channel.envelope import encode
+
+        for datagram in encode(message, FLEET, key):
+            self.fly("stranger", datagram)
+
+    def isolate(self, name: str) -> None:
+        """Nobody hears a robot, and it hears nobody."""
+        for other in self._wires:
+            self.deaf |= {(name, other), (other, name)}
+
+    def join(self, name: str) -> None:
+        """The robot is back."""
+        self.deaf = {pair for pair in self.deaf if name not in pair}

@@ -1,0 +1,203 @@
+"""STOP: heard by all, repeated until everybody is accounted for, latched, and ended by nothing but a RELEASE that was
+decided later."""
+
+from __future__ import annotations
+
+import pytest
+
+from safety.scene import KEYS, START, Scene
+from sleepcast.channel import Kind, Message
+from sleepcast.station.aired import AirStation, RoleError
+
+
+def silent(desk: AirStation, command: str) -> tuple[str, ...]:
+    return desk.accounting(command).silent
+
+
+@pytest.mark.parametrize("owner", ["chief", "anna", "watch"])
+def test_anybody_with_a_role_may_stop(owner: str) -> None:
+    """Must 2 and 5: any operator, an observer too, and the language is not asked."""
+    scene = Scene()
+    desk = scene.desk(owner)
+    stop = desk.stop()
+    scene.run(0.5)
+    assert all(robot.node.stopped for robot in scene.fleet.values())
+    assert desk.accounting(stop.id).sentence() == "matched 3, did not match 0, fault 0, silent 0"
+
+
+def test_a_robot_may_stop_the_others() -> None:
+    """Must 5: anyone with any role."""
+    scene = Scene()
+    scene.desk()
+    scene.say(Message("r9", 1, 1, Kind.STOP, START), KEYS["r*"])
+    scene.run(0.1)
+    assert all(robot.node.stopped for robot in scene.fleet.values())
+
+
+def test_stop_is_repeated_until_everybody_is_accounted_for() -> None:
+    """Must 2: a robot that was out of reach for half a minute is stopped as soon as it is back, without a new key."""
+    scene = Scene()
+    desk = scene.desk()
+    scene.isolate("r1")
+    stop = desk.stop()
+    scene.run(30.0)
+    assert (desk.accounting(stop.id).matched, silent(desk, stop.id)) == (("r0", "r2"), ("r1",))
+    assert not scene.fleet["r1"].node.stopped
+    scene.join("r1")
+    scene.run(1.2)
+    assert scene.fleet["r1"].node.stopped
+    assert silent(desk, stop.id) == ()
+    before = len(scene.sent)
+    scene.run(5.0)
+    assert len(scene.sent) - before <= 4, "and then it is quiet"
+
+
+def test_the_account_never_takes_silence_for_obedience() -> None:
+    """Must 2, and `which hosts never answered?`: the ones that are silent are named, with when they were last heard."""
+    scene = Scene()
+    scene.isolate("r2")
+    desk = scene.desk()
+    scene.isolate("r2")
+    stop = desk.stop()
+    scene.run(2.0)
+    assert desk.accounting(stop.id).sentence() == (
+        "matched 2, did not match 0, fault 0, silent 1: r2 last heard 10 s ago"
+    )
+
+
+def test_a_stop_that_was_obeyed_and_not_heard_of_is_asked_about_again() -> None:
+    """An answer that was lost is no silence for ever, and whoever answered is not asked again."""
+    scene = Scene()
+    desk = scene.desk()
+    scene.deaf.add(("r1", "chief"))
+    stop = desk.stop()
+    scene.run(2.0)
+    assert scene.fleet["r1"].node.stopped
+    assert silent(desk, stop.id) == ("r1",)
+    said = {name: robot.line.mailbox.next_number for name, robot in scene.fleet.items()}
+    scene.deaf.clear()
+    scene.run(2.0)
+    assert silent(desk, stop.id) == ()
+    assert scene.fleet["r1"].line.mailbox.next_number > said["r1"]
+    assert scene.fleet["r0"].line.mailbox.next_number <= said["r0"] + 1, "nothing but a digest"
+
+
+def test_stop_bypasses_the_order_of_commands() -> None:
+    """Must 2: STOP does not wait for a command that is missing before it."""
+    scene = Scene()
+    desk = scene.desk()
+    scene.isolate("r0")
+    desk.send("(DRIVE 1)", everybody=True, deadline=60.0)
+    scene.run(1.0)
+    scene.join("r0")
+    desk.stop()
+    scene.run(0.05)
+    assert scene.fleet["r0"].node.stopped
+
+
+def test_stop_holds_until_an_explicit_release() -> None:
+    """Must 2: neither commands nor time nor rules end it, and what was asked meanwhile does not happen."""
+    scene = Scene()
+    desk = scene.desk()
+    desk.stop()
+    scene.run(1.0)
+    refused = desk.send("(DRIVE 1)", everybody=True)
+    scene.run(60.0)
+    assert desk.accounting(refused.id).n_fault == 3
+    desk.send("(RULE go (DRIVE 2))", standing=True, everybody=True)
+    scene.run(1.0)
+    assert all(robot.node.stopped and not robot.body.driven for robot in scene.fleet.values())
+
+
+def test_a_release_that_was_decided_before_a_stop_does_not_end_it() -> None:
+    """A RELEASE goes on looking for a robot that missed it; meanwhile somebody else stops all, and that holds."""
+    scene = Scene()
+    chief, anna = scene.desk("chief"), scene.desk("anna")
+    chief.stop()
+    scene.run(1.0)
+    scene.isolate("r1")
+    release = chief.release()
+    scene.run(1.0)
+    assert not scene.fleet["r0"].node.stopped
+    scene.deaf = {("anna", "chief")}  # chief does not know
+    anna.stop()
+    scene.run(5.0)
+    assert all(robot.node.stopped for robot in scene.fleet.values())
+    assert "a STOP that was sent later holds" in chief.accounting(release.id).faults["r1"]
+
+
+def test_a_desk_that_hears_a_stop_lets_its_release_go() -> None:
+    scene = Scene()
+    chief, anna = scene.desk("chief"), scene.desk("anna")
+    chief.stop()
+    scene.run(1.0)
+    scene.isolate("r1")
+    chief.release()
+    scene.run(0.5)
+    anna.stop()
+    scene.run(0.5)
+    scene.join("r1")
+    before = chief.line.mailbox.next_number
+    scene.run(3.0)
+    assert chief.line.mailbox.next_number <= before + 2, "nothing but digests"
+
+
+def test_a_replayed_release_does_not_end_a_stop() -> None:
+    """Must 7: what a stranger recorded of an old RELEASE, and plays to a robot that never heard it, changes nothing."""
+    scene = Scene()
+    desk = scene.desk()
+    scene.isolate("r1")
+    desk.stop()
+    scene.run(0.2)
+    before = len(scene.sent)
+    desk.release()
+    scene.run(0.2)
+    recorded = scene.sent[before:]
+    scene.join("r1")
+    desk.stop()
+    scene.run(1.0)
+    for datagram in recorded:
+        scene.fly("stranger", datagram)
+    scene.run(1.0)
+    assert all(robot.node.stopped for robot in scene.fleet.values())
+
+
+def test_an_observer_does_not_release() -> None:
+    """Must 5: refused at the desk with the reason, and at the robot if the desk is a forger's."""
+    scene = Scene()
+    watch = scene.desk("watch")
+    watch.stop()
+    scene.run(0.5)
+    with pytest.raises(RoleError, match="watch is an observer"):
+        watch.release()
+    scene.say(Message("watch", 1, 99, Kind.RELEASE, scene.clock.now()), KEYS["watch"])
+    scene.run(0.5)
+    assert all(robot.node.stopped for robot in scene.fleet.values())
+
+
+def test_stop_gets_through_where_half_of_everything_is_lost() -> None:
+    """Must 2 and the bar of the issue: within half a second of the key almost all bodies are stopped at 30 % loss, and
+    with half of everything lost all of them, sooner or later, are stopped and accounted for."""
+    scene = Scene(robots=40, loss=0.3, twice=0.1, delay=0.03)
+    desk = scene.desk()
+    stop = desk.stop()
+    scene.run(0.5)
+    assert sum(robot.node.stopped for robot in scene.fleet.values()) >= 39
+    scene.loss = 0.5
+    scene.run(8.0)
+    assert desk.accounting(stop.id).complete
+    assert all(robot.node.stopped for robot in scene.fleet.values())
+
+
+def test_a_stop_is_given_up_by_hand_only() -> None:
+    scene = Scene()
+    scene.isolate("r1")
+    desk = scene.desk()
+    scene.isolate("r1")
+    stop = desk.stop()
+    scene.run(2.0)
+    desk.give_up(stop.id)
+    before = desk.line.mailbox.next_number
+    scene.run(5.0)
+    assert desk.line.mailbox.next_number <= before + 2, "nothing but digests"
+    assert silent(desk, stop.id) == ("r1",), "and what is not known stays unknown"

@@ -25,15 +25,13 @@ from sleepcast.language.rehearsal import Answer
 from sleepcast.language.review import Checked, check
 from sleepcast.language.vocabulary import FROZEN, SLEEPING, Variable, Vocabulary, buffer_number
 from sleepcast.node.acts import ACTS
-from sleepcast.node.authority import Authority
 from sleepcast.node.buffers import ExpressionBuffer, RuleView
 from sleepcast.node.deadman import DeadMan, drives
+from sleepcast.node.embodied import Embodied
 from sleepcast.node.looks import look
 from sleepcast.node.memory import Fault, RobotMemory, Voice
 from sleepcast.node.scheduler import Scheduler
-from sleepcast.node.speech import Speaker
 from sleepcast.node.variables import VariableTable
-from sleepcast.robot import Robot
 
 MAX_RECOLLECTIONS = 64
 """Evaluations of messages that a robot can still explain."""
@@ -67,7 +65,7 @@ class Result:
         return explain(self.recollection)
 
 
-class Node(Speaker):
+class Node(Embodied):
     """One robot's mind.
 
     number: its `id` in expressions and in its chance. seed: of the run. body: what the functions of its vocabulary are
@@ -91,19 +89,17 @@ class Node(Speaker):
         on_air: bool = False,
     ) -> None:
         table = variables or VariableTable(vocabulary.name, like=vocabulary)
-        super().__init__(name)
-        self.number, self.body = number, table.body if body is None else body
-        self.stopped = False
+        super().__init__(name, table.body if body is None else body)
+        self.number = number
         self._memory = RobotMemory(
             table, Voice(self._report, self._tell, self._ping), ACTS, number=number, seed=seed, body=self.body
         )
-        self.authority, self._deadman = Authority(), DeadMan(lease)
+        self._deadman = DeadMan(lease)
         self._scheduler = Scheduler(self._memory.rules, self._run_rule)
         self._queue: deque[Message] = deque()
         self._seen: OrderedDict[str, None] = OrderedDict()
         # The fields of a Recollection, made into one only when somebody asks: this happens for every message.
         self._recollections: deque[Recollected] = deque(maxlen=MAX_RECOLLECTIONS)
-        self._was_still = False
         self._room = MAX_BACKLOG if on_air else MAX_QUEUE
         self.zero = 0.0
 
@@ -137,11 +133,6 @@ class Node(Speaker):
     def awake(self) -> bool:
         """Whether the next tick has anything to do: a message, rules that run, or a body that is driven."""
         return bool(self._queue) or bool(self._memory.rules.running) or self._memory.driven
-
-    @property
-    def driven(self) -> bool:
-        """Whether the body was last moved by a person's command that counts once; see `deadman`."""
-        return self._memory.driven
 
     @property
     def dropped(self) -> int:
@@ -364,64 +355,6 @@ class Node(Speaker):
         else:
             self._answer(message, "matched" if memory.matched else "not matched", value)
 
-    # ---- the body
-
     def interrupted(self, message: Message) -> None:
         """Answer a message that the life before this one began to evaluate: that is not done again."""
         self._answer(message, "fault", fault="interrupted: the robot was restarted while it did this")
-
-    def halt(self) -> None:
-        """Stop, and stay so until RELEASE. Raises LinkError if not everything came to rest."""
-        self.stopped = True
-        if isinstance(self.body, Robot):
-            self.body.stop()
-        else:
-            self._memory.held = True
-        self._memory.variables.stop()
-
-    def _stop(self, message: Message) -> None:
-        self.authority.note_stop(message)
-        fault = ""
-        try:
-            self.halt()
-        except SleepcastError as error:
-            fault = str(error)
-        if is_addressed(message.body, self.name):  # whoever hears a STOP stops; the others need not say so again
-            self._answer(message, "stopped", fault=fault)
-
-    def _release(self, message: Message) -> None:
-        if not self.authority.may_release(message):
-            self._answer(message, "fault", fault="a STOP that was sent later holds")
-            return
-        self.stopped = self._memory.held = False
-        self._memory.variables.release()
-        if isinstance(self.body, Robot):
-            self.body.release()
-        self._answer(message, "released")
-
-    def _let_go(self) -> None:
-        """Whoever drove the body is gone: it comes to rest, and nothing that was asked goes on by itself."""
-        memory = self._memory
-        memory.driven = False
-        memory.actuated.clear()
-        if self.stopped:
-            return
-        if isinstance(self.body, Robot):
-            self.body.stop()
-            self.body.release()
-        try:
-            memory.variables.stop()
-            memory.variables.release()
-        except SleepcastError as error:
-            self._report(f"nobody drives it any more, and it does not rest: {error}", ())
-        else:
-            self._report("at rest: nobody drives it any more", ())
-
-    def _hold(self) -> None:
-        """A sleeping or frozen robot keeps its body still."""
-        values = self._memory.values
-        still = values[SLEEPING] > 0 or values[FROZEN] > 0
-        if still != self._was_still:
-            self._was_still = still
-            if isinstance(self.body, Robot):
-                self.body.hold(still)

@@ -11,7 +11,7 @@ from random import Random
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.door import Door
 from sleepcast.channel.envelope import look
-from sleepcast.channel.keys import KeyPair, Role, Trust
+from sleepcast.channel.keys import KeyPair, PublicKey, Role, Trust
 from sleepcast.channel.mailbox import Mailbox
 from sleepcast.channel.reading import Reader
 from sleepcast.clock import ManualClock
@@ -34,7 +34,7 @@ class Party:
 
 class Air:
     """A desk and robots. loss, twice: shares of what each receiver loses and hears twice; delay: s at most. reader:
-    of all of them, as in one process; else each has one of its own."""
+    of all of them, as in one process; else each has one of its own. trusted: by everybody, besides these."""
 
     def __init__(
         self,
@@ -44,11 +44,13 @@ class Air:
         twice: float = 0.0,
         delay: float = 0.01,
         reader: Reader | None = None,
+        trusted: Iterable[PublicKey] = (),
     ) -> None:
         self.clock = ManualClock(START)
         self.chance = Random(seed)
         self.loss, self.twice, self.delay = loss, twice, delay
         self.reader = reader
+        self.trusted = (DESK.public, ROBOTS.public, *trusted)
         self.desk = self.party("desk", DESK)
         self.robots = [self.party(f"r{number}", ROBOTS) for number in range(robots)]
         self.others: list[Party] = []
@@ -60,16 +62,19 @@ class Air:
         """Pairs of parties, by their index with the desk as 0, that do not hear each other."""
 
     def party(self, name: str, key: KeyPair, epoch: int = 1) -> Party:
-        door = Door(
-            Trust((DESK.public, ROBOTS.public)), "lab", self.clock, robot=key is ROBOTS, rate=1e9, reader=self.reader
-        )
+        robot = key.public.role is Role.ROBOT
+        door = Door(Trust(self.trusted), "lab", self.clock, robot=robot, rate=1e9, reader=self.reader)
         box = Mailbox(name, epoch, key, door, Random(self.chance.random()))
         box.start(self.clock.now())
         return Party(box)
 
     def another_desk(self) -> Party:
         """The desk in its next life, beside the first one."""
-        self.others.append(self.party("desk", DESK, len(self.others) + 2))
+        return self.join("desk", DESK)
+
+    def join(self, name: str, key: KeyPair) -> Party:
+        """Somebody who was not there at the beginning."""
+        self.others.append(self.party(name, key, len(self.others) + 2))
         return self.others[-1]
 
     def everybody(self) -> list[Party]:

@@ -10,13 +10,15 @@ secret, and is refused.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from stat import S_IMODE
 from typing import TypeVar
 
 import msgspec
 
-from sleepcast.channel.keys import KeyPair, KeyRefusal, PublicKey, Role, Trust
+from sleepcast.channel.keys import KeyChange, KeyPair, KeyRefusal, PublicKey, Role, Trust
 from sleepcast.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.files import replace_file
 
@@ -56,10 +58,13 @@ class TrustedKey(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class TrustFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Whom somebody believes."""
+    """Whom somebody believes. gone: ids of revoked keys of which nothing else is known; vouched: fingerprints of what
+    revoked keys have said that counts all the same; see `Trust`."""
 
     format: int
     keys: list[TrustedKey]
+    gone: list[str] = []
+    vouched: list[str] = []
 
 
 File = TypeVar("File", SecretFile, TrustFile)
@@ -74,15 +79,41 @@ def load_trust(file: Path) -> Trust:
     """Whom a trust file believes. Raises KeyFileError, with the file and what is wrong with it."""
     found = _decoded(file, TrustFile, "a trust file")
     try:
-        return Trust(PublicKey(key.owner, key.role, half(key.public), key.revoked) for key in found.keys)
+        trust = Trust(PublicKey(key.owner, key.role, half(key.public), key.revoked) for key in found.keys)
+        trust.take(KeyChange((), frozenset(map(half, found.vouched)), frozenset(map(half, found.gone))))
     except KeyRefusal as error:
         raise KeyFileError(f"{file}: {error}") from None
+    return trust
 
 
 def save_trust(trust: Trust, file: Path) -> None:
     """Write a trust file. Raises KeyFileLostError; the file is then as it was."""
     keys = [TrustedKey(key.owner, key.role, key.public.hex(), key.revoked) for key in trust.keys]
-    _save(file, TrustFile(FORMAT, keys), private=False)
+    gone, vouched = sorted(key.hex() for key in trust.gone), sorted(print_.hex() for print_ in trust.vouched)
+    _save(file, TrustFile(FORMAT, keys, gone, vouched), private=False)
+
+
+def add_trust(trust: Trust, file: Path) -> None:
+    """Write what `trust` believes into a trust file, beside what others have written there meanwhile. Raises
+    KeyFileError and KeyFileLostError."""
+    with _alone(file):
+        there = load_trust(file) if file.exists() else Trust()
+        there.merge(trust)
+        save_trust(there, file)
+
+
+@contextmanager
+def _alone(file: Path) -> Iterator[None]:
+    """Nobody else who asks so writes this file meanwhile: several robots of one machine may hear the same."""
+    import fcntl
+
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        with file.with_name(f".{file.name}.lock").open("ab") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            yield
+    except OSError as error:
+        raise KeyFileLostError(f"cannot write {file}: {error.strerror or error}. Nothing was replaced") from None
 
 
 def load_key(file: Path) -> KeyPair:

@@ -3,12 +3,15 @@
 A key pair belongs to one party: an operator's desk, or a robot. Its public half, with the name and the role that go
 with it, stands in the trust file of everybody who is to believe it. Signatures are Ed25519 (RFC 8032) by PyNaCl; a
 key's id is the first eight bytes of the SHA-256 of its public half.
+
+Trust only grows: keys are added, keys are revoked for good, and of what a revoked key has said that stands, some is
+vouched for. So it does not matter in which order anybody hears of changes, or how often.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from types import MappingProxyType
 
@@ -16,7 +19,8 @@ from nacl.bindings import crypto_sign_BYTES
 from nacl.exceptions import BadSignatureError
 from nacl.signing import SigningKey, VerifyKey
 
-from sleepcast.channel.message import MAX_NAME, Kind
+from sleepcast.channel.bodies import KEYS
+from sleepcast.channel.message import MAX_NAME, Kind, Message
 from sleepcast.channel.roles import Role as Role
 from sleepcast.errors import MisuseError, did_you_mean
 
@@ -25,6 +29,12 @@ SIGNATURE_BYTES = crypto_sign_BYTES
 ID_BYTES = 8
 MAX_KEYS = 16_384
 """Keys in one trust file: one for each of ten thousand robots, and their operators."""
+MAX_VOUCHED = 20_000
+"""Fingerprints of what revoked keys have said that are kept: as many as there are standing commands on a shelf."""
+MAX_CHANGES = 1_000
+"""Keys, or fingerprints, in one change: they fit into one message."""
+FINGERPRINT_BYTES = 12
+"""Of the SHA-256 of a datagram: nobody finds another one with the same."""
 
 
 ANYBODY = frozenset({Kind.STOP, Kind.REQUEST, Kind.DIGEST})
@@ -105,11 +115,68 @@ class KeyPair:
         return self._secret.sign(content).signature
 
 
-class Trust:
-    """The keys that a party believes, by id. Raises KeyRefusal for more than `MAX_KEYS`."""
+@dataclass(frozen=True, slots=True)
+class KeyChange:
+    """What a commander says of keys. trust: keys that are to be believed; revoke: ids of those that are not, for good;
+    vouch: fingerprints of datagrams of revoked keys that count all the same."""
 
-    def __init__(self, keys: Iterable[PublicKey] = ()) -> None:
+    trust: tuple[PublicKey, ...] = ()
+    vouch: frozenset[bytes] = field(default_factory=frozenset)
+    revoke: frozenset[bytes] = field(default_factory=frozenset)
+
+    def written(self) -> dict[str, object]:
+        """As it stands in a message's body, under `bodies.KEYS`; bytes as hexadecimal digits."""
+        return {
+            "trust": [[key.owner, key.role.value, key.public.hex()] for key in self.trust],
+            "vouch": sorted(print_.hex() for print_ in self.vouch),
+            "revoke": sorted(key.hex() for key in self.revoke),
+        }
+
+    @staticmethod
+    def of(message: Message) -> KeyChange:
+        """What a message says of keys. Raises KeyRefusal if its sender may not say so, or if it is written wrongly."""
+        if message.role != Role.COMMANDER:
+            raise KeyRefusal("only a commander says whom to trust")
+        if not message.standing or message.text:
+            raise KeyRefusal("a command that says whom to trust stands, and says nothing else")
+        match message.body.get(KEYS):
+            case {"trust": list() as trust, "vouch": list() as vouch, "revoke": list() as revoke}:
+                if max(len(trust), len(vouch), len(revoke)) <= MAX_CHANGES:
+                    return KeyChange(
+                        tuple(_trusted(each) for each in trust),
+                        frozenset(_bytes(each, FINGERPRINT_BYTES) for each in vouch),
+                        frozenset(_bytes(each, ID_BYTES) for each in revoke),
+                    )
+        raise KeyRefusal(f"a change of keys has lists trust, vouch and revoke of at most {MAX_CHANGES} each")
+
+
+def _trusted(written: object) -> PublicKey:
+    match written:
+        case [str() as owner, str() as role, public] if role in set(Role):
+            return PublicKey(owner, Role(role), _bytes(public, PUBLIC_BYTES))
+    raise KeyRefusal("a key that is to be trusted has an owner, a role and its public half")
+
+
+def _bytes(written: object, count: int) -> bytes:
+    try:
+        found = bytes.fromhex(written) if isinstance(written, str) else b""
+    except ValueError:
+        found = b""
+    if len(found) != count:
+        raise KeyRefusal(f"{count} bytes are written as {2 * count} hexadecimal digits, not as {written!r:.80}")
+    return found
+
+
+class Trust:
+    """The keys that a party believes, by id. keep: is told of every change that was heard. Raises KeyRefusal for more
+    than `MAX_KEYS`."""
+
+    def __init__(self, keys: Iterable[PublicKey] = (), keep: Callable[[Trust], None] | None = None) -> None:
+        self.keep = keep
         self._keys: dict[bytes, PublicKey] = {}
+        self._gone: set[bytes] = set()
+        """Ids that were revoked before anybody said whose they are."""
+        self._vouched: dict[bytes, None] = {}
         for key in keys:
             self.add(key)
 
@@ -121,25 +188,74 @@ class Trust:
         """All of them, in the order in which they came."""
         return tuple(self._keys.values())
 
+    @property
+    def gone(self) -> frozenset[bytes]:
+        """Ids of keys that are revoked and not known otherwise."""
+        return frozenset(self._gone)
+
+    @property
+    def vouched(self) -> tuple[bytes, ...]:
+        """Fingerprints of what revoked keys have said that counts all the same."""
+        return tuple(self._vouched)
+
     def find(self, key: bytes) -> PublicKey | None:
         """The key with this id."""
         return self._keys.get(key)
+
+    def vouches(self, datagram: bytes) -> bool:
+        """Whether a datagram counts although its key is revoked."""
+        return bool(self._vouched) and fingerprint(datagram) in self._vouched
 
     def add(self, key: PublicKey) -> None:
         """Believe a key. One that was revoked stays so."""
         known = self._keys.get(key.id)
         if known is None and len(self._keys) >= MAX_KEYS:
             raise KeyRefusal(f"at most {MAX_KEYS} keys fit into one trust file: take out those that are revoked")
-        self._keys[key.id] = replace(key, revoked=True) if known is not None and known.revoked else key
+        revoked = key.revoked or key.id in self._gone or (known is not None and known.revoked)
+        self._gone.discard(key.id)
+        self._keys[key.id] = replace(key, revoked=revoked)
 
     def revoke(self, owner: str) -> tuple[PublicKey, ...]:
         """Believe no key of `owner` any more; gives them. Raises KeyRefusal if there is none."""
-        found = tuple(replace(key, revoked=True) for key in self._keys.values() if key.owner == owner)
+        found = tuple(key for key in self._keys.values() if key.owner == owner)
         if not found:
             names = sorted({key.owner for key in self._keys.values()})
             raise KeyRefusal(f"no key of {owner!r} is trusted{did_you_mean(owner, names)}")
-        self._keys.update((key.id, key) for key in found)
+        self.take(KeyChange(revoke=frozenset(key.id for key in found)))
         return found
+
+    def take(self, change: KeyChange) -> None:
+        """Take in what a commander said. A key that is known keeps its owner and its role. What goes past a bound is
+        left out: first what is new, and never what is revoked of keys that are known."""
+        before = self._state()
+        for print_ in sorted(change.vouch - self._vouched.keys())[: MAX_VOUCHED - len(self._vouched)]:
+            self._vouched[print_] = None
+        for key in change.trust:
+            if key.id not in self._keys and len(self._keys) < MAX_KEYS:
+                self.add(key)
+        for gone in sorted(change.revoke):
+            known = self._keys.get(gone)
+            if known is not None:
+                self._keys[gone] = replace(known, revoked=True)
+            elif len(self._gone) < MAX_KEYS:
+                self._gone.add(gone)
+        if self.keep is not None and self._state() != before:
+            self.keep(self)
+
+    def merge(self, other: Trust) -> None:
+        """Believe what `other` believes as well."""
+        revoked = frozenset(key.id for key in other.keys if key.revoked) | other.gone
+        self.take(KeyChange(other.keys, frozenset(other.vouched), revoked))
+
+    def _state(self) -> tuple[int, int, int, int]:
+        """What changes with every change: trust only grows."""
+        revoked = sum(key.revoked for key in self._keys.values())
+        return len(self._keys), revoked, len(self._gone), len(self._vouched)
+
+
+def fingerprint(datagram: bytes) -> bytes:
+    """By which a datagram is vouched for."""
+    return sha256(datagram).digest()[:FINGERPRINT_BYTES]
 
 
 def key_id(public: bytes) -> bytes:

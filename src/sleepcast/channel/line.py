@@ -18,8 +18,9 @@ from random import Random
 
 import msgspec
 
-from sleepcast.channel.bodies import AGAIN, FOR, WITHIN
-from sleepcast.channel.mailbox import Mailbox
+from sleepcast.channel.bodies import AGAIN, FOR, KEYS, WITHIN
+from sleepcast.channel.keys import KeyChange, KeyRefusal
+from sleepcast.channel.mailbox import LIFE, Mailbox
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.transport import Transport
 from sleepcast.clock import Clock
@@ -122,6 +123,18 @@ class Line:
         if all(held.message is not answer for held in self._held):  # else it is about to be said anyway
             self._hold(answer, _within(asked))
 
+    def _answer_for_keys(self, message: Message) -> None:
+        """Whom to trust is the channel's affair, so a robot's answer is the channel's, too."""
+        if not self.mailbox.door.robot:
+            return
+        body: dict[str, object] = {"command": message.id, "outcome": "matched", "value": None, "fault": None}
+        try:
+            KeyChange.of(message)
+        except KeyRefusal as error:
+            body |= {"outcome": "fault", "fault": str(error)}
+        now = self._clock.now() - self.zero
+        self.send(Message(self.mailbox.name, self.mailbox.epoch, 0, Kind.ANSWER, now, now + LIFE, body=body))
+
     def _post(self, message: Message) -> None:
         deadline = None if isinf(message.deadline) else message.deadline + self.zero
         self.mailbox.post(
@@ -154,6 +167,9 @@ class Line:
                 self._asked[message.id] = within
                 if len(self._asked) > MAX_ASKED:
                     self._asked.popitem(last=False)
+            if message.kind is Kind.COMMAND and KEYS in message.body:
+                self._answer_for_keys(message)
+                continue
             times = {"issued": message.issued - self.zero, "deadline": message.deadline - self.zero}
             self._heard.append(msgspec.structs.replace(message, **times))
 

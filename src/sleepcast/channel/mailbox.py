@@ -15,16 +15,20 @@ Kinds that are no commands go through as they come.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from heapq import heappop, heappush
 from itertools import count
 from math import inf
 from random import Random
 from typing import NamedTuple, TypeVar
 
+import msgspec
+
+from sleepcast.channel.bodies import KEYS
 from sleepcast.channel.door import Door
 from sleepcast.channel.envelope import Part, encode, said
 from sleepcast.channel.kept import Name, News
-from sleepcast.channel.keys import MAY, KeyPair, Role
+from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal, Role
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.order import MAX_STREAMS, Order, Skipped, Stream
 from sleepcast.channel.shelf import Shelf
@@ -114,6 +118,8 @@ class Mailbox:
             self.order.deal_with(own, message)
             if standing:
                 self._tell(now)
+            if KEYS in said:
+                self._change_trust(msgspec.structs.replace(message, role=self.role.value), now)
         self._out += datagrams
         if kind in REPEATED:
             for wait in STOP_REPEATS if kind is Kind.STOP else REPEATS:
@@ -174,10 +180,27 @@ class Mailbox:
         if message.kind is not Kind.COMMAND or not self._commands(name):
             return [message]  # what robots tell each other has no order, and nobody mends it
         self._shelf.keep(name, message.sequence, message.standing, entered.datagrams, now)
+        if KEYS in message.body:
+            self._change_trust(message, now)
         if not self.door.robot:
             return [message]  # an operator sees what others send, and waits for nothing of it
         stream = self.order.stream(name)
         return self._dealt_with(self.order.take(stream, message, now), now)
+
+    def standing_of(self, key: bytes) -> tuple[bytes, ...]:
+        """The datagrams of the standing commands of the key with this id, as far as they have come to us."""
+        return tuple(datagram for datagrams in self._shelf.standing(key).values() for datagram in datagrams)
+
+    def _change_trust(self, message: Message, now: float) -> None:
+        """Whom to trust counts at once, whatever else of its sender is still missing. What cannot be taken changes
+        nothing; whoever answers says why."""
+        with suppress(KeyRefusal):
+            trust = self.door.trust
+            trust.take(KeyChange.of(message))
+            for key in {name[0] for name in self.order.names if self._is_revoked(name)}:
+                kept = self._shelf.standing(key).items()
+                self.order.settle(key, {which for which, datagrams in kept if all(map(trust.vouches, datagrams))})
+            self._tell(now)
 
     def _on_shelf(self, part: Part, datagram: bytes, now: float) -> bool:
         """Whether these very bytes are on our shelf: then we need not send them either. What there was no room for to
@@ -240,7 +263,8 @@ class Mailbox:
             names |= theirs.keys()
         else:  # an operator has an eye on what he has sent himself
             for name in theirs.keys() - names:
-                self._told[name] = max(theirs[name], self._told.pop(name, 0))
+                before = 0 if self._is_revoked(name) else self._told.pop(name, 0)  # of a revoked key, some may go
+                self._told[name] = max(theirs[name], before)
                 if len(self._told) > MAX_STREAMS:
                     del self._told[next(iter(self._told))]
         alike = True
@@ -271,6 +295,10 @@ class Mailbox:
         """Whether a stream is of somebody whose commands count."""
         key = self.door.trust.find(name[0])
         return key is not None and Kind.COMMAND in MAY[key.role] and key.role is not Role.ROBOT
+
+    def _is_revoked(self, name: Name) -> bool:
+        key = self.door.trust.find(name[0])
+        return key is not None and key.revoked
 
     def _mend(self, stream: Stream, numbers: tuple[int, ...], now: float) -> None:
         wanted = tuple(number for number in numbers if self._shelf.silent_since(stream.name, number, now - MENDED))

@@ -8,7 +8,7 @@ that counts once only until its deadline.
 from __future__ import annotations
 
 from collections import OrderedDict, deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 from math import inf
 from random import Random
@@ -165,6 +165,22 @@ class Order:
         if len(stream.waiting) > MAX_WAITING:
             del stream.waiting[max(stream.waiting)]
         return self._advance(stream, now)
+
+    @property
+    def names(self) -> tuple[Name, ...]:
+        """Of all streams."""
+        return tuple(self._streams)
+
+    def settle(self, key: bytes, counting: Set[tuple[Name, int]]) -> None:
+        """Of what the key with this id has said, only these numbers of streams count: what else is still to come is
+        forgotten, and which others of its standing commands have come. (What they did stays.)"""
+        for stream in self._streams.values():
+            if stream.name[0] == key:
+                numbers = {number for name, number in counting if name == stream.name}
+                stream.standing = sorted(number for number in numbers if number <= stream.done)
+                stream.waiting = {number: each for number, each in stream.waiting.items() if number in numbers}
+                stream.wanted.clear()
+                self._changed.add(stream.name)
 
     def expire(self, now: float) -> list[Message]:
         """What no longer waits, because what it waited for would come too late."""

@@ -73,5 +73,9 @@ class Shelf:
         kept.heard = now
         return kept.datagrams
 
+    def standing(self, key: bytes) -> dict[tuple[Name, int], tuple[bytes, ...]]:
+        """The standing commands of the key with this id that are kept: their bytes by stream and number."""
+        return {which: kept.datagrams for which, kept in self._standing.items() if which[0][0] == key}
+
     def _find(self, stream: Name, number: int) -> Kept | None:
         return self._standing.get((stream, number)) or self._recent.get((stream, number))

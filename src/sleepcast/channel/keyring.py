@@ -26,6 +26,8 @@ FORMAT = 1
 MAX_BYTES = 8 * 1024 * 1024
 """Of a trust file: as many keys as `Trust` takes."""
 TRUST_FILE = "trust.json"
+DEVELOPMENT_TRUST = "development-trust.json"
+"""What was heard of whom to trust while the development keys were in use."""
 DEVELOPMENT_DESK, DEVELOPMENT_ROBOTS = "development-desk", "development-robots"
 """The keys that programs of one machine use among themselves while nobody has said otherwise."""
 SAFE = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.")
@@ -148,6 +150,16 @@ def find_key(folder: Path, owner: str) -> KeyPair:
             f"no key {owner!r} in {folder}{did_you_mean(owner, there)}: {have}; sleepcast keys new {owner} makes it"
         )
     return load_key(file)
+
+
+def retire_key(folder: Path, owner: str, new: KeyPair) -> Path:
+    """Put `new` in the place of this user's key of `owner`; gives the file in which the old one lies from now on.
+    Raises KeyFileError if there is none, and KeyFileLostError."""
+    old, file = find_key(folder, owner), key_file(folder, owner)
+    aside = file.with_name(f"{file.stem}.{old.id.hex()}.retired")
+    save_key(old, aside)
+    save_key(new, file)
+    return aside
 
 
 def development_keys(folder: Path) -> tuple[KeyPair, KeyPair]:

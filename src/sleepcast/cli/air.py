@@ -200,14 +200,36 @@ def _party(
 
 
 def _keys(air: Air, robot: bool, say: Callable[[str], None]) -> tuple[KeyPair, Trust]:
-    """Our key, and whom we believe."""
-    from sleepcast.channel.keyring import TRUST_FILE, development_keys, find_key, keys_folder, load_trust
+    """Our key, and whom we believe. What is heard on the air of whom to trust goes into the trust file."""
+    from sleepcast.channel.keyring import (
+        DEVELOPMENT_TRUST,
+        TRUST_FILE,
+        add_trust,
+        development_keys,
+        find_key,
+        keys_folder,
+        load_trust,
+    )
     from sleepcast.channel.keys import Trust
+    from sleepcast.errors import SleepcastError
 
     folder = air.folder or keys_folder()
+    file = air.trust or folder / TRUST_FILE
     if air.key is None and air.trust is None:
+        file = folder / DEVELOPMENT_TRUST
         desk, robots = development_keys(folder)
         say(f"development keys of this machine, in {folder}: to try things out; whoever reads them can command")
-        return (robots if robot else desk), Trust((desk.public, robots.public))
-    pair = development_keys(folder)[robot] if air.key is None else find_key(folder, air.key)
-    return pair, load_trust(air.trust or folder / TRUST_FILE)
+        pair, trust = (robots if robot else desk), load_trust(file) if file.exists() else Trust()
+        trust.merge(Trust((desk.public, robots.public)))
+    else:
+        pair = development_keys(folder)[robot] if air.key is None else find_key(folder, air.key)
+        trust = load_trust(file)
+
+    def keep(trust: Trust) -> None:
+        try:
+            add_trust(trust, file)
+        except SleepcastError as error:  # it counts all the same, until we end
+            say(str(error))
+
+    trust.keep = keep
+    return pair, trust

@@ -1,14 +1,18 @@
-"""`sleepcast keys`: who may command, and whom this machine believes."""
+"""`sleepcast keys`: who may command, and whom this machine believes, and the fleet, if it is told."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from sleepcast.cli.air import Air
+from sleepcast.cli.key_changes import commander, endings, gathered, on_air_if_asked, tell
 from sleepcast.cli.streams import complain, put
+from sleepcast.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.channel.keys import PublicKey, Trust
@@ -34,7 +38,8 @@ def keys() -> None:
       sleepcast keys list
       sleepcast keys trust 03a107bff3ce10be1d70dd18e74bc09967e4d6309ba50d5f1ddc8664125531b8 \\
           --owner anna --role operator
-      sleepcast keys revoke anna
+      sleepcast keys revoke anna --channel udp://192.168.1.255:47123
+      sleepcast keys rotate desk --channel udp://192.168.1.255:47123
     """
 
 
@@ -106,41 +111,150 @@ def list_(folder: Path | None, file: Path | None, as_json: bool) -> int:
 @click.option("--role", type=click.Choice(ROLES), required=True, help="What it may do.")
 @FOLDER
 @TRUST
-def trust_(public: str, owner: str, role: str, folder: Path | None, file: Path | None) -> int:
-    """Take the PUBLIC half of a key (64 hexadecimal digits) into the trust file.
+@on_air_if_asked
+def trust_(
+    public: str,
+    owner: str,
+    role: str,
+    folder: Path | None,
+    file: Path | None,
+    channel: str | None,
+    key: str | None,
+    fleet: str,
+    as_json: bool,
+) -> int:
+    """Take the PUBLIC half of a key (64 hexadecimal digits) into the trust file. With --channel a commander's key tells
+    the fleet to do so as well.
 
     \b
-    Example:
+    Examples:
       sleepcast keys trust 03a107bff3ce10be1d70dd18e74bc09967e4d6309ba50d5f1ddc8664125531b8 \\
           --owner anna --role operator
+      sleepcast keys trust 03a107bff3ce10be1d70dd18e74bc09967e4d6309ba50d5f1ddc8664125531b8 \\
+          --owner anna --role operator --channel udp://192.168.1.255:47123
     """
     from sleepcast.channel.keyring import half
-    from sleepcast.channel.keys import PublicKey, Role
+    from sleepcast.channel.keys import KeyChange, PublicKey, Role
 
-    _, file, trust = _opened(folder, file)
-    key = PublicKey(owner, Role(role), half(public))
-    trust.add(key)
-    _keep(trust, file)
-    put(f"{role} {owner}: key {key.id.hex()} is trusted in {file}")
-    return 0
+    folder, file, known = _opened(folder, file)
+    added = PublicKey(owner, Role(role), half(public))
+    speaker = None if channel is None else commander(folder, key)
+    known.add(added)
+    _keep(known, file)
+    if channel is None or speaker is None:
+        _say(_as_dict(added), f"{role} {owner}: key {added.id.hex()} is trusted in {file}", as_json)
+        return 0
+    air = Air(channel, fleet, speaker.public.owner, file, folder)
+    return tell(air, [KeyChange(trust=(added,))], as_json, _as_dict(added))
 
 
 @keys.command("revoke", short_help="Believe an owner's keys no more.")
 @click.argument("owner")
+@click.option("--forget-rules", is_flag=True, help="Robots that come later get none of its rules, if it has sent any.")
 @FOLDER
 @TRUST
-def revoke(owner: str, folder: Path | None, file: Path | None) -> int:
-    """Believe no key of OWNER any more, whatever it signs. This holds for whoever reads this trust file.
+@on_air_if_asked
+def revoke(
+    owner: str,
+    forget_rules: bool,
+    folder: Path | None,
+    file: Path | None,
+    channel: str | None,
+    key: str | None,
+    fleet: str,
+    as_json: bool,
+) -> int:
+    """Believe no key of OWNER any more, whatever it signs; of several keys, one can be named by its id. This holds for
+    whoever reads this trust file; with --channel a commander's key tells the fleet as well. Robots that are out of
+    reach or switched off hear it when they come back: until then they obey the old key.
+
+    Rules that were sent with the key stay where they are, and those that the robots know now still reach robots that
+    come later.
+
+    \b
+    Examples:
+      sleepcast keys revoke anna
+      sleepcast keys revoke anna --channel udp://192.168.1.255:47123 --key chief
+    """
+    folder, file, known = _opened(folder, file)
+    found = [each for each in known.keys if each.id.hex() == owner] or known.revoke(owner)
+    gone = [each.id for each in found]
+    if channel is not None:
+        speaker = commander(folder, key)
+        if speaker.id in gone:
+            raise MisuseError(
+                f"{speaker.public.owner!r} cannot end its own key: another commander can (--key), and sleepcast keys "
+                "rotate takes a new one"
+            )
+        air = Air(channel, fleet, speaker.public.owner, file, folder)
+        commands = any(each.role == "commander" for each in found) and not forget_rules
+        changes = endings(gone, gathered(air, gone) if commands else ())
+        return tell(air, changes, as_json, {"revoked": [each.hex() for each in gone]})
+    _revoked(known, gone)
+    _keep(known, file)
+    ids = ", ".join(each.hex() for each in gone)
+    _say({"revoked": [each.hex() for each in gone]}, f"{owner}: {ids} revoked in {file}", as_json)
+    return 0
+
+
+@keys.command("rotate", short_help="Take a new key in place of an old one.")
+@click.argument("owner")
+@FOLDER
+@TRUST
+@on_air_if_asked
+def rotate(
+    owner: str,
+    folder: Path | None,
+    file: Path | None,
+    channel: str | None,
+    key: str | None,
+    fleet: str,
+    as_json: bool,
+) -> int:
+    """Make a new key pair for OWNER, whose key lies here, and believe the old one no more. With --channel the fleet is
+    told: by the old key and then the new one if it is a commander's, else by a commander's key.
 
     \b
     Example:
-      sleepcast keys revoke anna
+      sleepcast keys rotate desk --channel udp://192.168.1.255:47123
     """
-    _, file, trust = _opened(folder, file)
-    gone = trust.revoke(owner)
-    _keep(trust, file)
-    put(f"{owner}: {', '.join(key.id.hex() for key in gone)} revoked in {file}")
+    from sleepcast.channel.keyring import add_trust, find_key, retire_key
+    from sleepcast.channel.keys import KeyChange, KeyPair, Role, Trust
+
+    folder, file, known = _opened(folder, file)
+    old = find_key(folder, owner)
+    new_pair = KeyPair.new(owner, old.public.role)
+    itself = old.public.role is Role.COMMANDER
+    speaker = None if channel is None else old if itself and key is None else commander(folder, key)
+    changes = [KeyChange(revoke=frozenset((old.id,)))]
+    if channel is not None and speaker is not None:
+        air = Air(channel, fleet, speaker.public.owner, file, folder)
+        if itself:
+            status = tell(air, [KeyChange(trust=(new_pair.public,))], False, {})
+            changes = endings([old.id], gathered(air, [old.id]))
+            if status:
+                return status
+        else:
+            changes = [KeyChange(trust=(new_pair.public,), revoke=frozenset((old.id,)))]
+    aside = retire_key(folder, owner, new_pair)
+    add_trust(Trust((new_pair.public,)), file)
+    complain(f"the old key of {owner} lies in {aside}, and is good for nothing any more")
+    if channel is not None and speaker is not None:
+        return tell(air, changes, as_json, _as_dict(new_pair.public))
+    _revoked(known, [old.id])
+    add_trust(known, file)
+    _say(_as_dict(new_pair.public), f"{old.public.role} {owner}: key {new_pair.id.hex()} from now on", as_json)
     return 0
+
+
+def _revoked(trust: Trust, gone: Sequence[bytes]) -> None:
+    from sleepcast.channel.keys import KeyChange
+
+    trust.take(KeyChange(revoke=frozenset(gone)))
+
+
+def _say(told: dict[str, object], sentence: str, as_json: bool) -> None:
+    put(json.dumps(told) if as_json else sentence)
 
 
 def _opened(folder: Path | None, file: Path | None) -> tuple[Path, Path, Trust]:

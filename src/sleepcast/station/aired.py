@@ -154,13 +154,16 @@ class AirStation(Station):
         body: Mapping[str, object] | None = None,
         only: Sequence[str] | None = None,
         seconds: float = DEADLINE,
+        standing: bool = False,
     ) -> Command:
         """Send a message with a body of the caller's, and keep account of it; what robots say to it is among what
-        `pump` gives. Raises UnknownRobotError, AudienceError, and RoleError for a kind that our key may not send."""
+        `pump` gives. seconds: for which it is good, unless it stands. Raises UnknownRobotError, AudienceError, and
+        RoleError for a kind that our key may not send."""
         self._settle_role(kind, text)
         audience = Audience(only)
         said = {**audience.body(), **(body or {})}
-        found = self._broadcast(kind, text, seconds=seconds, only=audience.places(self._roster), body=said)
+        good, places = inf if standing else seconds, audience.places(self._roster)
+        found = self._broadcast(kind, text, standing, good, only=places, body=said)
         self.pump_out()
         return found
 

@@ -1,0 +1,114 @@
+"""`sleepcast keys` on the air: who is obeyed from then on, by robots that were there and by one that comes later."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from cli.calling import called
+from cli.test_crew import account, channel, swarm
+from sleepcast.channel.keyring import KeyFileLostError, add_trust, load_trust, save_trust
+from sleepcast.channel.keys import KeyChange, KeyPair, Role, Trust
+
+__all__ = ["channel"]  # a fixture
+
+
+def keys(home: Path) -> Path:
+    """The folder of a user who has made keys."""
+    for owner, role in (("desk", "commander"), ("chief", "commander"), ("anna", "operator"), ("*", "robot")):
+        assert called("keys", "new", owner, "--role", role).status == 0
+    return home / ".config" / "sleepcast" / "keys"
+
+
+def test_keys_end_and_are_renewed_on_the_air(channel: str, tmp_path: Path) -> None:
+    folder = keys(tmp_path)
+    elsewhere = tmp_path / "elsewhere"
+    shutil.copytree(folder, elsewhere)
+
+    def matched(*arguments: str, key: str) -> object:
+        return account(channel, *arguments, "--key", key)["n_matched"]
+
+    with swarm(2, channel, "--key", "*"):
+        assert matched("send", "--standing", "--all", "(RULE old 1)", key="desk") == 2
+        assert matched("send", "(WHEN (> id 0) (ST))", key="anna") == 2
+        ended = account(channel, "keys", "revoke", "anna", "--key", "chief")
+        assert (ended["matched"], ended["silent"]) == (["r1", "r2"], [])
+        assert matched("send", "(WHEN (> id 0) (ST))", key="anna") == 0
+        before = load_trust(folder / "trust.json").keys[0]
+        assert account(channel, "keys", "rotate", "desk")["n_matched"] == 2
+        assert load_trust(folder / "trust.json").find(before.id) != before
+        assert matched("send", "--standing", "--all", "(RULE new 1)", key="desk") == 2
+        late = ("--name-prefix", "late", "--keys", str(elsewhere), "--trust", str(elsewhere / "trust.json"))
+        with swarm(1, channel, "--key", "*", *late) as process:
+            heard = called("ask", "id", "--key", "desk", "--channel", channel, "--json")
+            while "late1" not in json.loads(heard.out)["matched"]:
+                assert process.poll() is None
+                heard = called("ask", "id", "--key", "desk", "--channel", channel, "--json")
+            there = load_trust(elsewhere / "trust.json")
+            assert {key.owner for key in there.keys if key.revoked} >= {"desk", "anna"}
+            assert len(there.vouched) >= 2, "the rule of the old key, and what it said of the new one"
+
+
+def test_a_change_that_no_robot_took_is_told_and_the_old_key_stays(channel: str, tmp_path: Path) -> None:
+    folder = keys(tmp_path)
+    secret = (folder / "desk.key").read_bytes()
+    rotated = called("keys", "rotate", "desk", "--channel", channel)
+    assert (rotated.status, (folder / "desk.key").read_bytes()) == (1, secret)
+    assert "no robot has taken it" in rotated.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("revoke", "anna"), "say with --key whose key speaks"),
+        (("revoke", "anna", "--key", "anna"), "only a commander says whom to trust"),
+        (("revoke", "ana", "--key", "chief"), "did you mean anna"),
+        (("revoke", "chief", "--key", "chief"), "cannot end its own key"),
+        (("rotate", "anna"), "say with --key whose key speaks"),
+        (("rotate", "nobody"), "no key 'nobody'"),
+        (("trust", "00" * 32, "--owner", "x", "--role", "robot"), "say with --key whose key speaks"),
+    ],
+)
+def test_what_is_refused_changes_nothing(
+    channel: str, tmp_path: Path, arguments: tuple[str, ...], complaint: str
+) -> None:
+    folder = keys(tmp_path)
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+    refused = called("keys", *arguments, "--channel", channel)
+    assert (refused.status, refused.out) == (2, "")
+    assert complaint in refused.err
+    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+
+
+def test_keys_are_renewed_without_a_fleet(channel: str, tmp_path: Path) -> None:
+    folder = keys(tmp_path)
+    done = called("keys", "rotate", "anna", "--json")
+    assert done.status == 0, done.err
+    new = json.loads(done.out)["key"]
+    listed = json.loads(called("keys", "list", "--json").out)
+    assert [(key["revoked"], key["own"], key["key"] == new) for key in listed if key["owner"] == "anna"] == [
+        (True, False, False),
+        (False, True, True),
+    ]
+    assert len(list(folder.glob("anna.*.retired"))) == 1
+    ended = called("keys", "revoke", new)
+    assert (ended.status, new in ended.out) == (0, True)
+
+
+def test_what_several_processes_hear_is_kept_together(tmp_path: Path) -> None:
+    file = tmp_path / "trust.json"
+    pairs = [KeyPair(name, Role.OPERATOR, name.encode() * 32) for name in "abc"]
+    save_trust(Trust([pairs[0].public]), file)
+    first, second = load_trust(file), load_trust(file)
+    first.take(KeyChange((pairs[1].public,), frozenset((b"v" * 12,)), frozenset((pairs[0].id,))))
+    second.take(KeyChange((pairs[2].public,), revoke=frozenset((b"unknown!",))))
+    add_trust(first, file)
+    add_trust(second, file)
+    found = load_trust(file)
+    assert {key.owner: key.revoked for key in found.keys} == {"a": True, "b": False, "c": False}
+    assert (found.vouched, found.gone) == ((b"v" * 12,), frozenset((b"unknown!",)))
+    with pytest.raises(KeyFileLostError, match="cannot write"):
+        add_trust(found, file / "below")

@@ -69,7 +69,9 @@ def commander(folder: Path, owner: str | None) -> KeyPair:
     return here[0]
 
 
-def tell(air: Air, changes: Iterable[KeyChange], as_json: bool, more: dict[str, object]) -> int:
+def tell(
+    air: Air, changes: Iterable[KeyChange], as_json: bool, more: dict[str, object], show: Callable[[str], None] = put
+) -> int:
     """Tell the fleet, and show what became of the last of these changes. The exit status is 1 if nobody took it: then
     nobody can hand it on either. more: for the JSON."""
     from sleepcast.channel import Kind
@@ -81,10 +83,10 @@ def tell(air: Air, changes: Iterable[KeyChange], as_json: bool, more: dict[str, 
             station.gather(sent, GRACE)
         found = station.accounting(sent.id)
         if as_json:
-            put(json.dumps({**more, **as_dict(sent, found)}))
+            show(json.dumps({**more, **as_dict(sent, found)}))
         else:
             for line in told(sent, found):
-                put(line)
+                show(line)
         if not found.n_matched:
             complain("no robot has taken it, so none will hear of it by itself: say it again when some are on the air")
         return 1 if found.n_fault or not found.n_matched else 0

@@ -230,7 +230,7 @@ def rotate(
     if channel is not None and speaker is not None:
         air = Air(channel, fleet, speaker.public.owner, file, folder)
         if itself:
-            status = tell(air, [KeyChange(trust=(new_pair.public,))], False, {})
+            status = tell(air, [KeyChange(trust=(new_pair.public,))], False, {}, complain)
             changes = endings([old.id], gathered(air, [old.id]))
             if status:
                 return status

@@ -88,21 +88,22 @@ class Line:
 
     def due(self) -> float:
         """When `receive` has something to do next even if nothing comes, s of Unix time."""
-        if self._heard:
-            return -inf
-        due = self.mailbox.due()
-        return min(due, self._held[0].time) if self._held else due
+        return -inf if self._heard else self._pump_due()
 
     def wait(self, seconds: float) -> None:
         """Pump for so long."""
         until = self._clock.now() + seconds
         while (now := self._clock.now()) < until:
-            select.select([self.transport], [], [], max(0.0, min(until, self.due()) - now))
+            select.select([self.transport], [], [], max(0.0, min(until, self._pump_due()) - now))
             self.pump()
 
     def close(self) -> None:
         """Leave. Nothing can be sent or heard afterwards."""
         self.transport.close()
+
+    def _pump_due(self) -> float:
+        due = self.mailbox.due()
+        return min(due, self._held[0].time) if self._held else due
 
     def _hold(self, answer: Message, within: float) -> None:
         """Say an answer in its moment, at once if it has none."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import select
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import count
@@ -46,12 +47,14 @@ class Held:
 class Line:
     """See the module. clock: Unix time, s; zero: when the mind's time began. chance: for the moments of answers.
 
-    It is a `Channel`: what is sent gets its number here, and times are those of the mind.
+    It is a `Channel`: what is sent gets its number here, and times are those of the mind. ends: called when the line is
+    left.
     """
 
     def __init__(self, transport: Transport, mailbox: Mailbox, clock: Clock, chance: Random, zero: float = 0.0) -> None:
         self.transport, self.mailbox, self.zero = transport, mailbox, zero
         self._clock, self._chance = clock, chance
+        self.ends: list[Callable[[], None]] = []
         self._heard: list[Message] = []
         self._asked: OrderedDict[str, float] = OrderedDict()
         self._answered: OrderedDict[str, Message] = OrderedDict()
@@ -100,6 +103,8 @@ class Line:
     def close(self) -> None:
         """Leave. Nothing can be sent or heard afterwards."""
         self.transport.close()
+        for end in self.ends:
+            end()
 
     def _pump_due(self) -> float:
         due = self.mailbox.due()

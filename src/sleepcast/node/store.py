@@ -92,6 +92,11 @@ class Store:
         self._try_at = self._look_at = -inf
         self._open()
 
+    @property
+    def lasts(self) -> bool:
+        """Whether what is said here can be kept."""
+        return self._connection is not None
+
     # ---- robots
 
     def life(self, name: str) -> int:

@@ -107,3 +107,18 @@ def test_kill_at_any_moment_lets_nothing_be_done_twice(channel: str, tmp_path: P
     found = journal(store)
     assert set(Counter((robot, command) for robot, command, _ in found).values()) == {1}
     assert {outcome for _, _, outcome in found} <= {"matched", "interrupted", "late"}
+
+
+def test_an_operator_goes_on_where_his_last_command_was(channel: str, tmp_path: Path) -> None:
+    first = account(channel, "send", "--standing", "--all", "(RULE a (SETQ drive_turn 0.1))")
+    assert (first["matched"], first["silent"]) == ([], [])
+    second = account(channel, "send", "--standing", "--all", "(RULE b (SETQ drive_turn 0.2))")
+    lives = [str(sent["id"]).rpartition(".") for sent in (first, second)]
+    assert lives[0][0] == lives[1][0], "one life"
+    assert int(lives[0][2]) < int(lives[1][2])
+    with swarm(channel, tmp_path / "three.store") as process:
+        third = account(channel, "send", "--standing", "--all", "(RULE c (SETQ drive_turn 0.3))")
+        assert third["matched"] == NAMES
+        assert process.poll() is None
+    evaluated = [command for robot, command, outcome in journal(tmp_path / "three.store") if robot == "r1"]
+    assert evaluated == [first["id"], second["id"], third["id"]], "who comes late hears it all, and in its order"

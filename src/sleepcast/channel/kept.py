@@ -12,11 +12,12 @@ Name = tuple[bytes, int]
 
 
 class Progress(NamedTuple):
-    """How far a stream has come: numbers of the latest command that was dealt with (`done`, with its deadline `until`,
-    s of Unix time, inf for one that stands), and of the latest standing one (`rules`)."""
+    """How far a stream has come: numbers of the latest command that was dealt with (`done`, issued when it was `sent`,
+    with its deadline `until`, s of Unix time, inf for one that stands), and of the latest standing one (`rules`)."""
 
     stream: Name
     done: int
+    sent: float
     until: float
     rules: int
 

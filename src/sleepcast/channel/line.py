@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import select
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import count
@@ -47,12 +48,14 @@ class Held:
 class Line:
     """See the module. clock: Unix time, s; zero: when the mind's time began. chance: for the moments of answers.
 
-    It is a `Channel`: what is sent gets its number here, and times are those of the mind.
+    It is a `Channel`: what is sent gets its number here, and times are those of the mind. ends: called when the line is
+    left.
     """
 
     def __init__(self, transport: Transport, mailbox: Mailbox, clock: Clock, chance: Random, zero: float = 0.0) -> None:
         self.transport, self.mailbox, self.zero = transport, mailbox, zero
         self._clock, self._chance = clock, chance
+        self.ends: list[Callable[[], None]] = []
         self._heard: list[Message] = []
         self._asked: OrderedDict[str, float] = OrderedDict()
         self._answered: OrderedDict[str, Message] = OrderedDict()
@@ -89,21 +92,24 @@ class Line:
 
     def due(self) -> float:
         """When `receive` has something to do next even if nothing comes, s of Unix time."""
-        if self._heard:
-            return -inf
-        due = self.mailbox.due()
-        return min(due, self._held[0].time) if self._held else due
+        return -inf if self._heard else self._pump_due()
 
     def wait(self, seconds: float) -> None:
         """Pump for so long."""
         until = self._clock.now() + seconds
         while (now := self._clock.now()) < until:
-            select.select([self.transport], [], [], max(0.0, min(until, self.due()) - now))
+            select.select([self.transport], [], [], max(0.0, min(until, self._pump_due()) - now))
             self.pump()
 
     def close(self) -> None:
         """Leave. Nothing can be sent or heard afterwards."""
         self.transport.close()
+        for end in self.ends:
+            end()
+
+    def _pump_due(self) -> float:
+        due = self.mailbox.due()
+        return min(due, self._held[0].time) if self._held else due
 
     def _hold(self, answer: Message, within: float) -> None:
         """Say an answer in its moment, at once if it has none."""

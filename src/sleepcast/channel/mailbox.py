@@ -15,6 +15,7 @@ Kinds that are no commands go through as they come.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from heapq import heappop, heappush
 from itertools import count
@@ -25,7 +26,7 @@ from typing import NamedTuple, TypeVar
 import msgspec
 
 from sleepcast.channel.bodies import KEYS
-from sleepcast.channel.door import Door
+from sleepcast.channel.door import SKEW, Door
 from sleepcast.channel.envelope import Part, encode, said
 from sleepcast.channel.kept import Name, News
 from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal, Role
@@ -47,6 +48,8 @@ MENDED = 0.2
 """Seconds for which what was heard is not sent again."""
 BATCH = 24
 """Commands sent for one digest or request: the rest follows with the next one."""
+KEEP_EVERY = 4_096
+"""Numbers of ours that may be used before whoever keeps them is told."""
 MAX_WANTED = 64
 """Numbers in one request."""
 
@@ -69,14 +72,25 @@ class Again(NamedTuple):
 
 
 class Mailbox:
-    """One party's mailbox. name, epoch: of what it says, the epoch higher than in all its lives before; key: signs it;
-    door: what comes in goes through it; chance: for its moments.
+    """One party's mailbox. name, epoch: of what it says, the epoch higher than in all its lives before, or the same and
+    the first number higher than all in that (`first`); key: signs it; door: what comes in goes through it; chance: for
+    its moments. keep: called before a command of ours leaves, and every `KEEP_EVERY` numbers, for whoever keeps them.
 
     order: whose commands have come how far. overheard: datagrams of which we need not know more; all others are
     counted at the door.
     """
 
-    def __init__(self, name: str, epoch: int, key: KeyPair, door: Door, chance: Random) -> None:
+    def __init__(
+        self,
+        name: str,
+        epoch: int,
+        key: KeyPair,
+        door: Door,
+        chance: Random,
+        *,
+        first: int = 1,
+        keep: Callable[[], None] = lambda: None,
+    ) -> None:
         self.name, self.epoch, self.door = name, epoch, door
         self.order = Order(chance)
         self.overheard = 0
@@ -87,7 +101,7 @@ class Mailbox:
         """What a digest of ours would say; None while that is not worked out."""
         self._told: dict[Name, int] = {}
         """How far others' rules have come, as an operator hears from the robots."""
-        self._sequence = 0
+        self._sequence, self._issued, self._keep = first - 1, 0.0, keep
         self._out: list[bytes] = []
         self._later: list[Mend | Again] = []
         self._tie = count()
@@ -107,11 +121,15 @@ class Mailbox:
         """Say something at `now` (s of Unix time); gives the message as others hear it. deadline: s of Unix time, None
         for `LIFE` from now, or for none where it stands. Raises MessageError for what is too long."""
         until = (inf if standing else now + LIFE) if deadline is None else deadline
-        self._count()
+        number = self._number()
         own, said = self._own(), dict(body or {})
+        issued = now
         if kind is Kind.COMMAND:
             said |= own.link().written()
-        message = Message(self.name, self.epoch, self._sequence, kind, now, until, text, standing, said)
+            if 0.0 <= self._issued - now <= SKEW:
+                issued = self._issued  # a clock that was set back a little lets no command seem older than the last
+            self._issued = issued
+        message = Message(self.name, self.epoch, number, kind, issued, until, text, standing, said)
         datagrams = tuple(encode(message, self.door.fleet, self._key))
         if kind is Kind.COMMAND:
             self._shelf.keep(own.name, message.sequence, standing, datagrams, now)
@@ -120,6 +138,7 @@ class Mailbox:
                 self._tell(now)
             if KEYS in said:
                 self._change_trust(msgspec.structs.replace(message, role=self.role.value), now)
+            self._keep()
         self._out += datagrams
         if kind in REPEATED:
             for wait in STOP_REPEATS if kind is Kind.STOP else REPEATS:
@@ -146,12 +165,16 @@ class Mailbox:
         """Tell the others how far we have come, so that they tell us what we have missed. An operator needs nobody's
         rules, and keeps quiet until he has sent some."""
         if self.door.robot:
+            self.order.since = now
             self._trickle.restart(now)
 
-    def _count(self) -> None:
+    def _number(self) -> int:
         """The next number is ours: whatever comes back of it from the air, by an echo or by malice, is no news."""
         self._sequence += 1
         self.door.note(self._key.id, self.name, self.epoch, self._sequence)
+        if self._sequence % KEEP_EVERY == 0:
+            self._keep()
+        return self._sequence
 
     def _own(self) -> Stream:
         return self.order.stream((self._key.id, self.epoch))
@@ -240,9 +263,10 @@ class Mailbox:
         windows = (each.without(self.order.waiting((each.key, each.epoch))) for each in self.door.news())
         return News(self.order.news(), tuple(windows), self._shelf.news())
 
-    def restore(self, kept: News) -> None:
-        """Go on where a mailbox had come to whose news these are, the latest of each. What stands beyond what was dealt
-        with is left out: it comes again."""
+    def restore(self, kept: News, since: float) -> None:
+        """Go on where a mailbox had come to whose news these are, the latest of each, and that had begun to listen at
+        `since` (s). What stands beyond what was dealt with is left out: it comes again."""
+        self.order.since = since
         rules = {progress.stream: progress.rules for progress in kept.streams}
         dealt_with = [each for each in kept.standing if each.number <= rules.get(each.stream, 0)]
         numbers: dict[Name, list[int]] = {}
@@ -338,8 +362,7 @@ class Mailbox:
                 self._out += self._shelf.take(job.stream.name, number, now)
 
     def _say(self, kind: Kind, body: dict[str, object], now: float) -> None:
-        self._count()
-        message = Message(self.name, self.epoch, self._sequence, kind, now, now + LIFE, body=body)
+        message = Message(self.name, self.epoch, self._number(), kind, now, now + LIFE, body=body)
         self._out += encode(message, self.door.fleet, self._key)
 
 

@@ -2,7 +2,7 @@
 
 Each command names, in its `Link`, the command before it with its deadline, and the standing command before it. So a
 receiver that has missed some knows it from the next one that it hears. A standing command is waited for for ever; one
-that counts once only until its deadline.
+that counts once only until its deadline, and not at all by a receiver that was not there yet when it was sent.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from math import inf
 from random import Random
 from typing import NamedTuple
 
+from sleepcast.channel.door import SKEW
 from sleepcast.channel.kept import Name, Progress
 from sleepcast.channel.message import Message
 from sleepcast.channel.trickle import mostly_late
@@ -42,25 +43,31 @@ class Skipped(NamedTuple):
 
 
 class Link(NamedTuple):
-    """What came before a command. after: number of the one before, 0 for none; until: its deadline (s, inf for one that
-    stands); rules: number of the standing one before, 0 for none."""
+    """What came before a command. after: number of the one before, 0 for none; sent, until: when it was issued and its
+    deadline (s, inf for one that stands); rules: number of the standing one before, 0 for none."""
 
     after: int = 0
+    sent: float = inf
     until: float = inf
     rules: int = 0
 
     def written(self) -> dict[str, object]:
         """As it stands in a message's body."""
-        return {"after": self.after, "until": None if self.until == inf else self.until, "rules": self.rules}
+        sent, until = (None if time == inf else time for time in (self.sent, self.until))
+        return {"after": self.after, "sent": sent, "until": until, "rules": self.rules}
 
     @staticmethod
     def of(message: Message) -> Link:
         """That of a message; one without any follows nothing."""
         match message.body:
-            case {"after": int() as after, "until": (float() | int() | None) as until, "rules": int() as rules}:
+            case {"after": int() as after, "until": until, "rules": int() as rules}:
                 if 0 <= rules <= after < message.sequence:
-                    return Link(after, inf if until is None else float(until), rules)
+                    return Link(after, _time(message.body.get("sent")), _time(until), rules)
         return Link()
+
+
+def _time(found: object) -> float:
+    return float(found) if isinstance(found, float | int) else inf
 
 
 @dataclass(slots=True)
@@ -73,12 +80,13 @@ class Want:
 
 @dataclass(slots=True)
 class Stream:
-    """The commands of one sender in one epoch. done: number of the latest that was dealt with, or skipped; until: its
-    deadline, s; standing: numbers of the standing ones that were dealt with; waiting: what came too early, by number;
-    wanted: what is missing."""
+    """The commands of one sender in one epoch. done: number of the latest that was dealt with, or skipped; sent, until:
+    when it was issued and its deadline, s; standing: numbers of the standing ones that were dealt with; waiting: what
+    came too early, by number; wanted: what is missing."""
 
     name: Name
     done: int = 0
+    sent: float = inf
     until: float = inf
     standing: list[int] = field(default_factory=list)
     waiting: dict[int, Message] = field(default_factory=dict)
@@ -91,11 +99,11 @@ class Stream:
 
     def link(self) -> Link:
         """That of a command which comes next."""
-        return Link(self.done, self.until, self.rules)
+        return Link(self.done, self.sent, self.until, self.rules)
 
     def deal_with(self, message: Message) -> None:
         """This command is dealt with; it is the next one."""
-        self.done, self.until = message.sequence, message.deadline
+        self.done, self.sent, self.until = message.sequence, message.issued, message.deadline
         self.waiting.pop(message.sequence, None)
         self.wanted.pop(message.sequence, None)
         if message.standing:
@@ -103,9 +111,13 @@ class Stream:
 
 
 class Order:
-    """The streams of all senders of commands. chance: for the moments at which we ask."""
+    """The streams of all senders of commands. chance: for the moments at which we ask.
+
+    since: when we began to listen, s: what was sent once before is not for us.
+    """
 
     def __init__(self, chance: Random) -> None:
+        self.since = -inf
         self._chance = chance
         self._streams: OrderedDict[Name, Stream] = OrderedDict()
         self._skipped: deque[Skipped] = deque(maxlen=MAX_SKIPPED)
@@ -141,7 +153,7 @@ class Order:
     def news(self) -> tuple[Progress, ...]:
         """How far those streams have come that have moved since this was asked last."""
         moved = (self._streams[name] for name in self._changed if name in self._streams)
-        found = tuple(Progress(stream.name, stream.done, stream.until, stream.rules) for stream in moved)
+        found = tuple(Progress(stream.name, stream.done, stream.sent, stream.until, stream.rules) for stream in moved)
         self._changed.clear()
         return found
 
@@ -149,7 +161,7 @@ class Order:
         """Go on where these streams had come to. standing: numbers of each one's standing commands, ascending."""
         for progress in streams:
             stream = self.stream(progress.stream)
-            stream.done, stream.until = progress.done, progress.until
+            stream.done, stream.sent, stream.until = progress.done, progress.sent, progress.until
             stream.standing = [number for number in standing.get(stream.name, ()) if number <= progress.rules]
 
     def standing(self) -> dict[Name, int]:
@@ -233,14 +245,15 @@ class Order:
             if link.rules > stream.rules:
                 self._want(stream, link.rules, now)
                 break
-            if link.after > stream.done:
+            if link.after > stream.done and link.sent >= self.since:
                 if now <= link.until + SLACK:
                     self._want(stream, link.after, now)
                     break
                 stream.wanted.pop(link.after, None)
                 self._skipped.append(Skipped(*stream.name, link.after))
             self.deal_with(stream, message)
-            found.append(message)
+            if message.standing or message.issued >= self.since - SKEW:  # whoever's clock is wrong
+                found.append(message)
         return found
 
     def _want(self, stream: Stream, number: int, now: float) -> None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 from sleepcast.cli.journals import journal_option, opened
+from sleepcast.cli.stores import operator_store
 
 if TYPE_CHECKING:
     from sleepcast.channel.keys import KeyPair, Trust
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from sleepcast.channel.reading import Reader
     from sleepcast.channel.transport import Transport
     from sleepcast.channel.trunk import Branch, Trunk
+    from sleepcast.node.store import Store
     from sleepcast.station.aired import AirStation
     from sleepcast.station.looking import Looker
 
@@ -141,24 +143,29 @@ def looking_for(air: Air, say: Callable[[str], None], *, strict: bool = False) -
 
 
 def line_for(
-    air: Air, name: str | None, *, robot: bool, say: Callable[[str], None], life: Callable[[str], int] | None = None
+    air: Air, name: str | None, *, robot: bool, say: Callable[[str], None], store: Store | None = None
 ) -> Line:
     """A line on this channel. name: of what we say, None for the key's owner. say: tells the person which keys are in
-    use if nobody chose them. life: numbers the lives of this name; None: by the time. Raises what the channel
-    raises."""
+    use if nobody chose them. store: of a robot; an operator has one of his own, in which his life goes on, and which
+    is closed with the line. Raises what the channel raises."""
     from sleepcast.channel.reading import Reader
     from sleepcast.channel.transport import open_transport
 
     key, trust = _keys(air, robot, say)
-    party = _party(air, key.public.owner if name is None else name, key, trust, Reader(), life, robot=robot)
-    return party(open_transport(air.channel))
+    if not robot:
+        store = operator_store(air.fleet, key.public.owner, say)
+    party = _party(air, key.public.owner if name is None else name, key, trust, Reader(), store, robot=robot)
+    line = party(open_transport(air.channel))
+    if not robot and store is not None:
+        line.ends.append(store.close)
+    return line
 
 
 def lines_for(
-    air: Air, names: Iterable[str], say: Callable[[str], None], life: Callable[[str], int] | None = None
+    air: Air, names: Iterable[str], say: Callable[[str], None], store: Store | None = None
 ) -> tuple[Trunk, list[tuple[Line, Branch]]]:
-    """Lines of robots with these names, all on one trunk, each with its branch. life: as in `line_for`. Raises what the
-    channel raises."""
+    """Lines of robots with these names, all on one trunk, each with its branch. store: of these robots. Raises what
+    the channel raises."""
     from sleepcast.channel.door import ROBOT_EARS
     from sleepcast.channel.reading import Reader
     from sleepcast.channel.transport import open_transport
@@ -166,7 +173,7 @@ def lines_for(
 
     key, trust = _keys(air, True, say)
     reader = Reader()
-    parties = [_party(air, name, key, trust, reader, life, robot=True) for name in names]
+    parties = [_party(air, name, key, trust, reader, store, robot=True) for name in names]
     trunk = Trunk(open_transport(air.channel), reader)
     branches = [trunk.branch(ROBOT_EARS) for _ in parties]
     return trunk, [(party(branch), branch) for party, branch in zip(parties, branches, strict=True)]
@@ -178,7 +185,7 @@ def _party(
     key: KeyPair,
     trust: Trust,
     reader: Reader,
-    life: Callable[[str], int] | None,
+    store: Store | None,
     *,
     robot: bool,
 ) -> Callable[[Transport], Line]:
@@ -193,9 +200,14 @@ def _party(
         raise MisuseError(f"the key of {key.public.owner!r} cannot speak for {name!r}: take another with --key")
     clock, chance = UnixClock(), Random(SystemRandom().getrandbits(64))
     door = Door(trust, air.fleet, clock, robot=robot, reader=reader)
-    # A life begins later than all before, so that its numbers are news.
-    epoch = int(clock.now() * 1000.0) if life is None else life(name)
-    mailbox = Mailbox(name, epoch, key, door, chance)
+    if store is None:  # a life begins later than all before, so that its numbers are news
+        mailbox = Mailbox(name, int(clock.now() * 1000.0), key, door, chance)
+    elif robot:
+        mailbox = Mailbox(name, store.life(name), key, door, chance)
+    else:
+        epoch, first = store.numbers(name)
+        mailbox = Mailbox(name, epoch, key, door, chance, first=first, keep=store.keep)
+        store.attend(mailbox)
     return lambda transport: Line(transport, mailbox, clock, chance)
 
 

@@ -137,7 +137,7 @@ def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> Cr
     seed, first = scenario.seed if wanted.seed is None else wanted.seed, wanted.first
     simulator = Simulator(scenario, key(seed, "crew", first) >> 1, threads=1)  # others elsewhere begin in other places
     vocabulary = vocabulary_of(simulator.model)
-    trunk, lines = lines_for(air, wanted.names, complain, None if store is None else store.life)
+    trunk, lines = lines_for(air, wanted.names, complain, store)
     members = []
     for i, (name, (line, branch)) in enumerate(zip(wanted.names, lines, strict=True)):
         stack.enter_context(closing(line))

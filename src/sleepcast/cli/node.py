@@ -122,8 +122,7 @@ def node(
             if lockstep:
                 raise MisuseError("--lockstep and --channel do not go together: deadlines on the air are of real time")
             air = Air(channel, fleet, key, trust, folder)
-            life_of = None if store is None else store.life
-            line = stack.enter_context(closing(line_for(air, name, robot=True, say=complain, life=life_of)))
+            line = stack.enter_context(closing(line_for(air, name, robot=True, say=complain, store=store)))
         number = _id(name, number)
         if uri.partition(":")[0] == SIMULATED:
             if vocabulary == NOMAD:

@@ -24,8 +24,8 @@ from pathlib import Path
 
 import msgspec
 
-from sleepcast.channel.kept import Name, News, Progress, Window
-from sleepcast.channel.mailbox import Mailbox
+from sleepcast.channel.kept import News
+from sleepcast.channel.mailbox import KEEP_EVERY, Mailbox
 from sleepcast.channel.message import Kind, Message
 from sleepcast.clock import Clock
 from sleepcast.errors import SleepcastError
@@ -33,6 +33,7 @@ from sleepcast.node.keeping import MindParcel, fingerprint, mind_of, put_back
 from sleepcast.node.node import MAX_QUEUE, Node
 from sleepcast.node.store_file import (
     Content,
+    InUseError,
     Remembered,
     StoreError,
     lock,
@@ -42,16 +43,15 @@ from sleepcast.node.store_file import (
     set_aside,
     transaction,
 )
+from sleepcast.node.unwritten import Unwritten
 from sleepcast.parcel import ParcelError, pack, unpack
 
-__all__ = ["Store", "StoreError"]
+__all__ = ["InUseError", "Store", "StoreError"]
 
 LOOK_EVERY = 1.0
 """Seconds after which it is looked whether rules have changed something by themselves."""
 TRY_AGAIN = 5.0
 """Seconds after which it is tried again to write what could not be written."""
-MAX_EVALUATIONS = 1_000_000
-"""Evaluations that are remembered, of all robots of a file: some eighty megabytes."""
 MAX_UNWRITTEN = 100_000
 """Evaluations that wait for a disk that has room again; older ones are forgotten."""
 MAX_MIND = 16 * 1024 * 1024
@@ -60,9 +60,6 @@ LASTING = frozenset({Kind.COMMAND, Kind.STOP, Kind.RELEASE})
 """What is remembered as evaluated."""
 INTERRUPTED = "interrupted"
 """The outcome of a command that was begun when the process ended: nobody knows how far it came."""
-
-Evaluated = tuple[int, str, str, float, str]
-"""A robot's number, a command's id and kind, when (s of Unix time), and the outcome."""
 
 
 @dataclass(slots=True)
@@ -77,25 +74,6 @@ class Robot:
     fingerprint: tuple[object, ...] = ()
 
 
-@dataclass(slots=True)
-class Unwritten:
-    """What waits to be written: see the tables of the file."""
-
-    streams: dict[tuple[int, Name], Progress] = field(default_factory=dict)
-    windows: dict[tuple[int, bytes, str, int], Window] = field(default_factory=dict)
-    standing: dict[tuple[Name, int], tuple[bytes, ...]] = field(default_factory=dict)
-    taken: dict[tuple[int, str], tuple[Message, bool]] = field(default_factory=dict)
-    finished: set[tuple[int, str]] = field(default_factory=set)
-    evaluated: list[Evaluated] = field(default_factory=list)
-    minds: dict[int, tuple[float, bytes]] = field(default_factory=dict)
-    lives: dict[int, tuple[str, int]] = field(default_factory=dict)
-
-    def __bool__(self) -> bool:
-        return any((self.streams, self.windows, self.standing, self.taken, self.finished, self.minds, self.lives)) or (
-            bool(self.evaluated)
-        )
-
-
 class Store:
     """See the module. clock: Unix time. say: tells a person what goes wrong with the file, and when it is over.
 
@@ -105,6 +83,7 @@ class Store:
     def __init__(self, file: Path, clock: Clock, say: Callable[[str], None]) -> None:
         self.file, self._clock, self._say = file, clock, say
         self._robots: dict[str, Robot] = {}
+        self._attended: tuple[Remembered, Mailbox] | None = None
         self._lock: int | None = None
         self._connection: sqlite3.Connection | None = None
         self._content = Content()
@@ -113,18 +92,29 @@ class Store:
         self._try_at = self._look_at = -inf
         self._open()
 
+    @property
+    def lasts(self) -> bool:
+        """Whether what is said here can be kept."""
+        return self._connection is not None
+
     # ---- robots
 
     def life(self, name: str) -> int:
         """The number of the life of this robot that begins now: higher than of all its lives before."""
-        now = self._clock.now()
-        before = self._content.robots.get(name)
-        if before is None:
-            number = 1 + max((each.number for each in self._content.robots.values()), default=0)
-            before = self._content.robots[name] = Remembered(number, 0, now, None)
-        before.epoch = max(int(now * 1000.0), before.epoch + 1)
-        self._unwritten.lives[before.number] = name, before.epoch
+        before = self._remembered(name)
+        before.epoch = max(int(self._clock.now() * 1000.0), before.epoch + 1)
+        self._unwritten.lives[before.number] = name, before
         return before.epoch
+
+    def _remembered(self, name: str) -> Remembered:
+        found = self._content.robots.get(name)
+        if found is None:
+            number = 1 + max((each.number for each in self._content.robots.values()), default=0)
+            found = self._content.robots[name] = Remembered(number, self._clock.now())
+        return found
+
+    def _heard(self, kept: Remembered) -> News:
+        return News(tuple(kept.streams), tuple(kept.windows), tuple(self._content.standing))
 
     def adopt(self, node: Node, mailbox: Mailbox | None) -> bool:
         """Let a robot go on where it was, and keep it from now on; whether it had been here before. Its mailbox (whose
@@ -137,7 +127,7 @@ class Store:
         if kept.mind is not None:
             self._restore(node, kept.mind, kept.saved)
         if mailbox is not None:
-            mailbox.restore(News(tuple(kept.streams), tuple(kept.windows), tuple(self._content.standing)))
+            mailbox.restore(self._heard(kept), kept.since)
         for taken in kept.taken:
             message = _shifted(taken.message, -node.zero)
             robot.known[message.id] = taken.begun
@@ -166,13 +156,41 @@ class Store:
         for sentence in lost:
             self._say(f"{node.name}: {sentence}")
 
+    # ---- an operator
+
+    def numbers(self, name: str) -> tuple[int, int]:
+        """The epoch of the operator of this name, and the first number in it that was never used: what he sends has an
+        order, so his life goes on after his process."""
+        kept = self._remembered(name)
+        if not kept.epoch:
+            self.life(name)
+        return kept.epoch, kept.sequence + 1
+
+    def attend(self, mailbox: Mailbox) -> None:
+        """Keep an operator's numbers from now on, and what he sends that stands; he goes on where he was."""
+        kept = self._remembered(mailbox.name)
+        mailbox.restore(self._heard(kept), kept.since)
+        self._attended = kept, mailbox
+        self.keep()
+
+    def keep(self) -> None:
+        """An operator is about to send something: nothing leaves before its number is kept, and its bytes if it
+        stands."""
+        if self._attended is not None:
+            kept, mailbox = self._attended
+            self._take_news(kept.number, mailbox)
+            kept.sequence = mailbox.next_number + 2 * KEEP_EVERY
+            self._unwritten.lives[kept.number] = mailbox.name, kept
+            self._write(self._clock.now())
+
     # ---- a tick
 
     def before(self) -> None:
         """All robots have received what has come, and are going to think about it."""
         now, begins = self._clock.now(), bool(self._unwritten.lives)
         for robot in self._robots.values():
-            self._take_news(robot)
+            if robot.mailbox is not None:
+                self._take_news(robot.number, robot.mailbox)
             for place, message in enumerate(robot.node.waiting):
                 begun = place < MAX_QUEUE
                 if message.kind is Kind.COMMAND and (message.id not in robot.known or begun > robot.known[message.id]):
@@ -215,14 +233,12 @@ class Store:
 
     # ---- what is to be written
 
-    def _take_news(self, robot: Robot) -> None:
-        if robot.mailbox is None:
-            return
-        news, waits = robot.mailbox.news(), self._unwritten
+    def _take_news(self, number: int, mailbox: Mailbox) -> None:
+        news, waits = mailbox.news(), self._unwritten
         for progress in news.streams:
-            waits.streams[robot.number, progress.stream] = progress
+            waits.streams[number, progress.stream] = progress
         for window in news.windows:
-            waits.windows[robot.number, window.key, window.sender, window.epoch] = window
+            waits.windows[number, window.key, window.sender, window.epoch] = window
         for each in news.standing:
             waits.standing[each.stream, each.number] = each.datagrams
 
@@ -278,7 +294,7 @@ class Store:
         elif now >= self._try_at:
             try:
                 with transaction(self._connection):
-                    self._write_all(self._connection)
+                    self._unwritten.write(self._connection)
             except sqlite3.Error as error:
                 self._try_at = now + TRY_AGAIN
                 if not self._failing:
@@ -300,49 +316,6 @@ class Store:
         for robot in self._robots.values():
             robot.node.remark(said)
             break
-
-    def _write_all(self, to: sqlite3.Connection) -> None:
-        waits = self._unwritten
-        to.executemany(
-            "INSERT INTO robots VALUES (?, ?, ?, 0.0, NULL) ON CONFLICT (number) DO UPDATE SET epoch = excluded.epoch",
-            ((number, name, epoch) for number, (name, epoch) in waits.lives.items()),
-        )
-        to.executemany(
-            "INSERT OR REPLACE INTO streams VALUES (?, ?, ?, ?, ?, ?)",
-            ((robot, *name, each.done, each.until, each.rules) for (robot, name), each in waits.streams.items()),
-        )
-        to.executemany(
-            "INSERT OR REPLACE INTO windows VALUES (?, ?, ?, ?, ?, ?)",
-            ((*which, each.latest, _bytes(each.numbers)) for which, each in waits.windows.items()),
-        )
-        to.executemany(
-            "INSERT OR IGNORE INTO standing (key, epoch, sequence, datagrams) VALUES (?, ?, ?, ?)",
-            ((*name, number, msgspec.msgpack.encode(data)) for (name, number), data in waits.standing.items()),
-        )
-        to.executemany(
-            "INSERT INTO taken (robot, command, begun, message) VALUES (?, ?, ?, ?) "
-            "ON CONFLICT (robot, command) DO UPDATE SET begun = excluded.begun",
-            ((*which, begun, msgspec.msgpack.encode(said)) for which, (said, begun) in waits.taken.items()),
-        )
-        to.executemany("DELETE FROM taken WHERE robot = ? AND command = ?", waits.finished)
-        to.executemany(
-            "UPDATE robots SET saved = ?, mind = ? WHERE number = ?",
-            ((saved, mind, number) for number, (saved, mind) in waits.minds.items()),
-        )
-        self._write_evaluated(to)
-
-    def _write_evaluated(self, to: sqlite3.Connection) -> None:
-        evaluated = self._unwritten.evaluated
-        to.executemany(
-            "INSERT INTO evaluations (robot, command, kind, time, outcome) VALUES (?, ?, ?, ?, ?)", evaluated
-        )
-        if evaluated:
-            (last,) = to.execute("SELECT max(number) FROM evaluations").fetchone()
-            to.execute("DELETE FROM evaluations WHERE number <= ?", (last - MAX_EVALUATIONS,))
-
-
-def _bytes(number: int) -> bytes:
-    return number.to_bytes((number.bit_length() + 7) // 8, "big")
 
 
 def _shifted(message: Message, seconds: float) -> Message:

@@ -30,11 +30,12 @@ PATIENCE = 2.0
 
 SCHEMA = """
 CREATE TABLE robots (
-    number INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE, epoch INTEGER NOT NULL, saved REAL NOT NULL, mind BLOB
+    number INTEGER PRIMARY KEY, name TEXT NOT NULL UNIQUE, since REAL NOT NULL, epoch INTEGER NOT NULL,
+    sequence INTEGER NOT NULL, saved REAL NOT NULL, mind BLOB
 ) STRICT;
 CREATE TABLE streams (
     robot INTEGER NOT NULL, key BLOB NOT NULL, epoch INTEGER NOT NULL,
-    done INTEGER NOT NULL, until REAL NOT NULL, rules INTEGER NOT NULL,
+    done INTEGER NOT NULL, sent REAL NOT NULL, until REAL NOT NULL, rules INTEGER NOT NULL,
     PRIMARY KEY (robot, key, epoch)
 ) STRICT, WITHOUT ROWID;
 CREATE TABLE windows (
@@ -58,13 +59,18 @@ CREATE VIEW journal AS
     SELECT evaluations.number, robots.name AS robot, command, kind, time, outcome
     FROM evaluations JOIN robots ON robots.number = evaluations.robot
 """
-"""robots: in the order in which they came; epoch: of the present life, or the last one; saved: s of Unix time. See
-`Progress`, `Window` and `Standing` of the channel. taken: what was taken from the channel and not finished.
-evaluations: what became of each command, STOP and RELEASE, and when (s of Unix time)."""
+"""robots: in the order in which they came, or the operator; since, saved: when it was first here, and when its mind was
+last written (s of Unix time); epoch: of the present life, or the last one; sequence: up to where an operator's numbers
+in it may have been used. See `Progress`, `Window` and `Standing` of the channel. taken: what was taken from the channel
+and not finished. evaluations: what became of each command, STOP and RELEASE, and when (s of Unix time)."""
 
 
 class StoreError(MisuseError):
     """A store that cannot be used, and why."""
+
+
+class InUseError(StoreError):
+    """A store that another process uses."""
 
 
 @dataclass(slots=True)
@@ -80,9 +86,11 @@ class Remembered:
     """What a file says of one robot. mind: a packed `MindParcel`, None if it never learned anything."""
 
     number: int
-    epoch: int
-    saved: float
-    mind: bytes | None
+    since: float
+    epoch: int = 0
+    sequence: int = 0
+    saved: float = 0.0
+    mind: bytes | None = None
     streams: list[Progress] = field(default_factory=list)
     windows: list[Window] = field(default_factory=list)
     taken: list[Taken] = field(default_factory=list)
@@ -146,7 +154,7 @@ def lock(file: Path) -> int | None:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         os.close(descriptor)
-        raise StoreError(
+        raise InUseError(
             f"{file} is in use: does a robot of this name run already? Name another with --store, or take none with "
             "--no-store"
         ) from None
@@ -170,10 +178,10 @@ def read_all(connection: sqlite3.Connection) -> Content:
     """Everything that a file says, but for what has been evaluated. Raises sqlite3.DatabaseError for a damaged one."""
     found = Content()
     by_number: dict[int, Remembered] = {}
-    for number, name, epoch, saved, mind in connection.execute("SELECT number, name, epoch, saved, mind FROM robots"):
-        found.robots[name] = by_number[number] = Remembered(number, epoch, saved, mind)
-    for robot, key, epoch, done, until, rules in connection.execute("SELECT * FROM streams"):
-        by_number[robot].streams.append(Progress((key, epoch), done, until, rules))
+    for number, name, *rest in connection.execute("SELECT * FROM robots"):
+        found.robots[name] = by_number[number] = Remembered(number, *rest)
+    for robot, key, epoch, *rest in connection.execute("SELECT * FROM streams"):
+        by_number[robot].streams.append(Progress((key, epoch), *rest))
     for robot, key, sender, epoch, latest, numbers in connection.execute("SELECT * FROM windows"):
         by_number[robot].windows.append(Window(key, sender, epoch, latest, int.from_bytes(numbers, "big")))
     try:

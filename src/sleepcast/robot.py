@@ -14,10 +14,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import nan
+from math import cos, nan, pi, remainder
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from sleepcast.units import Dimension, Quantity
+
+BRAKING = 0.8
+"""Share of the acceleration that coming to rest in time counts on."""
+STANDING = 1e-3
+"""m/s below which a body stands."""
+ROUNDED = 1e-9
+"""m by which sums may be wrong."""
+AHEAD = pi / 4.0
+"""rad to both sides of its way in which something is in the way of a body."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +35,73 @@ class Limits:
 
     speed: m/s, forwards and backwards alike. turn_rate: rad/s to either side. acceleration: m/s2, braking
     included. fence: least x, least y, greatest x, greatest y in m; the body turns back there. None: no fence.
+    least_range: m to what is in its way, before which it comes to rest; 0 for none.
     """
 
     speed: float
     turn_rate: float
     acceleration: float
     fence: tuple[float, float, float, float] | None = None
+    least_range: float = 0.0
+
+    @property
+    def are_watched(self) -> bool:
+        """Whether there is a fence or a least range to be kept, see `may_go_on`."""
+        return self.fence is not None or self.least_range > 0.0
+
+    def within(self, others: Limits) -> Limits:
+        """The narrower ones of both; the fence of `others` if they have one."""
+        return Limits(
+            min(self.speed, others.speed),
+            min(self.turn_rate, others.turn_rate),
+            min(self.acceleration, others.acceleration),
+            others.fence or self.fence,
+            max(self.least_range, others.least_range),
+        )
+
+    def may_go_on(
+        self,
+        pose: tuple[float, float, float],
+        speed: float,
+        wanted: float,
+        turn: float,
+        lag: float,
+        nearest: Callable[[float, float], float],
+    ) -> bool:
+        """Whether a body may do what it wants and could still come to rest in time: within the fence, and no nearer to
+        anything than the least range. One that is beyond the fence may come back.
+
+        pose: x and y in m, heading in rad; speed, wanted: m/s along its heading; turn: rad/s by which it may turn; lag:
+        s for which nobody will look again. nearest: m to the nearest thing between two angles, rad counter-clockwise
+        from the heading; NaN where that is not known, which does not let it go on.
+        """
+        towards = speed if abs(speed) > STANDING else wanted
+        if towards == 0.0:
+            return True
+        forwards, fastest = towards > 0.0, abs(speed)
+        if wanted * towards > 0.0:  # else it brakes
+            fastest = max(fastest, min(abs(wanted), self.speed, fastest + self.acceleration * lag))
+        way = fastest * lag + fastest * fastest / (2.0 * BRAKING * self.acceleration)
+        turned = abs(turn) * (lag + fastest / self.acceleration)
+        x, y, heading = pose
+        ahead = 0.0 if forwards else pi
+        if self.fence is not None and not _stays_within(self.fence, x, y, heading + ahead, turned, way):
+            return False
+        return not self.least_range or nearest(ahead - AHEAD, ahead + AHEAD) - way >= self.least_range
+
+
+def _stays_within(
+    fence: tuple[float, float, float, float], x: float, y: float, direction: float, turned: float, way: float
+) -> bool:
+    """Whether no side of a fence is passed by going so many m in this direction, or in one that differs from it by
+    `turned` rad at most."""
+    left, bottom, right, top = fence
+    for outward, room in ((pi, x - left), (0.0, right - x), (-pi / 2.0, y - bottom), (pi / 2.0, top - y)):
+        aside = abs(remainder(direction - outward, 2.0 * pi))
+        towards = way * cos(max(0.0, aside - turned))
+        if towards > max(0.0, room) + ROUNDED:
+            return False
+    return True
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from math import hypot, isclose, isnan, nan, pi
+from math import hypot, inf, isclose, isnan, nan, pi
+from random import Random
 from typing import cast
 
 import pytest
@@ -14,12 +15,12 @@ from robot_contract import Rig, RobotContract
 from sleepcast.bridges import BodyError, open_robot
 from sleepcast.bridges.nomad import model_of
 from sleepcast.bridges.nomad_bases import SCOUT
-from sleepcast.bridges.nomad_robot import MAX_ERRANDS, BusyError, NomadRobot
+from sleepcast.bridges.nomad_robot import MAX_ERRANDS, BusyError, FencedError, NomadRobot
 from sleepcast.clock import ManualClock
 from sleepcast.loop import vocabulary_of
 from sleepcast.nomad.client import LostError, Nomad, RefusedError
 from sleepcast.nomad.units import TENTH
-from sleepcast.robot import Setpoint
+from sleepcast.robot import Limits, Setpoint
 from sleepcast.simulator.engine import NumPyMachine
 from sleepcast.simulator.nomad_worlds import nomad_world
 from sleepcast.simulator.nomads import NomadWorld
@@ -372,3 +373,49 @@ def test_a_uri_that_leads_nowhere(uri: str, error: str) -> None:
 def test_a_robot_that_there_is_not(running: Served) -> None:
     with pytest.raises(RefusedError, match="has no robot 2"):
         reach(running, "#2")
+
+
+def test_a_fence_holds_whatever_the_mind_asks(stepped: Served, world: NomadWorld) -> None:
+    limits = Limits(0.5, inf, 1.0, fence=(-1.0, -0.5, 1.5, 0.8))
+    chance, reached = Random(3), 0.0
+    with cast(NomadRobot, open_robot(f"nomad://127.0.0.1:{stepped.port}#1", in_step=True, limits=limits)) as robot:
+        for tick in range(500):
+            if tick % 10 == 0:
+                speed, turn = chance.uniform(-2.0, 2.0), chance.uniform(-3.0, 3.0)
+                chance.choice(
+                    [
+                        lambda: robot.drive(speed, turn),  # noqa: B023  # called at once
+                        lambda: robot.drive(speed, 0.0),  # noqa: B023
+                        lambda: robot.travel(5.0, 5.0),
+                        lambda: robot.turn_axes(1.0, -1.0),
+                    ]
+                )()
+            robot.sense()
+            real = world.observe(0).real
+            assert -1.0 <= real.x <= 1.5
+            assert -0.5 <= real.y <= 0.8
+            assert abs(robot.state.velocities[0]) * TENTH <= 0.5
+            reached = max(reached, real.x / 1.5, real.y / 0.8, -real.y / 0.5)
+        assert reached > 0.7, "it does get near it"
+        for talk in (
+            lambda: robot.believe_place(5.0, 5.0),
+            lambda: robot.believe_heading(1.0),
+            lambda: robot.place(0.0, 0.0, 0.0),
+            robot.zero,
+        ):
+            with pytest.raises(FencedError, match="may not be told where it is"):
+                talk()
+
+
+def test_a_least_range_holds_whatever_the_mind_asks(stepped: Served, world: NomadWorld) -> None:
+    world.add([(1.5, -1.0), (1.7, -1.0), (1.7, 1.0), (1.5, 1.0)])
+    limits = Limits(inf, inf, inf, least_range=0.4)
+    with cast(NomadRobot, open_robot(f"nomad://127.0.0.1:{stepped.port}#1", in_step=True, limits=limits)) as robot:
+        for _ in range(60):
+            robot.drive(1.0, 0.0)
+            robot.sense()
+        assert 0.4 <= robot.nearest(-0.3, 0.3) < 0.9
+        robot.drive(-0.5, 0.0)
+        for _ in range(20):
+            robot.sense()
+        assert world.observe(0).real.x < 0.5, "away from it the way is free"

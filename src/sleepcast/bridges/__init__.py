@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from math import inf
 from types import TracebackType
 from typing import Protocol, Self
 from urllib.parse import parse_qs, urlsplit
 
 from sleepcast.errors import MisuseError, did_you_mean
-from sleepcast.robot import Robot
+from sleepcast.robot import Limits, Robot
 
 SCHEMES = {"nomad": "nomad://127.0.0.1:7019#1"}
 """Families of robots with an example of a URI for each."""
 
 SETTINGS = {"type": "scout", "speed": "inf", "turn_rate": "inf"}
 """What can be set of a Nomad in its URI, and what holds otherwise."""
+UNLIMITED = Limits(inf, inf, inf)
 
 
 class BodyError(MisuseError):
@@ -42,8 +44,8 @@ class RealRobot(Robot, Protocol):
     ) -> None: ...
 
 
-def open_robot(uri: str, *, in_step: bool = False) -> RealRobot:
-    """Reach for a body.
+def open_robot(uri: str, *, in_step: bool = False, limits: Limits = UNLIMITED) -> RealRobot:
+    """Reach for a body, which then keeps these limits as well as its own, whoever asks.
 
     uri: `nomad://HOST:PORT#ROBOT` for a Scout behind a Nserver; if wanted, of another type, or with lower limits of
     speed (m/s) and turn rate (rad/s): `nomad://HOST:PORT?type=nomad200&speed=0.3&turn_rate=1#ROBOT`. in_step: every
@@ -68,7 +70,8 @@ def open_robot(uri: str, *, in_step: bool = False) -> RealRobot:
     base = BASES.get(settings["type"])
     if base is None:
         raise BodyError(f"{uri!r:.100}: there is no type {settings['type']!r:.40}; there are {', '.join(BASES)}")
-    limited = base.limited(_limit(uri, settings, "speed"), _limit(uri, settings, "turn_rate"))
+    said = Limits(_limit(uri, settings, "speed"), _limit(uri, settings, "turn_rate"), inf)
+    limited = base.limited(said.within(limits))
     robot = _number(uri, parts.fragment or "1")
     return open_nomad(parts.hostname, PORT if port is None else port, robot, limited, in_step=in_step)
 

@@ -29,11 +29,11 @@ class Base:
     units: Axes
     accelerations: Axes
 
-    def limited(self, speed: float, turn_rate: float) -> Base:
-        """The same, never asked for more than this (m/s, rad/s), nor for more than it can."""
-        limits = self.limits
-        slower = replace(limits, speed=min(speed, limits.speed), turn_rate=min(turn_rate, limits.turn_rate))
-        return replace(self, limits=slower)
+    def limited(self, limits: Limits) -> Base:
+        """The same, never asked for more than this, nor for more than it can."""
+        share = min(1.0, limits.acceleration / self.limits.acceleration)
+        slower = Axes(*(most * share for most in self.accelerations))
+        return replace(self, limits=self.limits.within(limits), accelerations=slower)
 
     @property
     def speeds(self) -> Axes:

@@ -17,12 +17,12 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
-from math import isnan, nan, pi
+from math import copysign, isnan, nan, pi
 from threading import Event, Lock, Thread
 from types import TracebackType
 from typing import Literal, NamedTuple, Self
 
-from sleepcast.bridges.nomad_bases import Base
+from sleepcast.bridges.nomad_bases import BASES, Base
 from sleepcast.clock import Clock, WallClock
 from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.nomad.client import Nomad, NomadError, Pose, RequestError, State
@@ -45,6 +45,8 @@ FARTHEST = 1_000.0
 """m or rad that an axis may be asked to go in one go."""
 LEAST_BRAKING = 0.5
 """Share of the acceleration that is always left: however gently it is to drive, a robot must be able to stop."""
+LAG = 0.25
+"""Seconds from a look at what is ahead to when what follows from it is done: two rounds, and ticks of the server."""
 FRESH = 1.0
 """Seconds after which what was measured counts as unknown: the server, or the way to it, has got stuck."""
 FRONT = range(-4, 5)
@@ -53,6 +55,10 @@ FRONT = range(-4, 5)
 TURN = 2.0 * pi
 _FARTHEST_ECHO = NOTHING_HEARD * INCH
 Sort = Literal["rest", "speeds", "way", "limp"]
+
+
+class FencedError(SleepcastError):
+    """A body that is kept within a fence is to believe that it is elsewhere."""
 
 
 class BusyError(SleepcastError):
@@ -105,6 +111,8 @@ class NomadRobot:
         self._nomad.conf_tm(TIMEOUT)
         self._nomad.st()
         self._nomad.sp(*self.base.words(self.base.speeds))
+        if self.base.accelerations != BASES[self.base.name].accelerations:
+            self._nomad.ac(*self.base.words(self.base.whole(self.base.accelerations)))
         self._state = self._nomad.state
 
     # ---- a Robot
@@ -212,6 +220,7 @@ class NomadRobot:
         """Over a connection of its own: it may take two minutes, and STOP must not wait for it."""
         if self._stopped:
             return
+        self._keep_its_place()
         if self._zeroing is not None and self._zeroing.is_alive():
             raise BusyError("it is still on its way home from the last ZR")
         self._move(Motion("rest"))
@@ -219,13 +228,16 @@ class NomadRobot:
         self._zeroing.start()
 
     def believe_place(self, x: float, y: float) -> None:
+        self._keep_its_place()
         self._send(lambda nomad: nomad.believe_place(x, y))
 
     def believe_heading(self, heading: float, turret: float | None = None) -> None:
+        self._keep_its_place()
         angles = heading % TURN, (heading if turret is None else turret) % TURN
         self._send(lambda nomad: nomad.believe_heading(*angles))
 
     def place(self, x: float, y: float, heading: float, turret: float | None = None) -> None:
+        self._keep_its_place()
         pose = Pose(x, y, heading % TURN, (heading if turret is None else turret) % TURN)
         if not self._stopped:
             self._send(lambda nomad: nomad.place(pose))
@@ -253,6 +265,11 @@ class NomadRobot:
         if self._clock.now() - self._heard > FRESH:
             return [nan] * self.model.geometry.sonars
         return _ranges(self._state)
+
+    def _keep_its_place(self) -> None:
+        """A fence means nothing to a body that can be talked into being elsewhere."""
+        if self.base.limits.fence is not None:
+            raise FencedError("this robot is kept within a fence, so it may not be told where it is")
 
     # ---- what the mind leaves for the courier
 
@@ -288,6 +305,8 @@ class NomadRobot:
         """One round with the server: what brings to rest first, then errands, then other motion; the state in any
         case, and once if nothing else brings it."""
         with self._lock:
+            if self.base.limits.are_watched and not self._may_go_on(self._motion):
+                self._motion = REST
             motion = REST if self._stopped or self._held else self._motion
             errands, self._errands = self._errands, deque()
         todo: list[Callable[[Nomad], object]] = list(errands)
@@ -303,6 +322,18 @@ class NomadRobot:
         else:
             self._heard = self._clock.now()
         self._state = self._nomad.state
+
+    def _may_go_on(self, motion: Motion) -> bool:
+        """Whether this motion keeps the body within its fence and off what is in its way."""
+        if motion.sort not in ("speeds", "way"):
+            return True
+        limits, state = self.base.limits, self._state
+        (speed, turning), (wanted, turn) = self.base.measured(state), self.base.motion(motion.axes)
+        if motion.sort == "way":  # at whatever speed it comes to
+            wanted = copysign(limits.speed, wanted) if wanted else 0.0
+            turn = limits.turn_rate if turn else 0.0
+        turn = max(abs(turn), abs(turning))
+        return limits.may_go_on((state.x, state.y, state.heading), speed, wanted, turn, LAG, self.nearest)
 
     def _carry_out(self, motion: Motion, nomad: Nomad) -> State:
         if motion.sort == "speeds":

@@ -33,13 +33,14 @@ SCENARIO = "bravo"
 @dataclass(frozen=True, slots=True)
 class Wanted:
     """Which robots: their names, the first one's number, the scenario of their bodies, what chance depends on (None: as
-    the scenario says), and for how long a driven body goes on unattended, s."""
+    the scenario says), and for how long a driven body goes on unattended, s; the file of the bodies' limits."""
 
     names: list[str]
     first: int
     scenario: str
     seed: int | None
     lease: float
+    limits: Path | None
 
 
 @click.command("swarm", short_help="Run many robots on the air in one process.")
@@ -53,6 +54,9 @@ class Wanted:
 @click.option(
     "--lease", metavar="TIME|off", default="1s", show_default=True, help="How long a driven body goes on unattended."
 )
+@click.option(
+    "--limits", metavar="FILE", type=click.Path(path_type=Path), help="Limits of the bodies that nothing passes."
+)
 @options
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="What chance depends on; else the scenario's.")
 @click.option("--seconds", metavar="S", type=click.FloatRange(min=0.0), help="End after so long; else at Ctrl-C.")
@@ -65,6 +69,7 @@ def swarm(
     rules: Path | None,
     file: Path | None,
     lease: str,
+    limits: Path | None,
     fleet: str,
     key: str | None,
     trust: Path | None,
@@ -94,7 +99,7 @@ def swarm(
             raise MisuseError(f"{rules} is a mission script: a swarm begins with expressions, without times")
         names = [f"{prefix}{first + i}" for i in range(count)]
         store = None if file is None else stack.enter_context(closing(open_store(file, complain)))
-        wanted = Wanted(names, first, scenario, seed, read_lease(lease))
+        wanted = Wanted(names, first, scenario, seed, read_lease(lease), limits)
         crew = _crew(stack, Air(channel, fleet, key, trust, folder), wanted, store)
         interrupts.defer()
         _begin(crew, beginning or Beginning(), store)
@@ -131,9 +136,11 @@ def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> Cr
     from sleepcast.clock import UnixClock, WallClock
     from sleepcast.loop import Crew, Member, vocabulary_of
     from sleepcast.node.node import Node
-    from sleepcast.simulator import Changes, Simulator, find_scenario
+    from sleepcast.simulator import Changes, Guard, Simulator, find_scenario, limited, read_limits
 
+    limits = None if wanted.limits is None else read_limits(wanted.limits)
     scenario = find_scenario(wanted.scenario, Changes(len(wanted.names), None, True))
+    scenario = scenario if limits is None else limited(scenario, limits)
     seed, first = scenario.seed if wanted.seed is None else wanted.seed, wanted.first
     simulator = Simulator(scenario, key(seed, "crew", first) >> 1, threads=1)  # others elsewhere begin in other places
     vocabulary = vocabulary_of(simulator.model)
@@ -147,7 +154,8 @@ def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> Cr
     zero = time.time()
     for member in members:
         member.node.zero = member.line.zero = zero
-    return Crew(simulator, members, trunk, WallClock(), UnixClock(), keeper=store)
+    guard = None if limits is None else Guard(simulator, limits)
+    return Crew(simulator, members, trunk, WallClock(), UnixClock(), guard=guard, keeper=store)
 
 
 def _begin(crew: Crew, beginning: Beginning, store: Store | None) -> None:

@@ -16,6 +16,7 @@ from sleepcast.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.bridges import RealRobot
+    from sleepcast.robot import Limits
 
 STANDARD, NOMAD = "standard", "nomad"
 SIMULATED, SCENARIO = "sim", "bravo"
@@ -56,6 +57,9 @@ LONGEST_TICK = 0.5
 @click.option(
     "--lease", metavar="TIME|off", default="1s", show_default=True, help="How long a driven body goes on unattended."
 )
+@click.option(
+    "--limits", metavar="FILE", type=click.Path(path_type=Path), help="Limits of the bodies that nothing passes."
+)
 @options
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="What chance depends on.")
 def node(
@@ -75,6 +79,7 @@ def node(
     file: Path | None,
     forgetful: bool,
     lease: str,
+    limits: Path | None,
     fleet: str,
     key: str | None,
     trust: Path | None,
@@ -105,10 +110,11 @@ def node(
     """
     _check_name(name)
     with Interrupts() as interrupts, ExitStack() as stack:
-        from sleepcast.bridges import open_robot
+        from sleepcast.bridges import UNLIMITED, open_robot
         from sleepcast.channel.datagrams import Datagrams
         from sleepcast.cli.node_life import Beginning, Life, read_beginning
         from sleepcast.node.deadman import read_lease
+        from sleepcast.simulator import read_limits
 
         beginning, built_in = (Beginning() if each is None else read_beginning(each) for each in (rules, golden))
         if built_in.orders:
@@ -123,13 +129,13 @@ def node(
                 raise MisuseError("--lockstep and --channel do not go together: deadlines on the air are of real time")
             air = Air(channel, fleet, key, trust, folder)
             line = stack.enter_context(closing(line_for(air, name, robot=True, say=complain, store=store)))
-        number = _id(name, number)
+        number, kept = _id(name, number), UNLIMITED if limits is None else read_limits(limits)
         if uri.partition(":")[0] == SIMULATED:
             if vocabulary == NOMAD:
                 raise MisuseError("a body in the simulator has the vocabulary that its scenario says: no --vocabulary")
-            robot = stack.enter_context(_simulated(uri, seed, number, lockstep))
+            robot = stack.enter_context(_simulated(uri, seed, number, lockstep, kept))
         else:
-            robot = stack.enter_context(open_robot(uri, in_step=lockstep))
+            robot = stack.enter_context(open_robot(uri, in_step=lockstep, limits=kept))
         interrupts.defer()
         nomad = vocabulary == NOMAD
         life = Life(name, robot, ears, line, store, nomad=nomad, number=number, seed=seed, lease=seconds_unattended)
@@ -138,15 +144,15 @@ def node(
     return 0
 
 
-def _simulated(uri: str, seed: int, number: int, in_step: bool) -> RealRobot:
+def _simulated(uri: str, seed: int, number: int, in_step: bool, limits: Limits) -> RealRobot:
     """A body in the simulator. Raises MisuseError for a scenario that there is not."""
     from sleepcast.channel.chance import key
     from sleepcast.clock import WallClock
-    from sleepcast.simulator import Changes, LoneBody, Simulator, find_scenario
+    from sleepcast.simulator import Changes, Guard, LoneBody, Simulator, find_scenario, limited
 
-    scenario = find_scenario(uri.partition(":")[2] or SCENARIO, Changes(1, None, True))
+    scenario = limited(find_scenario(uri.partition(":")[2] or SCENARIO, Changes(1, None, True)), limits)
     simulator = Simulator(scenario, key(seed, "alone", number) >> 1, threads=1)  # another one begins elsewhere
-    return LoneBody(simulator, None if in_step else WallClock())
+    return LoneBody(simulator, None if in_step else WallClock(), Guard(simulator, limits))
 
 
 def _check_name(name: str) -> None:

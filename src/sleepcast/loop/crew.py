@@ -25,12 +25,10 @@ from sleepcast.clock import Clock
 from sleepcast.loop.real import Keeper, Watch
 from sleepcast.node.node import Node
 from sleepcast.robot import Setpoint
-from sleepcast.simulator import Simulator
+from sleepcast.simulator import Guard, Simulator
 
 QUIET = 0.004
 """Seconds for which the next look at the air waits after one: what comes close together is dealt with together."""
-
-
 LAG = 0.05
 """Seconds by which simulated time may fall behind that on the wall before deadlines are reckoned anew."""
 
@@ -50,7 +48,7 @@ class Member:
 @dataclass(slots=True)
 class Crew:
     """See the module. trunk: on which all lines have their branches. clock: for the pace of the ticks; air: Unix time,
-    by which lines are pumped. watch: how it goes. keeper: of what the minds know."""
+    by which lines are pumped. watch: how it goes. guard: of the bodies' limits. keeper: of what the minds know."""
 
     simulator: Simulator
     members: Sequence[Member]
@@ -58,6 +56,7 @@ class Crew:
     clock: Clock
     air: Clock
     watch: Watch = field(default_factory=Watch)
+    guard: Guard | None = None
     keeper: Keeper | None = None
 
     def run(self, going: Callable[[], bool]) -> None:
@@ -78,6 +77,8 @@ class Crew:
 
     def step(self) -> None:
         """One tick."""
+        if self.guard is not None:
+            self.guard.attend()
         self.simulator.step()
         self._set_time()
         self.hear()

@@ -17,6 +17,7 @@ from sleepcast.simulator.bodies import Saying
 from sleepcast.simulator.body import Body
 from sleepcast.simulator.engine import Machine, choose
 from sleepcast.simulator.gallery import find_scenario, scenario_names
+from sleepcast.simulator.guard import Guard, limited, read_limits
 from sleepcast.simulator.mission import MissionError, Order, parse_mission, read_mission
 from sleepcast.simulator.robot_settings import Store
 from sleepcast.simulator.scenario import Place, ReadyCommand, Scenario, load
@@ -30,6 +31,7 @@ __all__ = [
     "Body",
     "Changes",
     "Circle",
+    "Guard",
     "LoneBody",
     "Machine",
     "MissionError",
@@ -47,8 +49,10 @@ __all__ = [
     "World",
     "choose",
     "find_scenario",
+    "limited",
     "load",
     "parse_mission",
+    "read_limits",
     "read_mission",
     "scenario_names",
 ]

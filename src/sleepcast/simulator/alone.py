@@ -11,6 +11,7 @@ from typing import Self
 from sleepcast.clock import Clock
 from sleepcast.robot import Reading
 from sleepcast.simulator.body import Body
+from sleepcast.simulator.guard import Guard
 from sleepcast.simulator.simulation import Simulator
 
 MOST_AT_ONCE = 10
@@ -18,20 +19,22 @@ MOST_AT_ONCE = 10
 
 
 class LoneBody(Body):
-    """The first robot of `simulator`. clock: what its time goes with, None in step.
+    """The first robot of `simulator`. clock: what its time goes with, None in step. guard: of its limits.
 
     It is a `Robot` that can be let go of, as those behind a bridge.
     """
 
-    __slots__ = ("_clock", "_simulator", "_start")
+    __slots__ = ("_clock", "_guard", "_simulator", "_start")
 
-    def __init__(self, simulator: Simulator, clock: Clock | None) -> None:
+    def __init__(self, simulator: Simulator, clock: Clock | None, guard: Guard | None = None) -> None:
         super().__init__(simulator.bodies, simulator.model, 0)
-        self._simulator, self._clock = simulator, clock
+        self._simulator, self._clock, self._guard = simulator, clock, guard
         self._start = 0.0 if clock is None else clock.now()
 
     def sense(self) -> Reading:
         for _ in range(self._due()):
+            if self._guard is not None:
+                self._guard.attend()
             self._simulator.step()
         return super().sense()
 

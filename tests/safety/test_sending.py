@@ -1,0 +1,249 @@
+"""Before a command leaves: for whom it is, how many may obey, and one stage after the other."""
+
+from __future__ import annotations
+
+import pytest
+
+from safety.scene import Scene
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.bodies import FOR, NOT
+from sleepcast.language import CheckError
+from sleepcast.station import AddressError, CountNeededError, SortError, UnknownRobotError
+from sleepcast.station.aired import ABOVE, AirStation
+from sleepcast.station.audience import MAX_LISTED, AudienceError
+from sleepcast.station.settling import Caution, Draft
+from sleepcast.station.staging import Stage, staged
+
+
+def driven(scene: Scene) -> set[str]:
+    return {name for name, robot in scene.fleet.items() if robot.body.driven}
+
+
+def sends_nothing(desk: AirStation) -> int:
+    return desk.line.mailbox.next_number
+
+
+# ---- for whom
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["(DRIVE 1)", "(AND 1 (DRIVE 1))", "(WHEN TRUE (DRIVE 1))", "(WHEN (>= fuel 0%) (DRIVE 1))", "(IF 1 (DRIVE 1) 0)"],
+)
+def test_everybody_is_never_a_default(text: str) -> None:
+    """Must 6, `target 0 toggled safety on a flying aircraft`, `meant for one drone, spun the motors of all`."""
+    scene = Scene()
+    desk = scene.desk()
+    before = sends_nothing(desk)
+    with pytest.raises(AddressError, match="--all"):
+        desk.send(text)
+    with pytest.raises(AddressError):
+        desk.send(text, but=["r1"])
+    scene.run(0.5)
+    assert sends_nothing(desk) == before
+    assert driven(scene) == set()
+    desk.send(text, everybody=True)
+    scene.run(0.5)
+    assert driven(scene) == set(scene.fleet)
+
+
+@pytest.mark.parametrize("test", ["(> nowhere 1)", "(NOT (> nowhere 1))", "nowhere", "(= nowhere nowhere)"])
+def test_a_filter_on_something_that_does_not_exist_matches_nobody(test: str) -> None:
+    """`a filter on a fact that does not exist matched every node`: unknown never matches."""
+    scene = Scene()
+    desk = scene.desk()
+    sent = desk.send(f"(WHEN {test} (DRIVE 1))")
+    scene.run(0.5)
+    assert desk.accounting(sent.id).n_not_matched == 3
+    assert driven(scene) == set()
+
+
+def test_a_command_for_one_robot_is_for_one_robot() -> None:
+    """`meant for one drone`: the others neither obey nor answer, and are not told as silent."""
+    scene = Scene()
+    desk = scene.desk()
+    sent = desk.send("(DRIVE 1)", only=["r1"])
+    scene.run(0.5)
+    assert driven(scene) == {"r1"}
+    found = desk.accounting(sent.id)
+    assert (found.matched, found.silent, found.asked) == (("r1",), (), 1)
+    sent = desk.send("(DRIVE 1)", but=["r1"], everybody=True)
+    scene.run(0.5)
+    assert desk.accounting(sent.id).matched == ("r0", "r2")
+    asked = desk.ask("x", only=["r0"])
+    scene.run(0.5)
+    assert desk.accounting(asked.id).matched == ("r0",)
+    with pytest.raises(UnknownRobotError, match="did you mean r1"):
+        desk.send("(DRIVE 1)", only=["r11"])
+
+
+@pytest.mark.parametrize(
+    "body", [{FOR: "r0"}, {FOR: None}, {FOR: 1}, {FOR: {"r0": 1}}, {FOR: [["r0"]]}, {NOT: "r1"}, {NOT: 5}, {FOR: []}]
+)
+def test_an_address_that_means_nothing_is_nobodys(body: dict[str, object]) -> None:
+    """Must 6: fail closed; no robot takes a broken list of names for `everybody`."""
+    scene = Scene()
+    scene.desk().post(Kind.COMMAND, text="(DRIVE 1)", body=body)
+    scene.run(0.5)
+    assert driven(scene) == set()
+
+
+def test_names_in_a_message_are_bounded() -> None:
+    scene = Scene(robots=1)
+    desk = scene.desk(heard=(f"r{number}" for number in range(MAX_LISTED + 2)))
+    with pytest.raises(AudienceError, match="too many to be named"):
+        desk.ask("x", only=desk.names)
+
+
+# ---- how many
+
+
+def test_a_count_is_asked_for_where_many_may_obey() -> None:
+    """Must 6: more than a set number, those of whom the desk cannot say included; a wrong number is refused."""
+    scene = Scene(robots=ABOVE + 1)
+    desk = scene.desk()
+    before = sends_nothing(desk)
+    for said in (None, 0, ABOVE, ABOVE + 2):
+        with pytest.raises(CountNeededError) as refused:
+            desk.send("(WHEN (> x 5) (DRIVE 1))", count=said)
+        assert refused.value.may == ABOVE + 1
+    scene.run(0.3)
+    assert sends_nothing(desk) == before
+    desk.send("(WHEN (> x 5) (DRIVE 1))", count=ABOVE + 1)
+    scene.run(0.5)
+    assert driven(scene) == {f"r{number}" for number in range(6, ABOVE + 1)}
+    desk.send("(DRIVE 2)", only=["r0", "r1"])
+
+
+def test_a_count_follows_what_the_desk_knows() -> None:
+    """Must 1 and 6: robots that would certainly not obey are not counted; news that is too old decides nothing."""
+    scene = Scene(robots=ABOVE + 5)
+    desk = scene.desk()
+    desk.observe(scene.clock.now(), [robot.node for robot in scene.fleet.values()])
+    text = "(WHEN (< x 4) (DRIVE 1))"
+    found = desk.foresee(text)
+    assert (list(found.yes), len(found.no), found.may) == (["r0", "r1", "r2", "r3"], ABOVE + 1, 4)
+    assert desk.send(text).predicted == {"r0", "r1", "r2", "r3"}
+    scene.run(desk.stale_after + 0.1)
+    with pytest.raises(CountNeededError):
+        desk.send(text)
+    assert len(desk.foresee(text).unknown) == ABOVE + 5
+
+
+@pytest.mark.parametrize(
+    ("text", "dropped"),
+    [("(DROP)", 3), ("(FORGET keep)", 0), ("(ROLLBACK)", 0), ("(WHEN (> x 1) (IF (> fuel 1) 0 (DROP)))", 1)],
+)
+def test_what_cannot_be_undone_wants_its_count(text: str, dropped: int) -> None:
+    """Must 6: forms that are marked irreversible, however deep inside, and for however few."""
+    scene = Scene()
+    desk = scene.desk()
+    with pytest.raises(CountNeededError, match="cannot be undone: 3 may obey"):
+        desk.send(text, everybody=True)
+    with pytest.raises(CountNeededError, match="1 may obey"):
+        desk.send(text, only=["r1"], count=3)
+    desk.send(text, everybody=True, count=3)
+    scene.run(0.5)
+    assert sum(robot.body.dropped for robot in scene.fleet.values()) == dropped
+
+
+def test_a_desk_may_be_strict() -> None:
+    """What the checker only doubts is refused, and so is what no robot could run, always."""
+    scene = Scene(caution=Caution(strict=True))
+    desk = scene.desk()
+    with pytest.raises(CheckError, match="did you mean fuel"):
+        desk.send("(WHEN (> feul 50%) (DRIVE 1))")
+    with pytest.raises(CheckError):
+        desk.send("(WHEN (> fuel 50) (DRIVE 1))")
+    desk.send("(WHEN (> fuel 20%) (DRIVE 1))")
+    scene.run(0.5)
+    assert driven(scene) == set(scene.fleet)
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, 3_601.0, float("inf"), float("nan")])
+def test_no_command_is_good_for_ever(seconds: float) -> None:
+    """Must 7: a deadline that lies too far ahead is none."""
+    scene = Scene(robots=1)
+    with pytest.raises(SortError):
+        scene.desk().send("(DRIVE 1)", everybody=True, deadline=seconds)
+
+
+# ---- in stages
+
+
+def stages(scene: Scene, draft: Draft) -> list[Stage]:
+    """All stages, while the rest of the world goes on."""
+    desk = scene.desk()
+    desk.gather = lambda *_: scene.run(1.0)  # type: ignore[method-assign]
+    return list(staged(desk, draft, 1.0))
+
+
+def test_staged_sending_goes_to_one_then_a_tenth_then_all() -> None:
+    """Must 6: and every robot does it once."""
+    scene = Scene(robots=20)
+    found = stages(scene, Draft("(WHEN (> x 3) (DRIVE 1))", count=20))
+    assert [stage.account.asked for stage in found] == [1, 2, 17]
+    assert all(stage.good for stage in found)
+    assert sum(stage.account.n_matched for stage in found) == 16
+    assert [robot.body.driven for robot in scene.fleet.values()] == [[]] * 4 + [[1.0]] * 16
+
+
+def test_staged_sending_asks_for_the_count_before_it_begins() -> None:
+    scene = Scene(robots=20)
+    with pytest.raises(CountNeededError):
+        stages(scene, Draft("(WHEN (> x 3) (DRIVE 1))"))
+    with pytest.raises(AddressError):
+        stages(scene, Draft("(DRIVE 1)", count=20))
+    assert driven(scene) == set()
+
+
+def test_a_fault_ends_staged_sending() -> None:
+    """Must 6: what goes wrong on the first robot never reaches the others."""
+    scene = Scene(robots=20)
+    (stage,) = stages(scene, Draft("(PROGN (DRIVE 1) (/ 1 0))", everybody=True, count=20))
+    assert (stage.account.n_fault, stage.last, stage.good) == (1, False, False)
+    assert driven(scene) == {"r0"}
+
+
+def test_silence_ends_staged_sending() -> None:
+    scene = Scene(robots=20)
+    scene.desk()
+    scene.isolate("r2")
+    found = stages(scene, Draft("(DRIVE 1)", everybody=True, count=20))
+    assert [stage.good for stage in found] == [True, False]
+    assert driven(scene) == {"r0", "r1"}
+
+
+def test_rules_in_stages_end_with_all_robots_alike() -> None:
+    """What stands is filtered by name on each robot, and reaches those that come later as well."""
+    scene = Scene(robots=12)
+    found = stages(scene, Draft("(RULE go (SETQ throttle 1))", standing=True, everybody=True, count=12))
+    assert found[-1].last
+    assert {len(robot.node.rules()) for robot in scene.fleet.values()} == {1}
+
+
+# ---- who is asked for what it was meant
+
+
+def test_an_acknowledgement_says_what_it_answers() -> None:
+    """`an acknowledgement that cannot say what it answers`: answers name their command, and a late one of an old
+    command counts for that one only."""
+    scene = Scene()
+    desk = scene.desk()
+    scene.deaf.add(("r1", "chief"))
+    first = desk.send("(WHEN (> x 0) (DRIVE 1))")
+    scene.run(0.5)
+    second = desk.send("(WHEN (> x 5) (DRIVE 1))")
+    scene.deaf.clear()
+    scene.run(2.0)
+    assert desk.accounting(first.id).matched == ("r1", "r2")
+    assert desk.accounting(second.id).n_not_matched == 3
+
+
+def test_an_answer_of_a_robot_that_was_not_asked_counts_for_nothing_it_was_not() -> None:
+    scene = Scene()
+    desk = scene.desk()
+    sent = desk.send("(DRIVE 1)", only=["r0"])
+    desk.hear(Message("r9", 1, 1, Kind.ANSWER, 0.0, body={"command": "chief-1.999", "outcome": "matched"}))
+    scene.run(0.3)
+    assert desk.accounting(sent.id).matched == ("r0",)

@@ -91,27 +91,3 @@ def test_threads_do_not_matter(tmp_path: Path) -> None:
         for threads in (1, 2, 3)
     ]
     assert found[0] == found[1] == found[2]
-
-
-def test_marked_numbers_are_packed_the_same_with_and_without_vectors() -> None:
-    pytest.importorskip("numba")
-    from sleepcast.simulator import lanes
-    from sleepcast.simulator.compiled import strict
-
-    if not lanes.at_once():
-        pytest.skip("this processor packs one by one anyway")
-
-    def packs(pack: object) -> object:
-        def all_of(flags, into, n):  # type: ignore[no-untyped-def]
-            for first in range(0, flags.shape[0], 16):
-                n = pack(flags[first : first + 16], np.uint64(first), into, n)  # type: ignore[operator]
-            return n
-
-        return strict(all_of)
-
-    flags = np.where(np.random.default_rng(2).random(160) < 0.3, 0.0, 1e9).astype(np.float32)
-    wanted = np.flatnonzero(flags == 0.0)
-    for pack in (lanes._pack_at_once, lanes._pack_one_by_one):
-        into = np.zeros(200, np.int32)
-        count = packs(pack)(flags, into, np.uint64(0))  # type: ignore[operator]
-        assert into[:count].tolist() == wanted.tolist()

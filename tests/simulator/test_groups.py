@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from simulator.test_sorts import SORTS, mixed
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Changes, SettingsError, Simulator, load
 from sleepcast.units import LENGTH
@@ -33,6 +34,30 @@ FIRST = SMALL.count("\n") + 1
 
 def column(sim: Simulator, name: str) -> list[float]:
     return [row[[s.name for s in sim.model.sensors].index(name)] for row in sim.readings()]
+
+
+class TestNumbers:
+    def test_rows_have_the_places_of_chance_in_another_order(self, tmp_path: Path) -> None:
+        chance = Simulator(small(tmp_path, ("count = 20\n", "count = 2000\n")))
+        rows = Simulator(small(tmp_path, ("count = 20\n", 'count = 2000\nnumbers = "along rows"\n')))
+        places = [sorted(zip(sim.x.tolist(), sim.y.tolist(), strict=True)) for sim in (chance, rows)]
+        assert places[0] == places[1]
+        assert (rows.bodies.encoder_x == rows.x).all()
+
+        def apart(sim: Simulator) -> float:
+            return float(np.median(np.hypot(np.diff(sim.x), np.diff(sim.y))))
+
+        assert apart(chance) > 400.0
+        assert apart(rows) < 40.0
+
+    def test_each_sort_has_rows_of_its_own(self, tmp_path: Path) -> None:
+        sim = mixed(tmp_path, SORTS.replace("count = 2\n", 'count = 9\nnumbers = "along rows"\n'))
+        assert tuple(sim.names[8:10]) == ("scout9", "nomad1")
+        assert (np.diff(sim.x[:9]) > 0.0).all()
+
+    def test_only_these_two_are_there(self, tmp_path: Path) -> None:
+        with pytest.raises(SettingsError, match="along rows"):
+            small(tmp_path, ("count = 20\n", 'count = 20\nnumbers = "backwards"\n'))
 
 
 class TestGroups:

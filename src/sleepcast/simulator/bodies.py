@@ -49,6 +49,8 @@ MAX_REDRAWS = 200
 MAX_SAYINGS = 1_000
 """Latest sayings that are kept for whoever listens."""
 TURN = 2.0 * pi
+ROW = 20.0
+"""Metres from row to row, where robots are numbered along rows: those whom sonars see are in the same or the next."""
 
 
 class Mode(IntEnum):
@@ -304,6 +306,10 @@ class Bodies:
         self.x[:], self.y[:] = self._places()
         if self.contact:
             self.contact.part(self.x, self.y, self._places)
+        for part in self.parts:
+            if part.scenario.robots.in_rows:
+                order = np.lexsort((part.x, part.y // ROW))
+                part.x[:], part.y[:] = part.x[order], part.y[order]
         self.heading[:] = _spread((-pi, pi), self.drawn("heading"))
         self.encoder_x[:], self.encoder_y[:], self.encoder_heading[:] = self.x, self.y, self.heading
         for part in self.parts:

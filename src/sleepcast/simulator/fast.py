@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
-from math import cos, pi, sin, sqrt
+from math import cos, frexp, ldexp, pi, sin, sqrt
 from typing import TypeVar
 
 import numpy as np
@@ -82,9 +82,15 @@ class NumbaMachine:
         robots, order = len(pose[0]), points.order
         scratch = self._scratch
         scratch.begin()
-        places = scratch.take(np.float64, 4, robots + LANES)
-        places[:, robots:] = 0.0
-        self._share(robots, lambda first, last: kernels.arrange(order, *pose, first, last, places))
+        places, fixed = scratch.take(np.float64, 4, robots), scratch.take(np.int32, 2, robots + LANES)
+        fixed[:, robots:] = 0
+        units = ldexp(1.0, kernels_sonar.SPAN - frexp(grid.size)[1])
+
+        def arrange(first: int, last: int) -> None:
+            kernels.arrange(order, *pose, first, last, places)
+            kernels.fix(places[0], places[1], units, first, last, fixed)
+
+        self._share(robots, arrange)
         rows = order
         if len(which) < robots:
             place, rows = scratch.take(np.int32, 2, robots)
@@ -96,17 +102,16 @@ class NumbaMachine:
         lone = cones.lone(2.0 * pi / cones.count) if cones.count == FOLDED else np.inf
         graze = sin(cones.incidence) if cones.incidence < pi / 2 else 1.0
         x, y, cosines, sines = places
-        wide = scratch.take(np.float64, robots)
-        wide[:] = cones.radius if radii is None else radii[order]
         mixed = radii is not None and bool((radii != cones.radius).any())
+        wide = radii[order] if radii is not None and mixed else np.empty(0)
         walls = listed if isinstance(listed, Walls) else walls_of(listed, solids)
 
         def see(first: int, last: int) -> None:
             kernels_sonar.see(
-                *(x, y, cosines, sines, wide, rows, points.start, grid.size, grid.across, grid.up),
+                *(x, y, fixed[0], fixed[1], cosines, sines, wide, rows, points.start, grid.size, grid.across, grid.up),
                 *(walls.solids, walls.start, walls.items, walls.news),
                 *(cones.radius, cones.radius, cones.reach, cones.most, cos(cones.half), sin(cones.half)),
-                *(graze, cones.grazing, lone if lone < np.inf else -1.0, mixed),
+                *(graze, cones.grazing, lone if lone < np.inf else -1.0, 1.0 / units, mixed),
                 *(np.cos(axes), np.sin(axes), first, last, squares),
             )
 
@@ -163,21 +168,27 @@ class NumbaMachine:
         settled: Settled,
     ) -> None:
         count, (order, start), scratch = len(place[0]), points, self._scratch
-        rows = scratch.take(np.float64, 4, count)
+        x, y = rows = scratch.take(np.float64, 2, count)
+        longest = sqrt(
+            max(self._share(count, lambda first, last: kernels_contact.gather(order, *place, *way, first, last, rows)))
+        )
         widest, least = float(radii.max(initial=0.0)), float(radii.min(initial=np.inf))
-        ways = rows[0], rows[1], rows[2], rows[3], radii[:1] if widest == least else radii, order
-        lengths = self._share(count, lambda first, last: kernels_contact.gather(order, *place, *way, first, last, rows))
-        reach = 2.0 * widest + SKIN + 2.0 * sqrt(max(lengths))
+        wide = radii[:1] if widest == least else radii
+        reach = 2.0 * widest + SKIN + 2.0 * longest
         near, stopped = scratch.take(np.bool_, count), Settled(*scratch.take(np.float64, 3, count))
         clear(settled)
 
         def at_old(first: int, last: int) -> None:
-            cells = start, grid.size, grid.across, grid.up
-            kernels_contact.stop_at_old(*ways, *cells, solids, *listed, SKIN, reach, first, last, near, *stopped)
+            kernels_contact.stop_at_old(
+                *(x, y, *way, wide, order, start, grid.size, grid.across, grid.up, solids, *listed),
+                *(SKIN, longest, reach, first, last, near, *stopped, *settled),
+            )
 
         def at_ways(first: int, last: int) -> None:
-            cells = start, grid.size, grid.across, grid.up
-            kernels_contact.stop_at_ways(*ways, *cells, SKIN, reach, first, last, near, *stopped, *settled)
+            kernels_contact.stop_at_ways(
+                *(x, y, *way, wide, order, start, grid.size, grid.across, grid.up),
+                *(SKIN, reach, first, last, near, *stopped, *settled),
+            )
 
         self._share_rows(at_old, grid, start)
         self._share_rows(at_ways, grid, start)

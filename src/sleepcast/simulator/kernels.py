@@ -48,6 +48,14 @@ def arrange(order, x, y, heading, first, last, into):
 
 
 @compiled
+def fix(x, y, units, first, last, into):
+    """Put positions (m) into the rows of `into` (int32), as whole numbers of `units` in a metre; beyond 32 bits they
+    begin anew, which does not matter to their differences."""
+    for i in range(first, last):
+        into[0, i], into[1, i] = np.int32(np.int64(x[i] * units)), np.int32(np.int64(y[i] * units))
+
+
+@compiled
 def enlist(order, place, rows):
     """The `place` of each robot among those who are asked (-1: not asked), in the order of the cells."""
     for i in range(order.shape[0]):

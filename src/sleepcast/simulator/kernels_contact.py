@@ -2,6 +2,7 @@
 they agree to the last bit. `fast` calls them.
 
 Bodies come in the order of their cells. Each call does a stretch of rows of cells, so that threads can share the work.
+Most bodies have nothing within reach: nothing but their place is read.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import numpy as np
 from sleepcast.simulator.compiled import compiled, inlined
 
 U = np.uint64
+LITTLE = 1e-6
+"""Metres by which is looked farther than needed, so that rounding never hides anything."""
 
 
 @inlined
@@ -60,13 +63,15 @@ def touch(px, py, dx, dy, x0, y0, x1, y1, apart):
 
 
 @compiled
-def gather(order, x, y, across, up, first, last, into):
-    """Put places and ways into the rows of `into`, in the order of the cells; gives the square of the longest way."""
+def gather(order, x, y, way_x, way_y, first, last, into):
+    """Put places into the rows of `into`, in the order of the cells; gives the square of the longest way of as many
+    bodies."""
     longest = 0.0
     for i in range(first, last):
+        longest = max(longest, way_x[i] * way_x[i] + way_y[i] * way_y[i])
+    for i in range(first, last):
         o = order[i]
-        into[0, i], into[1, i], into[2, i], into[3, i] = x[o], y[o], across[o], up[o]
-        longest = max(longest, across[o] * across[o] + up[o] * up[o])
+        into[0, i], into[1, i] = x[o], y[o]
     return longest
 
 
@@ -83,24 +88,46 @@ def comes_first(stop, hx, hy, best, best_x, best_y):
 
 
 @inlined
-def lines_near(x, reach, size, most):
-    """The first and the last row or column of cells within reach of x."""
-    return U(max(int((x - reach) / size), 0)), U(min(int((x + reach) / size), most - 1))
+def lines_near(x, reach, inverse, most):
+    """The first and the last row or column of cells within reach of x. inverse: of the side of a cell."""
+    return U(max(int((x - reach) * inverse), 0)), U(min(int((x + reach) * inverse), most - 1))
+
+
+@inlined
+def misses(px, py, x0, y0, x1, y1, far):
+    """Whether the box round a line, made larger by `far`, misses a point."""
+    beside = (px < min(x0, x1) - far) | (px > max(x0, x1) + far)
+    return beside | (py < min(y0, y1) - far) | (py > max(y0, y1) + far)
+
+
+@inlined
+def anybody_near(x, y, px, py, start, reach, inverse, across, up):
+    """Whether any other body is within reach of the one at px, py."""
+    found = 0
+    left, right = lines_near(px, reach + LITTLE, inverse, across)
+    below, above = lines_near(py, reach + LITTLE, inverse, up)
+    for r in range(below, above + U(1)):
+        for j in range(U(start[r * U(across) + left]), U(start[r * U(across) + right + U(1)])):
+            gx, gy = x[j] - px, y[j] - py
+            found += np.int64(gx * gx + gy * gy <= reach * reach)
+    return found > 1  # itself is one
 
 
 @compiled
 def stop_at_old(
-    x, y, dx, dy, radii, order, start, size, across, up, solids, listed, items, skin, reach, first_row, last_row,
-    near, free, hit_x, hit_y,
+    x, y, way_x, way_y, radii, order, start, size, across, up, solids, listed, items, skin, longest, reach,
+    first_row, last_row, near, free, hit_x, hit_y, out_free, out_x, out_y,
 ):  # fmt: skip
-    """The first round of `contact.settle`, in sorted order: ways end at solids and at old places of others. near:
-    whether any body is within reach."""
+    """The first round of `contact.settle`, in sorted order: ways end at solids and at old places of others. way_x,
+    way_y: by body; longest: of them, m. near: whether any body is within reach; where there is none, this round is the
+    last, and puts the results where they belong."""
+    inverse = 1.0 / size
     for cell in range(U(first_row * across), U(last_row * across)):
+        first_item, last_item = U(listed[cell]), U(listed[cell + U(1)])
         for i in range(U(start[cell]), U(start[cell + U(1)])):
-            px, py, wx, wy, radius = x[i], y[i], dx[i], dy[i], radius_of(radii, order, i)
-            way = sqrt(wx * wx + wy * wy) + skin
+            px, py, radius = x[i], y[i], radius_of(radii, order, i)
             best, best_x, best_y = 1.0, 0.0, 0.0
-            for w in range(U(listed[cell]), U(listed[cell + U(1)])):
+            for w in range(first_item, last_item):
                 s = U(items[w])
                 x0, y0, x1, y1, limit = (
                     solids[s, 0],
@@ -109,63 +136,70 @@ def stop_at_old(
                     solids[s, 3],
                     radius + solids[s, 4] + skin,
                 )
+                if misses(px, py, x0, y0, x1, y1, limit + longest + LITTLE):
+                    continue
+                wx, wy = way_x[order[i]], way_y[order[i]]
+                way = sqrt(wx * wx + wy * wy) + skin
                 ox, oy = off(px, py, x0, y0, x1, y1)
                 if ox * ox + oy * oy > (limit + way) ** 2:
                     continue
                 stop, hx, hy = touch(px, py, wx, wy, x0, y0, x1, y1, limit)
                 if stop < 1.0 and comes_first(stop, hx, hy, best, best_x, best_y):
                     best, best_x, best_y = stop, hx, hy
-            other, other_x, other_y = best, 0.0, 0.0
-            left, right = lines_near(px, reach, size, across)
-            below, above = lines_near(py, reach, size, up)
-            neighbours = 0
-            for r in range(below, above + U(1)):
-                for j in range(U(start[r * U(across) + left]), U(start[r * U(across) + right + U(1)])):
-                    gx, gy = x[j] - px, y[j] - py
-                    if gx * gx + gy * gy > reach * reach or j == i:
-                        continue
-                    neighbours += 1
-                    stop, hx, hy = touch(
-                        px, py, wx, wy, x[j], y[j], x[j], y[j], radius + radius_of(radii, order, j) + skin
-                    )
-                    if stop < best and comes_first(stop, hx, hy, other, other_x, other_y):
-                        other, other_x, other_y = stop, hx, hy
-            if other < best:
-                best, best_x, best_y = other, other_x, other_y
-            near[i] = neighbours > 0
-            free[i], hit_x[i], hit_y[i] = best, best_x, best_y
+            near[i] = anybody_near(x, y, px, py, start, reach, inverse, across, up)
+            if near[i]:
+                wx, wy, other, other_x, other_y = way_x[order[i]], way_y[order[i]], best, 0.0, 0.0
+                left, right = lines_near(px, reach + LITTLE, inverse, across)
+                below, above = lines_near(py, reach + LITTLE, inverse, up)
+                for r in range(below, above + U(1)):
+                    for j in range(U(start[r * U(across) + left]), U(start[r * U(across) + right + U(1)])):
+                        gx, gy = x[j] - px, y[j] - py
+                        if gx * gx + gy * gy > reach * reach or j == i:
+                            continue
+                        apart = radius + radius_of(radii, order, j) + skin
+                        stop, hx, hy = touch(px, py, wx, wy, x[j], y[j], x[j], y[j], apart)
+                        if stop < best and comes_first(stop, hx, hy, other, other_x, other_y):
+                            other, other_x, other_y = stop, hx, hy
+                if other < best:
+                    best, best_x, best_y = other, other_x, other_y
+                free[i], hit_x[i], hit_y[i] = best, best_x, best_y
+            elif best < 1.0:
+                o = order[i]
+                out_free[o], out_x[o], out_y[o] = best, best_x, best_y
 
 
 @compiled
 def stop_at_ways(
-    x, y, dx, dy, radii, order, start, size, across, up, skin, reach, first_row, last_row,
+    x, y, way_x, way_y, radii, order, start, size, across, up, skin, reach, first_row, last_row,
     near, free, hit_x, hit_y, out_free, out_x, out_y,
 ):  # fmt: skip
-    """The second round: ways end at what is left of the ways of others. Puts the results of those that are stopped
-    where they belong."""
+    """The second round, for bodies that others are near: ways end at what is left of the ways of others. Puts the
+    results of those that are stopped where they belong."""
+    inverse = 1.0 / size
     for i in range(U(start[first_row * across]), U(start[last_row * across])):
-        best, best_x, best_y = free[i], hit_x[i], hit_y[i]
-        if near[i]:
-            px, py, wx, wy, first = x[i], y[i], dx[i], dy[i], best
-            mx, my = best * wx, best * wy
-            left, right = lines_near(px, reach, size, across)
-            below, above = lines_near(py, reach, size, up)
-            for r in range(below, above + U(1)):
-                for j in range(U(start[r * U(across) + left]), U(start[r * U(across) + right + U(1)])):
-                    gx, gy = x[j] - px, y[j] - py
-                    if gx * gx + gy * gy > reach * reach or j == i:
-                        continue
-                    ox, oy = free[j] * dx[j], free[j] * dy[j]
-                    if (ox == 0.0 and oy == 0.0) or (mx * gx + my * gy <= 0.0 and ox * gx + oy * gy >= 0.0):
-                        continue
-                    apart = radius_of(radii, order, i) + radius_of(radii, order, j) + skin
-                    hx, hy = off(px, py, x[j], y[j], x[j] + ox, y[j] + oy)
-                    if hx * hx + hy * hy < apart * apart:
-                        stop = 0.0
-                    else:
-                        stop, hx, hy = touch(px, py, wx, wy, x[j], y[j], x[j] + ox, y[j] + oy, apart)
-                    if stop < first and comes_first(stop, gx, gy, best, best_x, best_y):
-                        best, best_x, best_y = stop, gx, gy
+        if not near[i]:
+            continue
+        best, best_x, best_y, first = free[i], hit_x[i], hit_y[i], free[i]
+        px, py, wx, wy = x[i], y[i], way_x[order[i]], way_y[order[i]]
+        mx, my = best * wx, best * wy
+        left, right = lines_near(px, reach + LITTLE, inverse, across)
+        below, above = lines_near(py, reach + LITTLE, inverse, up)
+        for r in range(below, above + U(1)):
+            for j in range(U(start[r * U(across) + left]), U(start[r * U(across) + right + U(1)])):
+                gx, gy = x[j] - px, y[j] - py
+                if gx * gx + gy * gy > reach * reach or j == i:
+                    continue
+                ox, oy = free[j] * way_x[order[j]], free[j] * way_y[order[j]]
+                if (ox == 0.0 and oy == 0.0) or (mx * gx + my * gy <= 0.0 and ox * gx + oy * gy >= 0.0):
+                    continue
+                apart = radius_of(radii, order, i) + radius_of(radii, order, j) + skin
+                hx, hy = off(px, py, x[j], y[j], x[j] + ox, y[j] + oy)
+                if hx * hx + hy * hy < apart * apart:
+                    stop = 0.0
+                else:
+                    stop, hx, hy = touch(px, py, wx, wy, x[j], y[j], x[j] + ox, y[j] + oy, apart)
+                if stop < first and comes_first(stop, gx, gy, best, best_x, best_y):
+                    best, best_x, best_y = stop, gx, gy
         if best < 1.0:
             o = order[i]
             out_free[o], out_x[o], out_y[o] = best, best_x, best_y

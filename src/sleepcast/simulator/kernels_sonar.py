@@ -3,12 +3,14 @@
 Most bodies are looked at in single precision, sixteen at a time, and only by the two cones of a ring of sixteen that
 their bearing falls between; the few *doubtful* ones (near enough for more cones, or barely met by the edge of one)
 again by all cones in double precision. So no decision and no range hangs on the last bit of a short number. Positions
-are taken relative to the middle of a cell, where short numbers are fine enough for any world. Walls are done in double
-precision: what a cone sees of a line depends on the line's direction alone but for its distance, so walls are taken by
-direction, and each costs a few operations a cone.
+are whole numbers of a unit that is a tiny share of a cell: their differences are exact in any world. Walls are done in
+double precision: what a cone sees of a line depends on the line's direction alone but for its distance, so walls are
+taken by direction, and each costs a few operations a cone.
 
-Robots come in the order of their cells, each with a row of squared ranges of its own. Each call does a stretch of rows
-of cells, so that threads can share the work; every robot's numbers come out the same whoever does them.
+Robots come in the order of their cells, each with a row of squared ranges of its own. The bodies in reach of several
+robots are put into one list before they are looked at, so that vectors are full even where there are few. Each call
+does a stretch of rows of cells, so that threads can share the work; every robot's numbers come out the same whoever
+does them.
 
 Loops over `LANES` are meant to become vector instructions: their bodies are large enough not to be unrolled, and their
 scratch lies in one array, so that it is plain that nothing overlaps.
@@ -16,12 +18,12 @@ scratch lies in one array, so that it is plain that nothing overlaps.
 
 from __future__ import annotations
 
-from math import ceil, cos, pi, sin, sqrt
+from math import cos, pi, sin, sqrt
 
 import numpy as np
 
 from sleepcast.simulator.compiled import compiled, inlined
-from sleepcast.simulator.lanes import LANES, fetch_row, keep
+from sleepcast.simulator.lanes import LANES, fetch_row, keep, pack
 from sleepcast.simulator.walls import NEW_DIRECTION, ROUND, SAME_LINE
 
 F = np.float32
@@ -36,17 +38,26 @@ FAR = 1e9
 NOTHING = 1e18
 """What is not seen, squared metres; finite, because the kernels are compiled for finite numbers."""
 AWAY = F(1e9)
-"""Metres to a body that is none."""
+"""Metres, or units, to a body that is none."""
+SPAN = 28
+"""Units of a position in a cell, as a power of two: bodies may be some cells apart, and the unit is finer than what
+single precision tells of their distance."""
+BATCH = 16
+"""Robots whose bodies in reach are looked at together: what they need stays in the nearest cache."""
+OWNER, OTHER = 26, (1 << 26) - 1
+"""In the lists of bodies in reach: the bits from which on the robot's place in its batch is written, and those of the
+body's number."""
 COS_225, SIN_225 = F(cos(pi / 8)), F(sin(pi / 8))
 ROOT_HALF = F(sqrt(0.5))
 # Scratch, in runs of LANES. Of walls, in single and in double precision: how far the transducer is off and along for a
 # direction of walls, where the cone begins and ends on either side for each metre of distance, what was found, squared;
 # in double precision also the axes of the cones.
 OFF, ON, LOW_LEFT, HIGH_LEFT, LOW_RIGHT, HIGH_RIGHT, FOUND, AXIS_X, AXIS_Y = (LANES * run for run in range(9))
-# Of bodies: squared ranges of the even and the odd one of the two cones beside a body, and the least so far of each
-# cone. Whole numbers: which cones those two are, whether their ranges are doubtful, and whether those of walls are.
-EVEN, ODD, LEAST = (LANES * run for run in range(3))
-DOUBTFUL, UNSURE = 2 * LANES, 3 * LANES
+# Of bodies: 0 for those that are doubtful and 1 for others, squared ranges of the even and the odd one of the two
+# cones beside a body, and the least so far of each cone of each robot of a batch. Whole numbers: which cones those two
+# are, and whether ranges of walls are doubtful.
+CERTAIN, EVEN, ODD, LEAST = (LANES * run for run in range(4))
+UNSURE = 2 * LANES
 
 
 @inlined
@@ -70,29 +81,17 @@ def edge(outside, forward, radius, least, most, nothing):
 
 
 @inlined
-def bring(x, y, begin, end, middle_x, middle_y, cx, cy, cp, m):
-    """Put the bodies from `begin` up to `end` among the candidates, of which there are `m` so far; gives the new m."""
-    for q0 in range(U(0), end - begin, U(LANES)):
-        for q1 in range(LANES):
-            q = q0 + U(q1)
-            cx[m + q], cy[m + q] = F(x[begin + q] - middle_x), F(y[begin + q] - middle_y)
-            cp[m + q] = I(begin + q)
-    return m + (end - begin)
-
-
-@inlined
 def look_around(
-    bx, by, bj, n, co, si, lone2, cos_0, sin_0, cos_1, sin_1, off_out, off_ahead, radius, barely, past, nothing,
-    short, cone, cp, i, close,
+    list_ahead, list_aside, number, n, lone2, cos_0, sin_0, cos_1, sin_1, off_out, off_ahead, radius, barely, past,
+    nothing, short, cone, doubtful,
 ):  # fmt: skip
-    """Let the two cones beside each of `n` bodies look at it in single precision, and list those that are doubtful, but
-    for the body `i` itself, in `close`; gives how many."""
-    near = U(0)
+    """Let the two cones beside each of `n` bodies look at it in single precision, and put the places of those that are
+    doubtful into `doubtful`; gives how many."""
+    found = U(0)
     for j0 in range(U(0), n, U(LANES)):
-        doubts = I(0)
         for j1 in range(LANES):
             j = j0 + U(j1)
-            ahead, aside = bx[j] * co + by[j] * si, by[j] * co - bx[j] * si
+            ahead, aside = list_ahead[j], list_aside[j]
             # The bearing is folded into 0 to 22.5 degrees; each fold mirrors the numbers of the sectors.
             sector = I(15) if aside < F(0) else I(0)
             sector ^= I(7) if ahead < F(0) else I(0)
@@ -111,20 +110,16 @@ def look_around(
             )
             short[EVEN + j1] = seen0 if alone else nothing
             short[ODD + j1] = seen1 if alone else nothing
-            doubt = I(0) if alone & (not (doubt0 | doubt1)) else I(1)
-            cone[EVEN + j1], cone[ODD + j1] = (sector + I(1)) & I(14), sector | I(1)
-            cone[DOUBTFUL + j1] = doubt
-            doubts |= doubt
-        for j in range(min(n - j0, U(LANES))):
+            short[CERTAIN + j1] = F(1) if alone & (not (doubt0 | doubt1)) else F(0)
+            row = I(number[j] >> I(OWNER - 4)) & I(-LANES)
+            cone[j1], cone[LANES + j1] = ((sector + I(1)) & I(14)) + row, (sector | I(1)) + row
+        for j in range(LANES):
             k = U(LEAST) + U(cone[j])
-            short[k] = min(short[k], short[j])
-            k = U(LEAST) + U(cone[U(ODD) + j])
-            short[k] = min(short[k], short[U(ODD) + j])
-        if doubts:
-            for j in range(min(n - j0, U(LANES))):
-                close[near] = cp[U(bj[j0 + j])]
-                near += U(cone[U(DOUBTFUL) + j]) & U(close[near] != i)
-    return near
+            short[k] = min(short[k], short[EVEN + j])
+            k = U(LEAST) + U(cone[LANES + j])
+            short[k] = min(short[k], short[ODD + j])
+        found = pack(short, j0, doubtful, found)
+    return found
 
 
 @inlined
@@ -196,119 +191,148 @@ def walls(
         )  # fmt: skip
 
 
+@inlined
+def look_again(
+    x, y, cosines, sines, radii, solids, listed, items, news, own, common, most, cosine, sine, graze, grazing, nothing,
+    axis_cos, axis_sin, i, cell, mixed, number, doubtful, begin, end, short, least, lane, wall, cone, out, place,
+):  # fmt: skip
+    """Let all cones of robot `i` in `cell` look at its doubtful bodies, those from `begin` up to `end`, and at solids;
+    and put the least ranges into its row of `out`."""
+    own_x, own_y, co, si = x[i], y[i], cosines[i], sines[i]
+    first_piece = listed[cell]
+    while first_piece < listed[cell + 1] and news[first_piece] == ROUND:
+        first_piece += 1
+    for block in range(0, axis_cos.shape[0], LANES):
+        for k in range(LANES):
+            lane[AXIS_X + k] = axis_cos[block + k] * co - axis_sin[block + k] * si
+            lane[AXIS_Y + k] = axis_sin[block + k] * co + axis_cos[block + k] * si
+            lane[FOUND + k] = most * most
+        for j in range(begin, end):
+            other = U(number[doubtful[j]] & OTHER)
+            radius = radii[other] if mixed else common
+            look_closely(lane, x[other] - own_x, y[other] - own_y, radius, own, cosine, sine, graze)
+        for w in range(listed[cell], first_piece):
+            s = items[w, 0]
+            look_closely(lane, solids[0, s] - own_x, solids[1, s] - own_y, solids[5, s], own, cosine, sine, graze)
+        if first_piece < listed[cell + 1]:
+            for k in range(LANES):
+                wall[FOUND + k], cone[UNSURE + k] = nothing, I(0)
+            walls(
+                wall, lane, cone, solids, items, news, first_piece, listed[cell + 1],
+                own_x, own_y, own, cosine, sine, grazing, F(0), F(FAR), PAST,
+            )  # fmt: skip
+            unsure = I(0)
+            for k in range(LANES):
+                unsure |= cone[UNSURE + k]
+            if unsure:
+                walls(
+                    lane, lane, cone, solids, items, news, first_piece, listed[cell + 1],
+                    own_x, own_y, own, cosine, sine, grazing, 0.0, FAR, 0.0,
+                )  # fmt: skip
+            else:
+                for k in range(LANES):
+                    lane[FOUND + k] = min(lane[FOUND + k], wall[FOUND + k])
+        for k in range(LANES):
+            out[place, block + k] = min(F(lane[FOUND + k]), short[least + k])
+
+
+@inlined
+def stop_list(ahead, aside, number, n, radii, common, mixed):
+    """Put bodies that are none after the last one of a list; make those doubtful that have another radius than most."""
+    for k in range(LANES):
+        ahead[n + U(k)], aside[n + U(k)], number[n + U(k)] = AWAY, F(0), I(0)
+    if mixed:
+        for j in range(n):
+            if radii[number[j] & OTHER] != common:
+                ahead[j], aside[j] = F(0), F(0)
+
+
+@inlined
+def longer(values, used, room):
+    """An array of so much room with the `used` first values of this one."""
+    found = np.empty(room, values.dtype)
+    for j in range(used):
+        found[j] = values[j]
+    return found
+
+
 @compiled
 def see(
-    x, y, cosines, sines, radii, rows, start, size, across, up, solids, listed, items, news,
-    own, common, reach, most, cosine, sine, graze, grazing, lone, mixed, axis_cos, axis_sin, first_row, last_row, out,
+    x, y, fixed_x, fixed_y, cosines, sines, radii, rows, start, size, across, up, solids, listed, items, news,
+    own, common, reach, most, cosine, sine, graze, grazing, lone, unit, mixed, axis_cos, axis_sin,
+    first_row, last_row, out,
 ):  # fmt: skip
     """What robots in the rows of cells from `first_row` up to `last_row` see, squared; see `cones.ranges`.
 
-    x, y, cosines, sines, radii: of all robots, sorted, with LANES more at the end. rows: for each its row in `out`, or
-    -1. solids, listed, items, news: see `walls.Walls`. own: radius of those who look; common: the usual radius (bodies
-    of others cost more, and `mixed` says whether there are any); reach: how far a middle may be. lone: beyond this
-    distance a body of the common radius is seen by the two nearest of sixteen sonars only; negative where there are
-    not sixteen. axis_cos, axis_sin: of the cones, as many as a row of `out` is long: a multiple of LANES.
+    x, y, cosines, sines, radii: of all robots, sorted; fixed_x, fixed_y: x and y in units of `unit` m, with LANES more
+    at the end. rows: for each its row in `out`, or -1. size: of a cell, at least the reach. solids, listed, items,
+    news: see `walls.Walls`. own: radius of those who look; common: the usual radius (bodies of others cost more; if
+    there are none, `mixed` says so, and radii is not read); reach: how far a middle may be. lone: beyond this distance
+    a body of the common radius is seen by the two nearest of sixteen sonars only; negative where there are not sixteen.
+    axis_cos, axis_sin: of the cones, as many as a row of `out` is long: a multiple of LANES.
     """
     count = axis_cos.shape[0]
-    folds = lone >= 0.0
     nothing = F(most * most)
-    reach2, lone2 = F((reach + 1e-4) ** 2), F(lone * lone if folds else AWAY)
+    reach2, lone2 = F(((reach + 1e-4) / unit) ** 2), F(lone * lone if lone >= 0.0 else AWAY)
     half = np.arctan2(sine, cosine)
     cos_0, sin_0, cos_1, sin_1 = F(cosine), F(sine), F(cos(pi / 8 - half)), F(sin(pi / 8 - half))
     off_out, off_ahead, radius = F(own * sine), F(own * cosine), F(common)
     barely, past = F(common * graze) - GRAZING, F(common * graze) + PAST
-    steps = ceil(reach / size)
-    width = np.empty(steps + 1, np.int64)  # cells to either side that are in reach, by how many rows away
-    for r in range(steps + 1):
-        between = max(r - 1, 0) * size
-        width[r] = ceil(sqrt(max(reach * reach - between * between, 0.0)) / size)
     room = 1024
-    cx, cy, cp = np.empty(room, F), np.empty(room, F), np.empty(room, I)
-    bx, by, bj = np.empty(room, F), np.empty(room, F), np.empty(room, I)
-    close, unlike = np.empty(room, I), np.empty(room, I)
+    ahead, aside, number, doubtful = np.empty(room, F), np.empty(room, F), np.empty(room, I), np.empty(room, I)
     lane, wall = np.zeros(9 * LANES), np.zeros(7 * LANES, F)
-    short, cone = np.empty(3 * LANES, F), np.zeros(4 * LANES, I)
+    short, cone = np.empty((3 + BATCH) * LANES, F), np.zeros(3 * LANES, I)
+    batch, cells = np.empty(BATCH, np.int64), np.empty(BATCH, np.int64)
+    held, n, last = 0, U(0), start[last_row * across] - 1
     for row in range(first_row, last_row):
+        below, above = max(row - 1, 0), min(row + 1, up - 1)
         for column in range(across):
             cell = row * across + column
             if start[cell] == start[cell + 1]:
                 continue
+            left, right = max(column - 1, 0), min(column + 1, across - 1) + 1
             total = 0
-            for r in range(max(row - steps, 0), min(row + steps, up - 1) + 1):
-                left, right = max(column - width[abs(r - row)], 0), min(column + width[abs(r - row)], across - 1)
-                total += start[r * across + right + 1] - start[r * across + left]
-            if total + 2 * LANES > room:
-                room = total + 2 * LANES
-                cx, cy, cp = np.empty(room, F), np.empty(room, F), np.empty(room, I)
-                bx, by, bj = np.empty(room, F), np.empty(room, F), np.empty(room, I)
-                close, unlike = np.empty(room, I), np.empty(room, I)
-            middle_x, middle_y = (column + 0.5) * size, (row + 0.5) * size
-            m, others = U(0), U(0)
-            first_piece = listed[cell]
-            while first_piece < listed[cell + 1] and news[first_piece] == ROUND:
-                first_piece += 1
-            for r in range(max(row - steps, 0), min(row + steps, up - 1) + 1):
-                left, right = max(column - width[abs(r - row)], 0), min(column + width[abs(r - row)], across - 1)
-                begin, end = U(start[r * across + left]), U(start[r * across + right + 1])
-                m = bring(x, y, begin, end, middle_x, middle_y, cx, cy, cp, m)
-            if mixed or not folds:
-                for j in range(m):
-                    if not folds or radii[cp[j]] != common:
-                        unlike[others] = cp[j]
-                        others += U(1)
-                        cx[j] = AWAY
-            for j in range(LANES):
-                cx[m + U(j)] = AWAY
+            for r in range(below, above + 1):
+                total += start[r * across + right] - start[r * across + left]
+            if np.int64(n) + BATCH * total + 2 * LANES > room:
+                room = 2 * (np.int64(n) + BATCH * total + LANES)
+                ahead, aside, number = longer(ahead, n, room), longer(aside, n, room), longer(number, n, room)
+                doubtful = np.empty(room, I)
             for i in range(start[cell], start[cell + 1]):
                 place = rows[i]
-                if place < 0:
-                    continue
-                fetch_row(out, place)
-                own_x, own_y, co, si = x[i], y[i], cosines[i], sines[i]
-                px, py, short_co, short_si = F(own_x - middle_x), F(own_y - middle_y), F(co), F(si)
-                n = U(0)
-                for j0 in range(U(0), m, U(LANES)):
-                    n = keep(cx, cy, j0, px, py, reach2, bx, by, bj, n)
-                for k in range(LANES):
-                    short[LEAST + k] = nothing
-                near = look_around(
-                    bx, by, bj, n, short_co, short_si, lone2, cos_0, sin_0, cos_1, sin_1, off_out, off_ahead,
-                    radius, barely, past, nothing, short, cone, cp, i, close,
-                )  # fmt: skip
-                for j in range(others):
-                    dx, dy = x[unlike[j]] - own_x, y[unlike[j]] - own_y
-                    close[near] = unlike[j]
-                    near += U(dx * dx + dy * dy <= reach * reach) & U(unlike[j] != i)
-                for block in range(0, count, LANES):
+                if place >= 0:
+                    fetch_row(out, place)
                     for k in range(LANES):
-                        lane[AXIS_X + k] = axis_cos[block + k] * co - axis_sin[block + k] * si
-                        lane[AXIS_Y + k] = axis_sin[block + k] * co + axis_cos[block + k] * si
-                        lane[FOUND + k] = most * most
-                    for j in range(near):
-                        other = U(close[j])
-                        look_closely(lane, x[other] - own_x, y[other] - own_y, radii[other], own, cosine, sine, graze)
-                    for w in range(listed[cell], first_piece):
-                        s = items[w, 0]
-                        dx, dy = solids[0, s] - own_x, solids[1, s] - own_y
-                        look_closely(lane, dx, dy, solids[5, s], own, cosine, sine, graze)
-                    if first_piece < listed[cell + 1]:
-                        for k in range(LANES):
-                            wall[FOUND + k], cone[UNSURE + k] = nothing, I(0)
-                        walls(
-                            wall, lane, cone, solids, items, news, first_piece, listed[cell + 1],
-                            own_x, own_y, own, cosine, sine, grazing, F(0), F(FAR), PAST,
-                        )  # fmt: skip
-                        unsure = I(0)
-                        for k in range(LANES):
-                            unsure |= cone[UNSURE + k]
-                        if unsure:
-                            walls(
-                                lane, lane, cone, solids, items, news, first_piece, listed[cell + 1],
-                                own_x, own_y, own, cosine, sine, grazing, 0.0, FAR, 0.0,
+                        short[LEAST + held * LANES + k] = nothing
+                    turned = F(cosines[i]) * F(unit), F(sines[i]) * F(unit)
+                    for r in range(below, above + 1):
+                        begin, end = U(start[r * across + left]), U(start[r * across + right])
+                        for j0 in range(begin, end, U(LANES)):
+                            n = keep(
+                                fixed_x, fixed_y, j0, end, U(i), fixed_x[i], fixed_y[i], turned[0], turned[1], reach2,
+                                I(held << OWNER), ahead, aside, number, n,
                             )  # fmt: skip
-                        else:
-                            for k in range(LANES):
-                                lane[FOUND + k] = min(lane[FOUND + k], wall[FOUND + k])
-                    for k in range(LANES):
-                        out[place, block + k] = min(F(lane[FOUND + k]), short[LEAST + k])
-                        short[LEAST + k] = nothing
+                    batch[held], cells[held] = i, cell
+                    held += 1
+                if held < BATCH and i < last:
+                    continue
+                stop_list(ahead, aside, number, n, radii, common, mixed)
+                doubts = look_around(
+                    ahead, aside, number, n, lone2, cos_0, sin_0, cos_1, sin_1, off_out, off_ahead,
+                    radius, barely, past, nothing, short, cone, doubtful,
+                )  # fmt: skip
+                done = U(0)
+                for b in range(held):
+                    me, its, mine = batch[b], cells[b], done
+                    while done < doubts and number[doubtful[done]] >> OWNER == b:
+                        done += U(1)
+                    if mine == done and listed[its] == listed[its + 1] and count == LANES:
+                        for k in range(LANES):
+                            out[rows[me], k] = short[LEAST + b * LANES + k]
+                    else:
+                        look_again(
+                            x, y, cosines, sines, radii, solids, listed, items, news, own, common, most, cosine, sine,
+                            graze, grazing, nothing, axis_cos, axis_sin, me, its, mixed, number, doubtful, mine, done,
+                            short, LEAST + b * LANES, lane, wall, cone, out, rows[me],
+                        )  # fmt: skip
+                held, n = 0, U(0)

@@ -18,17 +18,16 @@ KNOWN_BY = (19, 22)
 
 
 @inlined
-def _keep_one_by_one(cx, cy, first, px, py, limit, bx, by, bj, n):
-    for lane in range(LANES):
-        j = first + np.uint64(lane)
-        dx, dy = cx[j] - px, cy[j] - py
-        bx[n], by[n], bj[n] = dx, dy, np.int32(j)
-        n += np.uint64(dx * dx + dy * dy < limit)
+def _keep_one_by_one(x, y, first, last, own, px, py, co, si, limit, mark, ahead, aside, number, n):
+    for j in range(first, min(first + np.uint64(LANES), last)):
+        dx, dy = np.float32(np.int32(x[j] - px)), np.float32(np.int32(y[j] - py))
+        ahead[n], aside[n], number[n] = dx * co + dy * si, dy * co - dx * si, np.int32(j) + mark
+        n += np.uint64((dx * dx + dy * dy < limit) & (j != own))
     return n
 
 
 @intrinsic
-def _keep_at_once(typing, cx, cy, first, px, py, limit, bx, by, bj, n):
+def _keep_at_once(typing, x, y, first, last, own, px, py, co, si, limit, mark, ahead, aside, number, n):
     """The same in LLVM's words."""
     single, short = ir.FloatType(), ir.IntType(32)
     singles, shorts = ir.VectorType(single, LANES), ir.VectorType(short, LANES)
@@ -36,7 +35,7 @@ def _keep_at_once(typing, cx, cy, first, px, py, limit, bx, by, bj, n):
     flags = tuple(sorted(FASTMATH))
 
     def generate(context, build, signature, arguments):
-        _, _, first, px, py, limit, _, _, _, n = arguments
+        _, _, first, last, own, px, py, co, si, limit, mark, _, _, _, n = arguments
 
         def place(number, index, vector):
             array = context.make_array(signature.args[number])(context, build, arguments[number])
@@ -46,13 +45,24 @@ def _keep_at_once(typing, cx, cy, first, px, py, limit, bx, by, bj, n):
             one = build.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(short, 0))
             return build.shuffle_vector(one, ir.Constant(vector, ir.Undefined), ir.Constant(shorts, [0] * LANES))
 
-        dx = build.fsub(build.load(place(0, first, singles), align=4), every(px, singles), flags=flags)
-        dy = build.fsub(build.load(place(1, first, singles), align=4), every(py, singles), flags=flags)
-        square = build.fadd(build.fmul(dx, dx, flags=flags), build.fmul(dy, dy, flags=flags), flags=flags)
+        def off(number, own_place):
+            there = build.load(place(number, first, shorts), align=4)
+            return build.sitofp(build.sub(there, every(own_place, shorts)), singles)
+
+        def times(left, right):
+            return build.fmul(left, right, flags=flags)
+
+        dx, dy, co, si = off(0, px), off(1, py), every(co, singles), every(si, singles)
+        along = build.fadd(times(dx, co), times(dy, si), flags=flags)
+        across = build.fsub(times(dy, co), times(dx, si), flags=flags)
+        square = build.fadd(times(dx, dx), times(dy, dy), flags=flags)
+        lane = build.add(every(build.trunc(first, short), shorts), ir.Constant(shorts, list(range(LANES))))
         kept = build.fcmp_ordered("<", square, every(limit, singles), flags=flags)
-        number = build.add(every(build.trunc(first, short), shorts), ir.Constant(shorts, list(range(LANES))))
+        kept = build.and_(kept, build.icmp_signed("<", lane, every(build.trunc(last, short), shorts)))
+        kept = build.and_(kept, build.icmp_signed("!=", lane, every(build.trunc(own, short), shorts)))
+        marked = build.add(lane, every(mark, shorts))
         for target, value, vector, name in (
-            *((6, dx, singles, "v16f32"), (7, dy, singles, "v16f32"), (8, number, shorts, "v16i32")),
+            *((11, along, singles, "v16f32"), (12, across, singles, "v16f32"), (13, marked, shorts, "v16i32")),
         ):
             shape = ir.FunctionType(vector, [vector, bits, vector])
             name = f"{COMPRESS}.{name}"
@@ -62,8 +72,9 @@ def _keep_at_once(typing, cx, cy, first, px, py, limit, bx, by, bj, n):
         count = build.ctpop(build.bitcast(kept, ir.IntType(LANES)))
         return build.add(n, build.zext(count, ir.IntType(64)))
 
-    long, real = types.uint64, types.float32
-    return long(cx, cy, long, real, real, real, bx, by, bj, long), generate
+    long, whole, real = types.uint64, types.int32, types.float32
+    numbers = long, long, long, whole, whole, real, real, real, whole
+    return long(x, y, *numbers, ahead, aside, number, long), generate
 
 
 def at_once() -> bool:
@@ -73,8 +84,10 @@ def at_once() -> bool:
 
 
 keep = _keep_at_once if at_once() else _keep_one_by_one
-"""Put dx, dy and the number of those of the points cx, cy (float32) from `first` on that are in reach of px, py into
-bx, by, bj from `n` on; gives the new n. limit: the square of the reach. Room for LANES more must be there."""
+"""Take those of LANES points x, y (int32) from `first` on, but not from `last` on and not `own`, that are in reach of
+px, py; put how far they are ahead and aside of a direction, and their number plus `mark`, into `ahead`, `aside`
+(float32) and `number` (int32) from `n` on; gives the new n. co, si: cosine and sine of that direction, times the unit
+that is wanted; limit: the square of the reach. Room for LANES more must be there, and LANES more points."""
 
 
 @inlined

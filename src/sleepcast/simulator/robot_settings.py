@@ -129,7 +129,8 @@ class RobotSpec:
     wanders: whether they roam from the start; otherwise they lie still until they are told to move. wheels: None for
     a craft that turns and drives without them. ring: None without sonars. bumpers: parts of the bumper, 0 for bodies
     that nothing stops. speed_unit: in which people read their speed. disc: x, y and radius (m) of the disc in which
-    they start instead, if there is one. groups: the sorts of robots, none if all are alike.
+    they start instead, if there is one. in_rows: whether their numbers go along rows of the world, so that neighbours
+    have numbers near each other. groups: the sorts of robots, none if all are alike.
     """
 
     type: str
@@ -146,6 +147,7 @@ class RobotSpec:
     ring: Ring | None = None
     bumpers: int = 0
     disc: tuple[float, float, float] | None = None
+    in_rows: bool = False
     groups: tuple[Group, ...] = ()
 
 
@@ -192,6 +194,7 @@ def read_robots(
             ring=ring,
             bumpers=bumpers,
             disc=_disc(table, size),
+            in_rows=table.text("numbers", "by chance", choices=("by chance", "along rows")) == "along rows",
             groups=groups,
         )
 

@@ -210,3 +210,12 @@ def test_a_flood_leaves_nothing_behind(flood: Callable[[], bytes]) -> None:
         here.enter(datagram)
     assert (here.passed, sum(here.counts.values())) == (0, 10_000)
     assert (len(here._heard), len(here._open), len(here._budgets)) == (0, 0, 0)
+
+
+def test_a_number_far_behind_the_latest_costs_nothing() -> None:
+    here = door()
+    here.note(ROBOTS.id, "r1", 1, 2**62)
+    here.note(ROBOTS.id, "r1", 1, 5)
+    sent = message(sender="r1", kind=Kind.DIGEST, sequence=5)
+    assert here.enter(only(encode(sent, "lab", ROBOTS))) is None
+    assert here.counts == {Drop.REPEATED: 1}

@@ -6,6 +6,7 @@ import pytest
 
 from channel.air import DESK, START, Air, Party
 from sleepcast.channel import Kind, Message
+from sleepcast.channel.envelope import look
 from sleepcast.channel.mailbox import LIFE
 from sleepcast.channel.reading import Reader
 
@@ -173,10 +174,41 @@ def test_an_operator_who_comes_by_is_told_nobodys_rules() -> None:
 def test_a_digest_that_says_what_enough_have_said_is_not_even_let_in() -> None:
     let_in = {}
     for reader in (None, Reader()):
-        air = Air(robots=30, seed=9, reader=reader)
+        air = Air(robots=30, seed=9, delay=0.2, reader=reader)  # so late that several speak before they hear others
         air.desk.box.post(Kind.COMMAND, air.clock.now(), text="(RULE a 1)", standing=True)
         air.run(10.0)
         assert [[message.text for message in robot.got] for robot in air.robots] == [["(RULE a 1)"]] * 30
         let_in[reader is None] = sum(robot.box.door.passed for robot in air.robots)
-        assert air.sent[Kind.DIGEST] < 40
+        assert air.sent[Kind.DIGEST] < 60
     assert let_in[False] < 0.8 * let_in[True]
+
+
+def test_an_echo_of_what_we_have_said_is_no_news() -> None:
+    air = Air(1, seed=11)
+    robot = air.robots[0]
+    robot.box.post(Kind.COMMAND, START, text="(ST)")
+    robot.box.start(START)
+    echo: list[bytes] = []
+    for tick in range(200):
+        echo += robot.box.step(START + 0.01 * tick)[0]
+    kinds = {look(datagram).kind for datagram in echo}
+    assert kinds == {Kind.COMMAND, Kind.DIGEST}
+    assert [robot.box.take(datagram, START + 2.0) for datagram in echo] == [[]] * len(echo)
+    assert robot.box.door.passed == 0
+
+
+def test_of_many_few_speak_and_few_mend() -> None:
+    air = Air(200, seed=12)
+    air.run(3.0)
+    air.sent.clear()
+    air.robots[1].on = False
+    air.desk.box.post(Kind.COMMAND, air.clock.now(), text="(RULE a 1)", standing=True)
+    air.run(1.0)
+    assert air.sent[Kind.DIGEST] < 12
+    air.desk.on, air.robots[1].on = False, True
+    air.sent.clear()
+    air.robots[1].box.start(air.clock.now())
+    air.run(5.0)
+    assert rules(air.robots[1]) == ["(RULE a 1)"]
+    assert air.sent[Kind.COMMAND] < 6
+    assert air.sent[Kind.DIGEST] < 40

@@ -78,7 +78,7 @@ class Heard:
         if ahead > 0:
             self.latest = sequence
             self.numbers = (self.numbers << min(ahead, WINDOW) | 1) & (1 << WINDOW) - 1
-        else:
+        elif ahead > -WINDOW:
             self.numbers |= 1 << -ahead
 
 
@@ -122,7 +122,7 @@ class Door:
     clock: Unix time, s. rate: signatures of one key that are looked at in a second, None for what is usual. skew: s
     that others' clocks may be wrong. reader: shared by the doors of one process, None for one of our own.
 
-    counts: what was dropped, by reason; passed: how many messages came in.
+    counts: datagrams that were dropped, by reason; taken: those that were not; passed: messages that came in whole.
     """
 
     def __init__(
@@ -138,7 +138,7 @@ class Door:
     ) -> None:
         self.trust, self.fleet, self.robot = trust, fleet, robot
         self.counts: Counter[Drop] = Counter()
-        self.passed = 0
+        self.taken = self.passed = 0
         usual = VERIFIED_A_SECOND if robot else VERIFIED_BY_OPERATOR
         self._clock, self._rate, self._skew = clock, usual if rate is None else rate, skew
         self.reader = reader or Reader()
@@ -178,6 +178,7 @@ class Door:
         except EnvelopeError:
             self.counts[Drop.MALFORMED] += 1
             return None
+        self.taken += 1
         if entered is not None:
             self.passed += 1
         return entered
@@ -262,16 +263,18 @@ class Door:
                 raise EnvelopeError("a message that says more than fits into one")
         message = self.reader.message(datagram, piece.sender, content, role.value)
         if not part.standing:
-            self._note(part, piece.sender)
+            self.note(part.key, piece.sender, part.epoch, part.sequence, lasting=part.kind in LASTING)
         return Entered(message, datagrams)
 
-    def _note(self, part: Part, sender: str) -> None:
-        which = part.key, sender, part.epoch
+    def note(self, key: bytes, sender: str, epoch: int, sequence: int, *, lasting: bool = False) -> None:
+        """This message is no news any more, whoever sends it again; so is what we have said ourselves. lasting: whether
+        that must be known over a restart."""
+        which = key, sender, epoch
         heard = self._heard.get(which)
         if heard is None:
-            heard = self._heard[which] = Heard(part.sequence)
-        heard.note(part.sequence)
-        if part.kind in LASTING:
+            heard = self._heard[which] = Heard(sequence)
+        heard.note(sequence)
+        if lasting:
             self._changed.add(which)
         self._heard.move_to_end(which)
         if len(self._heard) > MAX_SENDERS:

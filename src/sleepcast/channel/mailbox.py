@@ -28,7 +28,7 @@ from sleepcast.channel.keys import MAY, KeyPair, Role
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.order import MAX_STREAMS, Order, Skipped, Stream
 from sleepcast.channel.shelf import Shelf
-from sleepcast.channel.trickle import Trickle
+from sleepcast.channel.trickle import Trickle, mostly_late
 
 REPEATS = (0.03, 0.09, 0.21)
 """Seconds after which a command is sent again, unasked: at 30 % loss 99 of 100 hear one of the four."""
@@ -37,7 +37,7 @@ STOP_REPEATS = (0.03, 0.09, 0.15, 0.21, 0.3, 0.4)
 REPEATED = frozenset({Kind.COMMAND, Kind.ASK, Kind.STOP, Kind.RELEASE})
 LIFE = 5.0
 """Seconds for which a command counts, unless its sender says otherwise: all that is no rule has an end."""
-MEND_WITHIN = 0.04
+MEND_WITHIN = 0.06
 """Seconds within which, by chance, a party sends what another one misses, unless somebody else does."""
 MENDED = 0.2
 """Seconds for which what was heard is not sent again."""
@@ -68,12 +68,14 @@ class Mailbox:
     """One party's mailbox. name, epoch: of what it says, the epoch higher than in all its lives before; key: signs it;
     door: what comes in goes through it; chance: for its moments.
 
-    order: whose commands have come how far.
+    order: whose commands have come how far. overheard: datagrams of which we need not know more; all others are
+    counted at the door.
     """
 
     def __init__(self, name: str, epoch: int, key: KeyPair, door: Door, chance: Random) -> None:
         self.name, self.epoch, self.door = name, epoch, door
         self.order = Order(chance)
+        self.overheard = 0
         self._key, self._chance = key, chance
         self._shelf = Shelf()
         self._trickle = Trickle(chance)
@@ -101,7 +103,7 @@ class Mailbox:
         """Say something at `now` (s of Unix time); gives the message as others hear it. deadline: s of Unix time, None
         for `LIFE` from now, or for none where it stands. Raises MessageError for what is too long."""
         until = (inf if standing else now + LIFE) if deadline is None else deadline
-        self._sequence += 1
+        self._count()
         own, said = self._own(), dict(body or {})
         if kind is Kind.COMMAND:
             said |= own.link().written()
@@ -140,6 +142,11 @@ class Mailbox:
         if self.door.robot:
             self._trickle.restart(now)
 
+    def _count(self) -> None:
+        """The next number is ours: whatever comes back of it from the air, by an echo or by malice, is no news."""
+        self._sequence += 1
+        self.door.note(self._key.id, self.name, self.epoch, self._sequence)
+
     def _own(self) -> Stream:
         return self.order.stream((self._key.id, self.epoch))
 
@@ -148,7 +155,10 @@ class Mailbox:
     def take(self, datagram: bytes, now: float) -> list[Message]:
         """The messages that can be dealt with now that this datagram has come."""
         part = self.door.look(datagram)
-        if part is None or self._overheard(part, datagram, now) or self._says_nothing_new(part, datagram):
+        if part is None:
+            return []
+        if self._on_shelf(part, datagram, now) or self._says_nothing_new(part, datagram):
+            self.overheard += 1
             return []
         entered = self.door.admit(part, datagram)
         if entered is None:
@@ -169,7 +179,7 @@ class Mailbox:
         stream = self.order.stream(name)
         return self._dealt_with(self.order.take(stream, message, now), now)
 
-    def _overheard(self, part: Part, datagram: bytes, now: float) -> bool:
+    def _on_shelf(self, part: Part, datagram: bytes, now: float) -> bool:
         """Whether these very bytes are on our shelf: then we need not send them either. What there was no room for to
         wait is there as well, and comes anew."""
         name = part.key, part.epoch
@@ -265,7 +275,7 @@ class Mailbox:
     def _mend(self, stream: Stream, numbers: tuple[int, ...], now: float) -> None:
         wanted = tuple(number for number in numbers if self._shelf.silent_since(stream.name, number, now - MENDED))
         if wanted:
-            wait = self._chance.uniform(0.0, MEND_WITHIN)
+            wait = mostly_late(self._chance) * MEND_WITHIN
             heappush(self._later, Mend(now + wait, next(self._tie), stream, wanted))
 
     # ---- time
@@ -300,7 +310,7 @@ class Mailbox:
                 self._out += self._shelf.take(job.stream.name, number, now)
 
     def _say(self, kind: Kind, body: dict[str, object], now: float) -> None:
-        self._sequence += 1
+        self._count()
         message = Message(self.name, self.epoch, self._sequence, kind, now, now + LIFE, body=body)
         self._out += encode(message, self.door.fleet, self._key)
 

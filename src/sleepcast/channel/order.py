@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from sleepcast.channel.kept import Name, Progress
 from sleepcast.channel.message import Message
+from sleepcast.channel.trickle import mostly_late
 
 MAX_STREAMS = 64
 """Senders of commands, each in each of its epochs, whose order is kept; of those that were silent longest, one without
@@ -24,7 +25,7 @@ MAX_WAITING = 1_024
 """Commands of one sender that wait; beyond, the farthest ahead are forgotten, and asked for again in their turn."""
 MAX_SKIPPED = 1_024
 """Skipped commands that are kept for whoever asks: the latest."""
-ASK_AFTER = (0.02, 0.06)
+ASK_AFTER = (0.02, 0.08)
 """Seconds, by chance between these, before what is missing is asked for: its sender repeats it by himself, too."""
 ASK_AGAIN, ASK_SELDOM = 0.15, 2.0
 """Seconds after which it is asked for again: at first, then doubled each time up to the second."""
@@ -178,7 +179,7 @@ class Order:
             for number, want in stream.wanted.items():
                 if want.due <= now and most > 0:
                     found.setdefault(stream.name, []).append(number)
-                    want.due = now + want.again * self._chance.uniform(0.5, 1.0)
+                    want.due = now + want.again * (1.0 + mostly_late(self._chance)) / 2.0
                     want.again = min(2.0 * want.again, ASK_SELDOM)
                     most -= 1
         return found
@@ -228,4 +229,5 @@ class Order:
 
     def _want(self, stream: Stream, number: int, now: float) -> None:
         if number not in stream.wanted:
-            stream.wanted[number] = Want(now + self._chance.uniform(*ASK_AFTER))
+            soonest, latest = ASK_AFTER
+            stream.wanted[number] = Want(now + soonest + (latest - soonest) * mostly_late(self._chance))

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
-from math import inf
+from math import exp, inf, log1p
 from random import Random
 
-SOONEST, LATEST = 0.1, 60.0
+SOONEST, LATEST = 0.4, 60.0
 """Seconds of an interval: at least, while there is news, and at most."""
 ENOUGH = 2
 """Times that somebody else has said the same in an interval, from which on we need not."""
+STEEPNESS = 10.0
+"""How seldom small numbers are drawn by `mostly_late`: enough for some ten thousand parties."""
+
+
+def mostly_late(chance: Random) -> float:
+    """A number from [0, 1] that is small for few only: of a thousand who wait for such a share of some time, one or two
+    are early, whoever hears them keeps quiet, and nobody need know how many there are (Nonnenmacher and Biersack,
+    Scalable feedback for large groups, IEEE/ACM Transactions on Networking 7, 1999)."""
+    return log1p(chance.random() * (exp(STEEPNESS) - 1.0)) / STEEPNESS
 
 
 class Trickle:
@@ -47,4 +56,4 @@ class Trickle:
 
     def _begin(self, now: float, interval: float) -> None:
         self._interval, self._ends, self._alike = interval, now + interval, 0
-        self._speaks = now + self._chance.uniform(interval / 2.0, interval)
+        self._speaks = now + interval * (1.0 + mostly_late(self._chance)) / 2.0

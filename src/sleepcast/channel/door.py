@@ -263,18 +263,19 @@ class Door:
                 raise EnvelopeError("a message that says more than fits into one")
         message = self.reader.message(datagram, piece.sender, content, role.value)
         if not part.standing:
-            self.note(part.key, piece.sender, part.epoch, part.sequence)
-            if part.kind in LASTING:
-                self._changed.add((part.key, piece.sender, part.epoch))
+            self.note(part.key, piece.sender, part.epoch, part.sequence, lasting=part.kind in LASTING)
         return Entered(message, datagrams)
 
-    def note(self, key: bytes, sender: str, epoch: int, sequence: int) -> None:
-        """This message is no news any more, whoever sends it again; so is what we have said ourselves."""
+    def note(self, key: bytes, sender: str, epoch: int, sequence: int, *, lasting: bool = False) -> None:
+        """This message is no news any more, whoever sends it again; so is what we have said ourselves. lasting: whether
+        that must be known over a restart."""
         which = key, sender, epoch
         heard = self._heard.get(which)
         if heard is None:
             heard = self._heard[which] = Heard(sequence)
         heard.note(sequence)
+        if lasting:
+            self._changed.add(which)
         self._heard.move_to_end(which)
         if len(self._heard) > MAX_SENDERS:
             self._heard.popitem(last=False)

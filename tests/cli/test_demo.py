@@ -302,6 +302,7 @@ def test_no_argument_is_the_demo_of_bravo(monkeypatch: pytest.MonkeyPatch) -> No
             "from_": None,
             "snapshot": None,
             "snapshot_at": None,
+            "journal": None,
         },
     )
 

@@ -8,6 +8,7 @@ from channel.air import DESK, START, Air, Party
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import look
 from sleepcast.channel.mailbox import LIFE
+from sleepcast.channel.message import MAX_TEXT
 from sleepcast.channel.reading import Reader
 
 
@@ -108,6 +109,37 @@ def test_what_follows_a_command_that_never_comes_waits_only_until_its_deadline()
     air.run(2.0)
     assert [message.text for message in air.robots[0].got] == ["(SETQ a 2)"]
     assert [skip.sequence for skip in air.robots[0].box.skipped()] == [lost.sequence]
+
+
+LONG = "".join(f"(SETQ v{number} {number * 7919})" for number in range(1_200))[:MAX_TEXT]
+
+
+@pytest.mark.parametrize("standing", [True, False])
+def test_a_text_of_16_kib_gets_through_a_bad_radio_before_its_deadline(standing: bool) -> None:
+    air = Air(20, seed=11, loss=0.3, twice=0.1, delay=0.05)
+    assert len(LONG.encode()) == MAX_TEXT == 16_384
+    sent = air.desk.box.post(Kind.COMMAND, air.clock.now(), text=LONG, standing=standing)
+    air.run(LIFE)
+    assert [[message.text for message in robot.got] for robot in air.robots] == [[LONG]] * 20
+    assert all(robot.when[sent.sequence] < START + LIFE for robot in air.robots)
+
+
+def test_of_a_long_message_only_what_is_missing_is_sent_again() -> None:
+    air = Air(1, seed=12, delay=0.001)
+    air.cut = {frozenset((0, 1))}
+    air.desk.box.post(Kind.COMMAND, air.clock.now(), text=LONG)
+    air.run(1.0)  # all that the desk says by itself is lost
+    sent = air.desk.box._shelf._recent.values()
+    (parts,) = (kept.datagrams for kept in sent)
+    for number, datagram in enumerate(parts):
+        if number not in (2, 9):
+            assert air.robots[0].box.take(datagram, air.clock.now()) == []
+    air.cut = set()
+    before = air.bytes
+    air.run(1.0)
+    assert [message.text for message in air.robots[0].got] == [LONG]
+    assert air.sent[Kind.REQUEST] == 1
+    assert air.bytes - before < 3 * 1_200, "two parts and a request"
 
 
 def test_stop_waits_for_nothing() -> None:

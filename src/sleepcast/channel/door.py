@@ -228,10 +228,9 @@ class Door:
         return Drop.REPEATED if self._knows(part, piece.sender) else None
 
     def _knows(self, part: Part, sender: str) -> bool:
-        if part.standing:
-            return False  # it counts however old it is; whoever keeps the rules knows which ones he has
         heard = self._heard.get((part.key, sender, part.epoch))
-        if heard is not None and heard.knows(part.sequence):
+        # What stands counts however old it is; whoever keeps the rules knows which ones he has.
+        if heard is not None and heard.knows(part.sequence) and not part.standing:
             return True
         waiting = self._open.get((part.key, sender, part.epoch, part.sequence))
         return waiting is not None and part.number in waiting.pieces
@@ -242,6 +241,11 @@ class Door:
         if found is None:
             found = self._budgets[which] = Budget(self._rate, self._rate, now)
         return found
+
+    def missing(self, key: bytes, sender: str, epoch: int, sequence: int) -> tuple[int, ...]:
+        """Numbers of the parts that are missing of a message of which some have come; none if none has."""
+        waiting = self._open.get((key, sender, epoch, sequence))
+        return () if waiting is None else tuple(part for part in range(waiting.parts) if part not in waiting.pieces)
 
     def _completed(self, part: Part, piece: Piece, datagram: bytes, role: Role) -> Entered | None:
         """The message, if this part was the last one of it that was missing."""

@@ -15,13 +15,13 @@ Kinds that are no commands go through as they come.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from heapq import heappop, heappush
 from itertools import count
 from math import inf
 from random import Random
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import msgspec
 
@@ -32,6 +32,7 @@ from sleepcast.channel.kept import Name, News
 from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal, Role
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.order import MAX_STREAMS, Order, Skipped, Stream
+from sleepcast.channel.repairs import request, streams_in, wanted_parts
 from sleepcast.channel.shelf import Shelf
 from sleepcast.channel.trickle import Trickle, mostly_late
 
@@ -55,12 +56,13 @@ MAX_WANTED = 64
 
 
 class Mend(NamedTuple):
-    """Commands that somebody misses are to be sent at a time (s), in their order. tie: makes equal times comparable."""
+    """Commands that somebody misses are to be sent at a time (s), in their order. tie: makes equal times comparable.
+    wanted: numbers, each with those of the parts that are meant if not all are."""
 
     time: float
     tie: int
     stream: Stream
-    numbers: tuple[int, ...]
+    wanted: Sequence[Sequence[int]]
 
 
 class Again(NamedTuple):
@@ -191,6 +193,10 @@ class Mailbox:
             return []
         entered = self.door.admit(part, datagram)
         if entered is None:
+            if self.door.robot and self._missing(
+                (part.key, part.epoch), part.sequence
+            ):  # its sender repeats it by himself first
+                self.order.piecemeal((part.key, part.epoch), part.sequence, part.deadline, now + REPEATS[-1])
             return []
         message = entered.message
         if message.kind is Kind.DIGEST:
@@ -281,7 +287,7 @@ class Mailbox:
 
     def _compare(self, digest: Message, now: float) -> None:
         """Somebody tells how far he has come: mend what he misses, and tell what we miss."""
-        theirs = {name: rules for name, rules in _read(digest.body, "have", int) if self._commands(name)}
+        theirs = {name: rules for name, rules in streams_in(digest.body, "have", int) if self._commands(name)}
         names = set(self.order.standing())
         if self.door.robot:
             names |= theirs.keys()
@@ -297,7 +303,7 @@ class Mailbox:
             they, we = theirs.get(name, 0), stream.rules
             alike &= they == we
             if they < we:
-                self._mend(stream, tuple(number for number in stream.standing if number > they)[:BATCH], now)
+                self._mend(stream, [(number,) for number in stream.standing if number > they][:BATCH], now)
         if alike:
             self._trickle.agree()
         else:
@@ -308,12 +314,29 @@ class Mailbox:
         have = self._told | self.order.standing()
         return {"have": [[*name, have[name]] for name in sorted(have)[-MAX_STREAMS:]]}
 
-    def _mend_requested(self, request: Message, now: float) -> None:
-        for name, listed in _read(request.body, "want", list):
+    def _missing(self, name: Name, number: int) -> tuple[int, ...]:
+        """Parts that are missing of a command of which some have come."""
+        key = self.door.trust.find(name[0]) if self._commands(name) else None
+        return () if key is None else self.door.missing(name[0], key.owner, name[1], number)
+
+    def _request(self, wanted: Mapping[Name, Sequence[int]], now: float) -> None:
+        """Ask for what is missing: whole commands, or parts of those of which some have come."""
+        missing = [
+            (name, number, self._missing(name, number)) for name, numbers in wanted.items() for number in numbers
+        ]
+        self._say(Kind.REQUEST, request(missing), now)
+
+    def _mend_requested(self, asked: Message, now: float) -> None:
+        for name, listed in streams_in(asked.body, "want", list):
             numbers = tuple(number for number in listed[:MAX_WANTED] if isinstance(number, int))
             if self._commands(name):
                 self.order.asked(name, numbers, now)
-                self._mend(self.order.stream(name), numbers[:BATCH], now)
+                self._mend(self.order.stream(name), [(number,) for number in numbers[:BATCH]], now)
+        for name, number, parts in wanted_parts(asked.body):
+            if self._commands(name):
+                if {*parts} >= {*self._missing(name, number)}:
+                    self.order.asked(name, (number,), now)
+                self._mend(self.order.stream(name), [(number, *parts)], now)
 
     def _commands(self, name: Name) -> bool:
         """Whether a stream is of somebody whose commands count."""
@@ -324,8 +347,8 @@ class Mailbox:
         key = self.door.trust.find(name[0])
         return key is not None and key.revoked
 
-    def _mend(self, stream: Stream, numbers: tuple[int, ...], now: float) -> None:
-        wanted = tuple(number for number in numbers if self._shelf.silent_since(stream.name, number, now - MENDED))
+    def _mend(self, stream: Stream, asked: Sequence[Sequence[int]], now: float) -> None:
+        wanted = [each for each in asked if self._shelf.silent_since(stream.name, each[0], now - MENDED, each[1:])]
         if wanted:
             wait = mostly_late(self._chance) * MEND_WITHIN
             heappush(self._later, Mend(now + wait, next(self._tie), stream, wanted))
@@ -339,7 +362,7 @@ class Mailbox:
             self._do(heappop(self._later), now)
         wanted = self.order.wanted(now, MAX_WANTED)
         if wanted:
-            self._say(Kind.REQUEST, {"want": [[*name, numbers] for name, numbers in wanted.items()]}, now)
+            self._request(wanted, now)
         if self._trickle.is_due(now):
             self._say(Kind.DIGEST, self._digest(), now)
         return self.posted(), found
@@ -357,24 +380,9 @@ class Mailbox:
         if isinstance(job, Again):
             self._out += job.datagrams
             return
-        for number in job.numbers:
-            if self._shelf.silent_since(job.stream.name, number, now - MENDED):
-                self._out += self._shelf.take(job.stream.name, number, now)
+        for number, *parts in job.wanted:
+            self._out += self._shelf.take(job.stream.name, number, now, now - MENDED, parts)
 
     def _say(self, kind: Kind, body: dict[str, object], now: float) -> None:
         message = Message(self.name, self.epoch, self._number(), kind, now, now + LIFE, body=body)
         self._out += encode(message, self.door.fleet, self._key)
-
-
-Value = TypeVar("Value")
-
-
-def _read(body: dict[str, object], what: str, kind: type[Value]) -> list[tuple[Name, Value]]:
-    """Streams, each with a value, as digests and requests have them; what is no such thing is left out."""
-    found = []
-    listed = body.get(what)
-    for each in listed[:MAX_STREAMS] if isinstance(listed, list) else ():
-        match each:
-            case [bytes() as key, int() as epoch, value] if isinstance(value, kind):
-                found.append(((key, epoch), value))
-    return found

@@ -72,10 +72,12 @@ def _time(found: object) -> float:
 
 @dataclass(slots=True)
 class Want:
-    """A number that is missing: when it is asked for next, and how long then until the time after, s."""
+    """A number that is missing: when it is asked for next, how long then until the time after, and when it would come
+    too late, s."""
 
     due: float
     again: float = ASK_AGAIN
+    until: float = inf
 
 
 @dataclass(slots=True)
@@ -204,13 +206,21 @@ class Order:
         """What is to be asked for at `now`, at most so many numbers."""
         found: dict[Name, list[int]] = {}
         for stream in self._streams.values():
-            for number, want in stream.wanted.items():
-                if want.due <= now and most > 0:
+            for number, want in list(stream.wanted.items()):
+                if want.until < now:
+                    del stream.wanted[number]
+                elif want.due <= now and most > 0:
                     found.setdefault(stream.name, []).append(number)
                     want.due = now + want.again * (1.0 + mostly_late(self._chance)) / 2.0
                     want.again = min(2.0 * want.again, ASK_SELDOM)
                     most -= 1
         return found
+
+    def piecemeal(self, name: Name, number: int, until: float, due: float) -> None:
+        """Some of a command has come; what is missing of it is asked for at `due`, s, and no longer than `until`."""
+        stream = self.stream(name)
+        if number > stream.done and number not in stream.wanted:
+            stream.wanted[number] = Want(due + ASK_AFTER[1] * mostly_late(self._chance), until=until + SLACK)
 
     def asked(self, name: Name, numbers: Sequence[int], now: float) -> None:
         """Somebody else has asked for these, so we need not for a while."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import inf
 
@@ -17,10 +17,10 @@ MAX_STANDING = 20_000
 
 @dataclass(slots=True)
 class Kept:
-    """The bytes of a command, and when they were last on the air (s)."""
+    """The bytes of a command, and when each part was last on the air (s)."""
 
     datagrams: tuple[bytes, ...]
-    heard: float
+    heard: list[float]
 
 
 class Shelf:
@@ -36,7 +36,7 @@ class Shelf:
         shelf, most = (self._standing, MAX_STANDING) if standing else (self._recent, MAX_RECENT)
         if standing and (stream, number) not in shelf:
             self._news.append(Standing(stream, number, datagrams))
-        shelf[stream, number] = Kept(datagrams, now)
+        shelf[stream, number] = Kept(datagrams, [now] * len(datagrams))
         if len(shelf) > most:
             shelf.popitem(last=False)
 
@@ -57,21 +57,27 @@ class Shelf:
         kept = self._find(stream, number)
         if kept is None or datagram not in kept.datagrams:
             return False
-        kept.heard = now
+        kept.heard[kept.datagrams.index(datagram)] = now
         return True
 
-    def silent_since(self, stream: Name, number: int, time: float) -> bool:
-        """Whether a command is kept and has not been on the air since `time` (s)."""
+    def silent_since(self, stream: Name, number: int, time: float, parts: Sequence[int] = ()) -> bool:
+        """Whether a command is kept of which any of these parts (all, if none is named) has not been on the air since
+        `time` (s)."""
         kept = self._find(stream, number)
-        return kept is not None and kept.heard < time
+        return kept is not None and any(kept.heard[part] < time for part in _named(kept, parts))
 
-    def take(self, stream: Name, number: int, now: float) -> tuple[bytes, ...]:
-        """The bytes of a command, which are on the air at `now` (s); none if it is not kept."""
+    def take(
+        self, stream: Name, number: int, now: float, since: float = inf, parts: Sequence[int] = ()
+    ) -> tuple[bytes, ...]:
+        """The bytes of those parts of a command that have not been on the air since that time (s), and are at `now`;
+        none if it is not kept. parts: all, if none is named."""
         kept = self._find(stream, number)
         if kept is None:
             return ()
-        kept.heard = now
-        return kept.datagrams
+        found = [part for part in _named(kept, parts) if kept.heard[part] < since]
+        for part in found:
+            kept.heard[part] = now
+        return tuple(kept.datagrams[part] for part in found)
 
     def standing(self, key: bytes) -> dict[tuple[Name, int], tuple[bytes, ...]]:
         """The standing commands of the key with this id that are kept: their bytes by stream and number."""
@@ -79,3 +85,9 @@ class Shelf:
 
     def _find(self, stream: Name, number: int) -> Kept | None:
         return self._standing.get((stream, number)) or self._recent.get((stream, number))
+
+
+def _named(kept: Kept, parts: Sequence[int]) -> Sequence[int]:
+    """Those of these parts that there are; all, if none is named."""
+    there = range(len(kept.datagrams))
+    return [part for part in parts if part in there] if parts else there

@@ -19,6 +19,7 @@ from sleepcast.channel.kept import Window
 from sleepcast.channel.keys import MAY, PublicKey, Role, Trust
 from sleepcast.channel.message import TO_OPERATOR, Kind, Message
 from sleepcast.channel.reading import Reader
+from sleepcast.channel.skew import Skews
 from sleepcast.clock import Clock
 
 WINDOW = 4_096
@@ -119,10 +120,11 @@ class Assembly:
 class Door:
     """One party's door. trust: whom it believes; fleet: whose messages it hears; robot: whether it is a robot's, which
     has no ear for what others tell the operator, or an operator's, who has none for what robots tell each other.
-    clock: Unix time, s. rate: signatures of one key that are looked at in a second, None for what is usual. skew: s
-    that others' clocks may be wrong. reader: shared by the doors of one process, None for one of our own.
+    clock: Unix time, s. rate: signatures of one key that are looked at in a second; skew: s that others' clocks may be
+    wrong; None for what is usual. reader: shared by the doors of one process, None for one of our own.
 
-    counts: datagrams that were dropped, by reason; taken: those that were not; passed: messages that came in whole.
+    skews: how much the clocks of those that send heartbeats differ from ours. counts: datagrams that were dropped, by
+    reason; taken: those that were not; passed: messages that came in whole.
     """
 
     def __init__(
@@ -133,14 +135,16 @@ class Door:
         *,
         robot: bool,
         rate: float | None = None,
-        skew: float = SKEW,
+        skew: float | None = None,
         reader: Reader | None = None,
     ) -> None:
         self.trust, self.fleet, self.robot = trust, fleet, robot
         self.counts: Counter[Drop] = Counter()
         self.taken = self.passed = 0
         usual = VERIFIED_A_SECOND if robot else VERIFIED_BY_OPERATOR
-        self._clock, self._rate, self._skew = clock, usual if rate is None else rate, skew
+        self._clock, self._rate = clock, usual if rate is None else rate
+        self.skew = SKEW if skew is None else skew
+        self.skews = Skews(self.skew)
         self.reader = reader or Reader()
         self._heard: OrderedDict[tuple[bytes, str, int], Heard] = OrderedDict()
         self._changed: set[tuple[bytes, str, int]] = set()
@@ -210,9 +214,9 @@ class Door:
         if part.kind in TO_OPERATOR if self.robot else part.kind in TO_ROBOTS and key.role is Role.ROBOT:
             return Drop.NOT_FOR_US
         now = self._clock.now()
-        if now > min(part.deadline, inf if part.standing else part.issued + OLDEST) + self._skew:
+        if now > min(part.deadline, inf if part.standing else part.issued + OLDEST) + self.skew:
             return Drop.LATE
-        if part.issued > now + self._skew:
+        if part.issued > now + self.skew:
             return Drop.EARLY
         if not key.owner.endswith("*") and self._knows(part, key.owner):
             return Drop.REPEATED
@@ -266,6 +270,8 @@ class Door:
             if len(content) > MAX_CONTENT:
                 raise EnvelopeError("a message that says more than fits into one")
         message = self.reader.message(datagram, piece.sender, content, role.value)
+        if part.kind is Kind.HEARTBEAT:
+            self.skews.note(piece.sender, part.issued, self._clock.now())
         if not part.standing:
             self.note(part.key, piece.sender, part.epoch, part.sequence, lasting=part.kind in LASTING)
         return Entered(message, datagrams)

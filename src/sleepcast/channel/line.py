@@ -176,7 +176,9 @@ class Line:
             if message.kind is Kind.COMMAND and KEYS in message.body:
                 self._answer_for_keys(message)
                 continue
-            times = {"issued": message.issued - self.zero, "deadline": message.deadline - self.zero}
+            # A deadline is of its sender's clock; when we have seen how that differs from ours, we reckon with it.
+            ahead = self.mailbox.door.skews.of(message.sender, self._clock.now())
+            times = {"issued": message.issued - self.zero, "deadline": message.deadline + ahead - self.zero}
             self._heard.append(msgspec.structs.replace(message, **times))
 
 

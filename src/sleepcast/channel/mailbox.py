@@ -26,7 +26,7 @@ from typing import NamedTuple
 import msgspec
 
 from sleepcast.channel.bodies import KEYS
-from sleepcast.channel.door import SKEW, Door
+from sleepcast.channel.door import Door
 from sleepcast.channel.envelope import Part, encode, said
 from sleepcast.channel.kept import Name, News
 from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal, Role
@@ -94,7 +94,7 @@ class Mailbox:
         keep: Callable[[], None] = lambda: None,
     ) -> None:
         self.name, self.epoch, self.door = name, epoch, door
-        self.order = Order(chance)
+        self.order = Order(chance, door.skew)
         self.overheard = 0
         self._key, self._chance = key, chance
         self._shelf = Shelf()
@@ -128,7 +128,7 @@ class Mailbox:
         issued = now
         if kind is Kind.COMMAND:
             said |= own.link().written()
-            if 0.0 <= self._issued - now <= SKEW:
+            if 0.0 <= self._issued - now <= self.door.skew:
                 issued = self._issued  # a clock that was set back a little lets no command seem older than the last
             self._issued = issued
         message = Message(self.name, self.epoch, number, kind, issued, until, text, standing, said)

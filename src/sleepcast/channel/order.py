@@ -14,7 +14,6 @@ from math import inf
 from random import Random
 from typing import NamedTuple
 
-from sleepcast.channel.door import SKEW
 from sleepcast.channel.kept import Name, Progress
 from sleepcast.channel.message import Message
 from sleepcast.channel.trickle import mostly_late
@@ -113,14 +112,15 @@ class Stream:
 
 
 class Order:
-    """The streams of all senders of commands. chance: for the moments at which we ask.
+    """The streams of all senders of commands. chance: for the moments at which we ask; skew: s that others' clocks may
+    be wrong.
 
     since: when we began to listen, s: what was sent once before is not for us.
     """
 
-    def __init__(self, chance: Random) -> None:
+    def __init__(self, chance: Random, skew: float) -> None:
         self.since = -inf
-        self._chance = chance
+        self._chance, self._skew = chance, skew
         self._streams: OrderedDict[Name, Stream] = OrderedDict()
         self._skipped: deque[Skipped] = deque(maxlen=MAX_SKIPPED)
         self._changed: set[Name] = set()
@@ -262,7 +262,7 @@ class Order:
                 stream.wanted.pop(link.after, None)
                 self._skipped.append(Skipped(*stream.name, link.after))
             self.deal_with(stream, message)
-            if message.standing or message.issued >= self.since - SKEW:  # whoever's clock is wrong
+            if message.standing or message.issued >= self.since - self._skew:  # whoever's clock is wrong
                 found.append(message)
         return found
 

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 FLEET = "sleepcast"
 """Whose messages are heard, unless another fleet is named."""
+MOST_SKEW = 3_600.0
+"""Seconds that others' clocks may be wrong at most."""
 CHANNEL = "udp://239.255.83.76:47123?interface=lo"
 """Unless another one is said: multicast that stays on this machine."""
 
@@ -38,7 +40,8 @@ class Air:
     """channel: its address; fleet: its name. key: the owner of ours, None for the development key of this machine;
     trust: the file of those who are believed, None for the one beside the keys, or for the development keys alone.
     folder: where keys lie, None for the one in the user's settings. within: s for answers, None: by the roster.
-    journal: the file in which it is written down, None for the fleet's own."""
+    journal: the file in which it is written down, None for the fleet's own. skew: s that others' clocks may be wrong;
+    rate: signatures of one key that are looked at in a second; None for what is usual."""
 
     channel: str
     fleet: str
@@ -47,11 +50,23 @@ class Air:
     folder: Path | None
     within: float | None = None
     journal: Path | None = None
+    skew: float | None = None
+    rate: float | None = None
 
 
 def options(command: Command) -> Command:
-    """The options that say which key is ours and whom it believes."""
+    """The options that say which key is ours and whom it believes: the command gets `fleet`, `key`, `trust`, `folder`,
+    `skew` and `rate`."""
     for option in (
+        click.option(
+            "--rate", metavar="N", type=click.FloatRange(1.0), help="Signatures of a key checked in a second."
+        ),
+        click.option(
+            "--skew",
+            metavar="S",
+            type=click.FloatRange(0.0, MOST_SKEW),
+            help="Seconds that others' clocks may be wrong; else 2.",
+        ),
         click.option("--keys", "folder", type=click.Path(path_type=Path), help="Where keys lie."),
         click.option("--trust", type=click.Path(path_type=Path), help="The file of keys that are believed."),
         click.option("--key", metavar="OWNER", help="Whose key is ours; else the development key of this machine."),
@@ -86,9 +101,11 @@ def on_air(command: Callable[..., int]) -> Callable[..., int]:
         folder: Path | None,
         within: float | None,
         journal: Path | None,
+        skew: float | None,
+        rate: float | None,
         **others: object,
     ) -> int:
-        return command(air=Air(channel, fleet, key, trust, folder, within, journal), **others)
+        return command(air=Air(channel, fleet, key, trust, folder, within, journal, skew, rate), **others)
 
     return placed
 
@@ -199,7 +216,7 @@ def _party(
     if not key.public.is_of(name):
         raise MisuseError(f"the key of {key.public.owner!r} cannot speak for {name!r}: take another with --key")
     clock, chance = UnixClock(), Random(SystemRandom().getrandbits(64))
-    door = Door(trust, air.fleet, clock, robot=robot, reader=reader)
+    door = Door(trust, air.fleet, clock, robot=robot, rate=air.rate, skew=air.skew, reader=reader)
     if store is None:  # a life begins later than all before, so that its numbers are news
         mailbox = Mailbox(name, int(clock.now() * 1000.0), key, door, chance)
     elif robot:

@@ -74,6 +74,8 @@ def swarm(
     key: str | None,
     trust: Path | None,
     folder: Path | None,
+    skew: float | None,
+    rate: float | None,
     seed: int | None,
     seconds: float | None,
 ) -> int:
@@ -100,7 +102,7 @@ def swarm(
         names = [f"{prefix}{first + i}" for i in range(count)]
         store = None if file is None else stack.enter_context(closing(open_store(file, complain)))
         wanted = Wanted(names, first, scenario, seed, read_lease(lease), limits)
-        crew = _crew(stack, Air(channel, fleet, key, trust, folder), wanted, store)
+        crew = _crew(stack, Air(channel, fleet, key, trust, folder, skew=skew, rate=rate), wanted, store)
         interrupts.defer()
         _begin(crew, beginning or Beginning(), store)
         announce(f"{names[0]} to {names[-1]} are up: {count} robots; Ctrl-C stops their bodies and ends them")

@@ -84,6 +84,8 @@ def node(
     key: str | None,
     trust: Path | None,
     folder: Path | None,
+    skew: float | None,
+    rate: float | None,
 ) -> int:
     """Give the body at URI a mind of its own, until Ctrl-C, which stops the body first.
 
@@ -127,7 +129,7 @@ def node(
         if channel is not None:
             if lockstep:
                 raise MisuseError("--lockstep and --channel do not go together: deadlines on the air are of real time")
-            air = Air(channel, fleet, key, trust, folder)
+            air = Air(channel, fleet, key, trust, folder, skew=skew, rate=rate)
             line = stack.enter_context(closing(line_for(air, name, robot=True, say=complain, store=store)))
         number, kept = _id(name, number), UNLIMITED if limits is None else read_limits(limits)
         if uri.partition(":")[0] == SIMULATED:

@@ -153,6 +153,8 @@ class Life:
             door = self.line.mailbox.door
             dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(door.counts.items()))
             said += f"; {door.passed} messages heard" + (f", dropped: {dropped}" if dropped else "")
+            for sender, ahead in door.skews.all(time.time()).items():
+                said += f"; our clock is {abs(ahead):.2f} s {'ahead of' if ahead > 0.0 else 'behind'} that of {sender}"
         if self.ears is not None:
             counts = self.ears.counts
             said += f"; {counts.taken} datagrams, {counts.dropped + desk.lost} others dropped"

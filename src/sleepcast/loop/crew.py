@@ -46,8 +46,8 @@ class Member:
 @dataclass(slots=True)
 class Crew:
     """See the module. trunk: on which all lines have their branches. clock: for the pace of the ticks; air: Unix time,
-    by which lines are pumped. watch: how it goes. guard: of the bodies' limits. keeper: of what the minds know. time: of
-    the minds, which began when their nodes say, s."""
+    by which lines are pumped. watch: how it goes. guard: of the bodies' limits. keeper: of what the minds know. time:
+    of the minds, which began when their nodes say, s."""
 
     simulator: Simulator
     members: Sequence[Member]

@@ -138,3 +138,17 @@ def test_only_the_latest_answers_are_kept() -> None:
     ask(air, **{AGAIN: first.id, FOR: ["r1"]})
     air.run(0.5)
     assert air.desk.receive() == []
+
+
+def test_a_robot_reports_the_commands_that_it_missed() -> None:
+    air = Air("r1")
+    lost = [air.desk.mailbox.post(Kind.COMMAND, START, text="(ST)", deadline=START + 0.5) for _ in range(2)]
+    for _ in range(180):
+        air.clock.advance(0.005)
+        air.desk.pump()
+        air.desk.transport.said.clear()
+    air.desk.mailbox.post(Kind.COMMAND, air.clock.now(), text="(GO)")
+    air.run(0.2)
+    assert [message.text for message in air.robots[0].receive()] == ["(GO)"]
+    told = [message.body for message in air.desk.receive() if message.kind is Kind.REPORT]
+    assert told == [{"label": "missed", "values": [1.0], "missed": [lost[1].id]}], "the one before that is not known"

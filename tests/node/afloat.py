@@ -6,6 +6,7 @@ import os
 import sqlite3
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from random import Random
 
@@ -83,7 +84,7 @@ class Living:
 
     def die(self) -> None:
         """The process is gone, as after kill -9: nothing is written any more."""
-        self.party.on = False
+        self.party.on, self.wakes = False, inf
         connection, lock = self.store._connection, self.store._lock
         assert connection is not None
         assert lock is not None
@@ -119,10 +120,12 @@ class Afloat:
         self.chance = Random(seed)
         self.robots = [Living(self.air, party, folder / f"{party.box.name}.store") for party in self.air.robots]
 
-    def post(self, text: str, *, standing: bool = False, deadline: float | None = None) -> Message:
-        """The desk commands."""
+    def post(
+        self, text: str, *, standing: bool = False, deadline: float | None = None, desk: Party | None = None
+    ) -> Message:
+        """The desk commands, or another one."""
         now = self.air.clock.now()
-        return self.air.desk.box.post(Kind.COMMAND, now, text=text, standing=standing, deadline=deadline)
+        return (desk or self.air.desk).box.post(Kind.COMMAND, now, text=text, standing=standing, deadline=deadline)
 
     def run(self, seconds: float, deaths: float = 0.0) -> None:
         """Let time pass. deaths: of each robot in a second, on average, each for up to a second."""

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import sqlite3
+import subprocess
+import sys
 from collections import Counter
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
-from node.afloat import Afloat
-from sleepcast.channel import Message
+from node.afloat import NOTES, Afloat, Living, World
+from sleepcast.channel import Kind, Message
+from sleepcast.clock import ManualClock
+from sleepcast.node.node import Node
+from sleepcast.node.store import InUseError, Store, StoreError
+
+
+def rules(robot: Living) -> list[tuple[str, str, bool]]:
+    return [(rule.name, rule.text, rule.active) for rule in robot.node.rules()]
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -17,13 +28,13 @@ def test_every_command_is_evaluated_once_whatever_happens(tmp_path: Path, seed: 
     sent: dict[str, Message] = {}
     numbers: dict[str, int] = {}
     first = fleet.post("(DEFVAR total 0)", standing=True)
-    for number in range(1, 120):
+    for number in range(1, 80):
         standing = number % 5 == 0
         text = f"(SETQ total (+ total {number}))" if standing else f"(NOTE {number})"
         message = fleet.post(text, standing=standing)
         sent[message.id], numbers[message.id] = message, number
         fleet.run(0.1, deaths=0.5)
-    fleet.run(15.0)
+    fleet.run(12.0)
     for robot in fleet.robots:
         assert robot.store.life(robot.name) > 0
         journal = robot.journal()
@@ -45,3 +56,200 @@ def test_every_command_is_evaluated_once_whatever_happens(tmp_path: Path, seed: 
             else:
                 assert outcome in ("interrupted", "late", "never came")
         assert robot.said == []
+
+
+def test_who_was_off_for_fifty_changes_of_two_desks_has_the_same_rules(tmp_path: Path) -> None:
+    fleet = Afloat(5, tmp_path, seed=7, loss=0.3, twice=0.1, delay=0.05)
+    other = fleet.air.another_desk()
+    fleet.run(0.5)
+    away = fleet.robots[2]
+    away.die()
+    away.wakes = fleet.air.clock.now() + 60.0
+    for number in range(50):
+        desk = other if fleet.chance.random() < 0.4 else fleet.air.desk
+        name = f"r{fleet.chance.randrange(6)}"
+        change = fleet.chance.choice((f"(RULE {name} {number})", f"(DEACTIVATE {name})", f"(FORGET {name})"))
+        fleet.post(f"(RULE {name} {number})" if number < 10 else change, standing=True, desk=desk)
+        fleet.run(fleet.chance.random() * 0.1)
+    fleet.run(away.wakes - fleet.air.clock.now() + 5.0)
+    assert away.party.on
+    assert rules(fleet.robots[0])
+    assert all(rules(robot) == rules(fleet.robots[0]) for robot in fleet.robots)
+
+
+def one(folder: Path) -> tuple[Afloat, Living]:
+    fleet = Afloat(1, folder, seed=3)
+    fleet.run(0.2)
+    return fleet, fleet.robots[0]
+
+
+def test_a_robot_goes_on_with_what_it_had_learned(tmp_path: Path) -> None:
+    fleet, robot = one(tmp_path)
+    told = (
+        *("(DEFVAR n 3)", "(JOIN crew)", "(DEFUN twice (x) (* 2 x))", "(RULE count (SETQ n (+ n 1)))"),
+        *("(RULE rest (twice n))", "(DEACTIVATE rest)", "(SETQQ E7 (twice 4))", "(LEASE count 100)", "(MARK)"),
+    )
+    for text in told:
+        fleet.post(text)
+    fleet.run(1.5)
+    before = robot.node.evaluate("n").value
+    robot.die()
+    fleet.run(2.0)
+    robot.begin()
+    assert before - 1.0 / 0.05 <= robot.node.evaluate("n").value <= before, "what rules do is kept once a second"
+    assert robot.node.evaluate("(AND (IN crew) marked (= (twice 4) 8) (= E7 8))").value == 1.0
+    assert rules(robot) == [
+        ("E7", "(twice 4)", False),
+        ("count", "(SETQ n (+ n 1))", True),
+        ("rest", "(twice n)", False),
+    ]
+    (lease,) = (rule.lease for rule in robot.node.rules() if rule.name == "count")
+    assert 94.0 < lease < 98.0, "it went on while the robot was away"
+    assert robot.said == []
+
+
+def test_stop_holds_over_a_death_and_built_in_rules_are_nobodys(tmp_path: Path) -> None:
+    fleet, robot = one(tmp_path)
+    robot.node.install("keep", "(NOTE 1)")
+    fleet.post("(RULE mine (NOTE 2))", standing=True)
+    fleet.run(6.0)
+    for text in ("(RULE keep (NOTE 3))", "(FORGET keep)", "(DEACTIVATE keep)", "(RULE mine (FOO 1))"):
+        fleet.post(text)
+    fleet.run(0.3)
+    assert [m.body["outcome"] for m in robot.answers] == ["matched", "fault", "fault", "fault", "matched"]
+    fleet.post("(ROLLBACK)")
+    fleet.run(0.3)
+    assert rules(robot) == [("keep", "(NOTE 1)", True), ("mine", "(NOTE 2)", True)]
+    fleet.air.desk.box.post(Kind.STOP, fleet.air.clock.now())
+    fleet.run(0.3)
+    robot.die()
+    robot.begin()
+    assert robot.node.stopped
+    assert rules(robot) == [("mine", "(NOTE 2)", True)], "what is built in is given anew to each life"
+    done = len(robot.world.done)
+    fleet.run(0.3)
+    assert len(robot.world.done) == done
+    fleet.air.desk.box.post(Kind.RELEASE, fleet.air.clock.now())
+    fleet.run(0.3)
+    assert len(robot.world.done) > done
+    assert [outcome for _, kind, _, outcome in robot.journal() if kind != "command"] == ["stopped", "released"]
+
+
+def test_a_store_that_cannot_be_written_stops_nobody(tmp_path: Path) -> None:
+    fleet, robot = one(tmp_path)
+    connection = robot.store._connection
+    assert connection is not None
+    connection.execute("PRAGMA query_only = 1")
+    for number in range(5):
+        fleet.post(f"(NOTE {number})")
+    fleet.run(1.0)
+    assert robot.world.done == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert len(robot.said) == 1
+    assert "cannot be written: attempt to write a readonly database" in robot.said[0]
+    connection.execute("PRAGMA query_only = 0")
+    fleet.run(6.0)
+    assert robot.said[1:] == [f"{robot.file} is written again, with everything that had to wait"]
+    assert [outcome for *_, outcome in robot.journal()] == ["matched"] * 5
+
+
+FULL = """
+import resource, signal, sys
+from pathlib import Path
+sys.path[:0] = sys.argv[2:]
+from node.afloat import Afloat
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+fleet = Afloat(1, Path(sys.argv[1]), seed=4)
+fleet.run(0.2)
+resource.setrlimit(resource.RLIMIT_FSIZE, (1, 1))
+for number in range(5):
+    fleet.post(f"(NOTE {number})")
+fleet.run(1.0)
+robot, = fleet.robots
+print(robot.world.done, robot.said)
+"""
+
+
+def test_a_disk_without_room_stops_nobody(tmp_path: Path) -> None:
+    root = Path(__file__).resolve().parents[2]
+    done = subprocess.run(
+        [sys.executable, "-c", FULL, str(tmp_path), str(root / "src"), str(root / "tests")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "[0.0, 1.0, 2.0, 3.0, 4.0] ['" in done.stdout
+    assert "cannot be written" in done.stdout
+
+
+def test_a_store_where_nothing_can_be_written_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("this is no folder")
+    said: list[str] = []
+    store = Store(tmp_path / "file" / "r1.store", ManualClock(5.0), said.append)
+    node = Node("r1", NOTES, body=World(), on_air=True)
+    assert store.adopt(node, None) is False
+    node.receive(Message("desk", 1, 1, Kind.COMMAND, 0.0, text="(NOTE 1)"))
+    store.before()
+    node.think(1, 0.0)
+    store.after()
+    store.close()
+    assert node.body.done == [1.0]  # type: ignore[union-attr]
+    (complaint,) = said
+    assert "cannot be written: " in complaint
+    assert "after a restart everything since now will have been forgotten" in complaint
+
+
+def test_a_damaged_store_is_set_aside(tmp_path: Path) -> None:
+    fleet, robot = one(tmp_path)
+    fleet.post("(RULE a 1)", standing=True)
+    fleet.run(1.0)
+    robot.die()
+    with closing(sqlite3.connect(robot.file)) as connection:
+        connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    data = robot.file.read_bytes()
+    robot.file.write_bytes(data[:100] + bytes(b ^ 0xFF for b in data[100:]))
+    robot.begin()
+    (complaint,) = robot.said
+    assert "is damaged" in complaint
+    assert f"set aside as {robot.file.name}.broken-" in complaint
+    assert rules(robot) == []
+    fleet.run(5.0)
+    assert rules(robot) == [("a", "1", True)], "it has come again, from the desk"
+
+
+@pytest.mark.parametrize(
+    ("spoil", "complaint"),
+    [
+        ("PRAGMA user_version = 2", "is a store of format 2, and this sleepcast reads 1: take a newer one"),
+        ("PRAGMA application_id = 5", "is an SQLite file, but no store of a robot"),
+    ],
+)
+def test_what_is_no_store_of_ours_is_refused_and_left_alone(tmp_path: Path, spoil: str, complaint: str) -> None:
+    fleet, robot = one(tmp_path)
+    robot.die()
+    with closing(sqlite3.connect(robot.file)) as connection:
+        connection.execute(spoil)
+    before = robot.file.read_bytes()
+    with pytest.raises(StoreError, match=complaint):
+        Store(robot.file, fleet.air.clock, robot.said.append)
+    assert robot.file.read_bytes() == before
+
+
+def test_one_process_at_a_time(tmp_path: Path) -> None:
+    fleet, robot = one(tmp_path)
+    with pytest.raises(InUseError, match="is in use: does a robot of this name run already"):
+        Store(robot.file, fleet.air.clock, robot.said.append)
+
+
+def test_what_a_robot_cannot_have_any_more_is_told(tmp_path: Path) -> None:
+    fleet, robot = one(tmp_path)
+    fleet.post("(RULE a (NOTE 1))", standing=True)
+    fleet.run(1.0)
+    robot.die()
+    store = Store(robot.file, fleet.air.clock, robot.said.append)
+    node = Node(robot.name, NOTES, body=World(), on_air=True)
+    node.install("a", "(NOTE 2)")
+    assert store.adopt(node, None)
+    assert robot.said == [f"{robot.name}: a is built in now, so what it was over the air is forgotten"]
+    assert [rule.text for rule in node.rules()] == ["(NOTE 2)"]
+    store.close()

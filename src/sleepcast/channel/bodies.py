@@ -25,6 +25,8 @@ MATCHED = "matched"
 """Whether a robot would have obeyed what it was asked, in the answer to a question."""
 TOLD = "told"
 """What a robot tells of itself, in the answer to a look."""
+MISSED = "missed"
+"""Ids of commands that a robot was to hear and that never came in time."""
 
 
 class Deed(StrEnum):

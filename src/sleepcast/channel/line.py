@@ -19,10 +19,11 @@ from random import Random
 
 import msgspec
 
-from sleepcast.channel.bodies import AGAIN, FOR, KEYS, WITHIN
+from sleepcast.channel.bodies import AGAIN, FOR, KEYS, MISSED, WITHIN
 from sleepcast.channel.keys import KeyChange, KeyRefusal
 from sleepcast.channel.mailbox import LIFE, Mailbox
-from sleepcast.channel.message import Kind, Message
+from sleepcast.channel.message import Kind, Message, message_id
+from sleepcast.channel.order import Skipped
 from sleepcast.channel.transport import Transport
 from sleepcast.clock import Clock
 
@@ -32,6 +33,10 @@ MAX_ASKED = 256
 """Commands of which a party knows how soon they are to be answered."""
 MAX_ANSWERED = 64
 """Commands of which a party can say its answer again, as many as it can explain."""
+MAX_TOLD = 8
+"""Commands that were missed whose ids are told in one report; of more, how many."""
+TELL_EVERY = 1.0
+"""Seconds between two such reports."""
 MAX_HELD = 1_024
 """Answers that wait for their moment; beyond, the first one goes at once."""
 
@@ -57,6 +62,8 @@ class Line:
         self._clock, self._chance = clock, chance
         self.ends: list[Callable[[], None]] = []
         self._heard: list[Message] = []
+        self._missed: list[Skipped] = []
+        self._report_at = -inf
         self._asked: OrderedDict[str, float] = OrderedDict()
         self._answered: OrderedDict[str, Message] = OrderedDict()
         self._held: list[Held] = []
@@ -158,10 +165,26 @@ class Line:
             self.transport.send(datagram)
 
     def _step(self) -> None:
+        if self.mailbox.door.robot:
+            self._tell_missed()
         out, freed = self.mailbox.step(self._clock.now())
         for datagram in out:
             self.transport.send(datagram)
         self._hear(freed)
+
+    def _tell_missed(self) -> None:
+        """Report the commands that never came and would come too late, those of a second at once."""
+        self._missed += self.mailbox.skipped()
+        now = self._clock.now()
+        if not self._missed or now < self._report_at:
+            return
+        ids = []
+        for skipped in self._missed[:MAX_TOLD]:
+            key = self.mailbox.door.trust.find(skipped.key)
+            ids.append(message_id(key.owner if key else skipped.key.hex(), skipped.epoch, skipped.sequence))
+        body: dict[str, object] = {"label": "missed", "values": [float(len(self._missed))], MISSED: ids}
+        self.mailbox.post(Kind.REPORT, now, body=body)
+        self._missed, self._report_at = [], now + TELL_EVERY
 
     def _hear(self, messages: list[Message]) -> None:
         for message in messages:

@@ -29,8 +29,6 @@ from sleepcast.simulator import Guard, Simulator
 
 QUIET = 0.004
 """Seconds for which the next look at the air waits after one: what comes close together is dealt with together."""
-LAG = 0.05
-"""Seconds by which simulated time may fall behind that on the wall before deadlines are reckoned anew."""
 
 
 @dataclass(slots=True)
@@ -48,7 +46,8 @@ class Member:
 @dataclass(slots=True)
 class Crew:
     """See the module. trunk: on which all lines have their branches. clock: for the pace of the ticks; air: Unix time,
-    by which lines are pumped. watch: how it goes. guard: of the bodies' limits. keeper: of what the minds know."""
+    by which lines are pumped. watch: how it goes. guard: of the bodies' limits. keeper: of what the minds know. time:
+    of the minds, which began when their nodes say, s."""
 
     simulator: Simulator
     members: Sequence[Member]
@@ -58,6 +57,7 @@ class Crew:
     watch: Watch = field(default_factory=Watch)
     guard: Guard | None = None
     keeper: Keeper | None = None
+    time: float = 0.0
 
     def run(self, going: Callable[[], bool]) -> None:
         """Live until `going`, asked before each tick, says no; then every body is stopped. Raises what the channel
@@ -80,12 +80,11 @@ class Crew:
         if self.guard is not None:
             self.guard.attend()
         self.simulator.step()
-        self._set_time()
         self.hear()
         awake = [member for member in self.members if member.node.awake]
         if self.keeper is not None:
             self.keeper.before()
-        now = self.simulator.time
+        now = self._time()
         if awake:
             readings = self.simulator.readings([member.number for member in awake])
             for member, values in zip(awake, readings, strict=True):
@@ -123,12 +122,12 @@ class Crew:
             self._report(member)
             member.due = member.line.due()
 
-    def _set_time(self) -> None:
-        """Tell the minds, whose time goes with the ticks, how late it is on the wall: deadlines are of that."""
-        zero = self.air.now() - self.simulator.time
-        if self.members and zero > self.members[0].node.zero + LAG:
-            for member in self.members:
-                member.node.zero = member.line.zero = zero
+    def _time(self) -> float:
+        """That of the minds, s: what is on the wall, as deadlines are of that, however the ticks keep up. It never goes
+        back."""
+        zero = self.members[0].node.zero if self.members else 0.0
+        self.time = max(self.time, self.air.now() - zero)
+        return self.time
 
     def _think(self, member: Member, now: float) -> None:
         node, body = member.node, self.simulator.robots[member.number]

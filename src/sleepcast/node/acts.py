@@ -25,13 +25,18 @@ def _join(memory: RobotMemory, part: Part) -> float:
         return nan
     if key not in memory.learned and sum(isinstance(d, Group) for d in memory.learned.values()) >= MAX_GROUPS:
         return memory.refuse(part, f"no room for another group: there are {MAX_GROUPS}")
+    if not memory.may_write(part, f"group {key}", name):
+        return nan
     memory.learn(key, Group(name))
     memory.groups |= {key}
     return 1.0
 
 
 def _leave(memory: RobotMemory, part: Part) -> float:
-    memory.groups -= {label_of(part).casefold()}
+    key = label_of(part).casefold()
+    if not memory.may_write(part, f"group {key}", label_of(part)):
+        return nan
+    memory.groups -= {key}
     return 1.0
 
 
@@ -47,24 +52,37 @@ def _buffer(memory: RobotMemory, part: Part) -> ExpressionBuffer | None:
 
 
 def _activate(memory: RobotMemory, part: Part) -> float:
-    number = buffer_number(label_of(part))
-    if number is not None and label_of(part) not in memory.rules.kept:
+    key, wanted = label_of(part), part.name == "activate"
+    number = buffer_number(key)
+    flag = memory.merging.flag(key, wanted)  # noted for a rule that is not there yet, too
+    if number is not None and key not in memory.rules.kept:
         memory.changing()
-        memory.values[ACTIVE0 + number] = 1.0 if part.name == "activate" else 0.0
+        memory.values[ACTIVE0 + number] = 1.0 if flag else 0.0
         return 1.0
     buffer = _buffer(memory, part)
     if buffer is None:
         return nan
+    if flag is not wanted:
+        return memory.refuse(part, f"{buffer.name} was changed by a command that was sent later")
     memory.changing()
-    memory.rules.activate(buffer, part.name == "activate")
+    memory.rules.activate(buffer, wanted)
     return 1.0
 
 
 def _forget(memory: RobotMemory, part: Part) -> float:
     key = label_of(part)
+    buffer = None if key in memory.operators else _buffer(memory, part)
+    if buffer is None and key not in memory.operators and key in memory.rules.kept:
+        return nan
+    memory.merging.forget(key)
+    flag = memory.merging.flag(key, False)
+    if not memory.may_write(part, key, label_of(part)):
+        if buffer is not None and flag is False:
+            memory.rules.activate(buffer, False)
+        return nan
     if key in memory.operators:
         del memory.operators[key]
-    elif _buffer(memory, part) is None:
+    elif buffer is None:
         return nan
     else:
         memory.changing()
@@ -97,7 +115,7 @@ def _defun(memory: RobotMemory, part: Part) -> float:
     if key not in memory.operators and len(memory.operators) >= MAX_OPERATORS:
         return memory.refuse(part, f"no room for another operator: there are {MAX_OPERATORS}")
     program = memory.program_for(part, key, " ".join(map(show, defining.body)), defining.parameters)
-    if program is None:
+    if program is None or not memory.may_write(part, key, name):
         return nan
     memory.operators[key] = program
     memory.learn(key, Operator(name, defining.parameters, program.uses))
@@ -105,6 +123,7 @@ def _defun(memory: RobotMemory, part: Part) -> float:
 
 
 def _rollback(memory: RobotMemory, part: Part) -> float:
+    memory.merging.roll_back()
     if memory.tick - memory.unproven_since < PROVEN_TICKS:
         memory.rules.restore(memory.proven)
         gone = [k for k, d in memory.learned.items() if isinstance(d, Stored) and k not in memory.rules.kept]

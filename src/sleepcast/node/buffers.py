@@ -6,12 +6,13 @@ in the variable active1 to active63. The round is E1 upwards, then the rules in 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from math import inf, nan
 
 from sleepcast.language.machine import Program
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, buffer_number
+from sleepcast.node.merging import Making
 
 
 @dataclass(slots=True)
@@ -122,6 +123,14 @@ class RuleBase:
         for buffer in self.kept.values():
             if buffer_number(buffer.key) is None:
                 yield buffer
+
+    def arrange(self, first: Callable[[str], Making]) -> None:
+        """Let the rules run in the order in which they were first made; those of the same place stay as they are."""
+        keys = list(self.kept)
+        ordered = sorted(keys, key=first)
+        if keys != ordered:
+            self.kept = {key: self.kept[key] for key in ordered}
+            self.changed()
 
     def rules(self) -> int:
         """How many rules with names of their own there are."""

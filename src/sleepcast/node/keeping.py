@@ -1,9 +1,9 @@
 """Keeping a mind: what a robot has learned, as plain data, and a mind that goes on with it.
 
 Kept are the names it has learned with their values and texts, the groups it is in, its flags, its rules as they are
-and as they last proved themselves, and whether it is stopped. Programs are texts and are compiled again. What is built
-in is not kept: whoever starts the robot gives it that. Nothing of a body is kept: after a restart it stands still
-until something moves it anew.
+and as they last proved themselves, whether it is stopped, who has leases of its groups, and which command has changed
+what. Programs are texts and are compiled again. What is built in is not kept: whoever starts the robot gives it that.
+Nothing of a body is kept: after a restart it stands still until something moves it anew.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ from sleepcast.language.reader import read_all
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, buffer_number
 from sleepcast.node.buffers import RuleSet
 from sleepcast.node.memory import FAILED, PROVEN_TICKS, RobotMemory
+from sleepcast.node.merging import MergingParcel
+from sleepcast.node.node import Node
 from sleepcast.parcel import ParcelError
 
 UNFIT = (*(ValueError, TypeError, LookupError, ArithmeticError), *(AttributeError, RecursionError, SleepcastError))
@@ -44,9 +46,11 @@ class OperatorParcel(msgspec.Struct, frozen=True, array_like=True):
 
 class MindParcel(msgspec.Struct, frozen=True):
     """See the module. flags: values of the support variables from `marked` to `active63`. proven: the rules that
-    ROLLBACK brings back; ticks: for how many these here have run without a fault, None if one has failed."""
+    ROLLBACK brings back; ticks: for how many these here have run without a fault, None if one has failed. authority:
+    see `Authority.state`; merging: see `Merging`."""
 
     stopped: bool
+    authority: dict[str, object]
     flags: tuple[float, ...]
     variables: dict[str, float]
     known: tuple[str, ...]
@@ -55,14 +59,17 @@ class MindParcel(msgspec.Struct, frozen=True):
     rules: tuple[RuleParcel, ...]
     proven: tuple[RuleParcel, ...]
     ticks: int | None
+    merging: MergingParcel = MergingParcel()
 
 
-def mind_of(memory: RobotMemory, stopped: bool) -> MindParcel:
+def mind_of(node: Node) -> MindParcel:
     """What this robot has learned."""
+    memory = node.memory
     values, learned = memory.values, memory.learned.values()
     failed = memory.unproven_since == FAILED
     return MindParcel(
-        stopped,
+        node.stopped,
+        node.authority.state(memory.time),
         tuple(values[: ACTIVE0 + BUFFERS]),
         {found.name: values[found.slot] for found in learned if isinstance(found, UserVariable)},
         tuple(found.name for found in learned if isinstance(found, Group)),
@@ -75,29 +82,39 @@ def mind_of(memory: RobotMemory, stopped: bool) -> MindParcel:
         _packed(memory.rules.rule_set(), memory.time),
         _packed(memory.proven, memory.time),
         None if failed else min(memory.tick - memory.unproven_since, PROVEN_TICKS),
+        memory.merging.state(),
     )
 
 
-def fingerprint(memory: RobotMemory, stopped: bool) -> tuple[object, ...]:
-    """Something that is the same as long as `mind_of` says the same, but for the time that leases have left."""
+def fingerprint(node: Node) -> tuple[object, ...]:
+    """Something that is the same as long as `mind_of` says the same, but for times that go on by themselves."""
+    memory = node.memory
     proven = memory.tick - memory.unproven_since >= PROVEN_TICKS
     own = [memory.values[found.slot] for found in memory.learned.values() if isinstance(found, UserVariable)]
     values = (*memory.values[: ACTIVE0 + BUFFERS], *own)
     # Unknown is not equal to itself, so numbers are compared by their text.
     return (
-        *(stopped, proven, memory.rules.version, memory.groups, repr(values)),
+        *(node.stopped, repr(node.authority.state(0.0)), proven, memory.rules.version, memory.groups, repr(values)),
+        memory.merging.version,
         *(tuple(memory.learned), tuple(memory.operators.values())),
     )
 
 
-def put_back(parcel: MindParcel, memory: RobotMemory, away: float) -> list[str]:
-    """Let a robot that has learned nothing yet go on with this. away: s that have passed meanwhile, for leases. Gives
-    what could not be kept and why, as sentences. Raises ParcelError for what no mind can be; the robot is then of no
-    use any more."""
+def put_back(parcel: MindParcel, node: Node, away: float) -> list[str]:
+    """Let a robot that has learned nothing yet go on with this; a STOP holds. away: s that have passed meanwhile, for
+    leases. Gives what could not be kept and why, as sentences. Raises ParcelError for what no mind can be; the robot is
+    then of no use any more."""
     try:
-        return _put_back(parcel, memory, away)
+        lost = _put_back(parcel, node.memory, away)
+        node.authority.restore(parcel.authority, node.memory.time - away)
     except UNFIT as error:
         raise ParcelError(f"no mind can be made of this: {type(error).__name__}: {error}") from None
+    if parcel.stopped:
+        try:
+            node.halt()
+        except SleepcastError as error:
+            lost.append(str(error))
+    return lost
 
 
 def _put_back(parcel: MindParcel, memory: RobotMemory, away: float) -> list[str]:
@@ -125,6 +142,7 @@ def _put_back(parcel: MindParcel, memory: RobotMemory, away: float) -> list[str]
     for buffer in memory.rules.kept.values():
         if buffer_number(buffer.key) is None:
             memory.learn(buffer.key, Stored(buffer.name, buffer.program.uses))
+    memory.merging.restore(parcel.merging)
     memory.unproven_since = FAILED if parcel.ticks is None else memory.tick - parcel.ticks
     return lost
 

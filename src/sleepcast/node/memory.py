@@ -33,6 +33,7 @@ from sleepcast.language.vocabulary import (
     buffer_number,
 )
 from sleepcast.node.buffers import RuleBase, RuleSet
+from sleepcast.node.merging import Merging
 from sleepcast.node.variables import VariableTable
 
 MAX_FAULTS = 100
@@ -96,6 +97,7 @@ class RobotMemory:
         self.dropped = 0
         """Assignments and calls that an unknown kept from the body."""
         self._key, self._draws = stream(seed, number), 0
+        self.merging = Merging()
         self.proven: RuleSet = {}
         self.unproven_since = 0
 
@@ -209,6 +211,8 @@ class RobotMemory:
                 self.actuated.add(part.slot)
                 self.moved = True
             elif ACTIVE0 < part.slot < ACTIVE0 + BUFFERS:
+                if self.merging.flag(f"e{part.slot - ACTIVE0}", value > 0.0) is not (value > 0.0):
+                    self.values[part.slot] = float(value <= 0.0)
                 self.changing()
                 self.rules.flags_assigned()
         return value
@@ -299,14 +303,27 @@ class RobotMemory:
         program = self.program_for(part, key, text, ())
         if program is None:
             return False
+        self.merging.make(key)
+        if not self.may_write(part, key, key):
+            return False
         self.changing()
         name = written(part) if named else key.upper()
         buffer = self.rules.put(key, name, text, program)
         if named:
             self.learn(key, Stored(name, program.uses))
-        if activate:
-            self.rules.activate(buffer, True)
+        flag = self.merging.flag(key, True if activate else None)
+        if flag is not None:
+            self.rules.activate(buffer, flag)
+        self.rules.arrange(self.merging.first)
         return True
+
+    def may_write(self, part: Part, register: str, name: str) -> bool:
+        """Whether the command under way may change this; a fault if a later one has changed it already."""
+        if self.merging.write(register):
+            return True
+        self.rules.arrange(self.merging.first)  # by what it would have made, or forgotten, had it come in time
+        self.refuse(part, f"{name} was changed by a command that was sent later")
+        return False
 
     def program_for(self, part: Part, key: str, text: str, parameters: tuple[str, ...]) -> Program | None:
         """The program of a text that is to be kept under `key`; None, and a fault, if it is refused."""

@@ -30,6 +30,7 @@ from sleepcast.node.deadman import DeadMan, drives
 from sleepcast.node.embodied import Embodied
 from sleepcast.node.looks import look
 from sleepcast.node.memory import Fault, RobotMemory, Voice
+from sleepcast.node.merging import enqueue, place_of
 from sleepcast.node.scheduler import Scheduler
 from sleepcast.node.variables import VariableTable
 
@@ -71,7 +72,8 @@ class Node(Embodied):
     number: its `id` in expressions and in its chance. seed: of the run. body: what the functions of its vocabulary are
     called on (the linked object, if none is given); if it is a `Robot` it is stopped, released and held still as well.
     variables: linked variables, if any. lease: s for which a body that is driven goes on while nobody is heard.
-    on_air: whether it hears a real channel, and not a simulated one.
+    on_air: whether it hears a real channel, and not a simulated one: then
+    more may wait, and what several operators send is merged.
 
     zero: when its time began, s of Unix time, where that matters.
     """
@@ -100,7 +102,7 @@ class Node(Embodied):
         self._seen: OrderedDict[str, None] = OrderedDict()
         # The fields of a Recollection, made into one only when somebody asks: this happens for every message.
         self._recollections: deque[Recollected] = deque(maxlen=MAX_RECOLLECTIONS)
-        self._room = MAX_BACKLOG if on_air else MAX_QUEUE
+        self._on_air, self._room = on_air, MAX_BACKLOG if on_air else MAX_QUEUE
         self.zero = 0.0
 
     # ---- what others look at
@@ -213,10 +215,12 @@ class Node(Embodied):
         elif message.kind is Kind.RELEASE:
             self._release(message)
         elif message.kind in (Kind.COMMAND, Kind.ASK):
-            if len(self._queue) < self._room:
-                self._queue.append(message)
-            else:
+            if len(self._queue) >= self._room:
                 self.lost += 1
+            elif self._on_air:
+                enqueue(self._queue, message, self.zero)
+            else:
+                self._queue.append(message)
 
     def sense(self, readings: Sequence[float], now: float) -> None:
         """Take sensor values (SI, in the order of the vocabulary's sensors, NaN: not measured) at `now` (s)."""
@@ -347,7 +351,9 @@ class Node(Embodied):
             self._answer(message, "answer", found.value, "; ".join(found.faults), {MATCHED: found.matched})
             return
         memory.moved = False
+        memory.merging.begin(place_of(message, self.zero) if self._on_air else None)
         value = self._run(program, message.id)
+        memory.merging.begin(None)
         if memory.moved:
             memory.driven = drives(message)
         if memory.faults:

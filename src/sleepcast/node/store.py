@@ -28,7 +28,6 @@ from sleepcast.channel.kept import News
 from sleepcast.channel.mailbox import KEEP_EVERY, Mailbox
 from sleepcast.channel.message import Kind, Message
 from sleepcast.clock import Clock
-from sleepcast.errors import SleepcastError
 from sleepcast.node.keeping import MindParcel, fingerprint, mind_of, put_back
 from sleepcast.node.node import MAX_QUEUE, Node
 from sleepcast.node.store_file import (
@@ -137,22 +136,17 @@ class Store:
             else:
                 node.receive(message)
         node.evaluated.clear()
-        robot.fingerprint = fingerprint(node.memory, node.stopped)
+        robot.fingerprint = fingerprint(node)
         return kept.mind is not None or bool(kept.streams)
 
     def _restore(self, node: Node, packed: bytes, saved: float) -> None:
         try:
             parcel = unpack(MindParcel, packed, MAX_MIND, f"what {node.name} has learned")
-            lost = put_back(parcel, node.memory, max(0.0, self._clock.now() - saved))
+            lost = put_back(parcel, node, max(0.0, self._clock.now() - saved))
         except ParcelError as error:
             raise StoreError(
                 f"{self.file}: {error}; name another file with --store, or take none with --no-store"
             ) from None
-        if parcel.stopped:
-            try:
-                node.halt()
-            except SleepcastError as error:
-                lost.append(str(error))
         for sentence in lost:
             self._say(f"{node.name}: {sentence}")
 
@@ -250,10 +244,10 @@ class Store:
         del waits.evaluated[:-MAX_UNWRITTEN]
 
     def _look(self, robot: Robot, now: float) -> None:
-        found = fingerprint(robot.node.memory, robot.node.stopped)
+        found = fingerprint(robot.node)
         if found != robot.fingerprint:
             robot.fingerprint = found
-            self._unwritten.minds[robot.number] = now, pack(mind_of(robot.node.memory, robot.node.stopped), MAX_MIND)
+            self._unwritten.minds[robot.number] = now, pack(mind_of(robot.node), MAX_MIND)
 
     # ---- the file
 

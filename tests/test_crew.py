@@ -11,6 +11,7 @@ import pytest
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.door import ROBOT_EARS, Door
+from sleepcast.channel.envelope import kind_of
 from sleepcast.channel.keys import KeyPair, PublicKey, Role, Trust
 from sleepcast.channel.line import Line
 from sleepcast.channel.mailbox import Mailbox
@@ -39,6 +40,7 @@ class Field:
         self.trunk = Trunk(open_transport(medium, self.clock))
         names = vocabulary_of(world.model)
         self.crew = Crew(world, self._members(robots, world.robots, names), self.trunk, self.clock, self.clock)
+        self.bystander = open_transport(medium, self.clock)
         self.desk = self.line("desk", DESK, open_transport(medium, self.clock))
         self.desk.zero = START
         self.heard: list[Message] = []
@@ -73,6 +75,19 @@ class Field:
     def say(self, text: str = "", kind: Kind = Kind.COMMAND, *, standing: bool = False) -> None:
         self.desk.send(Message("desk", 1, 1, kind, self.clock.now() - START, text=text, standing=standing))
 
+    def lose(self, seconds: float) -> None:
+        """Let time pass in which the crew hears nothing."""
+        for _ in range(round(seconds / STEP)):
+            self.clock.advance(STEP)
+            self.desk.pump()
+            self.trunk.gather()
+            for member in self.crew.members:
+                member.branch.waiting.clear()
+
+    def overheard(self, kind: Kind) -> int:
+        """How many datagrams of this kind were on the air since this was asked last."""
+        return sum(kind_of(datagram) is kind for datagram in self.bystander.receive())
+
     def answers(self) -> list[object]:
         return [message.body["outcome"] for message in self.heard if message.kind is Kind.ANSWER]
 
@@ -81,6 +96,7 @@ class Field:
 def field(tmp_path: Path) -> Iterator[Field]:
     found = Field(tmp_path)
     yield found
+    found.bystander.close()
     found.desk.close()
     for member in found.crew.members:
         member.line.close()
@@ -120,6 +136,19 @@ def test_a_datagram_is_verified_once_for_all(field: Field, monkeypatch: pytest.M
     digests = sum(member.line.mailbox.door.passed for member in field.crew.members) - 20
     assert verified.count("r*") <= 20 + 15, "twenty answers, and some digests"
     assert digests <= 19 * 15
+
+
+@pytest.mark.parametrize("standing", [True, False])
+def test_what_all_have_missed_one_asks_for_and_all_get(field: Field, standing: bool) -> None:
+    field.run(1.0)
+    field.say("(DEFVAR missed 5)", standing=standing)
+    field.lose(0.3)
+    field.bystander.receive()
+    field.say("(DEFVAR a 1)")
+    field.run(1.0)
+    assert [dict(member.node.variables())["missed"] for member in field.crew.members] == [5.0] * 20
+    assert field.answers() == ["matched"] * 40
+    assert 1 <= field.overheard(Kind.REQUEST) <= 3, "twenty robots missed it"
 
 
 def test_what_robots_tell_each_other_reaches_their_neighbours(field: Field) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -94,7 +95,8 @@ def test_what_nobody_has_ears_for_ends_at_the_trunk(place: Place) -> None:
     place.outside.send(b"nonsense")
     place.outside.send(datagram())
     assert place.heard(3) == [[datagram()]] * 3
-    assert place.trunk.counts == {Drop.NOT_FOR_US: 1, Drop.MALFORMED: 1}
+    assert place.trunk.counts[Drop.MALFORMED] == 1
+    assert place.trunk.counts[Drop.NOT_FOR_US] == (0 if sys.platform == "linux" else 1), "a sieve takes it out before"
 
 
 def test_an_operator_among_them_hears_answers(place: Place) -> None:

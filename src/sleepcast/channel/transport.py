@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Protocol
+from collections.abc import Callable, Iterable
+from typing import Protocol, runtime_checkable
 
 from sleepcast.channel.address import AddressError
 from sleepcast.channel.local import Local
+from sleepcast.channel.message import Kind
 from sleepcast.channel.udp import EXAMPLE, Udp
 from sleepcast.clock import Clock, UnixClock
 from sleepcast.errors import did_you_mean
@@ -25,6 +26,20 @@ class Transport(Protocol):
 
     def close(self) -> None:
         """Leave. Nothing can be sent or heard afterwards."""
+
+
+@runtime_checkable
+class Choosy(Protocol):
+    """A transport that can leave out kinds of messages before they cost anybody anything."""
+
+    def ignore(self, kinds: Iterable[Kind]) -> None:
+        """These kinds need not be brought here any more, all others do. It may bring them all the same."""
+
+
+def listen_for(transport: Transport, wanted: Iterable[Kind]) -> None:
+    """Only these kinds are wanted of a transport, if it can tell them from others."""
+    if isinstance(transport, Choosy):
+        transport.ignore(frozenset(Kind) - frozenset(wanted))
 
 
 def open_transport(uri: str, clock: Clock | None = None) -> Transport:

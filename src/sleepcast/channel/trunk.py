@@ -14,7 +14,7 @@ from sleepcast.channel.door import Drop
 from sleepcast.channel.envelope import kind_of
 from sleepcast.channel.message import Kind
 from sleepcast.channel.reading import Reader
-from sleepcast.channel.transport import Transport
+from sleepcast.channel.transport import Transport, listen_for
 
 MAX_QUEUE = 8_192
 """Datagrams that wait for one party; the oldest make room, as in a receiver's buffer: ten megabytes for all of them,
@@ -42,7 +42,7 @@ class Trunk:
         """The transport of one more party, which has ears for these kinds only."""
         found = Branch(self, frozenset(wanted))
         self._branches.append(found)
-        self._wanted |= found.wanted
+        self._want(self._wanted | found.wanted)
         return found
 
     def gather(self) -> bool:
@@ -61,9 +61,15 @@ class Trunk:
         """This branch hears nothing any more; with the last one the transport is left."""
         if branch in self._branches:
             self._branches.remove(branch)
-            self._wanted = frozenset[Kind]().union(*(each.wanted for each in self._branches))
-            if not self._branches:
+            if self._branches:
+                self._want(frozenset[Kind]().union(*(each.wanted for each in self._branches)))
+            else:
                 self._transport.close()
+
+    def _want(self, wanted: frozenset[Kind]) -> None:
+        if wanted != self._wanted:
+            self._wanted = wanted
+            listen_for(self._transport, wanted)
 
     def _spread(self, datagram: bytes, sender: Branch | None) -> None:
         kind = kind_of(datagram)

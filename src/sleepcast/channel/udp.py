@@ -12,11 +12,14 @@ import errno
 import socket
 import struct
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv6Address, ip_address
 
 from sleepcast.channel.address import AddressError, split
 from sleepcast.channel.envelope import MAX_DATAGRAM
+from sleepcast.channel.message import Kind
+from sleepcast.channel.sieve import sift
 from sleepcast.errors import SleepcastError, did_you_mean
 
 EXAMPLE = "udp://239.255.83.76:47123?interface=lo"
@@ -115,6 +118,10 @@ class Udp:
             if sender[:2] != self._own:
                 found.append(datagram)
         return found
+
+    def ignore(self, kinds: Iterable[Kind]) -> None:
+        """These kinds need not be brought here any more, all others do."""
+        sift(self._ears, kinds)
 
     def close(self) -> None:
         """Leave. Nothing can be sent or heard afterwards."""

@@ -165,14 +165,18 @@ def line_for(
     """A line on this channel. name: of what we say, None for the key's owner. say: tells the person which keys are in
     use if nobody chose them. store: of a robot; an operator has one of his own, in which his life goes on, and which
     is closed with the line. Raises what the channel raises."""
+    from sleepcast.channel.door import ROBOT_EARS
+    from sleepcast.channel.message import Kind
     from sleepcast.channel.reading import Reader
-    from sleepcast.channel.transport import open_transport
+    from sleepcast.channel.transport import listen_for, open_transport
 
     key, trust = _keys(air, robot, say)
     if not robot:
         store = operator_store(air.fleet, key.public.owner, say)
     party = _party(air, key.public.owner if name is None else name, key, trust, Reader(), store, robot=robot)
-    line = party(open_transport(air.channel))
+    transport = open_transport(air.channel)
+    listen_for(transport, ROBOT_EARS if robot else Kind)
+    line = party(transport)
     if not robot and store is not None:
         line.ends.append(store.close)
     return line

@@ -27,7 +27,7 @@ from sleepcast.node.node import Node
 from sleepcast.robot import Setpoint
 from sleepcast.simulator import Guard, Simulator
 
-QUIET = 0.004
+QUIET = 0.001
 """Seconds for which the next look at the air waits after one: what comes close together is dealt with together."""
 
 

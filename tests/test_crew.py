@@ -1,0 +1,178 @@
+"""Many minds in one process, in simulated time on a medium of this process: what they hear, say and do, and when."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import count
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.door import ROBOT_EARS, Door
+from sleepcast.channel.envelope import kind_of
+from sleepcast.channel.keys import KeyPair, PublicKey, Role, Trust
+from sleepcast.channel.line import Line
+from sleepcast.channel.mailbox import Mailbox
+from sleepcast.channel.transport import Transport, open_transport
+from sleepcast.channel.trunk import Trunk
+from sleepcast.clock import ManualClock
+from sleepcast.language import Vocabulary
+from sleepcast.loop import Crew, Member, vocabulary_of
+from sleepcast.node.node import Node
+from sleepcast.simulator import Body
+from small_worlds import simulator
+
+DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
+ROBOTS = KeyPair("r*", Role.ROBOT, b"r" * 32)
+START = 1_000.0
+STEP = 0.01
+_media = count()
+
+
+class Field:
+    """A crew, and somebody who commands it."""
+
+    def __init__(self, folder: Path, robots: int = 20) -> None:
+        self.clock, medium = ManualClock(START), f"memory:crew{next(_media)}"
+        world = simulator(folder)
+        self.trunk = Trunk(open_transport(medium, self.clock))
+        names = vocabulary_of(world.model)
+        self.crew = Crew(world, self._members(robots, world.robots, names), self.trunk, self.clock, self.clock)
+        self.bystander = open_transport(medium, self.clock)
+        self.desk = self.line("desk", DESK, open_transport(medium, self.clock))
+        self.desk.zero = START
+        self.heard: list[Message] = []
+        self.ticks = 0
+
+    def _members(self, robots: int, bodies: Sequence[Body], names: Vocabulary) -> list[Member]:
+        found = []
+        for i in range(robots):
+            branch = self.trunk.branch(ROBOT_EARS)
+            line = self.line(f"r{i}", ROBOTS, branch)
+            node = Node(f"r{i}", names, number=i, body=bodies[i])
+            node.zero = line.zero = START
+            found.append(Member(node, i, line, branch))
+        return found
+
+    def line(self, name: str, key: KeyPair, transport: Transport) -> Line:
+        trust = Trust((DESK.public, ROBOTS.public))
+        door = Door(trust, "lab", self.clock, robot=key is ROBOTS, rate=1e9, reader=self.trunk.reader)
+        mailbox = Mailbox(name, 1, key, door, Random(name))
+        return Line(transport, mailbox, self.clock, Random(name))
+
+    def run(self, seconds: float, *, ticking: bool = True) -> None:
+        """Let time pass; the crew hears all the time, and ticks as the simulator does."""
+        for _ in range(round(seconds / STEP)):
+            self.clock.advance(STEP)
+            self.crew.hear()
+            self.ticks += 1
+            if ticking and self.ticks % 10 == 0:
+                self.crew.step()
+            self.heard += self.desk.receive()
+
+    def say(self, text: str = "", kind: Kind = Kind.COMMAND, *, standing: bool = False) -> None:
+        self.desk.send(Message("desk", 1, 1, kind, self.clock.now() - START, text=text, standing=standing))
+
+    def lose(self, seconds: float) -> None:
+        """Let time pass in which the crew hears nothing."""
+        for _ in range(round(seconds / STEP)):
+            self.clock.advance(STEP)
+            self.desk.pump()
+            self.trunk.gather()
+            for member in self.crew.members:
+                member.branch.waiting.clear()
+
+    def overheard(self, kind: Kind) -> int:
+        """How many datagrams of this kind were on the air since this was asked last."""
+        return sum(kind_of(datagram) is kind for datagram in self.bystander.receive())
+
+    def answers(self) -> list[object]:
+        return [message.body["outcome"] for message in self.heard if message.kind is Kind.ANSWER]
+
+
+@pytest.fixture
+def field(tmp_path: Path) -> Iterator[Field]:
+    found = Field(tmp_path)
+    yield found
+    found.bystander.close()
+    found.desk.close()
+    for member in found.crew.members:
+        member.line.close()
+
+
+def test_every_robot_decides_and_answers_for_itself(field: Field) -> None:
+    field.say("(WHEN (> id 14) (DRIVE 2 0))")
+    field.run(1.0)
+    assert sorted(map(str, field.answers())) == ["matched"] * 5 + ["not matched"] * 15
+    assert [node.node.name for node in field.crew.members if node.node.driven] == [f"r{i}" for i in range(15, 20)]
+    assert {message.sender for message in field.heard} == {f"r{i}" for i in range(20)}
+
+
+def test_stop_waits_for_no_tick(field: Field) -> None:
+    field.say("(DRIVE 2 0)")
+    field.run(0.5)
+    field.say(kind=Kind.STOP)
+    field.run(0.02, ticking=False)
+    assert all(body.stopped for body in field.crew.simulator.robots[:20])
+    assert field.answers().count("stopped") == 20, "and it is told at once"
+
+
+def test_a_datagram_is_verified_once_for_all(field: Field, monkeypatch: pytest.MonkeyPatch) -> None:
+    field.run(1.0)
+    verified = []
+    usual = PublicKey.signed
+
+    def counted(key: PublicKey, content: bytes, signature: bytes) -> bool:
+        verified.append(key.owner)
+        return usual(key, content, signature)
+
+    monkeypatch.setattr(PublicKey, "signed", counted)
+    field.say("(DEFVAR a 1)", standing=True)
+    field.run(3.0)
+    assert field.answers() == ["matched"] * 20
+    assert verified.count("desk") == 1, "the desk's command, though it came four times to twenty robots"
+    digests = sum(member.line.mailbox.door.passed for member in field.crew.members) - 20
+    assert verified.count("r*") <= 20 + 15, "twenty answers, and some digests"
+    assert digests <= 19 * 15
+
+
+@pytest.mark.parametrize("standing", [True, False])
+def test_what_all_have_missed_one_asks_for_and_all_get(field: Field, standing: bool) -> None:
+    field.run(1.0)
+    field.say("(DEFVAR missed 5)", standing=standing)
+    field.lose(0.3)
+    field.bystander.receive()
+    field.say("(DEFVAR a 1)")
+    field.run(1.0)
+    assert [dict(member.node.variables())["missed"] for member in field.crew.members] == [5.0] * 20
+    assert field.answers() == ["matched"] * 40
+    assert 1 <= field.overheard(Kind.REQUEST) <= 3, "twenty robots missed it"
+
+
+def test_what_robots_tell_each_other_reaches_their_neighbours(field: Field) -> None:
+    field.say("(DEFVAR told 0)", standing=True)
+    field.run(0.5)
+    field.say("(WHEN (= id 3) (TELL (SETQ told 7)))")
+    field.run(0.5)
+    told = [dict(member.node.variables())["told"] for member in field.crew.members]
+    assert told == [7.0] * 3 + [0.0] + [7.0] * 16
+
+
+def test_a_quiet_crew_is_quiet_and_its_minds_sleep(field: Field) -> None:
+    field.run(20.0)
+    before = [member.line.mailbox.door.passed for member in field.crew.members]
+    field.run(10.0)
+    assert field.answers() == []
+    assert not any(member.node.awake for member in field.crew.members)
+    assert sum(member.line.mailbox.door.passed for member in field.crew.members) - sum(before) <= 4 * 19
+
+
+def test_bodies_are_stopped_at_the_end_whatever_happens(field: Field) -> None:
+    def going() -> bool:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        field.crew.run(going)
+    assert all(body.stopped for body in field.crew.simulator.robots[:20])

@@ -22,7 +22,7 @@ KEYS = "keys"
 FIRST, AGE = "first", "age"
 """The id of the message that this one repeats for those who were not heard, and the seconds since that was sent."""
 MATCHED = "matched"
-"""Whether a robot would have obeyed what it was asked, in the answer to a question."""
+"""In a question: robots are to say whether they would obey it; in their answers: whether they would."""
 TOLD = "told"
 """What a robot tells of itself, in the answer to a look."""
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from math import nan
+from math import nan, pi
 
 import numpy as np
 from msgspec.structs import replace
@@ -40,6 +40,8 @@ A_ROW = 40
 """Robots in one such row."""
 RADIUS = 0.2
 """m: a robot whose size nobody told; the page draws it large enough to be seen."""
+FARTHEST = 1e7
+"""m: whoever says that he is farther away has told no position; robots stay on the Earth."""
 SHARE = 0.002
 """Seconds for each robot between two questions to all: their answers take half of that."""
 EMPTY = (0.0, 0.0, 10.0, 10.0)
@@ -206,8 +208,9 @@ class FleetOnPage:
     def poses(self) -> bytes:
         """x (m), y (m) and heading (rad, counter-clockwise from x; NaN: it stands aside) of each robot in turn,
         float32, little endian."""
-        x, y, heading = (self.minds.named(name).copy() for name in (X, Y, HEADING))
-        lost = np.isnan(x) | np.isnan(y)
+        x, y = self._places()
+        heading = np.remainder(self.minds.named(HEADING), 2.0 * pi)
+        lost = np.isnan(x)
         for number, place in enumerate(np.flatnonzero(lost).tolist()):
             x[place], y[place] = self._aside(number)
         heading = np.where(lost, nan, np.nan_to_num(heading))
@@ -215,6 +218,12 @@ class FleetOnPage:
         for column, values in enumerate((x, y, heading)):
             found[column::3] = array("f", values.astype("<f4").tobytes())
         return found.tobytes()
+
+    def _places(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """x and y of each robot, m; NaN for both where it has told no position."""
+        x, y = self.minds.named(X), self.minds.named(Y)
+        there = (np.abs(x) <= FARTHEST) & (np.abs(y) <= FARTHEST)
+        return np.where(there, x, nan), np.where(there, y, nan)
 
     def _aside(self, number: int) -> tuple[float, float]:
         """Where a robot stands that has told no position."""
@@ -277,8 +286,8 @@ class FleetOnPage:
 
     def _area(self) -> Area:
         """Where the robots are, with a margin; what was on the map stays on it."""
-        x, y = self.minds.named(X), self.minds.named(Y)
-        known = ~(np.isnan(x) | np.isnan(y))
+        x, y = self._places()
+        known = ~np.isnan(x)
         if not known.any():
             return self.scene.area
         low, high = (float(x[known].min()), float(y[known].min())), (float(x[known].max()), float(y[known].max()))

@@ -47,7 +47,7 @@ def plain_body(value: object) -> dict[str, object]:
 
 MESSAGES = st.builds(
     Message,
-    sender=st.text(min_size=1, max_size=MAX_NAME),
+    sender=st.text(st.characters(exclude_categories=("C", "Z")), min_size=1, max_size=MAX_NAME),
     epoch=NUMBERS,
     sequence=NUMBERS,
     kind=st.sampled_from(KINDS),

@@ -34,6 +34,7 @@ def test_the_greatest_of_everything_fits() -> None:
     [
         ({"sender": ""}, "1 to 64 characters, not 0"),
         ({"sender": "d" * 65}, "not 65"),
+        ({"sender": "r7\x1b[2J"}, "none that cannot be printed"),
         ({"text": "x" * (MAX_TEXT + 1)}, "at most 16384 characters, this one has 16385"),
         ({"sequence": -1}, "sequence -1"),
         ({"epoch": MAX_NUMBER + 1}, f"0..{MAX_NUMBER}"),

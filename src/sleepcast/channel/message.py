@@ -76,9 +76,10 @@ class Message(msgspec.Struct, frozen=True):
     role: str = ""
 
     def __post_init__(self) -> None:
-        if not 0 < len(self.sender) <= MAX_NAME:
+        if not (0 < len(self.sender) <= MAX_NAME and self.sender.isprintable()):  # it will stand on terminals
             raise MessageError(
-                f'a sender\'s name has 1 to {MAX_NAME} characters, not {len(self.sender)}: "{self.sender}"'
+                f"a sender's name has 1 to {MAX_NAME} characters, not {len(self.sender)}, and none that cannot be "
+                f"printed: {self.sender!r:.80}"
             )
         if len(self.text) > MAX_TEXT:
             raise MessageError(f"a message's text has at most {MAX_TEXT} characters, this one has {len(self.text)}")

@@ -45,6 +45,7 @@ COMMANDS = {
     "journal": ("sleepcast.cli.journal", "journal"),
     "why": ("sleepcast.cli.who", "why"),
     "watch": ("sleepcast.cli.watch", "watch"),
+    "console": ("sleepcast.cli.console", "console"),
     "roster": ("sleepcast.cli.roster", "roster"),
     "keys": ("sleepcast.cli.keys", "keys"),
 }

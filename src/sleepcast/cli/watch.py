@@ -121,7 +121,8 @@ class Window:
             return found | {"told": None}
         values = {key: None if value != value else value for key, value in _values(mind, columns).items()}
         groups = sorted(mind.told.groups)
-        found |= {"told": now - mind.told_at, "stopped": mind.stopped, "flags": _flags(mind), "groups": groups}
+        found |= {"told": now - mind.told_at, "stopped": mind.stopped, "driven": mind.told.driven}
+        found |= {"flags": _flags(mind), "groups": groups}
         return found | {"rules": len(mind.rules()), "values": values}
 
     def table(self, most: int) -> Table:
@@ -159,7 +160,7 @@ class Window:
             ]
         age = now - mind.told_at
         late = "silent " if age > self.station.stale_after else ""
-        state = " ".join(["STOPPED"] * mind.stopped + _flags(mind))
+        state = " ".join(["STOPPED"] * mind.stopped + ["driven"] * mind.told.driven + _flags(mind))
         values = _values(mind, columns)
         return [
             name,

@@ -116,6 +116,7 @@ def _foreseen(station: AirStation, text: str) -> Obeyers:
 
 def _polled(station: AirStation, text: str) -> Obeyers:
     """By what the robots say."""
+    from sleepcast.channel import Kind
     from sleepcast.channel.bodies import MATCHED
 
     matched: dict[str, object] = {}
@@ -123,10 +124,11 @@ def _polled(station: AirStation, text: str) -> Obeyers:
     def listen(heard: list[Message]) -> None:
         matched.update((m.sender, m.body.get(MATCHED)) for m in heard if m.body.get("command") == asked.id)
 
-    asked = station.ask(text)
+    everybody = station.preview(text).everybody  # refuses what no robot could run, before it is sent
+    asked = station.post(Kind.ASK, text=text, body={MATCHED: True})
     station.listeners.append(listen)
     station.gather(asked, PATIENCE)
-    found, account = Obeyers(everybody=station.preview(text).everybody), station.accounting(asked.id)
+    found, account = Obeyers(everybody=everybody), station.accounting(asked.id)
     faults = account.faults
     for name in sorted((*account.matched, *account.not_matched, *account.fault)):
         if matched.get(name) is True:

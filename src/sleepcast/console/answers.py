@@ -20,7 +20,7 @@ class Said(msgspec.Struct, tag_field="type", tag=str.lower):
 class Hello(Said):
     """The first words: what there is to see, and the names that a text may use. began, recorded: the time at which a
     recording begins and ends, s; 0 where the swarm lives. part: of a recording in several files, from 1; 0 if there is
-    one."""
+    one. air: whether the robots are on the air, where time is real."""
 
     scene: Scene
     count: int
@@ -28,13 +28,16 @@ class Hello(Said):
     recorded: float = 0.0
     began: float = 0.0
     part: int = 0
+    air: bool = False
 
 
 class Refused(Said):
-    """A message that was not obeyed, and why, in words for a person."""
+    """A message that was not obeyed, and why, in words for a person. count: whether it would be obeyed if it came with
+    the number of robots that are meant."""
 
     reason: str
     serial: int | None = None
+    count: bool = False
 
 
 class Obstacles(Said):

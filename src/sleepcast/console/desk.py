@@ -6,7 +6,7 @@ the same, and each may command.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Awaitable, Iterator
 from itertools import islice
 from math import isnan
 from typing import NoReturn
@@ -37,12 +37,14 @@ _KINDS = ("sensor", "actuator", "user", "support")
 
 
 class Desk:
-    """See the module. Its questions raise SleepcastError, with a sentence for the person who asked."""
+    """See the module. began: the time of the station's clock with which that of the page begins. Its questions raise
+    SleepcastError, with a sentence for the person who asked."""
 
-    def __init__(self, swarm: Swarm, station: Station, driver: Driver, clock: Clock) -> None:
+    def __init__(self, swarm: Swarm, station: Station, driver: Driver, clock: Clock, *, began: float = 0.0) -> None:
         self.driver = driver
         self._swarm, self._station, self._clock = swarm, station, clock
-        self._ledger = Ledger(station, len(swarm.scene.names), swarm.vocabulary)
+        self._began = began
+        self._ledger = Ledger(station, swarm, began)
         self._stopped_at = -STOP_AGAIN
 
     def hello(self) -> answers.Hello:
@@ -91,11 +93,14 @@ class Desk:
 
     # ---- sending
 
-    def send(self, serial: int, text: str, everybody: bool, sort: Sort = "once") -> answers.Sent:
-        """Broadcast `text`."""
+    def send(
+        self, serial: int, text: str, everybody: bool, sort: Sort = "once", count: int | None = None
+    ) -> answers.Sent:
+        """Broadcast `text`. count: how many robots may obey, where the station wants to be told."""
         if sort == "ask":
             return answers.Sent(serial, self._station.ask(text).id)
-        return answers.Sent(serial, self._station.send(text, standing=sort == "standing", everybody=everybody).id)
+        sent = self._station.send(text, standing=sort == "standing", everybody=everybody, count=count)
+        return answers.Sent(serial, sent.id)
 
     def stop(self) -> None:
         """Stop every body. While a STOP holds that was given a moment ago, one more changes nothing."""
@@ -116,7 +121,7 @@ class Desk:
 
     # ---- afterwards
 
-    def why(self, serial: int, robot: int, command: str) -> answers.Explained:
+    def why(self, serial: int, robot: int, command: str) -> answers.Explained | Awaitable[answers.Explained]:
         """How the robot with this index evaluated a command."""
         explanation = self._station.why(self._name(robot), command)
         return answers.Explained(serial, show_why(explanation, self._swarm.vocabulary))
@@ -164,15 +169,24 @@ class Desk:
             index,
             self.driver.groups.code(mind.groups),
             [found.name if found is not None else key for found, key in declared],
-            _states(mind),
+            self._states(mind),
             sorted(values, key=lambda value: _KINDS.index(value.kind)),
-            [_show_rule(rule) for rule in mind.rules()],
+            [self._show_rule(rule) for rule in mind.rules()],
             self._reports(self._name(index)),
         )
 
     def _reports(self, name: str) -> list[answers.ShownReport]:
         found = (report for report in reversed(self._station.reports) if report.robot == name)
-        return [_show_report(report) for report in islice(found, MOST_REPORTS)]
+        return [_show_report(report, self._began) for report in islice(found, MOST_REPORTS)]
+
+    def _states(self, mind: RobotMind) -> list[str]:
+        """What the robot is, in words."""
+        flags = ((FROZEN, "frozen"), (SLEEPING, "sleeping"), (MARKED, "marked"))
+        return ["stopped"] * mind.stopped + [word for slot, word in flags if mind.values[slot] > 0.0]
+
+    def _show_rule(self, rule: Rule) -> answers.ShownRule:
+        value = "never ran" if isnan(rule.last_value) else format_value(rule.last_value)
+        return answers.ShownRule(rule.name, rule.text, rule.active, value, rule.last_fault)
 
     def _show_value(self, name: str, value: float) -> answers.ShownValue:
         vocabulary = self._swarm.vocabulary
@@ -185,19 +199,9 @@ def _show_finding(finding: Finding, text: str) -> answers.ShownFinding:
     return answers.ShownFinding(finding.severity, finding.message, finding.start, finding.end, finding.render(text))
 
 
-def _states(mind: RobotMind) -> list[str]:
-    flags = ((FROZEN, "frozen"), (SLEEPING, "sleeping"), (MARKED, "marked"))
-    return ["stopped"] * mind.stopped + [word for slot, word in flags if mind.values[slot] > 0.0]
-
-
-def _show_report(report: Report) -> answers.ShownReport:
+def _show_report(report: Report, began: float) -> answers.ShownReport:
     """A report's body is what a robot sent: any of it may be missing or of another kind."""
     values = report.body.get("values")
     listed = values if isinstance(values, list) else []
     shown = [format_value(value) if isinstance(value, float | int) else "unknown" for value in listed]
-    return answers.ShownReport(report.heard, " ".join([str(report.body.get("label", "")), *shown]))
-
-
-def _show_rule(rule: Rule) -> answers.ShownRule:
-    value = "never ran" if isnan(rule.last_value) else format_value(rule.last_value)
-    return answers.ShownRule(rule.name, rule.text, rule.active, value, rule.last_fault)
+    return answers.ShownReport(report.heard - began, " ".join([str(report.body.get("label", "")), *shown]))

@@ -68,10 +68,14 @@ class Driver(Screen):
             self.pace.keep_up(SLICE)
             now = self._clock.now()
             if now >= self._frame_due:
-                self._frame_due = max(self._frame_due + FRAME_PERIOD, now)
+                self.wait_a_frame(now)
                 self.draw()
             busy = now - began >= SLICE
             await asyncio.sleep(0.0 if busy else self._frame_due - self._clock.now())
+
+    def wait_a_frame(self, now: float) -> None:
+        """The next frame is due a period after the one that is drawn at `now`."""
+        self._frame_due = max(self._frame_due + FRAME_PERIOD, now)
 
     def set_pace(self, running: bool | None = None, factor: float | None = None) -> None:
         """Change whether time runs and how fast; None leaves it as it is."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from sleepcast.console.explaining import shown_value, unit_of
+from sleepcast.console.swarm import Swarm
 from sleepcast.language import Vocabulary
 from sleepcast.station import Accounting, Command, Station
 
@@ -32,10 +33,11 @@ class Row(msgspec.Struct, frozen=True):
 
 
 class Ledger:
-    """The rows of one station; a row is made anew only when another robot has answered. count: of robots on the map."""
+    """The rows of one station; a row is made anew only when another robot has answered. swarm: on the map. began: when
+    its time began, s of the station's clock."""
 
-    def __init__(self, station: Station, count: int, vocabulary: Vocabulary) -> None:
-        self._station, self._count, self._vocabulary = station, count, vocabulary
+    def __init__(self, station: Station, swarm: Swarm, began: float = 0.0) -> None:
+        self._station, self._swarm, self._began = station, swarm, began
         self._rows: dict[str, tuple[int, Row]] = {}
 
     def rows(self) -> list[Row]:
@@ -54,20 +56,20 @@ class Ledger:
             command.id,
             command.kind.value,
             command.text.strip(),
-            command.message.issued,
+            command.message.issued - self._began,
             found.n_matched,
             found.n_not_matched,
             found.n_fault,
             found.n_silent,
             len(command.expected),
             command.message.standing,
-            values_in_words(command, found, self._vocabulary),
+            values_in_words(command, found, self._swarm.vocabulary),
         )
 
     def outcomes(self, command: str) -> bytes:
         """For each robot, in the order of the scene's names, what its answer was, as `station.SILENT` and
         the others. Raises NoSuchCommandError."""
-        return self._station.accounting(command).codes[: self._count].tobytes()
+        return self._station.accounting(command).codes[: len(self._swarm.scene.names)].tobytes()
 
     def stop(self) -> Command | None:
         """The STOP that holds, None if none does."""

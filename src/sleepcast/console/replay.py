@@ -190,7 +190,7 @@ class ReplayDesk:
         """Refused."""
         self._refuse()
 
-    def send(self, serial: int, text: str, everybody: bool, sort: Sort) -> NoReturn:
+    def send(self, serial: int, text: str, everybody: bool, sort: Sort, count: int | None) -> NoReturn:
         """Refused."""
         self._refuse()
 

@@ -17,6 +17,7 @@ import uvicorn
 from starlette.applications import Starlette
 
 from sleepcast.clock import Clock
+from sleepcast.console.air import AirDesk, AirDriver, Fleet
 from sleepcast.console.app import LOOPBACK, Door, make_app
 from sleepcast.console.desk import Desk
 from sleepcast.console.driver import Driver
@@ -59,6 +60,26 @@ def serve(
     """
     driver = Driver(swarm, pace, clock)
     desk = Desk(swarm, station, driver, clock)
+    serve_desk(desk, clock, host=host, port=port, insecure=insecure, open_browser=open_browser, say=say)
+
+
+def serve_fleet(
+    fleet: Fleet,
+    station: Station,
+    clock: Clock,
+    began: float,
+    *,
+    host: str,
+    port: int,
+    insecure: bool,
+    open_browser: bool,
+    say: Callable[[str], None],
+) -> None:
+    """Serve the page of robots on the air until Ctrl-C. began: the station's time with which that of the page begins.
+
+    The rest is as for `serve_desk`.
+    """
+    desk = AirDesk(fleet, station, AirDriver(fleet, clock), clock, began)
     serve_desk(desk, clock, host=host, port=port, insecure=insecure, open_browser=open_browser, say=say)
 
 

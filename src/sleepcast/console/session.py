@@ -7,7 +7,7 @@ when the page has drawn the one before, so a slow page skips frames; what it ask
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 
 import msgspec
 from starlette.websockets import WebSocket
@@ -19,9 +19,14 @@ from sleepcast.console.desk import Desk
 from sleepcast.console.line import Line, encode
 from sleepcast.console.replay import ReplayDesk
 from sleepcast.errors import SleepcastError
+from sleepcast.station.settling import CountNeededError
 
+Answer = msgspec.Struct
 NEWS_PERIOD = 0.25
 """Seconds between two looks for news: people read no faster."""
+
+MOST_WAITING = 16
+"""Answers of one page that robots have to give first."""
 
 
 class Session:
@@ -33,14 +38,19 @@ class Session:
         self._watched = -1
         self._drawn = asyncio.Event()
         self._sent: dict[str, bytes] = {}
+        self._waiting: set[asyncio.Task[None]] = set()
+        """Answers that robots have to give first."""
 
     async def run(self) -> None:
         """Serve the page until it goes away or breaks the rules."""
-        await self._line.say(self._desk.hello())
+        hello = self._desk.hello()
+        self._sent[type(hello).__name__] = encode(hello)
+        await self._line.say(hello)
         others = [asyncio.create_task(self._send_frames()), asyncio.create_task(self._send_news())]
         try:
             await self._line.read(self._answer)
         finally:
+            others += self._waiting
             for task in others:
                 task.cancel()
             await asyncio.gather(*others, return_exceptions=True)
@@ -49,7 +59,7 @@ class Session:
         desk = self._desk
         match message:
             case messages.Stop():
-                desk.stop()
+                await self._do(desk.stop)
             case messages.Drawn():
                 self._drawn.set()
             case messages.Watch(robot):
@@ -58,15 +68,15 @@ class Session:
             case messages.Pace(running, factor):
                 desk.driver.set_pace(running, factor)
             case messages.Seek(time):
-                await self._seek(time)
+                await self._do(lambda: desk.seek(time))
             case messages.Step():
                 desk.driver.step()
             case messages.Release():
-                desk.release()
+                await self._do(desk.release)
             case messages.Preview(serial, text):
                 await self._reply(serial, lambda: desk.preview(serial, text))
-            case messages.Send(serial, text, everybody, sort):
-                await self._reply(serial, lambda: desk.send(serial, text, everybody, sort))
+            case messages.Send(serial, text, everybody, sort, count):
+                await self._reply(serial, lambda: desk.send(serial, text, everybody, sort, count))
             case messages.Names(serial):
                 await self._reply(serial, lambda: desk.names(serial))
             case messages.Why(serial, robot, command):
@@ -76,15 +86,33 @@ class Session:
             case messages.Commands(serial):
                 await self._reply(serial, lambda: desk.commands(serial))
 
-    async def _seek(self, time: float) -> None:
+    async def _do(self, deed: Callable[[], None]) -> None:
         try:
-            self._desk.seek(time)
+            deed()
         except SleepcastError as error:
             await self._line.say(Refused(str(error)))
 
-    async def _reply(self, serial: int, answer: Callable[[], msgspec.Struct]) -> None:
+    async def _reply(self, serial: int, answer: Callable[[], Answer | Awaitable[Answer]]) -> None:
         try:
             said = answer()
+        except CountNeededError as error:
+            why = error.why[:1].upper() + error.why[1:]
+            said = Refused(f"{why}: {error.may} may obey. Type their number to send it.", serial, True)
+        except SleepcastError as error:
+            said = Refused(str(error), serial)
+        if isinstance(said, Awaitable):
+            if len(self._waiting) >= MOST_WAITING:
+                self._waiting.pop().cancel()  # whoever asks so much reads the last answers at most
+            waiting = asyncio.ensure_future(self._reply_later(serial, said))
+            self._waiting.add(waiting)
+            waiting.add_done_callback(self._waiting.discard)
+        else:
+            await self._line.say(said)
+
+    async def _reply_later(self, serial: int, answer: Awaitable[Answer]) -> None:
+        """Whoever waits for a robot keeps nobody else waiting."""
+        try:
+            said = await answer
         except SleepcastError as error:
             said = Refused(str(error), serial)
         await self._line.say(said)

@@ -28,7 +28,7 @@ from sleepcast.node.acts import ACTS
 from sleepcast.node.buffers import ExpressionBuffer, RuleView
 from sleepcast.node.deadman import DeadMan, drives
 from sleepcast.node.embodied import Embodied
-from sleepcast.node.looks import look
+from sleepcast.node.looks import NOTHING, look
 from sleepcast.node.memory import Fault, RobotMemory, Voice
 from sleepcast.node.merging import enqueue, place_of
 from sleepcast.node.scheduler import Scheduler
@@ -348,7 +348,8 @@ class Node(Embodied):
             return
         if message.kind is Kind.ASK:
             found = rehearse(program, memory.rehearsal(), command=message.id)
-            self._answer(message, "answer", found.value, "; ".join(found.faults), {MATCHED: found.matched})
+            told = {MATCHED: found.matched} if MATCHED in message.body else NOTHING
+            self._answer(message, "answer", found.value, "; ".join(found.faults), told)
             return
         memory.moved = False
         memory.merging.begin(place_of(message, self.zero) if self._on_air else None)

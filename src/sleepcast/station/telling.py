@@ -139,6 +139,7 @@ class TelemetryTold(msgspec.Struct):
     user: Annotated[dict[Name, float], msgspec.Meta(max_length=MAX_USER_VARIABLES)]
     groups: Annotated[list[Name], msgspec.Meta(max_length=MAX_GROUPS)]
     stopped: bool
+    driven: bool = False
 
     def numbers(self) -> Sequence[float]:
         """The numbers, NaN for unknown: the support variables but for the active flags, sensors, actuators."""

@@ -33,6 +33,7 @@ wire.addEventListener("hello", ({ detail }) => {
   find("offline").hidden = true;
   const scene = { ...detail.scene, count: detail.count, groups };
   document.body.classList.toggle("replay", detail.recorded > 0);
+  document.body.classList.toggle("air", detail.air);
   find("recorded").hidden = detail.recorded === 0;
   find("recorded").textContent = detail.part ? `recording, part ${detail.part}` : "recording";
   time.setRecorded(detail.began, detail.recorded);
@@ -49,8 +50,7 @@ wire.addEventListener("hello", ({ detail }) => {
 
 wire.addEventListener("frame", ({ detail }) => {
   if (!world.scene) return;
-  world.setFrame(detail);
-  time.show(world.frame);
+  if (world.setFrame(detail)) time.show(world.frame);
 });
 
 world.addEventListener("drawn", ({ detail }) => wire.tell("drawn", { number: detail.number }));

@@ -41,6 +41,11 @@ export class Prompt extends EventTarget {
     this.find("send").addEventListener("click", () => this.send());
     this.find("everybody-yes").addEventListener("change", () => this.showSend());
     this.find("sort").addEventListener("change", () => this.sorted());
+    this.find("meant-count").addEventListener("keydown", (event) => {
+      if (event.key !== "Enter") return;
+      event.preventDefault();
+      this.send();
+    });
     this.find("search-text").addEventListener("input", () => this.searched());
     this.find("search-text").addEventListener("keydown", (event) => this.searchKey(event));
     this.find("search-text").addEventListener("blur", () => this.endSearch(false));
@@ -120,6 +125,7 @@ export class Prompt extends EventTarget {
 
   changed() {
     this.preview = null;
+    this.askCount("");
     this.showPreview();
     this.showSend();
     this.showUsage();
@@ -204,7 +210,9 @@ export class Prompt extends EventTarget {
     this.sending = true;
     this.showSend();
     try {
-      const answer = await this.wire.ask("send", { text, everybody: box.checked, sort: this.sort });
+      const typed = this.find("meant").hidden ? NaN : this.find("meant-count").valueAsNumber;
+      const count = Number.isInteger(typed) && typed >= 0 ? typed : null;
+      const answer = await this.wire.ask("send", { text, everybody: box.checked, sort: this.sort, count });
       this.history.add(text);
       this.find("sort").value = "once"; // what comes next is not meant to stand because this was
       this.sorted();
@@ -212,11 +220,20 @@ export class Prompt extends EventTarget {
       this.dispatchEvent(new CustomEvent("sent", { detail: answer.command }));
     } catch (refusal) {
       if (!(refusal instanceof Refusal)) throw refusal;
-      this.showFindings([{ severity: "error", shown: refusal.message, message: refusal.message }]);
+      if (refusal.count) this.askCount(refusal.message);
+      else this.showFindings([{ severity: "error", shown: refusal.message, message: refusal.message }]);
     } finally {
       this.sending = false;
       this.showSend();
     }
+  }
+
+  // Whoever means many types how many they are; a sentence says why, an empty one that nobody has to.
+  askCount(sentence) {
+    this.find("meant").hidden = !sentence;
+    this.find("meant-text").textContent = sentence;
+    this.find("meant-count").value = "";
+    if (sentence) this.find("meant-count").focus();
   }
 
   // ---- keys

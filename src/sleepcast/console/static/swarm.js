@@ -59,7 +59,7 @@ function drawShapes(pen, view, scene, frame, marks, colours) {
     const key = style + STYLES * ((frame.flags[i] & STILL ? 1 : 0) + (lit ? 2 : 0));
     let bucket = buckets.get(key);
     if (!bucket) buckets.set(key, (bucket = { bodies: new Path2D(), noses: new Path2D() }));
-    addRobot(bucket.bodies, bucket.noses, style, x, y, size, frame.poses[3 * i + 2]);
+    addRobot(bucket.bodies, bucket.noses, style, x, y, size, frame.poses[3 * i + 2] || 0); // NaN: it stands aside
   }
   drawHalos(pen, halos, colours.lit);
   for (const key of [...buckets.keys()].sort((a, b) => a - b)) {

@@ -21,8 +21,9 @@ export class Trails {
     this.last = now;
     const reused = this.samples.length >= DEPTH ? this.samples.pop() : { xy: new Float32Array(2 * frame.count) };
     for (let i = 0; i < frame.count; i += 1) {
-      reused.xy[2 * i] = frame.poses[3 * i];
-      reused.xy[2 * i + 1] = frame.poses[3 * i + 1];
+      const aside = Number.isNaN(frame.poses[3 * i + 2]); // nobody drives from there; no line leads to NaN
+      reused.xy[2 * i] = aside ? NaN : frame.poses[3 * i];
+      reused.xy[2 * i + 1] = aside ? NaN : frame.poses[3 * i + 1];
     }
     reused.tick = frame.tick;
     this.samples.unshift(reused);

@@ -7,7 +7,13 @@ const FIRST_WAIT = 500; // ms before the first attempt to connect again; doubles
 const LONGEST_WAIT = 8000;
 const ANSWER_WAIT = 15000; // ms after which a question counts as unanswered
 
-export class Refusal extends Error {}
+export class Refusal extends Error {
+  // count: whether it would be obeyed if it came with the number of robots that are meant
+  constructor(reason, count = false) {
+    super(reason);
+    this.count = count;
+  }
+}
 
 export class Wire extends EventTarget {
   constructor(address) {
@@ -57,7 +63,7 @@ export class Wire extends EventTarget {
     }
     this.waiting.delete(message.serial);
     clearTimeout(asked.timer);
-    if (message.type === "refused") asked.reject(new Refusal(message.reason));
+    if (message.type === "refused") asked.reject(new Refusal(message.reason, message.count));
     else asked.resolve(message);
   }
 

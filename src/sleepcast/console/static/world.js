@@ -49,14 +49,13 @@ export class World extends EventTarget {
   // ---- what is shown
 
   setScene(scene) {
-    const another = this.scene?.title !== scene.title || this.scene.count !== scene.count;
+    const another = this.scene?.title !== scene.title;
+    const others = another || this.scene.count !== scene.count; // on the air, robots come while one looks on
     this.scene = scene;
-    if (another) {
-      this.trails = new Trails();
-      this.choose(-1);
-      this.resize();
-      this.fit();
-    }
+    if (others) this.trails = new Trails();
+    if (another || this.marks.chosen >= scene.count) this.choose(-1);
+    if (another) this.resize();
+    if (another || (others && this.fitted)) this.fit();
     this.repaint("ground", "trails", "robots");
   }
 
@@ -72,13 +71,20 @@ export class World extends EventTarget {
     this.repaint("trails");
   }
 
+  // Whether the frame is one of this scene; it is drawn then.
   setFrame(buffer) {
-    this.frame = decode(buffer);
+    const frame = decode(buffer);
+    if (frame.count !== this.scene.count) { // the scene that belongs to it is on its way
+      this.dispatchEvent(new CustomEvent("drawn", { detail: { number: frame.number } }));
+      return false;
+    }
+    this.frame = frame;
     this.styles = Uint8Array.from(this.frame.groups, styleOf);
     if (this.trails.sample(this.frame, performance.now())) this.repaint("trails");
     this.pings.take(this.frame, performance.now());
     if (this.following && this.marks.chosen >= 0) this.centreChosen();
     this.repaint("robots");
+    return true;
   }
 
   setLit(lit) {

@@ -1,0 +1,301 @@
+"""Robots on the air put into the shapes that the operator's page shows.
+
+Where a robot is, is what it told last. Whoever has told no position stands in a row below the map, so that nobody who
+was ever heard is missing on it.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from math import nan, pi
+
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+from sleepcast.channel import Kind, Message
+from sleepcast.console import Order, Outline, Rule, Scene
+from sleepcast.errors import SleepcastError
+from sleepcast.language import Explanation, Variable, Vocabulary
+from sleepcast.language.machine import Program
+from sleepcast.language.names import Declared
+from sleepcast.language.parts import Part
+from sleepcast.station.accounting import Command
+from sleepcast.station.aired import AirStation
+from sleepcast.station.looking import Looker
+from sleepcast.station.remote import RemoteMind, RemoteMinds
+from sleepcast.units import LENGTH, UNITS
+
+X, Y, HEADING = "x", "y", "heading"
+"""The variables in which a robot says where it is (m, m, rad)."""
+MARGIN = 0.1
+"""Of the width and the height of where robots are, left free around them."""
+LEAST_SIDE = 2.0
+"""m: a map of one robot has a size, too."""
+ROW = 0.05
+"""Of the map's height: from the map to the row of those that have told no position, and to the next such row."""
+A_ROW = 40
+"""Robots in one such row."""
+RADIUS = 0.2
+"""m: a robot whose size nobody told; the page draws it large enough to be seen."""
+FARTHEST = 1e7
+"""m: whoever says that he is farther away has told no position; robots stay on the Earth."""
+SHARE = 0.002
+"""Seconds for each robot between two questions to all: their answers take half of that."""
+EMPTY = (0.0, 0.0, 10.0, 10.0)
+"""m: the map before anybody has told where he is."""
+
+Area = tuple[float, float, float, float]
+
+
+class Untold:
+    """A robot that was heard and has not told anything of itself (a `RobotMind`)."""
+
+    stopped = False
+    groups: frozenset[str] = frozenset()
+
+    def __init__(self, name: str, vocabulary: Vocabulary) -> None:
+        self.name, self.values = name, [nan] * vocabulary.size
+
+    def declared(self, key: str) -> Declared | None:
+        """Nothing is known."""
+        return None
+
+    def heard(self) -> Iterable[str]:
+        """No names are known."""
+        return ()
+
+    def fetch(self, part: Part) -> Program | None:
+        """Nothing is known."""
+        return None
+
+    def operator(self, part: Part) -> Program | None:
+        """Nothing is known."""
+        return None
+
+    def why(self, command: str | None = None) -> Explanation:
+        """Refused: the robot has to be asked on the air."""
+        raise SleepcastError(f"{self.name} is far away: ask it why on the air")
+
+    def variables(self) -> Iterable[tuple[str, float]]:
+        """None is known."""
+        return ()
+
+    def rules(self) -> Iterable[Rule]:
+        """None is known."""
+        return ()
+
+
+class FleetMinds:
+    """The minds of the robots with these names, as columns (the page's `Minds`); `look` brings them up to date."""
+
+    def __init__(self, minds: RemoteMinds) -> None:
+        self._minds = minds
+        self._names: tuple[str, ...] = ()
+        self._values = np.empty((0, 0))
+        self._groups: dict[str, NDArray[np.bool_]] = {}
+        self.stopped: NDArray[np.bool_] = np.zeros(0, np.bool_)
+
+    def look(self, names: tuple[str, ...]) -> None:
+        """Take what these robots told last."""
+        vocabulary = self._minds.vocabulary
+        self._names = names
+        self._values = np.full((len(names), vocabulary.size + len(vocabulary.user_slots)), nan)
+        self.stopped = np.zeros(len(names), np.bool_)
+        self._groups = {key: np.zeros(len(names), np.bool_) for key in self._groups}  # the oldest first, as ever
+        for place, name in enumerate(names):
+            mind = self._minds.get(name)
+            if mind is None:
+                continue
+            self._values[place, : len(mind.values)] = mind.values
+            self.stopped[place] = mind.stopped
+            for key in mind.groups:
+                if key not in self._groups:
+                    self._groups[key] = np.zeros(len(names), np.bool_)
+                self._groups[key][place] = True
+
+    @property
+    def groups(self) -> Mapping[str, NDArray[np.bool_]]:
+        """Who is in which group, by its key; the newest group last."""
+        return self._groups
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __getitem__(self, name: str) -> RemoteMind | Untold:
+        return self._minds.get(name) or Untold(name, self._minds.vocabulary)
+
+    def column(self, slot: int) -> NDArray[np.float64]:
+        """A variable of all robots in SI, NaN for unknown."""
+        return self._values[:, slot] if slot < self._values.shape[1] else np.full(len(self._names), nan)
+
+    def named(self, name: str) -> NDArray[np.float64]:
+        """The same by the variable's name, unknown where no robot has it."""
+        found = self._minds.vocabulary.bindings.get(name)
+        return self.column(found.slot) if isinstance(found, Variable) else np.full(len(self._names), nan)
+
+    def declared(self, key: str) -> Declared | None:
+        """What any robot has learned under this key."""
+        return self._minds.declared(key)
+
+    def heard(self) -> Iterable[str]:
+        """Every name that any robot has learned, as written."""
+        return self._minds.heard()
+
+
+@dataclass(frozen=True, slots=True)
+class AskedWhy:
+    """A question to a robot why it did what it did."""
+
+    looker: Looker
+    asked: Command
+    robot: str
+
+    def answer(self) -> Explanation | None:
+        """What it said, None while it has said nothing. Raises SleepcastError for what it cannot say."""
+        return self.looker.explanation(self.asked, self.robot)
+
+
+class FleetOnPage:
+    """Robots on the air as the page wants to see them (its `Fleet`). ground: what is drawn under them, with no names
+    and no sizes of its own. every: s between two questions to all of them, at least. began: when the page's time began,
+    s of the station's clock."""
+
+    def __init__(self, station: AirStation, looker: Looker, ground: Scene, every: float, began: float) -> None:
+        self.asking = True
+        self.minds = FleetMinds(looker.minds)
+        self.scene = ground
+        self._station, self._looker, self._every, self._began = station, looker, every, began
+        self._mapped = ground.area != EMPTY
+        """Whether the area is one in which robots are."""
+        self._due = began
+        self._news = True
+        station.listeners.append(self._listen)
+
+    def _listen(self, heard: list[Message]) -> None:
+        self._news = True
+
+    # ---- what the page asks
+
+    @property
+    def vocabulary(self) -> Vocabulary:
+        return self._looker.minds.vocabulary
+
+    @property
+    def tick(self) -> int:
+        """Seconds since the page began: nobody counts ticks here."""
+        return int(self.now())
+
+    def now(self) -> float:
+        """Seconds since the page began."""
+        return self._station.now - self._began
+
+    def step(self) -> None:
+        """Ask everybody once."""
+        self._due = self._station.now
+        self._ask()
+
+    def obstacles(self) -> tuple[tuple[Outline, ...], ...] | None:
+        """What is solid stays as in the scene."""
+        return None
+
+    def pings(self) -> bytes:
+        """Pings go from robot to robot; the desk does not hear them."""
+        return b""
+
+    def poses(self) -> bytes:
+        """x (m), y (m) and heading (rad, counter-clockwise from x; NaN: it stands aside) of each robot in turn,
+        float32, little endian."""
+        x, y = self._places()
+        heading = np.remainder(self.minds.named(HEADING), 2.0 * pi)
+        lost = np.isnan(x)
+        for number, place in enumerate(np.flatnonzero(lost).tolist()):
+            x[place], y[place] = self._aside(number)
+        heading = np.where(lost, nan, np.nan_to_num(heading))
+        found = array("f", bytes(12 * len(x)))
+        for column, values in enumerate((x, y, heading)):
+            found[column::3] = array("f", values.astype("<f4").tobytes())
+        return found.tobytes()
+
+    def _places(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """x and y of each robot, m; NaN for both where it has told no position."""
+        x, y = self.minds.named(X), self.minds.named(Y)
+        there = (np.abs(x) <= FARTHEST) & (np.abs(y) <= FARTHEST)
+        return np.where(there, x, nan), np.where(there, y, nan)
+
+    def _aside(self, number: int) -> tuple[float, float]:
+        """Where a robot stands that has told no position."""
+        left, low, right, high = self.scene.area
+        row, column = divmod(number, A_ROW)
+        return left + (column + 0.5) * (right - left) / A_ROW, low - (row + 0.6) * ROW * (high - low)
+
+    # ---- what goes on
+
+    def hear(self) -> bool:
+        """Hear what has come, and ask for more if it is time; whether there is any news."""
+        self._station.pump()
+        if self.asking and self._station.now >= self._due:
+            self._ask()
+        if not self._news:
+            return False
+        self._news = False
+        self._look()
+        return True
+
+    def orders(self) -> Iterator[Order]:
+        """What other operators said of STOP, the latest first."""
+        for message in reversed(self._station.news):
+            if message.kind in (Kind.STOP, Kind.RELEASE):
+                yield Order(message.sender, message.kind is Kind.STOP, message.issued)
+
+    def stopped(self, since: float) -> int:
+        """How many robots say that they are stopped, of those that told of themselves since then."""
+        return sum(mind.stopped for mind in self._looker.minds.values() if mind.told_at >= since)
+
+    def age(self, robot: str) -> float | None:
+        """Seconds since a robot told of itself, None if it never did."""
+        mind = self._looker.minds.get(robot)
+        return None if mind is None else self._station.now - mind.told_at
+
+    def ask_why(self, robot: str, command: str) -> AskedWhy:
+        """Ask a robot how it evaluated a command."""
+        return AskedWhy(self._looker, self._looker.ask_why(robot, command), robot)
+
+    def _ask(self) -> None:
+        self._looker.look()
+        self._due = self._station.now + max(self._every, SHARE * len(self.minds))
+
+    def _look(self) -> None:
+        """Bring the columns up to date, and the scene if robots are new or have left the map."""
+        names = tuple(self._station.roster)
+        self.minds.look(names)
+        area = self._area()
+        if len(names) != len(self.scene.names) or area != self.scene.area:
+            radius = self.scene.sizes[0][1] if self.scene.sizes else RADIUS
+            sizes = ((len(names), radius),)
+            self.scene = replace(self.scene, names=names, area=area, unit=self._unit(), sizes=sizes)
+
+    def _unit(self) -> str:
+        """In which people read where robots are."""
+        found = self.vocabulary.bindings.get(X)
+        quantity = found.quantity if isinstance(found, Variable) else None
+        unit = "" if quantity is None else quantity.shown_as or quantity.unit
+        return unit if unit in UNITS and UNITS[unit].dimension == LENGTH else self.scene.unit
+
+    def _area(self) -> Area:
+        """Where the robots are, with a margin; what was on the map stays on it."""
+        x, y = self._places()
+        known = ~np.isnan(x)
+        if not known.any():
+            return self.scene.area
+        low, high = (float(x[known].min()), float(y[known].min())), (float(x[known].max()), float(y[known].max()))
+        area = self.scene.area
+        if self._mapped:
+            if area[0] <= low[0] and area[1] <= low[1] and high[0] <= area[2] and high[1] <= area[3]:
+                return area
+            low, high = (min(low[0], area[0]), min(low[1], area[1])), (max(high[0], area[2]), max(high[1], area[3]))
+        self._mapped = True
+        wide, tall = (MARGIN * max(LEAST_SIDE, high[i] - low[i]) for i in (0, 1))
+        return low[0] - wide, low[1] - tall, high[0] + wide, high[1] + tall

@@ -1,0 +1,75 @@
+"""`sleepcast console`: the operator's page for robots on the air."""
+
+from __future__ import annotations
+
+import click
+
+from sleepcast.cli.air import Air, looking_for, on_air
+from sleepcast.cli.streams import announce, complain
+
+TITLE = "Robots on the air"
+STORY = (
+    "Every robot that was heard on this channel is on the map, where it last said it was. What you type is broadcast "
+    "to all of them, and each decides for itself whether it is meant: (WHEN (> battery 50%) (JOIN bravo)). Those that "
+    "would obey are lit while you type. Click a robot to read why it obeyed or did not. Robots tell of themselves "
+    "because this page asks them; while it is paused, they are not asked."
+)
+"""What a stranger reads first."""
+
+
+@click.command("console", short_help="Open the operator's page for robots on the air.")
+@click.option("--scenario", metavar="NAME|FILE", help="Draw the world of this scenario under them.")
+@click.option(
+    "--every", metavar="S", type=click.FloatRange(0.2, 60.0), default=1.0, show_default=True, help="Ask so often."
+)
+@click.option("--host", default="127.0.0.1", show_default=True, help="The address at which the page is served.")
+@click.option("--port", type=click.IntRange(0, 65_535), help="Its port; else 8317, 0 for any free one.")
+@click.option("--insecure", is_flag=True, help="Allow a host that others can reach.")
+@click.option("--no-browser", is_flag=True, help="Only print the address of the page.")
+@on_air
+def console(
+    scenario: str | None,
+    every: float,
+    host: str,
+    port: int | None,
+    insecure: bool,
+    no_browser: bool,
+    air: Air,
+) -> int:
+    """Show the robots of a channel on a page in the browser: a map of where they say they are, a prompt that tells who
+    would obey before you send, the account of every command, why a robot obeyed or did not, and STOP (F9).
+
+    \b
+    Examples:
+      sleepcast console
+      sleepcast console --scenario bravo --channel udp://192.168.1.255:47123
+    """
+    with looking_for(air, complain) as (station, looker):
+        from sleepcast.cli.channel_page import EMPTY, FleetOnPage
+        from sleepcast.clock import WallClock
+        from sleepcast.console import DEFAULT_PORT, Scene, serve_fleet
+
+        if scenario is None:
+            ground = Scene(TITLE, STORY, "robots", (), EMPTY, "m", ())
+        else:
+            from msgspec.structs import replace
+
+            from sleepcast.cli.page import scene_of
+            from sleepcast.simulator import find_scenario
+
+            drawn = scene_of(find_scenario(scenario), ("",))
+            ground = replace(drawn, names=(), story=STORY)
+        began = station.now
+        fleet = FleetOnPage(station, looker, ground, every, began)
+        serve_fleet(
+            fleet,
+            station,
+            WallClock(),
+            began,
+            host=host,
+            port=DEFAULT_PORT if port is None else port,
+            insecure=insecure,
+            open_browser=not no_browser,
+            say=announce,
+        )
+    return 0

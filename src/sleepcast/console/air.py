@@ -1,0 +1,171 @@
+"""The desk behind a page whose robots are on the air: they come and go, are asked of themselves, and time is real."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Iterator
+from math import inf
+from typing import NamedTuple, Protocol
+
+from sleepcast.clock import Clock
+from sleepcast.console import answers
+from sleepcast.console.desk import Desk
+from sleepcast.console.driver import Driver
+from sleepcast.console.explaining import show_why
+from sleepcast.console.names import names_of
+from sleepcast.console.swarm import RobotMind, Rule, Swarm
+from sleepcast.errors import SleepcastError, printable
+from sleepcast.language import Explanation
+from sleepcast.station import Station
+
+LISTEN = 0.02
+"""Seconds between two looks at the air: a robot's answer is on the page before anybody could say it is late."""
+AT_LEAST_EVERY = 0.5
+"""Seconds after which a new frame is drawn even if nobody told anything: the clock goes on."""
+LONGEST_WHY = 3.0
+"""Seconds for which a robot is waited for that is to say why."""
+NOT_TOLD = "not told"
+"""What a rule last came to on a robot, which nobody knows but the robot."""
+
+
+class AskedWhy(Protocol):
+    """A question to a robot why it did what it did."""
+
+    def answer(self) -> Explanation | None:
+        """What it said, None while it has said nothing. Raises SleepcastError for what it cannot say."""
+
+
+class Order(NamedTuple):
+    """A STOP (or a RELEASE) of another operator. issued: when, s of the station's clock."""
+
+    sender: str
+    stop: bool
+    issued: float
+
+
+class Fleet(Swarm, Protocol):
+    """A swarm on the air. asking: whether robots are asked of themselves time and again."""
+
+    asking: bool
+
+    def hear(self) -> bool:
+        """Hear what has come, and ask for more if it is time; whether there is any news."""
+
+    def orders(self) -> Iterator[Order]:
+        """What other operators said of STOP, the latest first."""
+
+    def stopped(self, since: float) -> int:
+        """How many robots say that they are stopped, of those that told of themselves since then (station's clock)."""
+
+    def age(self, robot: str) -> float | None:
+        """Seconds since a robot told of itself, None if it never did."""
+
+    def ask_why(self, robot: str, command: str) -> AskedWhy:
+        """Ask a robot how it evaluated a command."""
+
+
+class RealPace:
+    """Time on the wall (a `Pace`), which nobody holds: a pause only means that robots are asked no more."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        self._fleet = fleet
+        self.factor = 1.0
+
+    @property
+    def paused(self) -> bool:
+        return not self._fleet.asking
+
+    @paused.setter
+    def paused(self, paused: bool) -> None:
+        self._fleet.asking = not paused
+
+    @property
+    def achieved(self) -> float:
+        """Seconds in a second."""
+        return 1.0
+
+    def keep_up(self, budget: float) -> int:
+        """Nothing is due."""
+        return 0
+
+
+class AirDriver(Driver):
+    """Listens to the air, and draws what robots tell."""
+
+    def __init__(self, fleet: Fleet, clock: Clock) -> None:
+        super().__init__(fleet, RealPace(fleet), clock)
+        self._fleet = fleet
+
+    async def run(self) -> None:
+        """Listen until cancelled. Raises what the channel raises."""
+        news, drawn_at = True, -AT_LEAST_EVERY
+        while True:
+            news = self._fleet.hear() or news
+            now = self._clock.now()
+            if now >= self._frame_due and (news or now - drawn_at >= AT_LEAST_EVERY):
+                self.draw()
+                news, drawn_at = False, now
+                self.wait_a_frame(now)
+            await asyncio.sleep(LISTEN)
+
+    def set_pace(self, running: bool | None = None, factor: float | None = None) -> None:
+        """Ask robots of themselves, or no more; real time has one speed."""
+        super().set_pace(running)
+
+
+class AirDesk(Desk):
+    """See the module. Its times are those of the fleet, which begin with the page."""
+
+    def __init__(self, fleet: Fleet, station: Station, driver: Driver, clock: Clock, began: float) -> None:
+        super().__init__(fleet, station, driver, clock, began=began)
+        self._fleet = fleet
+        self._greeting: answers.Hello | None = None
+
+    def hello(self) -> answers.Hello:
+        """What a page needs first, and again as soon as the scene is another one."""
+        scene = self._swarm.scene
+        if self._greeting is None or self._greeting.scene is not scene:
+            self._greeting = answers.Hello(scene, len(scene.names), names_of(self._swarm), air=True)
+        return self._greeting
+
+    def news(self, watched: int) -> Iterator[answers.Said]:
+        """Everything that may have changed; the scene, too."""
+        yield self.hello()
+        yield from super().news(watched)
+
+    def why(self, serial: int, robot: int, command: str) -> Awaitable[answers.Explained]:
+        """The robot is asked."""
+        return self._why(serial, self._fleet.ask_why(self._name(robot), command))
+
+    async def _why(self, serial: int, asked: AskedWhy) -> answers.Explained:
+        until = self._clock.now() + LONGEST_WHY
+        while (found := asked.answer()) is None:
+            if self._clock.now() > until:
+                raise SleepcastError("The robot has not answered: nobody knows why it did what it did.")
+            await asyncio.sleep(LISTEN)
+        return answers.Explained(serial, show_why(found, self._swarm.vocabulary))
+
+    def _safety(self) -> answers.Safety:
+        """Of our own STOP the account; of what other operators said, what robots have told of themselves since."""
+        own = next((c for c in reversed(self._station.commands()) if c.kind in ("stop", "release")), None)
+        other = next(self._fleet.orders(), None)
+        found, since, by = super()._safety(), -inf if own is None else own.message.issued, ""
+        if other is not None and other.issued > since:
+            found, since = answers.Safety(other.stop, ""), other.issued
+            by = f"STOP by {printable(other.sender)}: " if other.stop else ""
+        if not found.sentence:
+            stopped, count = self._fleet.stopped(since), len(self._fleet.minds)
+            said = f"{by}{stopped:,} of {count:,} robots say that they are stopped."
+            found = answers.Safety(found.latched or stopped > 0, said)
+        self.driver.latched = found.latched
+        return found
+
+    def _states(self, mind: RobotMind) -> list[str]:
+        age = self._fleet.age(mind.name)
+        if age is None:
+            return ["has told nothing of itself"]
+        old = [f"last told {age:.0f} s ago"] if age > self._station.stale_after else []
+        return super()._states(mind) + old
+
+    def _show_rule(self, rule: Rule) -> answers.ShownRule:
+        return answers.ShownRule(rule.name, rule.text, rule.active, NOT_TOLD, rule.last_fault)

@@ -1,0 +1,153 @@
+"""The page of robots on the air: robots in another process, the page's end of the WebSocket, and a real Chromium."""
+
+from __future__ import annotations
+
+import re
+import struct
+import time
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import BrowserContext, expect
+
+from channel.test_udp import free_port
+from cli.calling import called
+from cli.test_crew import swarm
+from console.running import PATIENCE, Page, Program, number, open_page
+
+TEACHING = """(DEFUN late (n) (> id n))
+(RULE keep (WHEN (late 20) (SETQ marked 1)))
+"""
+
+
+@pytest.fixture(scope="module")
+def channel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """A channel with twelve robots on it."""
+    home = tmp_path_factory.mktemp("home")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HOME", str(home))
+        for name in ("XDG_CONFIG_HOME", "XDG_DATA_HOME"):
+            patch.delenv(name, raising=False)
+        rules = home / "begin.sleep"
+        rules.write_text(TEACHING)
+        uri = f"udp://239.255.83.78:{free_port()}?interface=lo"
+        with swarm(12, uri, "--rules", str(rules)):
+            yield uri
+
+
+@pytest.fixture(scope="module")
+def on_air(channel: str) -> Iterator[Program]:
+    with Program("console", "--channel", channel, "--every", "0.3") as started:
+        yield started
+
+
+@pytest.fixture
+def air(on_air: Program) -> Iterator[Page]:
+    """A page that knows all twelve robots."""
+    with open_page(on_air) as found:
+        found.until("hello", lambda hello: hello["count"] == 12)
+        yield found
+
+
+def positions(air: Page) -> list[tuple[float, float, float]]:
+    """x, y and heading of every robot in the next frame."""
+    if air.frames:  # one may have come while the test waited for something else
+        air.tell("drawn", number=number(air.frames[-1]))
+    frame = air.frame()
+    count = struct.unpack_from("<I", frame, 4)[0]
+    found = struct.unpack_from(f"<{3 * count}f", frame, 32)
+    return list(zip(found[::3], found[1::3], found[2::3], strict=True))
+
+
+def test_robots_are_where_they_say_they_are(air: Page) -> None:
+    hello = air.news["hello"]
+    assert sorted(hello["scene"]["names"], key=lambda name: int(name[1:])) == [f"r{i}" for i in range(1, 13)]
+    assert hello["air"]
+    now = positions(air)
+    while not now or any(heading != heading for _, _, heading in now):
+        now = positions(air)
+    left, low, right, high = air.news["hello"]["scene"]["area"]
+    assert all(left <= x <= right and low <= y <= high for x, y, _ in now)
+    end = time.monotonic() + PATIENCE
+    while all(a == b for a, b in zip(now, positions(air), strict=True)):
+        assert time.monotonic() < end, "they drive, and it is to be seen"
+
+
+def test_what_is_typed_is_foreseen_counted_sent_and_explained(air: Page, channel: str) -> None:
+    text = "(WHEN (AND (late 1) (< id 4)) (JOIN bravo))"
+    end = time.monotonic() + PATIENCE
+    while (found := air.ask("preview", text=text))["unknown"]:
+        assert time.monotonic() < end, found
+    assert (found["yes"], found["no"], found["findings"]) == (2, 10, [])
+    sent = air.ask("send", text=text)["command"]
+    row = air.until("commands", lambda news: news["rows"] and news["rows"][-1]["silent"] == 0)["rows"][-1]
+    assert (row["id"], row["matched"], row["not_matched"], row["predicted"]) == (sent, 2, 10, 2)
+    assert 0.0 <= row["at"] < 600.0
+    names = air.news["hello"]["scene"]["names"]
+    why = air.ask("why", robot=names.index("r7"), command=sent)["why"]
+    assert (why["matched"], why["reason"]) == (False, "id = 7, needed < 4")
+    lost = air.ask("why", robot=names.index("r7"), command="desk-1.1")
+    assert (lost["type"], "remembers no command" in lost["reason"]) == ("refused", True)
+    many = air.ask("send", text="(WHEN (> id 0) (JOIN all))")
+    assert (many["type"], many["count"]) == ("refused", True)
+    assert many["reason"] == "This is for more than 10 robots: 12 may obey. Type their number to send it."
+    assert air.ask("send", text="(WHEN (> id 0) (JOIN all))", count=11)["type"] == "refused"
+    assert air.ask("send", text="(WHEN (> id 0) (JOIN all))", count=12)["type"] == "sent"
+    air.tell("watch", robot=names.index("r2"))
+    robot = air.until("robot", lambda news: news["robot"] == names.index("r2") and "bravo" in news["groups"])
+    assert [rule["name"] for rule in robot["rules"]] == ["keep"]
+    assert robot["rules"][0]["value"] == "not told"
+    assert {"x", "heading", "fuel"} <= {value["name"] for value in robot["values"]}
+
+
+def test_a_stop_of_anybody_is_seen(air: Page, channel: str) -> None:
+    air.tell("stop")
+    own = air.until("safety", lambda news: "all 12 robots" in news["sentence"])
+    assert own["latched"]
+    assert called("release", "--channel", channel).status == 0
+    air.until("safety", lambda news: not news["latched"])
+    assert called("stop", "--channel", channel).status == 0
+    other = air.until("safety", lambda news: news["sentence"].endswith("12 of 12 robots say that they are stopped."))
+    assert (other["latched"], other["sentence"].startswith("STOP by ")) == (True, True)
+    air.tell("release")
+    air.until("safety", lambda news: not news["latched"])
+
+
+def test_who_comes_later_is_on_the_map_and_a_pause_asks_nobody(air: Page, channel: str) -> None:
+    with swarm(1, channel, "--name-prefix", "late"):
+        hello = air.until("hello", lambda news: news["count"] == 13)
+        assert hello["scene"]["names"][-1] == "late1"
+        while (heading := positions(air)[-1][2]) != heading:
+            assert air.news["hello"]["count"] == 13
+        assert air.ask("preview", text="(WHEN (> fuel 0) (JOIN bravo))")["yes"] == 13
+    air.tell("pace", running=False)
+    air.tell("watch", robot=0)
+    air.until("robot", lambda news: any("last told" in word for word in news["state"]))
+    assert air.ask("preview", text="(WHEN (> fuel 0) (JOIN bravo))")["unknown"] == 13
+    air.tell("pace", running=True)
+
+
+@pytest.mark.browser
+def test_a_person_sees_and_commands_them(on_air: Program, context: BrowserContext) -> None:
+    page = context.new_page()
+    complaints: list[str] = []
+    page.on("console", lambda said: complaints.append(said.text) if said.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto(on_air.address)
+    expect(page.locator("#speed")).to_be_hidden()
+    page.locator("#text").fill("(WHEN (> id 0) (JOIN delta))")
+    expect(page.locator("#yes")).to_have_text("12")
+    page.locator("#text").press("Enter")
+    expect(page.locator("#meant-text")).to_contain_text("may obey")
+    page.locator("#meant-count").fill(re.findall(r"(\d+) may", page.locator("#meant-text").inner_text())[0])
+    page.locator("#meant-count").press("Enter")
+    expect(page.locator("#legend")).to_contain_text("delta")
+    expect(page.locator("#meant")).to_be_hidden()
+    page.locator("#map").focus()
+    page.keyboard.press("ArrowRight")
+    expect(page.locator("#pane-why")).to_contain_text("matched")
+    page.keyboard.press("F9")
+    expect(page.locator("#stopped-text")).to_contain_text("robots say that they are stopped")
+    page.locator("#release").click()
+    expect(page.locator("#stopped")).to_be_hidden()
+    assert not complaints

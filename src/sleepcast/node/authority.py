@@ -39,7 +39,7 @@ class Authority:
         return False
 
     def may_release(self, message: Message, now: float) -> bool:
-        """Whether to obey a RELEASE: it was decided after the latest STOP. Sent again, or late, it ends no later one."""
+        """Whether to obey a RELEASE: it was decided after the latest STOP, also where it is sent again, or late."""
         if _decided(message) < self._stopped:
             return False
         self._released = max(self._released, min(_decided(message), now))

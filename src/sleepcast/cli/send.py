@@ -65,9 +65,9 @@ def send(
     """Broadcast an expression: every robot decides for itself whether it is meant. Then tell who matched, who did not,
     where it went wrong, and who said nothing.
 
-    Robots are asked first who would obey. Where more than ten may, or the expression cannot be undone, their number must
-    be typed, or said with --count. A robot that drives stops by itself when it hears nobody for a second; --hold keeps it
-    going until so many seconds are over, or Ctrl-C.
+    Robots are asked first who would obey. Where more than ten may, or the expression cannot be undone, their number
+    must be typed, or said with --count. A robot that drives stops by itself when it hears nobody for a second; --hold
+    keeps it going until so many seconds are over, or Ctrl-C.
 
     \b
     Examples:

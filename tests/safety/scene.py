@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
+from math import inf
 from random import Random
 
 from sleepcast.channel import Message
@@ -95,8 +96,8 @@ class Robot:
 @dataclass
 class Scene:
     """Robots `r0`, `r1`, ... and operators, who join when they are first asked for. loss: share of what each receiver
-    loses of everything; twice: what he hears twice; delay: s at most, which also changes the order. deaf: pairs of
-    speaker and hearer between whom nothing goes."""
+    loses of everything; twice: what he hears twice; delay: s at most, which also changes the order. lease: the dead
+    man's, s. deaf: pairs of speaker and hearer between whom nothing goes."""
 
     robots: int = 3
     loss: float = 0.0
@@ -104,6 +105,7 @@ class Scene:
     delay: float = 0.0
     seed: int = 1
     caution: Caution | None = None
+    lease: float = inf
     clock: ManualClock = field(default_factory=lambda: ManualClock(START))
     sent: list[bytes] = field(default_factory=list)
     deaf: set[tuple[str, str]] = field(default_factory=set)
@@ -127,7 +129,7 @@ class Scene:
     def _robot(self, name: str, number: int) -> Robot:
         body = Body()
         line, wire = self._line(name, KEYS["r*"], robot=True, zero=self.clock.now())
-        node = Node(name, VOCABULARY, number=number, body=body)
+        node = Node(name, VOCABULARY, number=number, body=body, lease=self.lease)
         node.sense((float(number), 0.5), 0.0)
         return Robot(node, line, wire, body)
 

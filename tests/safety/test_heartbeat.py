@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from safety.scene import Scene
-from sleepcast.channel import Kind
+from safety.scene import KEYS, Scene
+from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import look
 from sleepcast.station.aired import LEASE
 
@@ -59,3 +59,48 @@ def test_another_operators_stop_ends_the_heartbeats_too() -> None:
     watch.stop()
     scene.run(0.2)
     assert beats(scene, 5.0) == 0
+
+
+def driven(scene: Scene) -> list[bool]:
+    return [robot.node.driven for robot in scene.fleet.values()]
+
+
+def test_who_is_driven_rests_when_nobody_is_heard_any_more_and_nothing_old_resumes() -> None:
+    """Must 3: with a desk that goes away, with a link that goes away, and when it comes back."""
+    scene = Scene(lease=LEASE)
+    desk = scene.desk()
+    desk.holding = True
+    desk.send("(DRIVE 1)", everybody=True)
+    scene.run(10.0)
+    assert driven(scene) == [True] * 3
+    scene.isolate("r1")
+    scene.run(LEASE + 0.1)
+    assert driven(scene) == [True, False, True]
+    scene.join("r1")
+    scene.run(3.0)
+    assert driven(scene) == [True, False, True]
+    desk.holding = False
+    scene.run(LEASE + 0.1)
+    assert driven(scene) == [False] * 3
+    assert [report.body["label"] for report in desk.reports].count("at rest: nobody drives it any more") == 2
+    assert [robot.body.driven for robot in scene.fleet.values()] == [[1.0]] * 3
+
+
+def test_heartbeats_of_those_who_may_not_command_keep_nobody_going() -> None:
+    """Musts 3 and 5: an observer's, a robot's, a stranger's, and one that is played again."""
+    scene = Scene(robots=1, lease=LEASE)
+    desk = scene.desk()
+    desk.holding = True
+    scene.desk("watch")
+    desk.send("(DRIVE 1)", everybody=True)
+    scene.run(3.0)
+    recorded = [datagram for datagram in scene.sent if look(datagram).kind is Kind.HEARTBEAT]
+    assert driven(scene) == [True]
+    desk.holding = False
+    for number in range(15):
+        now = scene.clock.now()
+        scene.say(Message("watch", 1, 100 + number, Kind.HEARTBEAT, now, now + 1.0), KEYS["watch"])
+        scene.say(Message("r9", 1, 100 + number, Kind.HEARTBEAT, now, now + 1.0), KEYS["r*"])
+        scene.fly("stranger", recorded[number % len(recorded)])
+        scene.run(0.1)
+    assert driven(scene) == [False]

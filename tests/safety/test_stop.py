@@ -126,6 +126,58 @@ def test_a_release_that_was_decided_before_a_stop_does_not_end_it() -> None:
     assert "a STOP that was sent later holds" in chief.accounting(release.id).faults["r1"]
 
 
+def test_a_stop_that_goes_on_looking_for_a_robot_does_not_undo_a_later_release() -> None:
+    """One desk still looks for a robot that missed its STOP, and does not know that another one has released all since:
+    who was released goes on, and the robot that never heard of either stops."""
+    scene = Scene()
+    chief, anna = scene.desk("chief"), scene.desk("anna")
+    scene.isolate("r1")
+    stop = chief.stop()
+    scene.run(6.0)
+    scene.deaf.add(("anna", "chief"))
+    anna.release()
+    scene.run(1.0)
+    scene.join("r1")
+    scene.run(3.0)
+    assert {name: robot.node.stopped for name, robot in scene.fleet.items()} == {"r0": False, "r1": True, "r2": False}
+    assert chief.accounting(stop.id).complete
+
+
+def test_a_new_stop_is_obeyed_whatever_the_clocks_say() -> None:
+    """A RELEASE of an operator whose clock is ahead does not make robots deaf to the next STOP, also if they hear of it
+    only when it is sent again."""
+    scene = Scene()
+    chief = scene.desk("chief")
+    scene.desk("anna")
+    chief.stop()
+    scene.run(0.5)
+    ahead = scene.clock.now() + 1.9
+    scene.say(Message("anna", 1, 1, Kind.RELEASE, ahead, ahead + 5.0), KEYS["anna"])
+    scene.run(0.2)
+    assert not scene.fleet["r1"].node.stopped
+    scene.isolate("r1")
+    chief.stop()
+    scene.run(0.5)
+    scene.join("r1")
+    scene.run(1.0)
+    assert all(robot.node.stopped for robot in scene.fleet.values())
+
+
+def test_a_robot_that_is_first_heard_after_a_stop_is_stopped_too() -> None:
+    """Must 2: `every robot on the roster` means those as well that come onto it while STOP holds."""
+    scene = Scene()
+    desk = scene.desk(heard=("r0", "r1"))
+    scene.isolate("r2")
+    stop = desk.stop()
+    scene.run(3.0)
+    assert desk.accounting(stop.id).complete
+    scene.join("r2")
+    desk.hear(Message("r2", 1, 1, Kind.REPORT, scene.clock.now(), body={"label": "here", "values": []}))
+    scene.run(1.0)
+    assert scene.fleet["r2"].node.stopped
+    assert desk.accounting(stop.id).n_matched == 3
+
+
 def test_a_desk_that_hears_a_stop_lets_its_release_go() -> None:
     scene = Scene()
     chief, anna = scene.desk("chief"), scene.desk("anna")
@@ -160,6 +212,24 @@ def test_a_replayed_release_does_not_end_a_stop() -> None:
         scene.fly("stranger", datagram)
     scene.run(1.0)
     assert all(robot.node.stopped for robot in scene.fleet.values())
+
+
+@pytest.mark.parametrize("age", [-5.0, "long", None, float("nan"), 1e9])
+def test_a_stop_that_says_nonsense_stops_and_a_release_that_does_not_release(age: object) -> None:
+    """Must 2: in doubt a robot stands."""
+    scene = Scene(robots=1)
+    desk = scene.desk()
+    desk.stop()
+    scene.run(0.3)
+    said: dict[str, object] = {"age": age}
+    scene.say(Message("anna", 1, 1, Kind.RELEASE, scene.clock.now(), body=said), KEYS["anna"])
+    scene.run(0.3)
+    assert scene.fleet["r0"].node.stopped
+    desk.release()
+    scene.run(0.3)
+    scene.say(Message("anna", 1, 2, Kind.STOP, scene.clock.now(), body=said if age != 1e9 else {}), KEYS["anna"])
+    scene.run(0.3)
+    assert scene.fleet["r0"].node.stopped
 
 
 def test_an_observer_does_not_release() -> None:

@@ -10,17 +10,22 @@ from typing import TYPE_CHECKING
 import click
 
 from sleepcast.cli.account import as_dict, foreseen, silence, stages_as_dict, told
-from sleepcast.cli.air import Air, operator, station_for
+from sleepcast.cli.air import Air, looking_for, operator, station_for
 from sleepcast.cli.evaluate import NegativeNumbersAllowed
 from sleepcast.cli.streams import complain, put
+from sleepcast.cli.who import look_around
+from sleepcast.errors import SleepcastError
 
 if TYPE_CHECKING:
     from sleepcast.station.accounting import Command
     from sleepcast.station.aired import AirStation
+    from sleepcast.station.looking import Looker
     from sleepcast.station.settling import Draft
 
 GRACE = 1.0
 """Seconds after the time for answers for which they are still taken: for a robot's tick, and for repairs."""
+AHEAD = 0.3
+"""The same before anything is sent: who is silent then counts as one who may obey."""
 PATIENCE = 2.0
 """The same for a question, which is asked again where its answer was lost."""
 UNWATCHED = 10.0
@@ -41,6 +46,7 @@ TELL_EVERY = 1.0
 @click.option("--staged", is_flag=True, help="To one robot, then to a tenth, then to all, while nothing goes wrong.")
 @click.option("--hold", metavar="S", type=click.FloatRange(0.0, MAX_HOLD), help="Keep driving robots going so long.")
 @click.option("--strict", is_flag=True, help="Send nothing that is only doubtful.")
+@click.option("--blind", is_flag=True, help="Do not ask the robots beforehand who would obey.")
 @operator
 def send(
     text: str,
@@ -52,15 +58,16 @@ def send(
     staged: bool,
     hold: float | None,
     strict: bool,
+    blind: bool,
     air: Air,
     as_json: bool,
 ) -> int:
     """Broadcast an expression: every robot decides for itself whether it is meant. Then tell who matched, who did not,
     where it went wrong, and who said nothing.
 
-    Where more than ten robots may obey, or the expression cannot be undone, their number must be typed, or said with
-    --count. A robot that drives stops by itself when it hears nobody for a second; --hold keeps it going until so many
-    seconds are over, or Ctrl-C.
+    Robots are asked first who would obey. Where more than ten may, or the expression cannot be undone, their number
+    must be typed, or said with --count. A robot that drives stops by itself when it hears nobody for a second; --hold
+    keeps it going until so many seconds are over, or Ctrl-C.
 
     \b
     Examples:
@@ -76,8 +83,13 @@ def send(
         raise click.UsageError("--staged and --only do not go together: stages are chosen among all")
     audience = Audience(None if only is None else [name for name in only.replace(",", " ").split() if name])
     draft = Draft(text, standing, deadline, everybody, count, audience)
-    with station_for(air, complain, strict=strict) as station:
+    with looking_for(air, complain, strict=strict) as (station, looker):
         station.holding = hold is not None
+        if not blind:
+            _refuse_early(station, draft)
+            _ask_first(station, looker, text)
+        for finding in station.check(text).warnings:
+            complain(finding.render(text))
         complain(foreseen(station.foresee(text, only=audience.only)))
         try:
             station.settle(draft)
@@ -89,6 +101,34 @@ def send(
         if hold is not None:
             station.wait(hold)
         return status
+
+
+def _refuse_early(station: AirStation, draft: Draft) -> None:
+    """Say at once what is wrong whatever robots may tell. Raises what `settle` raises, but for the count."""
+    from sleepcast.station.roster import UnknownRobotError
+
+    if station.caution.strict:
+        return  # which names there are is known only when robots have told them
+    try:
+        may: int | None = station.foresee(draft.text, only=draft.audience.only).may
+    except UnknownRobotError:
+        return  # it may be there all the same: everybody is asked who he is
+    except SleepcastError:
+        may = None  # `settle` says it once more, and writes it down
+    station.settle(replace(draft, count=may))
+
+
+def _ask_first(station: AirStation, looker: Looker, text: str) -> None:
+    """Have robots tell of themselves, and those decide whose answer cannot be foreseen from that; nothing is done."""
+    from sleepcast.language.undecided import CHANCE
+    from sleepcast.station.audience import MAX_LISTED
+    from sleepcast.station.preview import NEVER_HEARD, STALE
+
+    look_around(station, looker, patience=AHEAD)
+    unknown = station.preview(text).unknown
+    asked = [name for name, why in unknown.items() if why not in (NEVER_HEARD, STALE, CHANCE)]
+    if asked:
+        station.poll(text, AHEAD, only=asked if len(asked) <= MAX_LISTED else None)
 
 
 def _at_once(station: AirStation, draft: Draft, as_json: bool) -> int:

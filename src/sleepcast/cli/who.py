@@ -16,7 +16,6 @@ from sleepcast.cli.streams import complain, put
 from sleepcast.errors import SleepcastError, printable
 
 if TYPE_CHECKING:
-    from sleepcast.channel import Message
     from sleepcast.station.aired import AirStation
     from sleepcast.station.looking import Looker
 
@@ -97,11 +96,14 @@ def who(text: str, poll: bool, told: bool, air: Air, as_json: bool) -> int:
     return 0
 
 
-def look_around(station: AirStation, looker: Looker, robots: list[str] | None = None) -> None:
-    """Ask robots (None: all) for telemetry, and for whatever is missing then; wait for it."""
+def look_around(
+    station: AirStation, looker: Looker, robots: list[str] | None = None, patience: float = PATIENCE
+) -> None:
+    """Ask robots (None: all) for telemetry, and for whatever is missing then, and wait for it. patience: s for which
+    answers are waited for beyond their time, and what is missing as long again."""
     began = station.now
-    station.gather(looker.look(robots), PATIENCE)
-    until = station.now + PATIENCE
+    station.gather(looker.look(robots), patience)
+    until = station.now + patience
     while looker.learning(began) and station.now < until:
         station.wait(PAUSE)
 
@@ -116,26 +118,15 @@ def _foreseen(station: AirStation, text: str) -> Obeyers:
 
 def _polled(station: AirStation, text: str) -> Obeyers:
     """By what the robots say."""
-    from sleepcast.channel import Kind
-    from sleepcast.channel.bodies import MATCHED
-
-    matched: dict[str, object] = {}
-
-    def listen(heard: list[Message]) -> None:
-        matched.update((m.sender, m.body.get(MATCHED)) for m in heard if m.body.get("command") == asked.id)
-
-    everybody = station.preview(text).everybody  # refuses what no robot could run, before it is sent
-    asked = station.post(Kind.ASK, text=text, body={MATCHED: True})
-    station.listeners.append(listen)
-    station.gather(asked, PATIENCE)
-    found, account = Obeyers(everybody=everybody), station.accounting(asked.id)
+    asked, poll = station.poll(text, PATIENCE)
+    found, account = Obeyers(everybody=station.preview(text).everybody), station.accounting(asked.id)
     faults = account.faults
     for name in sorted((*account.matched, *account.not_matched, *account.fault)):
-        if matched.get(name) is True:
+        if poll.said.get(name) is True:
             found.yes.append(name)
         elif name in faults:
             found.unknown[name] = faults[name]
-        elif matched.get(name) is False:
+        elif poll.said.get(name) is False:
             found.no.append(name)
         else:
             found.unknown[name] = "it does not say"

@@ -17,6 +17,8 @@ from sleepcast.language.machine import Program
 from sleepcast.language.parts import label_of, rules, walk
 from sleepcast.node.leases import Leases, Wish
 
+MAX_SKEW = 2.0
+"""Seconds by which somebody's clock may be wrong, as the channel has it."""
 OPERATORS = frozenset({Role.OPERATOR.value, Role.COMMANDER.value})
 
 
@@ -25,17 +27,23 @@ class Authority:
 
     def __init__(self) -> None:
         self.leases = Leases()
-        self._stopped = -inf
-        """When the latest STOP that was heard was issued."""
+        self._stopped = self._released = -inf
+        """When the latest STOP, and the latest RELEASE, that was obeyed was decided."""
 
-    def note_stop(self, message: Message) -> None:
-        """A STOP has been heard."""
-        self._stopped = max(self._stopped, message.issued)
+    def may_stop(self, message: Message) -> bool:
+        """Whether to obey a STOP: always, but for one that is sent again for others and was decided so long before the
+        latest RELEASE that no clocks can be wrong by as much."""
+        if _age(message) in (0.0, inf) or _decided(message) > self._released - 2.0 * MAX_SKEW:
+            self._stopped = max(self._stopped, message.issued)
+            return True
+        return False
 
-    def may_release(self, message: Message) -> bool:
-        """Whether a RELEASE was decided after the latest STOP: one that is sent again, or late, ends no later one."""
-        age = message.body.get(AGE, 0.0)
-        return message.issued - (age if isinstance(age, float | int) else inf) >= self._stopped
+    def may_release(self, message: Message, now: float) -> bool:
+        """Whether to obey a RELEASE: it was decided after the latest STOP, also where it is sent again, or late."""
+        if _decided(message) < self._stopped:
+            return False
+        self._released = max(self._released, min(_decided(message), now))
+        return True
 
     def lease(self, message: Message, now: float) -> tuple[str, str]:
         """Do what a message asks for with the lease of a group: the group's key, and why it is refused, if it is."""
@@ -66,6 +74,16 @@ class Authority:
             self._stopped = now - stopped
         if isinstance(leases, Mapping):
             self.leases.restore(leases, now)
+
+
+def _age(message: Message) -> float:
+    """Seconds since a message was first sent; inf where it does not say what can be meant."""
+    age = message.body.get(AGE, 0.0)
+    return float(age) if isinstance(age, float | int) and age >= 0.0 else inf
+
+
+def _decided(message: Message) -> float:
+    return message.issued - _age(message)
 
 
 def _entered(program: Program) -> set[str]:

@@ -40,7 +40,9 @@ class Embodied(Speaker):
         self._memory.variables.stop()
 
     def _stop(self, message: Message) -> None:
-        self.authority.note_stop(message)
+        if not self.authority.may_stop(message):
+            self._answer(message, "fault", fault="a RELEASE that was sent later holds")
+            return
         fault = ""
         try:
             self.halt()
@@ -50,7 +52,7 @@ class Embodied(Speaker):
             self._answer(message, "stopped", fault=fault)
 
     def _release(self, message: Message) -> None:
-        if not self.authority.may_release(message):
+        if not self.authority.may_release(message, self._now):
             self._answer(message, "fault", fault="a STOP that was sent later holds")
             return
         self.stopped = self._memory.held = False

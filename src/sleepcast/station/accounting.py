@@ -85,6 +85,11 @@ class Command:
         """The names of those who were expected to obey."""
         return frozenset(self.answers.names[place] for place in self.expected.tolist())
 
+    def extend(self) -> None:
+        """It is for those as well that have come onto the roster since."""
+        self.answers.make_room()
+        self.addressed = len(self.answers.codes)
+
     @property
     def silent(self) -> NDArray[np.bool_]:
         """Which of the robots that were on the roster are yet to answer, by place."""

@@ -2,38 +2,41 @@
 
 numbers    messages have the ids that they have on the air
 answers    spread over a time that grows with the roster, so that robots do not all speak at once
-pursuit    who is not accounted for is asked again: a STOP until everybody is accounted for, or given up by hand; all
-           else while it is good. A STOP, a RELEASE and a question are sent again, as a new message that names the
-           first one and the robots that are to answer; of a command only the answer is asked for
+pursuit    who is not accounted for is asked again (`pursuit`)
 heartbeat  tells robots that are driven at our word that somebody is still there
 others     what other operators say is heard, too: a RELEASE is not pursued once somebody stops the robots again
 """
 
 from __future__ import annotations
 
-from collections import OrderedDict, deque
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from math import inf
 
-import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import AGAIN, AGE, FIRST, FOR, NOT, WITHIN
+from sleepcast.channel.bodies import FOR, WITHIN
+from sleepcast.channel.bodies import MATCHED as WOULD
 from sleepcast.channel.keys import MAY
 from sleepcast.channel.line import LONGEST, Line
 from sleepcast.channel.message import TO_OPERATOR
 from sleepcast.channel.roles import Role
 from sleepcast.clock import Clock
 from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.language.machine import Program
 from sleepcast.language.parts import rules
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.accounting import Command
 from sleepcast.station.answers import MATCHED
 from sleepcast.station.audience import Audience
-from sleepcast.station.desk import REPEAT_AFTER, STALE_AFTER, Station
+from sleepcast.station.desk import STALE_AFTER, Station
 from sleepcast.station.journal import Event, Journal
-from sleepcast.station.minds import Minds
+from sleepcast.station.minds import Index, Minds
+from sleepcast.station.preview import NO, UNKNOWN, YES
+from sleepcast.station.pursuit import LATCHING, Pursuit
 from sleepcast.station.settling import DEADLINE, Caution, Draft, Settled
 
 ANSWERS_A_SECOND = 1_000.0
@@ -42,19 +45,21 @@ FIRST_WITHIN = 0.5
 """Seconds for answers while nobody is on the roster, who might be many."""
 LEAST_WITHIN = 0.02
 """Seconds for answers at least."""
-SETTLE = 0.25
-"""Seconds after the time for answers before somebody counts as missed: for ticks, repeats and repairs."""
-MAX_NAMED = 400
-"""Names in a message that is sent again: two to four datagrams; where more are missed, everybody answers again."""
-MAX_AGAIN = 4_096
-"""Messages sent again whose answers are still known to be meant for the first one."""
 ABOVE = 10
 """Robots that may obey without anybody being asked whether so many are meant."""
 LEASE = 1.0
 """Seconds for which a robot that is driven goes on without hearing anything, unless it is told otherwise."""
 MAX_NEWS = 100
 """What other operators said, kept for whoever shows it."""
-LATCHING = frozenset({Kind.STOP, Kind.RELEASE})
+
+
+@dataclass(frozen=True, slots=True)
+class Poll:
+    """What robots said themselves of whether they would obey a text, at a time (s of Unix time), by their names."""
+
+    text: str = ""
+    taken: float = -inf
+    said: Mapping[str, bool] = field(default_factory=dict)
 
 
 class RoleError(MisuseError):
@@ -98,10 +103,8 @@ class AirStation(Station):
         self.news: deque[Message] = deque(maxlen=MAX_NEWS)
         self.listeners: list[Callable[[list[Message]], None]] = []
         """Who gets what robots said, each time something was heard."""
-        self._pursued: dict[str, float] = {}
-        """When those that are not accounted for are next asked again, s, by the id of the command."""
-        self._first: OrderedDict[str, str] = OrderedDict()
-        """Of messages sent again, by their ids, that of the first one."""
+        self._polled = Poll()
+        self._pursuit = Pursuit(box, self._sent, self._roster, self._within, self._note_again)
         self._driver: Command | None = None
         """The latest command that may have set robots in motion."""
         self._beat = -inf
@@ -167,6 +170,35 @@ class AirStation(Station):
         self.pump_out()
         return found
 
+    def poll(self, text: str, patience: float, *, only: Sequence[str] | None = None) -> tuple[Command, Poll]:
+        """Ask robots whether they would obey; nothing is done. For a while the desk goes by what they say where it
+        cannot tell by itself. Raises what `ask` raises."""
+        said: dict[str, bool] = {}
+
+        def listen(heard: list[Message]) -> None:
+            for message in heard:
+                would = message.body.get(WOULD)
+                if message.body.get("command") == asked.id and isinstance(would, bool):
+                    said[message.sender] = would
+
+        self._program(text)
+        asked = self.post(Kind.ASK, text=text, body={WOULD: True}, only=only)
+        self.listeners.append(listen)
+        self.gather(asked, patience)
+        self.listeners.remove(listen)
+        self._polled = Poll(text, self.now, said)
+        return asked, self._polled
+
+    def _judged(self, program: Program, audience: Audience) -> tuple[NDArray[np.uint8], Index | None]:
+        codes, places = super()._judged(program, audience)
+        if program.text == self._polled.text and self.now - self._polled.taken <= self.stale_after:
+            there = range(len(codes)) if places is None else places.tolist()
+            said = [self._polled.said.get(self._roster.names[place]) for place in there]
+            for at in np.flatnonzero(codes == UNKNOWN).tolist():
+                if said[at] is not None:
+                    codes[at] = YES if said[at] else NO
+        return codes, places
+
     def stop(self) -> Command:
         """As every station: it leaves at once."""
         self._driver = None
@@ -180,7 +212,7 @@ class AirStation(Station):
     def give_up(self, command: str) -> None:
         """Miss nobody any more who has not answered this command. Raises NoSuchCommandError."""
         self._sent.get(command)
-        self._pursued.pop(command, None)
+        self._pursuit.give_up(command)
 
     def _settle_role(self, kind: Kind, text: str = "", rules_change: bool = False) -> None:
         role, why = self.line.mailbox.role, ""
@@ -213,7 +245,7 @@ class AirStation(Station):
         self.line.mailbox.post(
             kind, message.issued, text=message.text, deadline=deadline, standing=message.standing, body=body
         )
-        self._pursued[message.id] = message.issued + within + SETTLE
+        self._pursuit.begin(message.id, message.issued + within)
         if kind in LATCHING:
             self.pump_out()
 
@@ -231,7 +263,7 @@ class AirStation(Station):
         with self._lock, self.notes.together(self._clock.now()):
             for message in self.line.receive():
                 if message.kind in TO_OPERATOR:
-                    heard.append(self._known(message))
+                    heard.append(self._pursuit.known(message))
                     self.hear(heard[-1])
                 elif message.role != Role.ROBOT:
                     self._overhear(message)
@@ -260,15 +292,11 @@ class AirStation(Station):
     def due(self) -> float:
         """When there is something to be sent again, or a heartbeat, s of Unix time."""
         beat = self._beat + LEASE / 3.0 if self.holding and self._drives() else inf
-        return min(beat, *self._pursued.values(), inf)
+        return min(beat, self._pursuit.due())
 
     def pump_out(self) -> None:
         """Let what was posted leave now."""
         self.line.flush()
-
-    def _known(self, message: Message) -> Message:
-        first = self._first.get(str(message.body.get("command")))
-        return message if first is None else msgspec.structs.replace(message, body={**message.body, "command": first})
 
     def _overhear(self, message: Message) -> None:
         """Another operator speaks."""
@@ -279,69 +307,23 @@ class AirStation(Station):
         self._note(Event.HEARD, message.sender, subject=message.id, text=message.text, details=details)
         if message.kind is Kind.STOP:
             self._driver = None
-            latch = self._sent.latch
-            if latch is not None and latch.kind is Kind.RELEASE:
-                self._pursued.pop(latch.id, None)
+        self._pursuit.overtaken(message.kind)
 
-    # ---- going after what is lost
+    # ---- at every moment
 
     def attend(self) -> None:
         """Ask those again that are not accounted for, and send a heartbeat if one is due."""
         with self._lock:
             now = self._clock.now()
-            for command_id, when in list(self._pursued.items()):
-                if when <= now:
-                    self._pursue(command_id, now)
+            self._pursuit.attend(now)
             if self.holding and self._drives() and now - self._beat >= LEASE / 3.0:
                 self._beat = now
                 self.line.mailbox.post(Kind.HEARTBEAT, now, deadline=now + LEASE)
 
-    def _pursue(self, command_id: str, now: float) -> None:
-        command = self._sent.find(command_id)
-        if command is None or not command.n_silent or not self._still_good(command, now):
-            del self._pursued[command_id]
-            return
-        silent = command.n_silent
-        within = self._within(min(silent, MAX_NAMED) if command.kind is Kind.COMMAND else silent)
+    def _note_again(self, command: Command) -> None:
         if not command.is_look:
-            self._note(Event.REPEATED, subject=command.id, text=command.text, details={"silent": silent})
-        if command.kind is Kind.COMMAND:
-            self._ask_again(command, within, now)
-        else:
-            self._send_again(command, within, now)
-        self._pursued[command_id] = now + max(within + SETTLE, REPEAT_AFTER if command.kind is Kind.STOP else 0.0)
-
-    def _ask_again(self, command: Command, within: float, now: float) -> None:
-        """Have those that are missed say their answer again; nothing is evaluated."""
-        missed = np.flatnonzero(command.silent)[:MAX_NAMED].tolist()
-        body = {AGAIN: command.id, FOR: [self._roster.names[place] for place in missed], WITHIN: within}
-        self.line.mailbox.post(Kind.ASK, now, deadline=now + DEADLINE, body=body)
-
-    def _send_again(self, command: Command, within: float, now: float) -> None:
-        message = command.message
-        body = {**message.body, FIRST: command.id, AGE: now - message.issued, WITHIN: within, **self._missed(command)}
-        deadline = None if message.kind is Kind.RELEASE else message.deadline
-        again = self.line.mailbox.post(message.kind, now, text=message.text, deadline=deadline, body=body)
-        self._first[again.id] = command.id
-        if len(self._first) > MAX_AGAIN:
-            self._first.popitem(last=False)
-
-    def _still_good(self, command: Command, now: float) -> bool:
-        """Whether it is still to be gone after: of STOP and RELEASE only the last one is, all else in its time."""
-        if command.kind in LATCHING:
-            return command is self._sent.latch
-        return now < min(command.message.deadline, command.message.issued + DEADLINE)
-
-    def _missed(self, command: Command) -> dict[str, object]:
-        """Who is to answer what is sent again, as a body says it."""
-        names, silent = self._roster.names, command.silent
-        missed = np.flatnonzero(silent)
-        if len(missed) <= MAX_NAMED:
-            return {FOR: [names[place] for place in missed.tolist()]}
-        there = np.flatnonzero(command.answers.codes)
-        if FOR not in command.message.body and len(there) <= MAX_NAMED:
-            return {NOT: [names[place] for place in there.tolist()]}
-        return {}
+            details = {"silent": command.n_silent}
+            self._note(Event.REPEATED, subject=command.id, text=command.text, details=details)
 
     def _drives(self) -> bool:
         """Whether robots may be moving at our word: somebody obeyed the latest command, or has not answered it."""

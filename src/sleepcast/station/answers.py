@@ -119,7 +119,7 @@ class Answers(Mapping[str, Answer]):
         now: float,
     ) -> None:
         """Keep the answers of those of whom there is none yet. fault: which of `faults`, from 1, or 0."""
-        self._make_room()
+        self.make_room()
         new = (self._outcome[robots] == 0) & (codes > 0)
         if not new.all():
             robots, codes, values, fault = robots[new], codes[new], values[new], fault[new]
@@ -132,7 +132,7 @@ class Answers(Mapping[str, Answer]):
             self._fault[robots] = np.where(fault > 0, fault + len(self._faults), 0)
             self._faults += faults
 
-    def _make_room(self) -> None:
+    def make_room(self) -> None:
         """Robots may have enrolled since the command was sent, and before the first answer there are no columns."""
         self._outcome = _longer(self._outcome, len(self.names))
         self._heard, self._value = _longer(self._heard, len(self.names)), _longer(self._value, len(self.names))

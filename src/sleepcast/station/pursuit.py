@@ -1,0 +1,133 @@
+"""Going after what is lost on the air: who is not accounted for is asked again.
+
+A STOP is sent again until everybody is accounted for, or given up by hand, robots included that are first heard after
+it; all else while it is good. A STOP, a RELEASE and a question are sent again as a new message that names the first one
+and the robots that are to answer; of a command only the answer is asked for.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+from math import inf
+
+import msgspec
+import numpy as np
+
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.bodies import AGAIN, AGE, FIRST, FOR, NOT, WITHIN
+from sleepcast.channel.mailbox import Mailbox
+from sleepcast.station.accounting import Command
+from sleepcast.station.desk import REPEAT_AFTER
+from sleepcast.station.roster import Roster
+from sleepcast.station.sent import Sent
+from sleepcast.station.settling import DEADLINE
+
+SETTLE = 0.25
+"""Seconds after the time for answers before somebody counts as missed: for ticks, repeats and repairs."""
+MAX_NAMED = 400
+"""Names in a message that is sent again: two to four datagrams; where more are missed, everybody answers again."""
+MAX_AGAIN = 4_096
+"""Messages sent again whose answers are still known to be meant for the first one."""
+LATCHING = frozenset({Kind.STOP, Kind.RELEASE})
+
+
+class Pursuit:
+    """Of one desk. mailbox: what is said leaves there; sent, roster: the desk's own. within: seconds over which so many
+    robots are to spread their answers. note: told of each command of which something is sent again."""
+
+    def __init__(
+        self,
+        mailbox: Mailbox,
+        sent: Sent,
+        roster: Roster,
+        within: Callable[[int], float],
+        note: Callable[[Command], None],
+    ) -> None:
+        self._mailbox, self._sent, self._roster, self._within, self._note = mailbox, sent, roster, within, note
+        self._due: dict[str, float] = {}
+        """When those that are not accounted for are next asked again, s, by the id of the command."""
+        self._first: OrderedDict[str, str] = OrderedDict()
+        """Of messages sent again, by their ids, that of the first one."""
+        self._given_up: str | None = None
+        """The id of the STOP of which nobody is missed any more."""
+
+    def begin(self, command: str, answered: float) -> None:
+        """Go after this command once the time for its answers is over (s of Unix time)."""
+        self._due[command] = answered + SETTLE
+
+    def give_up(self, command: str) -> None:
+        """Miss nobody any more who has not answered this command."""
+        self._given_up = command
+        self._due.pop(command, None)
+
+    def overtaken(self, by: Kind) -> None:
+        """Another operator has stopped or released the robots: what we said to the contrary is over."""
+        latch = self._sent.latch
+        if latch is not None and by in LATCHING and latch.kind is not by:
+            self.give_up(latch.id)
+
+    def due(self) -> float:
+        """When there is something to be sent again, s of Unix time."""
+        return min(self._due.values(), default=inf)
+
+    def known(self, message: Message) -> Message:
+        """What a robot says, where an answer to what was sent again names the first."""
+        first = self._first.get(str(message.body.get("command")))
+        return message if first is None else msgspec.structs.replace(message, body={**message.body, "command": first})
+
+    def attend(self, now: float) -> None:
+        """Ask those again that are not accounted for."""
+        latch = self._sent.latch
+        if latch is not None and latch.kind is Kind.STOP and latch.id != self._given_up:
+            latch.extend()
+            if latch.n_silent:
+                self._due.setdefault(latch.id, now)
+        for command_id, when in list(self._due.items()):
+            if when <= now:
+                self._pursue(command_id, now)
+
+    def _pursue(self, command_id: str, now: float) -> None:
+        command = self._sent.find(command_id)
+        if command is None or not command.n_silent or not self._still_good(command, now):
+            del self._due[command_id]
+            return
+        silent = command.n_silent
+        within = self._within(min(silent, MAX_NAMED) if command.kind is Kind.COMMAND else silent)
+        self._note(command)
+        if command.kind is Kind.COMMAND:
+            self._ask_again(command, within, now)
+        else:
+            self._send_again(command, within, now)
+        self._due[command_id] = now + max(within + SETTLE, REPEAT_AFTER if command.kind is Kind.STOP else 0.0)
+
+    def _ask_again(self, command: Command, within: float, now: float) -> None:
+        """Have those that are missed say their answer again; nothing is evaluated."""
+        missed = np.flatnonzero(command.silent)[:MAX_NAMED].tolist()
+        body = {AGAIN: command.id, FOR: [self._roster.names[place] for place in missed], WITHIN: within}
+        self._mailbox.post(Kind.ASK, now, deadline=now + DEADLINE, body=body)
+
+    def _send_again(self, command: Command, within: float, now: float) -> None:
+        message = command.message
+        body = {**message.body, FIRST: command.id, AGE: now - message.issued, WITHIN: within, **self._missed(command)}
+        deadline = None if message.kind is Kind.RELEASE else message.deadline
+        again = self._mailbox.post(message.kind, now, text=message.text, deadline=deadline, body=body)
+        self._first[again.id] = command.id
+        if len(self._first) > MAX_AGAIN:
+            self._first.popitem(last=False)
+
+    def _still_good(self, command: Command, now: float) -> bool:
+        """Whether it is still to be gone after: of STOP and RELEASE only the last one is, all else in its time."""
+        if command.kind in LATCHING:
+            return command is self._sent.latch
+        return now < min(command.message.deadline, command.message.issued + DEADLINE)
+
+    def _missed(self, command: Command) -> dict[str, object]:
+        """Who is to answer what is sent again, as a body says it."""
+        names, missed = self._roster.names, np.flatnonzero(command.silent)
+        if len(missed) <= MAX_NAMED:
+            return {FOR: [names[place] for place in missed.tolist()]}
+        there = np.flatnonzero(command.answers.codes)
+        if FOR not in command.message.body and len(there) <= MAX_NAMED:
+            return {NOT: [names[place] for place in there.tolist()]}
+        return {}

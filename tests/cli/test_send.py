@@ -1,0 +1,68 @@
+"""`send` and its kin as a person and a script meet them: how many are meant, stages, leases, and an honest stop."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from cli.calling import Called, called
+from cli.terminal import terminal
+from cli.test_crew import channel, swarm
+
+__all__ = ["channel"]
+
+ROBOTS = 12
+MARK = "(WHEN (> id 0) (MARK))"
+
+
+def told(found: Called) -> dict[str, Any]:
+    said: dict[str, Any] = json.loads(found.out)
+    return said
+
+
+def test_a_dozen_robots_are_commanded_with_care(channel: str, tmp_path: Path) -> None:
+    def on_air(*arguments: str) -> Called:
+        return called(*arguments, "--channel", channel)
+
+    with swarm(ROBOTS, channel) as process:
+        refused = on_air("send", MARK, "--json")
+        assert (refused.status, refused.out) == (2, "")
+        assert "12 may obey, say how many are meant" in refused.err
+        with terminal(["send", MARK, "--channel", channel], tmp_path) as person:
+            person.wait_for("would obey 12: r1, r2, r3")
+            person.wait_for("Robots that are meant:")
+            person.type("12\r")
+            person.wait_for("matched 12")
+            assert person.status() == 0
+        staged = told(on_air("send", "--staged", "--count", "12", MARK, "--json"))
+        assert [stage["n_matched"] for stage in staged["stages"]] == [1, 2, 9]
+        assert (staged["n_matched"], staged["n_silent"], staged["n_predicted"]) == (12, 0, 12)
+        halted = on_air("send", "--staged", "--count", "12", "(WHEN (> id 0) (PROGN (MARK) (/ 1 0)))")
+        assert halted.status == 1
+        assert "not sent to the others" in halted.err
+        only = told(on_air("send", "--only", "r3,r10", "(MARK)", "--json"))
+        assert (only["matched"], only["n_silent"], only["not_matched"]) == (["r3", "r10"], 0, [])
+        chance = told(on_air("send", "--count", "12", "(WHEN (PROB 0.5) (MARK))", "--json"))
+        assert chance["n_predicted"] == 0, "nobody can say who will"
+        sonar = told(on_air("send", "(WHEN (OR (> id 9) (> (SONAR 0) 900km)) (MARK))", "--json"))
+        assert sonar["predicted"] == sonar["matched"] == ["r10", "r11", "r12"], "the others were asked themselves"
+        assert sonar["n_not_matched"] == 9
+        assert told(on_air("lease", "take", "bravo", "--seconds", "9", "--json"))["n_not_matched"] == ROBOTS
+        asked = told(on_air("ask", "id", "--json"))
+        assert [asked[key] for key in ("answers", "n", "min", "mean", "max")] == [12, 12, 1.0, 6.5, 12.0]
+        assert asked["histogram"] == {"low": 1.0, "high": 12.0, "counts": [2, 1, 1, 1, 1, 1, 1, 1, 1, 2]}
+        process.kill()
+        process.wait()
+        stopped = on_air("stop", "--seconds", "1", "--json")
+        assert (stopped.status, told(stopped)["n_silent"], told(stopped)["matched"]) == (1, ROBOTS, [])
+
+
+def test_what_does_not_go_together(channel: str) -> None:
+    for arguments in (("--staged", "--only", "r1"), ("--deadline", "0"), ("--standing", "--deadline", "5")):
+        refused = called("send", *arguments, MARK, "--channel", channel, "--blind")
+        assert (refused.status, refused.out) == (2, ""), arguments
+        assert "Traceback" not in refused.err
+    refused = called("lease", "grant", "bravo", "--channel", channel)
+    assert (refused.status, refused.out) == (2, "")
+    assert "--to NAME" in refused.err

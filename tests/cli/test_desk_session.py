@@ -125,7 +125,7 @@ def test_a_robot_that_was_not_heard_of_late_decides_nothing(seat: Seat) -> None:
     assert "oL r1" in seat.shown()
     assert "L 1" in panes.robots_title(seat.session)
     seat.session.by_age = True
-    assert panes.ordered(seat.session, seat.station.roster)[0] == "r1"
+    assert seat.session.listed(seat.station.roster)[0] == "r1"
 
 
 def test_what_was_refused_stays_typed(seat: Seat) -> None:

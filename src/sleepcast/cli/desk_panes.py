@@ -5,11 +5,12 @@ Everything that robots and other operators said is untrusted, and printed so tha
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
 from prompt_toolkit.utils import get_cwidth
 
 from sleepcast.channel import Kind
@@ -35,7 +36,6 @@ MOST_LINES = 3
 """Lines for what became of one command."""
 OUTCOMES = "-MNF"
 """A robot's answer, by its code in a column of outcomes."""
-_NUMBERS = re.compile(r"(\d+)")
 
 
 def title(session: Session, width: int, channel: str) -> Line:
@@ -73,16 +73,18 @@ def _silence(found: Accounting) -> str:
 def robots(session: Session, width: int, height: int, first: int) -> list[Line]:
     """The robots from the place `first` on, a line each: state, name, answer to the last command, age, groups."""
     roster = session.station.roster
-    names = ordered(session, roster)[first : first + height]
-    outcome = _last_outcomes(session)
+    names = session.listed(roster)[first : first + height]
+    latest = next(reversed(session.station.commands()), None)
+    silent = None if latest is None else latest.silent
+    lost_after = _lost_after(session)
     found = []
     for name in names:
         heard, mind = roster[name], session.mind(name)
         age = float("inf") if heard is None else max(0.0, session.station.now - heard)
-        lost = age > _lost_after(session)
+        lost = age > lost_after
         letters = ("?" if mind is None else "S" if mind.stopped else "o") + ("L" if lost else " ")
         style = "class:warned" if lost or mind is None else "class:stopped" if mind.stopped else ""
-        code = outcome.get(name, " ")
+        code = _outcome(latest, silent, name)
         told = [_value(session, name, each) for each in session.shown]
         told += [",".join(sorted(mind.told.groups))] if mind is not None and mind.told.groups else []
         room = 16 if width >= WIDE else 8
@@ -107,26 +109,15 @@ def _lost_after(session: Session) -> float:
     return max(LOST, 2.5 * session.period) if session.look_every else LOST
 
 
-def ordered(session: Session, roster: dict[str, float | None]) -> list[str]:
-    """The names, as a person counts or those first that were heard longest ago."""
-    if session.by_age:
-        return sorted(roster, key=lambda name: roster[name] or 0.0)
-    return sorted(roster, key=_natural)
-
-
-def _natural(name: str) -> list[tuple[int, int | str]]:
-    return [(0, int(piece)) if piece.isdigit() else (1, piece) for piece in _NUMBERS.split(name)]
-
-
-def _last_outcomes(session: Session) -> dict[str, str]:
-    """The letter of each robot's answer to the last command or question."""
-    command = next((each for each in reversed(session.station.commands())), None)
-    if command is None:
-        return {}
-    found = session.station.accounting(command.id)
-    codes, names, silent = found.answers.codes, found.answers.names, command.silent
-    letters = {names[place]: OUTCOMES[code] for place, code in enumerate(codes.tolist()) if code}
-    return letters | {names[place]: "-" for place, missing in enumerate(silent.tolist()) if missing}
+def _outcome(command: Command | None, silent: NDArray[np.bool_] | None, name: str) -> str:
+    """The letter of a robot's answer to a command; a blank if it was not asked. silent: who was and did not answer."""
+    place = None if command is None else command.answers.names.place(name)
+    if command is None or silent is None or place is None:
+        return " "
+    codes = command.answers.codes
+    if place < len(codes) and codes[place]:
+        return OUTCOMES[codes[place]]
+    return "-" if place < len(silent) and silent[place] else " "
 
 
 def _value(session: Session, robot: str, name: str) -> str:

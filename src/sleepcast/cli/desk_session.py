@@ -6,12 +6,13 @@ A session never waits. `tick` hears what has come and looks at the robots when t
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from typing import TYPE_CHECKING
 
 from sleepcast.channel import Kind
+from sleepcast.channel.names import natural
 from sleepcast.cli.desk_words import (
     AS_WRITTEN,
     EVERYBODY,
@@ -72,6 +73,7 @@ class Session:
         self.pending: Request | None = None
         self.leaving = False
         self._own: list[Addressee] = []
+        self._listed: list[str] = []
         station.holding = True  # somebody sits here: robots that are driven go on
         self._looked = -inf
         self._asked_why: tuple[Command, str] | None = None
@@ -371,6 +373,14 @@ class Session:
         if not isinstance(self.looker.minds.declared(name.casefold()), Group):
             return None
         return sum(name.casefold() in mind.groups for mind in self.looker.minds.values())
+
+    def listed(self, roster: Mapping[str, float | None]) -> list[str]:
+        """The names on a roster, as a person counts, or those first that were heard longest ago."""
+        if self.by_age:
+            return sorted(roster, key=lambda name: roster[name] or 0.0)
+        if len(self._listed) != len(roster):  # names only come, and sorting thousands for each picture takes long
+            self._listed = sorted(roster, key=natural)
+        return self._listed
 
     def mind(self, robot: str) -> RemoteMind | None:
         """What a robot has told of itself."""

@@ -11,11 +11,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fcntl import ioctl
 from pathlib import Path
 from struct import pack
 from termios import TIOCSWINSZ
+
+from cli.picture import Picture
 
 PATIENCE = 120.0
 """Seconds to wait for what should appear at once; other work on the machine can make it slow."""
@@ -23,10 +25,11 @@ _CONTROLS = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]|\x1b[=>()][A-Z0-9]?|\r")
 
 
 class Terminal:
-    """A running `python -m sleepcast ...`; `screen` is all that it has shown, without control sequences."""
+    """A running `python -m sleepcast ...`; `screen` is all that it has shown, without control sequences,
+    `picture` what is seen now."""
 
-    def __init__(self, process: subprocess.Popen[bytes], master: int) -> None:
-        self.process, self.screen = process, ""
+    def __init__(self, process: subprocess.Popen[bytes], master: int, picture: Picture) -> None:
+        self.process, self.screen, self.picture = process, "", picture
         self._master = master
         self._looked = 0
 
@@ -43,6 +46,18 @@ class Terminal:
         since = self.screen[self._looked : found + len(text)]
         self._looked = found + len(text)
         return since
+
+    def wait_to_see(self, *texts: str) -> list[str]:
+        """Wait until all these are seen at once; gives the lines of the screen."""
+        return self.wait_until(lambda picture: all(text in picture for text in texts), f"{texts} at once")
+
+    def wait_until(self, seen: Callable[[str], object], what: str) -> list[str]:
+        """Wait until the screen is as `seen` wants it, which is told as `what`; gives its lines."""
+        end = time.monotonic() + PATIENCE
+        while not seen(str(self.picture)):
+            if not self._read(end - time.monotonic()):
+                raise AssertionError(f"not seen: {what}; the screen:\n{self.picture}")
+        return self.picture.lines
 
     def interrupt(self) -> None:
         """Ctrl-C for a program that does not read keys itself."""
@@ -64,15 +79,22 @@ class Terminal:
         # A terminal is asked where its cursor is, and must answer.
         for _ in range(data.count(b"\x1b[6n")):
             os.write(self._master, b"\x1b[1;1R")
+        self.picture.feed(data)
         self.screen += _CONTROLS.sub(b"", data).decode(errors="replace")
         return bool(data)
 
 
 @contextlib.contextmanager
-def terminal(arguments: Sequence[str], home: Path, extra: Mapping[str, str] | None = None) -> Iterator[Terminal]:
-    """`python -m sleepcast ARGUMENTS` with a terminal and a home folder of its own."""
+def terminal(
+    arguments: Sequence[str],
+    home: Path,
+    extra: Mapping[str, str] | None = None,
+    size: tuple[int, int] = (120, 40),
+) -> Iterator[Terminal]:
+    """`python -m sleepcast ARGUMENTS` with a terminal of `size` columns and lines, and a home folder of its own."""
+    columns, lines = size
     master, slave = pty.openpty()
-    ioctl(slave, TIOCSWINSZ, pack("HHHH", 40, 120, 0, 0))
+    ioctl(slave, TIOCSWINSZ, pack("HHHH", lines, columns, 0, 0))
     environment = {**os.environ, "TERM": "xterm-256color", "HOME": str(home), **(extra or {})}
     environment.pop("XDG_DATA_HOME", None)
     process = subprocess.Popen(
@@ -85,7 +107,7 @@ def terminal(arguments: Sequence[str], home: Path, extra: Mapping[str, str] | No
     )
     os.close(slave)
     try:
-        yield Terminal(process, master)
+        yield Terminal(process, master, Picture(columns, lines))
     finally:
         if process.poll() is None:
             process.kill()

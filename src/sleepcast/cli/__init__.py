@@ -42,6 +42,7 @@ COMMANDS = {
     "stop": ("sleepcast.cli.send", "stop"),
     "release": ("sleepcast.cli.send", "release"),
     "lease": ("sleepcast.cli.lease", "lease"),
+    "desk": ("sleepcast.cli.desk", "desk"),
     "journal": ("sleepcast.cli.journal", "journal"),
     "why": ("sleepcast.cli.who", "why"),
     "watch": ("sleepcast.cli.watch", "watch"),

@@ -27,7 +27,8 @@ PROMPT, MORE = "sleep> ", "  ...> "
 MAX_HISTORY = 1_048_576
 """Bytes of history kept from one conversation to the next: years of typing; the older half goes when it is full."""
 
-_WORD = re.compile(r"[^\s()'`,;\"]+\Z")
+WORD = re.compile(r"[^\s()'`,;\"]+\Z")
+"""The word that ends a text."""
 _ENTRY = b"\n# "
 
 
@@ -35,7 +36,7 @@ def typed_texts(node: Node, questions: Sequence[str]) -> Iterator[str]:
     """What a person types, text by text, until Ctrl-D; Ctrl-C drops the text that is being typed."""
     session: PromptSession[str] = PromptSession(
         PROMPT,
-        history=_history(),
+        history=history(),
         completer=Names(node, questions),
         multiline=Condition(lambda: still_open(get_app().current_buffer.text) > 0),
         prompt_continuation=MORE,
@@ -59,7 +60,7 @@ class Names(Completer):
     def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
         """The names that begin with the word before the cursor."""
         before = document.text_before_cursor
-        found = _WORD.search(before)
+        found = WORD.search(before)
         word = found.group() if found else ""
         if not word and not complete_event.completion_requested:
             return
@@ -72,16 +73,22 @@ class Names(Completer):
         return sorted({*self._node.vocabulary.names(), *self._node.heard()}, key=str.casefold)
 
     def _about(self, name: str) -> str:
-        function = FUNCTIONS.get(name.casefold())
-        if function is not None:
-            return function.usage
+        usage = usage_of(name)
+        if usage:
+            return usage
         binding = self._node.vocabulary.bindings.get(name.casefold())
         if isinstance(binding, Variable):
             return format_value(self._node.values[binding.slot])
         return ""
 
 
-def _history() -> History:
+def usage_of(name: str) -> str:
+    """How a function of the language is called, "" for any other name."""
+    function = FUNCTIONS.get(name.casefold())
+    return function.usage if function is not None else ""
+
+
+def history() -> History:
     """The history of earlier conversations; only of this one, with a sentence, if there is nowhere to keep it."""
     try:
         folder = data_folder()

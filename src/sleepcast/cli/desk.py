@@ -1,0 +1,79 @@
+"""`sleepcast desk`: a full-screen desk in a terminal, for robots on the air."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import TYPE_CHECKING
+
+import click
+
+from sleepcast.cli.air import Air, looking_for, on_air
+from sleepcast.cli.streams import complain
+from sleepcast.errors import MisuseError
+
+if TYPE_CHECKING:
+    from sleepcast.cli.desk_session import Session
+
+LOOK_EVERY = 2.0
+"""Seconds between two looks at the robots, unless another time is said: often enough for a preview."""
+DUMB = frozenset({"", "dumb", "unknown"})
+"""Terminals that cannot put a letter where it is wanted."""
+
+
+@click.command("desk", short_help="A full-screen desk in this terminal, for robots on the air.")
+@click.option(
+    "--look",
+    metavar="S",
+    type=click.FloatRange(0.0, 3600.0),
+    default=LOOK_EVERY,
+    show_default=True,
+    help="Ask robots to tell of themselves so often; 0: only when you say :look.",
+)
+@on_air
+def desk(look: float, air: Air) -> int:
+    """Command robots from a terminal, also over ssh: while you type, it counts who would obey; every command is
+    accounted for; F9 stops every robot at once.
+
+    F1 shows the keys. What is sent and heard is written into the fleet's journal (`sleepcast journal`).
+
+    \b
+    Examples:
+      sleepcast desk
+      sleepcast desk --channel udp://192.168.1.255:47123 --key desk --look 5
+    """
+    _check_terminal()
+    import asyncio
+
+    from sleepcast.cli.desk_screen import Screen
+    from sleepcast.cli.desk_session import Session
+
+    with looking_for(air, complain) as (station, looker):
+        session = Session(station, looker, look)
+        try:
+            asyncio.run(Screen(session, air.channel).run())
+        except EOFError:
+            complain("the terminal is gone, and the desk with it")
+        finally:
+            _tell_end(session)
+    return 0
+
+
+def _check_terminal() -> None:
+    """Raises MisuseError where there is no terminal that can show a desk."""
+    instead = "use sleepcast send, watch and stop instead, which need none"
+    if not all(stream is not None and stream.isatty() for stream in (sys.stdin, sys.stdout)):
+        raise MisuseError(f"a desk needs a terminal to type at and to be shown on: {instead}")
+    if os.environ.get("TERM", "") in DUMB:
+        raise MisuseError(f"this terminal (TERM={os.environ.get('TERM', '')}) cannot show a desk: {instead}")
+
+
+def _tell_end(session: Session) -> None:
+    """Leave behind on the plain screen what became of a STOP."""
+    from sleepcast.channel import Kind
+    from sleepcast.cli.account import silence
+
+    latch = session.latch
+    if latch is not None and latch.kind is Kind.STOP:
+        found = session.station.accounting(latch.id)
+        complain(f"STOP holds: stopped {found.n_matched}, {silence(found)}; sleepcast release ends it")

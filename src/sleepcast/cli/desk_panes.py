@@ -1,0 +1,281 @@
+"""What stands in each pane of the terminal desk: lines that fit, in words and letters, with colour only besides.
+
+Everything that robots and other operators said is untrusted, and printed so that no terminal obeys it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from prompt_toolkit.utils import get_cwidth
+
+from sleepcast.channel import Kind
+from sleepcast.cli.account import silence
+from sleepcast.cli.told import said
+from sleepcast.errors import printable
+from sleepcast.language import Variable
+from sleepcast.station.accounting import Accounting, Command
+from sleepcast.units import shown
+
+if TYPE_CHECKING:
+    from sleepcast.cli.desk_session import Session
+    from sleepcast.cli.desk_words import Spot
+
+Line = list[tuple[str, str]]
+"""Pieces of a line, each with its style."""
+
+LOST = 10.0
+"""Seconds after which a robot that was not heard is shown as lost, where nobody looks more seldom."""
+WIDE = 48
+"""Columns of the list of robots from which on their names may be long."""
+MOST_LINES = 3
+"""Lines for what became of one command."""
+OUTCOMES = "-MNF"
+"""A robot's answer, by its code in a column of outcomes."""
+
+
+def title(session: Session, width: int, channel: str) -> Line:
+    """Who is at the desk, on which channel, and the time."""
+    now = time.strftime("%H:%M:%S", time.localtime(session.station.now))
+    box = session.station.line.mailbox
+    left = f" sleepcast desk  {box.name} ({box.role})  {box.door.fleet} on {channel}"
+    return [("class:title", _filled(left, width - len(now) - 2) + f" {now} ")]
+
+
+def safety(session: Session, width: int) -> Line:
+    """Whether STOP holds, and who is stopped; always in the same place."""
+    latch, minds = session.latch, session.looker.minds
+    stopped = sum(mind.stopped for mind in minds.values())
+    if latch is None:
+        told = (
+            f"{stopped} of {len(session.station.roster)} say that they are stopped" if stopped else "STOP: F9 or Ctrl-X"
+        )
+        return [("class:warned" if stopped else "", _filled(f" {told}", width))]
+    found = session.station.accounting(latch.id)
+    ago = f"{max(0.0, session.station.now - latch.message.issued):.0f} s ago"
+    if latch.kind is Kind.STOP:
+        return [("class:stop", _filled(f" STOP {ago}: stopped {found.n_matched}, {_silence(found)}", width))]
+    return [("class:warned", _filled(f" RELEASE {ago}: released {found.n_matched}, {_silence(found)}", width))]
+
+
+def _silence(found: Accounting) -> str:
+    fault = f"fault {found.n_fault}, " if found.n_fault else ""
+    return f"{fault}{silence(found)}"
+
+
+# ---- robots
+
+
+def robots(session: Session, width: int, height: int, first: int) -> list[Line]:
+    """The robots from the place `first` on, a line each: state, name, answer to the last command, age, groups."""
+    roster = session.station.roster
+    names = session.listed(roster)[first : first + height]
+    latest = next(reversed(session.station.commands()), None)
+    silent = None if latest is None else latest.silent
+    lost_after = _lost_after(session)
+    found = []
+    for name in names:
+        heard, mind = roster[name], session.mind(name)
+        age = float("inf") if heard is None else max(0.0, session.station.now - heard)
+        lost = age > lost_after
+        letters = ("?" if mind is None else "S" if mind.stopped else "o") + ("L" if lost else " ")
+        style = "class:warned" if lost or mind is None else "class:stopped" if mind.stopped else ""
+        code = _outcome(latest, silent, name)
+        told = [_value(session, name, each) for each in session.shown]
+        told += [",".join(sorted(mind.told.groups))] if mind is not None and mind.told.groups else []
+        room = 16 if width >= WIDE else 8
+        text = f"{clipped(printable(name), room):<{room}} {code} {_age(age):>5}  {'  '.join(told)}"
+        answered = "class:warned" if code in "F-" else ""
+        found.append([(style, f"{letters} "), (answered, clipped(printable(text), width - 3))])
+    return found or [[("", clipped("nobody was heard yet: are robots up, on this channel, with these keys?", width))]]
+
+
+def robots_title(session: Session) -> str:
+    """How many there are, and in which state."""
+    roster, minds = session.station.roster, session.looker.minds
+    stopped = sum(mind.stopped for mind in minds.values())
+    late = session.station.now - _lost_after(session)
+    lost = sum(heard is None or heard < late for heard in roster.values())
+    shown = f"; {', '.join(session.shown)}" if session.shown else ""
+    return f"Robots {len(roster)}: S {stopped}, L {lost}{', by age' if session.by_age else ''}{shown}"
+
+
+def _lost_after(session: Session) -> float:
+    """Seconds after which a robot that was not heard counts as lost."""
+    return max(LOST, 2.5 * session.period) if session.look_every else LOST
+
+
+def _outcome(command: Command | None, silent: NDArray[np.bool_] | None, name: str) -> str:
+    """The letter of a robot's answer to a command; a blank if it was not asked. silent: who was and did not answer."""
+    place = None if command is None else command.answers.names.place(name)
+    if command is None or silent is None or place is None:
+        return " "
+    codes = command.answers.codes
+    if place < len(codes) and codes[place]:
+        return OUTCOMES[codes[place]]
+    return "-" if place < len(silent) and silent[place] else " "
+
+
+def _value(session: Session, robot: str, name: str) -> str:
+    mind, binding = session.mind(robot), session.looker.minds.vocabulary.bindings.get(name.casefold())
+    if mind is None or not isinstance(binding, Variable):
+        return "?"
+    return shown(mind.values[binding.slot], binding.quantity.shown_as or binding.quantity.unit).replace(" ", "")
+
+
+def _age(seconds: float) -> str:
+    if seconds == float("inf"):
+        return "never"
+    if seconds < 100.0:
+        return f"{seconds:.1f}s" if seconds < 10.0 else f"{seconds:.0f}s"
+    return f"{seconds / 60.0:.0f}min" if seconds < 6000.0 else f"{seconds / 3600.0:.0f}h"
+
+
+# ---- commands
+
+
+def commands(session: Session, width: int, height: int) -> list[Line]:
+    """What was sent, the latest first, and what became of it."""
+    found: list[Line] = []
+    for command in reversed(session.station.commands()):
+        if len(found) >= height:
+            break
+        found += _command(session, command, width)
+    return found[:height] or [[("", clipped("nothing was sent yet: type an expression below; F1 helps", width))]]
+
+
+def _command(session: Session, command: Command, width: int) -> Iterator[Line]:
+    when = time.strftime("%H:%M:%S", time.localtime(command.message.issued))
+    kind = "" if command.kind is Kind.COMMAND else f"{command.kind.name} "
+    standing = "standing " if command.message.standing else ""
+    text = " ".join(command.message.text.split())
+    yield [("class:when", f"{when} "), ("bold", clipped(printable(f"{standing}{kind}{text}"), width - 9))]
+    found = session.station.accounting(command.id)
+    style = "class:warned" if found.n_fault or found.n_silent else ""
+    for line in _folded(printable(_became(command, found)), width - 2)[:MOST_LINES]:
+        yield [(style, f"  {line}")]
+    for name in found.fault[:1]:
+        fault = printable(f"  fault on {name}: {found.answers[name].fault or ''}")
+        yield [("class:wrong", clipped(fault, width))]
+
+
+def _became(command: Command, found: Accounting) -> str:
+    if command.kind is Kind.COMMAND:
+        return found.sentence()
+    if command.kind is Kind.ASK:
+        values = found.values
+        told = f" mean {values.mean:.4g} ({span((values.least, values.greatest))})," if values is not None else ""
+        return f"answered {found.n_matched},{told} {_silence(found)}"
+    verb = "stopped" if command.kind is Kind.STOP else "released"
+    return f"{verb} {found.n_matched}, {_silence(found)}"
+
+
+# ---- reports
+
+
+def reports(session: Session, width: int, height: int) -> list[Line]:
+    """What robots and other operators said unasked, the latest last."""
+    said_by = [
+        (report.heard, f"{report.robot}: {said(report.body)}") for report in list(session.station.reports)[-height:]
+    ]
+    news = [
+        (each.issued, f"{each.sender} sends {each.text or each.kind.name}")
+        for each in list(session.station.news)[-height:]
+    ]
+    found = []
+    for heard, text in sorted([*said_by, *news])[-height:]:
+        when = time.strftime("%H:%M:%S", time.localtime(heard))
+        found.append([("class:when", f"{when} "), ("", clipped(printable(" ".join(text.split())), width - 9))])
+    return found or [[("", clipped("nobody has reported anything", width))]]
+
+
+# ---- below the prompt
+
+
+def hint(session: Session, text: str, width: int, height: int, indent: int) -> list[Line]:
+    """What can be said of the text that is being typed, or what was said last. indent: columns before the text in the
+    line above."""
+    if session.said:
+        style = "class:wrong" if session.wrong else "class:said"
+        lines = [line for each in session.said.split("\n") for line in _folded(printable(each), width)]
+        return [[(style, line)] for line in lines[:height]]
+    found = session.foresee(text)
+    told: list[Line] = [] if found.spot is None else _carets(found.spot, width, indent)
+    sentence = [[("", line)] for line in _folded(printable(found.sentence), width)] if found.sentence else []
+    wrong = found.spot is not None and found.spot.wrong
+    return (told + sentence if wrong else [*told[:1], *sentence, *told[1:]])[:height]
+
+
+def _carets(spot: Spot, width: int, indent: int) -> list[Line]:
+    """Carets under the place that is meant, and what is wrong; the text once more, unless it lies right above in one
+    line."""
+    start = spot.text.rfind("\n", 0, spot.start) + 1
+    end = spot.text.find("\n", spot.start)
+    line = printable(spot.text[start : len(spot.text) if end < 0 else end])
+    at = spot.start - start
+    count = max(1, min(spot.end - start, len(line)) - at)
+    above: list[Line] = []
+    if "\n" in spot.text or indent + len(line) > width:
+        cut = max(0, at - width // 3) if at + count > width - 4 else 0
+        above, at = [[("", clipped(line[cut:], width))]], at - cut
+    else:
+        at += indent
+    style = "class:wrong" if spot.wrong else "class:warned"
+    said_of = printable(f"{'' if spot.wrong else 'warning: '}{spot.message}")
+    lines = [clipped(" " * at + "^" * count, width), *_folded(said_of, width)]
+    return above + [[(style, each)] for each in lines]
+
+
+def trouble(session: Session, width: int) -> Line:
+    """What is wrong with the journal."""
+    return [("class:wrong", _filled(f" JOURNAL: {session.station.trouble}", width))]
+
+
+def keys(width: int) -> Line:
+    """The keys, as many as fit."""
+    text = " F9 STOP  F7 RELEASE  F1 help  Tab to whom  F3 sort  F4 order  Ctrl-Q leave"
+    return [("class:keys", _filled(text, width))]
+
+
+# ---- fitting
+
+
+def span(values: tuple[float, float]) -> str:
+    """`0.1 to 0.9`."""
+    return " to ".join(f"{value:.4g}" for value in values)
+
+
+def clipped(text: str, width: int) -> str:
+    """As much of a text as fits into so many columns, with `…` where it goes on."""
+    if get_cwidth(text) <= width:
+        return text
+    found, columns = "", 0
+    for character in text:
+        columns += get_cwidth(character)
+        if columns > width - 1:
+            break
+        found += character
+    return f"{found}…" if width > 0 else ""
+
+
+def _filled(text: str, width: int) -> str:
+    """Just so many columns."""
+    text = clipped(printable(text), width)
+    return text + " " * max(0, width - get_cwidth(text))
+
+
+def _folded(text: str, width: int) -> Sequence[str]:
+    """A text in lines of so many columns, broken between words where that can be."""
+    found, line = [], ""
+    for word in text.split(" "):
+        longer = f"{line} {word}" if line else word
+        if line and get_cwidth(longer) > width:
+            found.append(clipped(line, width))
+            line = word
+        else:
+            line = longer
+    return [*found, clipped(line, width)]

@@ -1,0 +1,394 @@
+"""What the terminal desk knows and does, without a terminal: to whom a text goes, who would obey it, what was said.
+
+A session never waits. `tick` hears what has come and looks at the robots when that is due; keys call the rest.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import inf
+from typing import TYPE_CHECKING
+
+from sleepcast.channel import Kind
+from sleepcast.channel.names import natural
+from sleepcast.cli.desk_words import (
+    AS_WRITTEN,
+    EVERYBODY,
+    HELP,
+    QUESTIONS,
+    Addressee,
+    Foresight,
+    Request,
+    Sort,
+    Spot,
+    spot_in,
+)
+from sleepcast.cli.streams import still_open
+from sleepcast.errors import MisuseError, SleepcastError, did_you_mean
+from sleepcast.language import ReadError, read
+from sleepcast.language.names import Group
+from sleepcast.language.vocabulary import Variable
+from sleepcast.station.preview import NO, UNKNOWN, YES
+from sleepcast.station.settling import AddressError, CountNeededError
+
+if TYPE_CHECKING:
+    from sleepcast.station.accounting import Command
+    from sleepcast.station.aired import AirStation
+    from sleepcast.station.looking import Looker
+    from sleepcast.station.remote import RemoteMind
+
+LOOKS_A_SECOND = 200.0
+"""Robots that tell of themselves in a second at most: 60 kB on the air; of a larger fleet, more seldom."""
+SHARE = 0.1
+"""Of the time that goes into previews at most: a keystroke and STOP come first."""
+QUICK = 0.02
+"""Seconds of one preview that nobody notices."""
+AGAIN_WITHIN = 3.0
+"""Seconds within which a key that asks to be pressed twice is pressed again."""
+STOP_AGAIN = 0.5
+"""Seconds in which one more STOP adds nothing to the one that holds."""
+WHY_PATIENCE = 5.0
+"""Seconds for a robot to explain itself."""
+MOST_NAMES = 6
+"""Variables that the list of robots shows besides the rest."""
+
+
+class Session:
+    """See the module. look_every: seconds between two looks, 0 for none but those that are asked for.
+
+    said: the latest sentence for the person; wrong: whether it tells of something that went wrong. page: a text that is
+    read instead of the panes; shown: variables that the list of robots shows; by_age: its order.
+    """
+
+    def __init__(self, station: AirStation, looker: Looker, look_every: float) -> None:
+        self.station, self.looker = station, looker
+        self.look_every = look_every
+        self.to, self.sort = AS_WRITTEN, Sort.ONCE
+        self.said, self.wrong = "", False
+        self.page: list[str] = []
+        self.shown: list[str] = []
+        self.by_age = False
+        self.pending: Request | None = None
+        self.leaving = False
+        self._own: list[Addressee] = []
+        self._listed: list[str] = []
+        station.holding = True  # somebody sits here: robots that are driven go on
+        self._looked = -inf
+        self._asked_why: tuple[Command, str] | None = None
+        self._pressed: tuple[str, float] = ("", -inf)
+        self._foreseen: tuple[tuple[str, Addressee, Sort, int] | None, Foresight] = (None, Foresight())
+        self._rested = -inf
+
+    # ---- time
+
+    def tick(self) -> None:
+        """Hear what has come, and do what is due."""
+        try:
+            self.station.pump()
+            if self.look_every and self.station.now - self._looked >= self.period:
+                self.look()
+            self._hear_why()
+        except SleepcastError as error:
+            self.complain(str(error))
+
+    def due(self) -> float:
+        """Seconds until `tick` has something to do, unless something comes in before."""
+        return min(self.station.due(), self.station.line.mailbox.due()) - self.station.now
+
+    @property
+    def period(self) -> float:
+        """Seconds between two looks: longer for a large fleet."""
+        return max(self.look_every, len(self.station.roster) / LOOKS_A_SECOND)
+
+    def look(self) -> None:
+        """Ask all robots to tell of themselves."""
+        self._looked = self.station.now
+        self.station.stale_after = max(self.station.stale_after, 2.5 * self.period)
+        self.looker.look()
+
+    # ---- to whom
+
+    def addressees(self) -> list[Addressee]:
+        """Everybody to whom a text can go, in the order in which Tab goes through them."""
+        minds = self.looker.minds
+        groups = sorted({name for mind in minds.values() for name in mind.told.groups}, key=str.casefold)
+        return [AS_WRITTEN, EVERYBODY, *(Addressee(name, f"(IN {name})") for name in groups), *self._own]
+
+    def next_addressee(self) -> None:
+        """To the next one."""
+        found = self.addressees()
+        self.to = found[(found.index(self.to) + 1) % len(found)] if self.to in found else found[0]
+
+    def address(self, text: str) -> None:
+        """To a robot, a group or all robots of which a test is true; "" as it is written. Raises ReadError and
+        MisuseError."""
+        known = {each.label.casefold(): each for each in self.addressees()}
+        if text.casefold() in known:
+            self.to = known[text.casefold()]
+            return
+        if text in self.station.roster:
+            self.to = Addressee(text, robot=text)
+        elif text.startswith("("):
+            read(text)
+            self.to = Addressee(" ".join(text.split()), test=text)
+        else:
+            names = [*self.station.roster, *known]
+            raise MisuseError(f"{text} is no robot and no group{did_you_mean(text, names)}; a test is in parentheses")
+        self._own.append(self.to)
+
+    def next_sort(self) -> None:
+        """Once, standing, ask, and again."""
+        sorts = list(Sort)
+        self.sort = sorts[(sorts.index(self.sort) + 1) % len(sorts)]
+
+    # ---- before sending
+
+    def foresee(self, text: str) -> Foresight:
+        """What can be said of a text that is being typed; where finding out takes long, that it is counted, or what was
+        said of the same text a second before."""
+        text = text.strip()
+        if not text or text.startswith(":") or self.pending is not None:
+            return Foresight()
+        what = text, self.to, self.sort, int(self.station.now)
+        seen, found = self._foreseen
+        if seen == what:
+            return found
+        began = time.perf_counter()
+        if began < self._rested:
+            return found if seen is not None and seen[:3] == what[:3] else Foresight("counting")
+        found = self._foretold(text)
+        took = time.perf_counter() - began
+        self._rested = began + took / SHARE if took > QUICK else -inf
+        self._foreseen = what, found
+        return found
+
+    def _foretold(self, text: str) -> Foresight:
+        missing = still_open(text)
+        if missing > 0:
+            waits = f"{missing} parenthes{'is is' if missing == 1 else 'es are'} open"
+            counted = self._counted(text + ")" * missing)
+            return Foresight(f"{counted} ({waits})" if counted else waits)
+        try:
+            checked = self.station.check(text)
+        except ReadError as error:
+            return Foresight(spot=Spot(error.reason, text, error.start, error.end, True))
+        return Foresight(self._counted(text), spot_in(checked))
+
+    def _counted(self, text: str) -> str:
+        """Who would obey, in a sentence; "" for a text that no robot could run."""
+        if self.sort is Sort.ASK:
+            count = 1 if self.to.robot else len(self.station.roster)
+            return f"a question to {_robots(count)}"
+        try:
+            found = self.station.preview(self.to.wrapped(text, self.sort))
+        except SleepcastError:
+            return ""
+        codes = found.codes
+        if self.to.robot:
+            place = list(found.names).index(self.to.robot)
+            codes = codes[place : place + 1]
+        yes, no, unknown = (int((codes == code).sum()) for code in (YES, NO, UNKNOWN))
+        reason = next(iter(found.reasons), "")
+        why = f" ({reason})" if unknown and reason and not self.to.robot else ""
+        who = ", EVERYBODY" if found.everybody and not self.to.robot else ""
+        return f"would obey: yes {yes}, no {no}, unknown {unknown}{why}{who}"
+
+    # ---- sending
+
+    def enter(self, text: str) -> bool:
+        """What Enter does with a text; gives whether it is dealt with, so that the prompt can be emptied."""
+        text, pending = text.strip(), self.pending
+        self.said, self.pending = "", None
+        try:
+            if pending is not None:
+                if text == str(pending.may):
+                    self._send(replace(pending, count=pending.may))
+                else:
+                    self.say("not sent")
+            elif text.startswith(":"):
+                self._obey(text)
+            elif text:
+                self._send(Request(text, self.sort, self.to))
+        except AddressError as error:
+            self.complain(f"{error}. Shift-Tab lets it go to all")
+            return False
+        except SleepcastError as error:
+            self.complain(str(error))
+            return pending is not None
+        return True
+
+    def _send(self, request: Request) -> None:
+        to = request.to
+        only = [to.robot] if to.robot else None
+        self.station.check(request.text).required()  # its carets stand under what was typed, without what is put before
+        text = to.wrapped(request.text, request.sort)
+        if request.sort is Sort.ASK:
+            self.station.ask(text, only=only)
+            return
+        standing = request.sort is Sort.STANDING
+        try:
+            self.station.send(text, standing=standing, everybody=to.everybody, count=request.count, only=only)
+        except CountNeededError as error:
+            self.pending = replace(request, may=error.may)
+            self.say(f"{error.why}: {_robots(error.may)} may obey. Type {error.may} to send it, anything else not to")
+
+    def stop(self) -> None:
+        """Stop every robot, now."""
+        self.pending, self.said = None, ""
+        latch = self.latch
+        if latch is not None and latch.kind is Kind.STOP and self.station.now - latch.message.issued < STOP_AGAIN:
+            return  # a key that is held down: the one that was just sent is sent again by itself
+        try:
+            self.station.stop()
+        except SleepcastError as error:
+            self.complain(str(error))
+
+    def release(self) -> None:
+        """End STOP, if the key was pressed twice."""
+        if not self._twice("release", "press it once more to release every robot from STOP"):
+            return
+        try:
+            self.station.release()
+        except SleepcastError as error:
+            self.complain(str(error))
+
+    def leave(self) -> None:
+        """End, twice where robots have not said yet that they are stopped."""
+        latch = self.latch
+        silent = latch.n_silent if latch is not None and latch.kind is Kind.STOP else 0
+        if not silent or self._twice("leave", f"STOP is still sent to {_robots(silent)}: leave once more to give up"):
+            self.leaving = True
+
+    def _twice(self, key: str, sentence: str) -> bool:
+        now = self.station.now
+        pressed, self._pressed = self._pressed, (key, now)
+        if pressed[0] == key and now - pressed[1] <= AGAIN_WITHIN:
+            self._pressed = ("", -inf)
+            self.said = ""
+            return True
+        self.say(sentence)
+        return False
+
+    @property
+    def latch(self) -> Command | None:
+        """The last STOP or RELEASE of this desk."""
+        return next((each for each in reversed(self.station.commands()) if each.kind in LATCHES), None)
+
+    # ---- what is asked of the desk itself
+
+    def _obey(self, text: str) -> None:
+        name, _, rest = text[1:].partition(" ")
+        rest = rest.strip()
+        match name:
+            case "to":
+                self.address(rest)
+            case "show":
+                self.shown = self._variables(rest.split())
+            case "why":
+                self._ask_why(rest)
+            case "hold":
+                self._hold(rest)
+            case "look":
+                self.look()
+            case "help":
+                self.help()
+            case "quit" | "q":
+                self.leave()
+            case _:
+                known = ", ".join(f":{each}" for each in QUESTIONS)
+                raise MisuseError(f"unknown :{name}{did_you_mean(name, QUESTIONS)}: there are {known}")
+
+    def _variables(self, names: Sequence[str]) -> list[str]:
+        bindings = self.looker.minds.vocabulary.bindings
+        for name in names:
+            if not isinstance(bindings.get(name.casefold()), Variable):
+                raise MisuseError(f"no robot tells {name}{did_you_mean(name, bindings)}")
+        return list(names[:MOST_NAMES])
+
+    def _hold(self, rest: str) -> None:
+        if rest not in ("on", "off"):
+            raise MisuseError(":hold on lets driven robots go on while this desk is open; :hold off lets them stop")
+        self.station.holding = rest == "on"
+        self.say(f"heartbeats to driven robots are {rest}")
+
+    def help(self) -> None:
+        """Show the keys."""
+        self.page = HELP.strip().split("\n")
+
+    def _ask_why(self, rest: str) -> None:
+        robot, _, command = rest.partition(" ")
+        latest = next((each.id for each in reversed(self.station.commands()) if each.kind is Kind.COMMAND), None)
+        self._asked_why = self.looker.ask_why(robot, command.strip() or latest), robot
+        self.say(f"asking {robot} why")
+
+    def _hear_why(self) -> None:
+        if self._asked_why is None:
+            return
+        asked, robot = self._asked_why
+        try:
+            found = self.looker.explanation(asked, robot)
+        except SleepcastError:
+            self._asked_why = None
+            raise
+        if found is not None:
+            self._asked_why, self.said = None, ""
+            self.page = found.render().split("\n")
+        elif self.station.now - asked.message.issued > WHY_PATIENCE:
+            self._asked_why = None
+            self.complain(f"{robot} does not answer")
+
+    # ---- what the person is told
+
+    def say(self, sentence: str) -> None:
+        """Tell the person something."""
+        self.said, self.wrong = sentence, False
+
+    def hush(self) -> None:
+        """Another text is typed: what was said of the one before is of no interest."""
+        if self.pending is None:
+            self.said = ""
+
+    def complain(self, sentence: str) -> None:
+        """Tell the person what went wrong."""
+        self.said, self.wrong = sentence, True
+
+    # ---- names, for completion
+
+    def names(self) -> list[str]:
+        """Every name that a text may use."""
+        return sorted({*self.looker.minds.vocabulary.names(), *self.looker.minds.heard()}, key=str.casefold)
+
+    def range_of(self, name: str) -> tuple[float, float] | None:
+        """The least and the greatest value of a variable over the fleet; None if nobody has told one."""
+        binding = self.looker.minds.vocabulary.bindings.get(name.casefold())
+        if not isinstance(binding, Variable):
+            return None
+        values = [value for mind in self.looker.minds.values() if (value := mind.values[binding.slot]) == value]
+        return (min(values), max(values)) if values else None
+
+    def members(self, name: str) -> int | None:
+        """How many robots are in a group; None if it is none."""
+        if not isinstance(self.looker.minds.declared(name.casefold()), Group):
+            return None
+        return sum(name.casefold() in mind.groups for mind in self.looker.minds.values())
+
+    def listed(self, roster: Mapping[str, float | None]) -> list[str]:
+        """The names on a roster, as a person counts, or those first that were heard longest ago."""
+        if self.by_age:
+            return sorted(roster, key=lambda name: roster[name] or 0.0)
+        if len(self._listed) != len(roster):  # names only come, and sorting thousands for each picture takes long
+            self._listed = sorted(roster, key=natural)
+        return self._listed
+
+    def mind(self, robot: str) -> RemoteMind | None:
+        """What a robot has told of itself."""
+        return self.looker.minds.get(robot)
+
+
+LATCHES = frozenset({Kind.STOP, Kind.RELEASE})
+
+
+def _robots(count: int) -> str:
+    return f"{count} robot{'' if count == 1 else 's'}"

@@ -1,0 +1,106 @@
+"""What a session of the terminal desk speaks of: to whom a text goes, as what, what can be said of it; and its help."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from sleepcast.language import Checked
+
+
+class Sort(StrEnum):
+    """What Enter makes of a text."""
+
+    ONCE = "once"
+    STANDING = "standing"
+    ASK = "ask"
+
+
+@dataclass(frozen=True, slots=True)
+class Addressee:
+    """To whom a text goes. label: as the prompt shows it. test: put before the text; robot: the only one that is meant;
+    everybody: nobody is excepted, and that is meant."""
+
+    label: str
+    test: str = ""
+    robot: str = ""
+    everybody: bool = False
+
+    def wrapped(self, text: str, sort: Sort) -> str:
+        """The text as it is sent. Whoever is not asked knows nothing, so that he counts for nothing."""
+        if not self.test:
+            return text
+        return f"(IF {self.test} {text} UNKNOWN)" if sort is Sort.ASK else f"(WHEN {self.test} {text})"
+
+
+AS_WRITTEN = Addressee("")
+"""The text itself says for whom it is."""
+EVERYBODY = Addressee("all", everybody=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """Something wrong or doubtful at start..end of a text."""
+
+    message: str
+    text: str
+    start: int
+    end: int
+    wrong: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Foresight:
+    """What can be said of a text before it is sent. sentence: who would obey, or why that cannot be said; spot: what is
+    wrong with it."""
+
+    sentence: str = ""
+    spot: Spot | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """A text that is to be sent. count: how many robots are meant, once its sender has typed that; may: how many may
+    obey, where that has to be typed first."""
+
+    text: str
+    sort: Sort
+    to: Addressee
+    count: int | None = None
+    may: int | None = None
+
+
+def spot_in(checked: Checked) -> Spot | None:
+    """The first error, else the first warning."""
+    found = (checked.errors or checked.warnings)[:1]
+    if not found:
+        return None
+    return Spot(found[0].message, checked.text, found[0].start, found[0].end, bool(checked.errors))
+
+
+QUESTIONS = ("to", "show", "why", "look", "hold", "help", "quit")
+"""What can be asked of the desk itself, after a colon."""
+
+HELP = """
+F9 or Ctrl-X  STOP every robot: at once, and again until each is accounted for
+F7 twice      RELEASE: end STOP; nothing that was asked before resumes by itself
+Enter         send what is typed, once its parentheses are closed
+Tab           complete a name; with nothing typed, to whom: as it is written,
+              all, each group, what :to has named (Shift-Tab at any time)
+F3            once: obeyed within 5 s or never; standing: everybody gets it in
+              the end; ask: for a value
+F4            robots by name, or by when they were heard, the longest ago first
+PageUp/Down   go through the robots, or through this page
+Ctrl-C        drop what is typed; with nothing typed leave, as Ctrl-Q and Ctrl-D
+
+:to r7        the text goes to r7 alone; :to (> battery 50%) to all of which
+              that is true; :to bravo to a group; :to all
+:show x y     variables in the list of robots
+:why r7 [ID]  how r7 evaluated the last command, or the one with that id
+:hold off     no heartbeats: robots that are driven stop after their lease
+:look         ask all robots to tell of themselves now
+:quit         leave
+
+Robots: S stopped, o not, ? has told nothing yet; L lost: not heard of late.
+Their answer to the last command: M matched, N did not match, F fault, - silent
+"""

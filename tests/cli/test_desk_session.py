@@ -1,0 +1,279 @@
+"""The terminal desk without a terminal, in simulated time: what it foresees, sends, asks twice about, and says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from safety.scene import Scene
+from sleepcast.channel import Kind
+from sleepcast.cli import desk_panes as panes
+from sleepcast.cli.desk_session import AGAIN_WITHIN, STOP_AGAIN, WHY_PATIENCE, Session
+from sleepcast.cli.desk_words import Sort
+from sleepcast.language import Checked
+from sleepcast.station import MemoryJournal
+from sleepcast.station.journal import JournalError
+from sleepcast.station.looking import Looker
+from sleepcast.station.remote import RemoteMinds
+
+
+class Seat:
+    """A person at a desk, and three robots r0 to r2 (id 0 to 2), of which r2 is in bravo. width: of the panes."""
+
+    def __init__(self, robots: int = 3) -> None:
+        self.scene, minds = Scene(robots), RemoteMinds()
+        self.station = self.scene.desk(minds=minds)
+        looker = Looker(self.station, minds)
+        self.station.listeners.append(looker.hear)
+        self.session = Session(self.station, looker, 2.0)
+        self.run(1.0)
+        self.session.to = self.session.addressees()[1]
+        self.station.send("(WHEN (= id 2) (JOIN bravo))")
+        self.run(3.0)
+        self.session.to = self.session.addressees()[0]
+
+    def run(self, seconds: float) -> None:
+        """Let time pass."""
+        for _ in range(round(seconds / 0.1)):
+            self.scene.run(0.1)
+            self.session.tick()
+
+    def foreseen(self, text: str) -> str:
+        self.run(1.0)  # what is foreseen stands for a moment
+        return self.session.foresee(text).sentence
+
+    def kinds(self) -> list[Kind]:
+        return [command.kind for command in self.station.commands()]
+
+    def shown(self, width: int = 60) -> str:
+        """What the panes show."""
+        lines = panes.robots(self.session, width, 10, 0) + panes.commands(self.session, width, 10)
+        lines += [panes.safety(self.session, width), panes.title(self.session, width, "udp://")]
+        texts = ["".join(text for _, text in line) for line in lines]
+        assert all(len(text) <= width for text in texts)
+        return "\n".join(texts)
+
+
+@pytest.fixture
+def seat() -> Seat:
+    return Seat()
+
+
+def test_who_would_obey_depends_on_whom_it_is_for(seat: Seat) -> None:
+    session = seat.session
+    assert seat.foreseen("(WHEN (> id 0) (ST))") == "would obey: yes 2, no 1, unknown 0"
+    assert seat.foreseen("(DRIVE 1)") == "would obey: yes 3, no 0, unknown 0, EVERYBODY"
+    session.address("bravo")
+    assert seat.foreseen("(DRIVE 1)") == "would obey: yes 1, no 2, unknown 0"
+    session.address("(> x 0.5m)")
+    assert session.to.label == "(> x 0.5m)"
+    assert seat.foreseen("(DRIVE 1)") == "would obey: yes 2, no 1, unknown 0"
+    session.address("r1")
+    assert seat.foreseen("(DRIVE 1)") == "would obey: yes 1, no 0, unknown 0"
+    session.sort = Sort.ASK
+    assert seat.foreseen("x") == "a question to 1 robot"
+    assert [each.label for each in session.addressees()] == ["", "all", "bravo", "(> x 0.5m)", "r1"]
+    session.next_addressee()
+    assert session.to.label == ""
+    for unknown, complaint in (("r7", "no robot and no group"), ("(> x", "missing at the end")):
+        session.enter(f":to {unknown}")
+        assert session.wrong
+        assert complaint in session.said
+
+
+def test_a_preview_that_takes_long_keeps_no_key_waiting(seat: Seat, monkeypatch: pytest.MonkeyPatch) -> None:
+    spent = 0.0
+    monkeypatch.setattr("sleepcast.cli.desk_session.time.perf_counter", lambda: spent)
+    check = seat.station.check
+
+    def slow(text: str) -> Checked:
+        nonlocal spent
+        spent += 0.3
+        return check(text)
+
+    monkeypatch.setattr(seat.station, "check", slow)
+    assert seat.foreseen("(WHEN (> id 0) (ST))") == "would obey: yes 2, no 1, unknown 0"
+    assert seat.foreseen("(WHEN (> id 1) (ST))") == "counting", "never what was said of another text"
+    assert seat.foreseen("(WHEN (> id 0) (ST))") == "would obey: yes 2, no 1, unknown 0"
+    spent += 10.0
+    assert seat.foreseen("(WHEN (> id 1) (ST))") == "would obey: yes 1, no 2, unknown 0"
+
+
+def test_what_is_typed_so_far_is_foreseen_and_what_is_wrong_pointed_at(seat: Seat) -> None:
+    assert seat.foreseen("(WHEN (> id 0") == "would obey: yes 2, no 1, unknown 0 (2 parentheses are open)"
+    assert seat.foreseen("(WHEN (>") == "2 parentheses are open"
+    assert seat.foreseen("") == seat.foreseen(":to") == ""
+    seat.run(1.0)
+    spot = seat.session.foresee("(DRIVE 1 2)").spot
+    assert spot is not None
+    assert spot.wrong
+    lines = panes.hint(seat.session, "(DRIVE 1 2)", 60, 4, 7)
+    assert lines[0][0][1].startswith(" " * 7)
+    assert set(lines[0][0][1].strip()) == {"^"}
+    seat.run(1.0)
+    doubtful = seat.session.foresee("(WHEN (> fuell 1) (ST))")
+    assert doubtful.spot is not None
+    assert (doubtful.spot.wrong, "did you mean fuel" in doubtful.spot.message) == (False, True)
+
+
+def test_a_robot_that_was_not_heard_of_late_decides_nothing(seat: Seat) -> None:
+    seat.scene.isolate("r1")
+    seat.run(20.0)
+    assert seat.foreseen("(WHEN (> id 0) (ST))").startswith("would obey: yes 1, no 1, unknown 1 (")
+    assert "oL r1" in seat.shown()
+    assert "L 1" in panes.robots_title(seat.session)
+    seat.session.by_age = True
+    assert seat.session.listed(seat.station.roster)[0] == "r1"
+
+
+def test_what_was_refused_stays_typed(seat: Seat) -> None:
+    session = seat.session
+    for text in ("(DRIVE", "(DRIVE 1)", "(FLY 1 2", ":fly", ":show wings", ":hold"):
+        assert not session.enter(text)
+        assert session.wrong
+    assert seat.kinds() == [Kind.COMMAND]
+    session.address("all")
+    assert session.enter("(DRIVE 1)")
+    assert not session.said
+    seat.run(1.0)
+    assert "matched 3" in seat.shown()
+    session.hush()
+    assert session.enter("")
+
+
+def test_a_question_to_some_counts_only_them(seat: Seat) -> None:
+    seat.session.address("bravo")
+    seat.session.next_sort()
+    seat.session.next_sort()
+    assert seat.session.enter("(+ id 1)")
+    seat.run(1.0)
+    assert "answered 3, mean 3 (3 to 3), silent 0" in seat.shown()
+
+
+def test_many_are_counted_by_hand() -> None:
+    seat = Seat(11)
+    session = seat.session
+    session.address("all")
+    assert session.enter("(DRIVE 1)")
+    assert "Type 11 to send it" in session.said
+    session.hush()
+    assert session.said, "what is to be typed stays said"
+    assert session.enter("10")
+    assert session.said == "not sent"
+    session.enter("(DRIVE 1)")
+    assert session.enter("11")
+    seat.run(1.0)
+    assert "matched 11" in seat.shown()
+    session.enter("(DRIVE 1)")
+    session.stop()
+    assert session.pending is None, "STOP ends all that waits"
+
+
+def test_stop_is_sent_at_once_and_a_key_held_down_is_one_stop(seat: Seat) -> None:
+    session = seat.session
+    for _ in range(5):
+        session.stop()
+    assert seat.kinds() == [Kind.COMMAND, Kind.STOP]
+    seat.run(STOP_AGAIN)
+    assert all(robot.node.stopped for robot in seat.scene.fleet.values())
+    assert "stopped 3, silent 0" in seat.shown()
+    seat.run(2.5)
+    assert "S  r0" in seat.shown()
+    session.stop()
+    assert seat.kinds() == [Kind.COMMAND, Kind.STOP, Kind.STOP]
+
+
+def test_release_wants_its_key_twice_in_a_moment(seat: Seat) -> None:
+    session = seat.session
+    session.stop()
+    seat.run(1.0)
+    session.release()
+    seat.run(AGAIN_WITHIN + 0.2)
+    session.release()
+    assert Kind.RELEASE not in seat.kinds()
+    session.release()
+    assert seat.kinds()[-1] is Kind.RELEASE
+    seat.run(1.0)
+    assert "RELEASE" in seat.shown()
+    assert not any(robot.node.stopped for robot in seat.scene.fleet.values())
+
+
+def test_who_leaves_while_robots_are_not_stopped_is_asked_once(seat: Seat) -> None:
+    session = seat.session
+    seat.scene.isolate("r1")
+    session.stop()
+    seat.run(1.0)
+    assert "silent 1: r1" in seat.shown()
+    session.leave()
+    assert not session.leaving
+    assert "STOP is still sent to 1 robot" in session.said
+    session.leave()
+    assert session.leaving
+
+
+def test_a_full_disk_stops_commands_but_no_stop(seat: Seat) -> None:
+    session = seat.session
+    seat.station.notes.journal = FullDisk()
+    session.address("all")
+    assert not session.enter("(DRIVE 1)")
+    assert "the disk is full" in session.said
+    session.stop()
+    seat.run(1.0)
+    assert all(robot.node.stopped for robot in seat.scene.fleet.values())
+    assert "JOURNAL: the disk is full" in panes.trouble(session, 80)[0][1]
+
+
+class FullDisk(MemoryJournal):
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        raise JournalError("the disk is full")
+        yield
+
+
+def test_why_is_asked_on_the_air(seat: Seat) -> None:
+    session = seat.session
+    session.enter(":why r1")
+    seat.run(1.0)
+    assert any("(= id 2)" in line for line in session.page)
+    session.page = []
+    seat.scene.isolate("r1")
+    session.enter(":why r1")
+    seat.run(WHY_PATIENCE + 1.0)
+    assert (session.said, session.wrong, session.page) == ("r1 does not answer", True, [])
+    session.enter(":why r9")
+    assert "no robot" in session.said
+
+
+def test_driven_robots_get_heartbeats_unless_told_otherwise(seat: Seat) -> None:
+    assert seat.station.holding
+    seat.session.enter(":hold off")
+    assert not seat.station.holding
+    seat.session.enter(":hold on")
+    assert seat.station.holding
+
+
+def test_names_are_known_with_what_they_are_worth(seat: Seat) -> None:
+    session = seat.session
+    assert {"x", "fuel", "DRIVE", "bravo", "id"} <= set(session.names())
+    assert session.range_of("x") == (0.0, 2.0)
+    assert session.range_of("DRIVE") is None
+    assert (session.members("bravo"), session.members("x")) == (1, None)
+    session.enter(":show x fuel")
+    assert "2m  50%" in seat.shown()
+
+
+def test_nothing_that_came_from_the_air_reaches_the_terminal_as_it_is(seat: Seat) -> None:
+    seat.session.address("all")
+    seat.session.enter('(REPORT "evil \x1b[2J" 1)')
+    seat.run(1.0)
+    told = panes.reports(seat.session, 60, 5) + panes.commands(seat.session, 60, 10)
+    assert not any("\x1b" in text for line in told for _, text in line)
+
+
+@pytest.mark.parametrize(
+    ("text", "width", "seen"), [("abc", 3, "abc"), ("abcd", 3, "ab…"), ("日本語", 4, "日…"), ("a", 0, "")]
+)
+def test_texts_are_cut_by_columns(text: str, width: int, seen: str) -> None:
+    assert panes.clipped(text, width) == seen

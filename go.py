@@ -1,4 +1,5 @@
-"""Start sleepcast from a clone, `python3 go.py [COMMAND ...]`, or check it, `python3 go.py test [OPTION ...]`
+"""Start sleepcast from a clone, `python3 go.py [COMMAND ...]`, or check it, `python3 go.py test [OPTION ...]`;
+`python3 go.py test network` tries the channel on a thousand robots in networks of their own, some twenty minutes long.
 
 The plan: fill a virtual environment in `.venv` beside this file from a lock with hashes (RUN to use it,
 DEV to test it: RUN and more), keep a stamp of what was installed, so that a later start costs one comparison,
@@ -71,6 +72,9 @@ def prepare(lock: str) -> None:
 
 def test(*pytest_options: str) -> int:
     """Run every check, even after one has failed; pytest last, so that its closing line closes the output."""
+    if pytest_options[:1] == ("network",):
+        large = ("--hypothesis-profile", "nightly", "-rPs")  # and what was measured is told
+        return 0 if run("pytest", "tests/network", *large, *pytest_options[1:]) else 1
     failed = []
     for check in (("ruff", "format", "--check"), ("ruff", "check"), ("mypy",), ("pytest", *pytest_options)):
         print("==", *check, flush=True)

@@ -13,6 +13,7 @@ Linux only, with `ip` (iproute2), `nft` (nftables), and `unshare`, `nsenter` and
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -27,6 +28,8 @@ ROOT = Path(__file__).resolve().parents[2]
 PORT = 47_123
 URI = f"udp://239.255.83.76:{PORT}?interface=eth0"
 """The channel of all hosts."""
+PATH = os.pathsep.join((os.environ.get("PATH", os.defpath), "/usr/sbin", "/sbin"))
+"""Where these tools are: some systems do not tell people of what they take for root's."""
 TOOLS = ("ip", "nft", "unshare", "nsenter", "setpriv")
 OWN_USERS = ("--user", "--map-root-user")
 MAX_HOSTS = 200
@@ -55,7 +58,7 @@ class Lab:
     """See the module. hosts: their names. Raises LabError where it cannot be made."""
 
     def __init__(self, hosts: Sequence[str]) -> None:
-        missing = [tool for tool in TOOLS if shutil.which(tool) is None]
+        missing = [tool for tool in TOOLS if shutil.which(tool, path=PATH) is None]
         if sys.platform != "linux" or missing:
             lacks = f"without {', '.join(missing)}" if missing else sys.platform
             raise LabError(f"wanted Linux with {', '.join(TOOLS)}, and this is {lacks}")
@@ -90,7 +93,7 @@ class Lab:
         process = subprocess.Popen(
             [*self._enter, *there, *command],
             cwd=ROOT,
-            env=environment,
+            env={**(os.environ if environment is None else environment), "PATH": PATH},
             stdin=stdin,
             stdout=stdout,
             stderr=stderr,
@@ -143,12 +146,25 @@ class Lab:
         self._links([f"link set {port} nomaster" for port in ports])
         options = ("--delay", str(delay), "--twice", str(twice), "--seed", str(seed))
         command = [*self._enter, sys.executable, "-m", "benchmarks.channel.relay", *options, *ports]
-        relay = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        relay = subprocess.Popen(
+            command,
+            cwd=ROOT,
+            env={**os.environ, "PATH": PATH},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
         self._processes.append(relay)
         assert relay.stdout is not None
         if relay.stdout.readline() != "ready\n":
             raise LabError("the relay does not begin")
         return relay
+
+    def end(self, relay: subprocess.Popen[str]) -> dict[str, int]:
+        """End a relay, after which nobody hears anybody; gives what it has counted."""
+        counts, _ = relay.communicate(timeout=PATIENCE)
+        found: dict[str, int] = json.loads(counts)
+        return found
 
     def traffic(self) -> dict[str, Traffic]:
         """What has been on the air since the beginning, by the kind of message; kinds that were not are left out."""
@@ -168,7 +184,13 @@ class Lab:
     def _system(self, *command: str, say: str = "") -> str:
         """What the system answers to a command in the laboratory. Raises LabError if it refuses."""
         done = subprocess.run(
-            [*self._enter, *command], input=say, capture_output=True, text=True, timeout=PATIENCE, check=False
+            [*self._enter, *command],
+            env={**os.environ, "PATH": PATH},
+            input=say,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+            check=False,
         )
         if done.returncode:
             raise LabError(f"{' '.join(command)}: {done.stderr.strip() or done.returncode}")
@@ -181,7 +203,13 @@ def _anchor() -> tuple[subprocess.Popen[str], tuple[str, ...]]:
     for users in (OWN_USERS, ()):  # root alone may do without users of its own, where a machine refuses these
         command = ["unshare", *users, "--net", "--mount", "sh", "-ec", _HOLD]
         anchor = subprocess.Popen(
-            command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            command,
+            cwd=ROOT,
+            env={**os.environ, "PATH": PATH},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
         )
         assert anchor.stdin is not None
         assert anchor.stdout is not None

@@ -1,0 +1,133 @@
+"""An operator's desk that does as it is told on standard input, and says on standard output what became of it, as JSON.
+
+    python -m benchmarks.channel.desk URI
+
+Each line in is an order: `do` (send, ask, stop, release, flood, who) with the arguments of the function of that name
+below. Each line out is its result. Between two orders it goes on listening, as a desk does.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import sys
+import time
+from collections.abc import Callable
+from contextlib import closing
+
+import numpy as np
+
+from benchmarks.report import Json
+from sleepcast.channel import Kind
+from sleepcast.channel.bodies import WITHIN
+from sleepcast.cli.air import FLEET, Air, line_for
+from sleepcast.clock import UnixClock
+from sleepcast.language import Vocabulary
+from sleepcast.station.accounting import Command
+from sleepcast.station.aired import AirStation
+from sleepcast.station.settling import Caution
+
+MOMENT = 0.005
+"""Seconds for which it listens at a time."""
+LISTED = 100
+"""Names that are told of the silent ones."""
+
+
+class Desk:
+    """A station on the air, and what it is asked to do with it."""
+
+    def __init__(self, station: AirStation) -> None:
+        self._station = station
+
+    def who(self) -> Json:
+        """How many robots are on the roster."""
+        return {"robots": len(self._station.roster)}
+
+    def send(self, text: str, patience: float, standing: bool = False) -> Json:
+        """A command, and its account as soon as nobody is silent or so many s have passed."""
+        return self._account(lambda: self._station.send(text, standing=standing, everybody=True), patience)
+
+    def ask(self, text: str, patience: float) -> Json:
+        """A question, and its account."""
+        return self._account(lambda: self._station.ask(text), patience)
+
+    def stop(self, patience: float) -> Json:
+        """STOP, and its account."""
+        return self._account(self._station.stop, patience)
+
+    def release(self, patience: float) -> Json:
+        """RELEASE, and its account."""
+        return self._account(self._station.release, patience)
+
+    def flood(self, texts: list[str], count: int, rate: float, life: float = 0.0, standing: bool = False) -> Json:
+        """So many commands, of these texts in turn, so many a second, each good for `life` s unless it stands, and
+        their ids with their times; nobody waits for their answers, which are spread over a second. Ends when the last
+        one is over."""
+        box, line = self._station.line.mailbox, self._station.line
+        sent, begin = [], time.time()
+        while len(sent) < count:
+            now = time.time()
+            while len(sent) < min(count, (now - begin) * rate):
+                text, deadline = texts[len(sent) % len(texts)], None if standing else now + life
+                message = box.post(
+                    Kind.COMMAND, now, text=text, deadline=deadline, standing=standing, body={WITHIN: 1.0}
+                )
+                sent.append((message.id, message.issued, 0.0 if standing else message.deadline))
+            line.wait(MOMENT)
+            line.receive()
+        until = time.time() + life + 1.0
+        while time.time() < until:
+            line.wait(MOMENT)
+            line.receive()
+        return {"sent": sent}
+
+    def _account(self, sending: Callable[[], Command], patience: float) -> Json:
+        station, begin = self._station, time.time()
+        command = sending()
+        done = begin + patience
+        while (now := time.time()) < done and (command.n_silent or now < begin + command_window(command)):
+            station.wait(min(MOMENT, done - now))
+        silent = np.flatnonzero(command.silent)
+        answers = command.answers
+        return {
+            "id": command.id,
+            "began": begin,
+            "issued": command.message.issued,
+            "took": time.time() - begin,
+            "answers": int((answers.codes != 0).sum()),
+            "n_silent": command.n_silent,
+            "silent": sorted(answers.names[place] for place in silent[:LISTED].tolist()),
+        }
+
+    def idle(self) -> None:
+        """Go on listening."""
+        self._station.wait(MOMENT)
+
+
+def command_window(command: Command) -> float:
+    """Seconds for which answers are taken although nobody is missed, for there may be robots nobody knows of yet."""
+    within = command.message.body.get(WITHIN)
+    return 0.0 if command.addressed else 1.0 + (within if isinstance(within, float) else 0.0)
+
+
+def main() -> None:
+    air = Air(sys.argv[1], FLEET, None, None, None, None)
+    with closing(line_for(air, None, robot=False, say=lambda _: None)) as line:
+        desk = Desk(AirStation(line, UnixClock(), Vocabulary(), {}, caution=Caution()))
+        print(json.dumps({"ready": os.getpid()}), flush=True)
+        waiting = b""
+        while True:
+            desk.idle()
+            if not select.select([0], [], [], 0.0)[0]:
+                continue
+            came = os.read(0, 1 << 20)
+            if not came:
+                return
+            *orders, waiting = (waiting + came).split(b"\n")
+            for order in map(json.loads, orders):
+                print(json.dumps(getattr(desk, order.pop("do"))(**order)), flush=True)
+
+
+if __name__ == "__main__":
+    main()

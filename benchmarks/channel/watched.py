@@ -1,0 +1,66 @@
+"""`sleepcast swarm`, watched: besides, it notes when each robot had dealt with each message and when its body was at
+rest after STOP.
+
+    python -m benchmarks.channel.watched FILE ARGUMENTS...
+
+At the end it writes to FILE, as JSON, `answers`: [robot, command, outcome, Unix time] and `rests`: [robot, Unix time].
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import sleepcast.channel.line
+import sleepcast.loop
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.line import Line
+from sleepcast.cli import main as sleepcast_main
+from sleepcast.loop import Crew
+
+ANSWERS: list[tuple[str, str, str, float]] = []
+RESTS: list[tuple[str, float]] = []
+
+
+class WatchedLine(Line):
+    """Notes what a robot answers, and when."""
+
+    def send(self, message: Message) -> None:
+        if message.kind is Kind.ANSWER:
+            body = message.body
+            ANSWERS.append((self.mailbox.name, str(body.get("command")), str(body.get("outcome")), time.time()))
+        super().send(message)
+
+
+class WatchedCrew(Crew):
+    """Notes when bodies come to rest after STOP."""
+
+    _resting: NDArray[np.bool_] | None = None
+
+    def step(self) -> None:
+        super().step()
+        bodies = self.simulator.bodies
+        resting = bodies.stopped & (bodies.speed == 0.0)
+        before = np.zeros_like(resting) if self._resting is None else self._resting
+        now = time.time()
+        RESTS.extend((self.members[place].node.name, now) for place in np.flatnonzero(resting & ~before).tolist())
+        self._resting = resting
+
+
+def main() -> None:
+    file, *arguments = sys.argv[1:]
+    sleepcast.channel.line.Line = WatchedLine  # type: ignore[misc]
+    sleepcast.loop.Crew = WatchedCrew  # type: ignore[misc]
+    try:
+        sleepcast_main(["swarm", *arguments])
+    finally:
+        Path(file).write_text(json.dumps({"answers": ANSWERS, "rests": RESTS}))
+
+
+if __name__ == "__main__":
+    main()

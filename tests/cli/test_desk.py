@@ -92,7 +92,16 @@ def test_stop_is_one_key_and_its_account_is_true(desk: Terminal, channel: str) -
     assert called("journal", "verify").status == 0
 
 
-def test_what_is_wrong_is_shown_where_it_is(desk: Terminal) -> None:
+@pytest.fixture
+def alone(channel: str, tmp_path: Path) -> Iterator[Terminal]:
+    """A desk of 80 by 24 that hears nobody."""
+    with terminal(("desk", "--channel", channel), tmp_path, size=(80, 24)) as found:
+        found.wait_to_see("nobody was heard yet")
+        yield found
+
+
+def test_what_is_wrong_is_shown_where_it_is(alone: Terminal) -> None:
+    desk = alone
     desk.type("(VM 1 1) x")
     lines = desk.wait_to_see("one more expression at 1:10")
     (typed,) = [number for number, line in enumerate(lines) if line.startswith("sleep> (VM 1 1) x")]

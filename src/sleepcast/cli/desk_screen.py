@@ -171,32 +171,41 @@ class Screen:
             loop.remove_reader(transport)
 
     async def _live(self, heard: asyncio.Event) -> None:
-        """Hear the channel, and show what has changed."""
-        while not self.session.leaving:
-            self.session.tick()
-            self._app.invalidate()
-            with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(heard.wait(), min(REDRAW, max(0.0, self.session.due())))
-            heard.clear()
-            await asyncio.sleep(0.0)  # a flood of datagrams must not keep a key waiting
-        self._app.exit()
+        """Hear the channel, and show what has changed, until the desk is left."""
+        try:
+            while not self.session.leaving:
+                self.session.tick()
+                self._app.invalidate()
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(heard.wait(), min(REDRAW, max(0.0, self.session.due())))
+                heard.clear()
+                await asyncio.sleep(0.0)  # a flood of datagrams must not keep a key waiting
+        except Exception as error:
+            self._end(error)  # a fault of ours: it is told on the plain screen, where it can be read
 
     # ---- keys
 
     def _accept(self, buffer: Buffer) -> bool:
         """Enter; gives whether the text stays."""
         stays = not self.session.enter(buffer.text)
-        if self.session.leaving:
-            self._leave()
+        self._leave()
         return stays
 
     def _leave(self) -> None:
-        if self.session.leaving and not self._app.is_done:
-            self._app.exit()
+        if self.session.leaving:
+            self._end()
 
     def _interrupt(self) -> None:
-        if not self._app.is_done:
-            self._app.exit(exception=KeyboardInterrupt())
+        self._end(KeyboardInterrupt())
+
+    def _end(self, error: BaseException | None = None) -> None:
+        """End the application, once: with an error, or in peace."""
+        if self._app.is_done:
+            return
+        if error is None:
+            self._app.exit()
+        else:
+            self._app.exit(exception=error)
 
     def _keys(self) -> KeyBindings:
         keys, session = KeyBindings(), self.session

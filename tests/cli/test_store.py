@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import sqlite3
@@ -18,9 +17,14 @@ from random import Random
 import pytest
 
 from channel.test_udp import free_port
-from cli.calling import LONGEST, called
+from cli.calling import LONGEST
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.line import Line
+from sleepcast.cli.air import Air, line_for
 
-NAMES = ["r1", "r2", "r3"]
+NAMES = {"r1", "r2", "r3"}
+PATIENCE = 5.0
+"""Seconds to wait for everybody's answer before saying something again."""
 
 
 @pytest.fixture
@@ -33,11 +37,13 @@ def channel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 
 @contextmanager
-def swarm(channel: str, store: Path, *options: str) -> Iterator[subprocess.Popen[str]]:
+def swarm(channel: str, store: Path) -> Iterator[subprocess.Popen[str]]:
     """Three robots that are up, killed at the end."""
-    arguments = ("swarm", "3", "--channel", channel, "--store", str(store), *options)
     process = subprocess.Popen(
-        [sys.executable, "-m", "sleepcast", *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "sleepcast", "swarm", "3", "--channel", channel, "--store", str(store)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     try:
         assert process.stdout
@@ -48,18 +54,33 @@ def swarm(channel: str, store: Path, *options: str) -> Iterator[subprocess.Popen
         process.communicate()
 
 
-def account(channel: str, *arguments: str) -> dict[str, object]:
-    found = called(*arguments, "--channel", channel, "--json")
-    assert found.out, found.err
-    told: dict[str, object] = json.loads(found.out)
-    return told
+@contextmanager
+def desk(channel: str) -> Iterator[Line]:
+    """An operator, as `sleepcast send` is one."""
+    air = Air(channel, "sleepcast", None, None, None)
+    with closing(line_for(air, None, robot=False, say=lambda said: None)) as line:
+        yield line
 
 
-def heading(channel: str) -> float:
-    """Of all robots, on average, rad."""
-    found = account(channel, "ask", "heading")["mean"]
-    assert isinstance(found, float)
-    return found
+def post(line: Line, text: str, kind: Kind = Kind.COMMAND, *, standing: bool = False) -> Message:
+    said = line.mailbox.post(kind, time.time(), text=text, standing=standing)
+    line.flush()
+    return said
+
+
+def exchange(line: Line, text: str, kind: Kind = Kind.COMMAND) -> dict[str, object]:
+    """Say this, until all have answered; the values, or for other kinds than questions the outcomes."""
+    end = time.monotonic() + LONGEST
+    while time.monotonic() < end:
+        said, found, until = post(line, text, kind), dict[str, object](), time.monotonic() + PATIENCE
+        while time.monotonic() < until:
+            line.wait(0.02)
+            for message in line.receive():
+                if message.body.get("command") == said.id:
+                    found[message.sender] = message.body["value" if kind is Kind.ASK else "outcome"]
+            if found.keys() == NAMES:
+                return found
+    raise AssertionError(f"not everybody has answered to {kind} {text}")
 
 
 def journal(store: Path) -> list[tuple[str, str, str]]:
@@ -70,55 +91,62 @@ def journal(store: Path) -> list[tuple[str, str, str]]:
 
 def test_robots_that_are_killed_go_on_where_they_were(channel: str, tmp_path: Path) -> None:
     store = tmp_path / "three.store"
-    with swarm(channel, store):
-        text = "(PROGN (DEFVAR n 0) (JOIN crew) (RULE count (SETQ n (+ n 1))))"
-        assert account(channel, "send", "--all", text)["matched"] == NAMES
-        assert account(channel, "stop")["matched"] == NAMES
-    with swarm(channel, store):
-        assert account(channel, "ask", "(AND (IN crew) (> n 0))")["min"] == 1.0, "the rule runs, and has run before"
-        before = heading(channel)
-        assert account(channel, "send", "--all", "(SETQ drive_turn 0.5)")["matched"] == NAMES
-        assert heading(channel) == before, "STOP holds"
-        assert account(channel, "release")["matched"] == NAMES
-        assert account(channel, "send", "--all", "(SETQ drive_turn 0.5)")["matched"] == NAMES
-        until = time.monotonic() + LONGEST
-        while heading(channel) == pytest.approx(before, abs=0.1):
-            assert time.monotonic() < until
+    with desk(channel) as line:
+        with swarm(channel, store):
+            text = "(PROGN (DEFVAR n 0) (JOIN crew) (RULE count (SETQ n (+ n 1))) (SETQ drive_turn 0.5))"
+            assert exchange(line, text) == dict.fromkeys(NAMES, "matched")
+            assert exchange(line, "", Kind.STOP) == dict.fromkeys(NAMES, "stopped")
+        with swarm(channel, store):
+            asked = exchange(line, "(AND (IN crew) (> n 0))", Kind.ASK)
+            assert asked == dict.fromkeys(NAMES, 1.0), "the rule runs, and has run before"
+            exchange(line, "(SETQ drive_turn 0.5)")
+            before = exchange(line, "heading", Kind.ASK)
+            line.wait(0.5)
+            assert exchange(line, "heading", Kind.ASK) == before, "STOP holds"
+            assert exchange(line, "", Kind.RELEASE) == dict.fromkeys(NAMES, "released")
+            exchange(line, "(SETQ drive_turn 0.5)")
+            until = time.monotonic() + LONGEST
+            while exchange(line, "heading", Kind.ASK) == before:
+                assert time.monotonic() < until
 
 
 def test_kill_at_any_moment_lets_nothing_be_done_twice(channel: str, tmp_path: Path) -> None:
     store, chance = tmp_path / "three.store", Random(5)
-    for _ in range(2):
+    standing = []
+    with desk(channel) as line:
+        for _ in range(3):
+            with swarm(channel, store):
+                until = time.monotonic() + 0.2 + 0.6 * chance.random()
+                while time.monotonic() < until:
+                    standing.append(post(line, f"(RULE a {len(standing)})", standing=True).id)
+                    post(line, "(JOIN crew)")
+                    line.wait(0.05)
+                    line.receive()
         with swarm(channel, store):
-            sends = [
-                subprocess.Popen(
-                    [sys.executable, "-m", "sleepcast", "send", *how, "--all", text, "--channel", channel],
-                    stdout=subprocess.DEVNULL,
-                    stderr=subprocess.DEVNULL,
-                )
-                for how, text in (((), "(DEFVAR a 1)"), (("--standing",), "(DEFVAR b 2)"))
-            ]
-            time.sleep(0.3 + 0.5 * chance.random())
-        for send in sends:
-            send.wait(LONGEST)
-    with swarm(channel, store):
-        assert account(channel, "send", "--standing", "--all", "(DEFVAR b 2)")["matched"] == NAMES
-        assert account(channel, "ask", "b")["min"] == 2.0
+            until = time.monotonic() + LONGEST
+            while not all((name, standing[-1], "matched") in journal(store) for name in NAMES):
+                assert time.monotonic() < until
+                line.wait(0.1)
+                line.receive()
     found = journal(store)
     assert set(Counter((robot, command) for robot, command, _ in found).values()) == {1}
     assert {outcome for _, _, outcome in found} <= {"matched", "interrupted", "late"}
+    for name in NAMES:
+        assert [command for robot, command, _ in found if robot == name and command in standing] == standing
 
 
 def test_an_operator_goes_on_where_his_last_command_was(channel: str, tmp_path: Path) -> None:
-    first = account(channel, "send", "--standing", "--all", "(RULE a (SETQ drive_turn 0.1))")
-    assert (first["matched"], first["silent"]) == ([], [])
-    second = account(channel, "send", "--standing", "--all", "(RULE b (SETQ drive_turn 0.2))")
-    lives = [str(sent["id"]).rpartition(".") for sent in (first, second)]
-    assert lives[0][0] == lives[1][0], "one life"
-    assert int(lives[0][2]) < int(lives[1][2])
-    with swarm(channel, tmp_path / "three.store") as process:
-        third = account(channel, "send", "--standing", "--all", "(RULE c (SETQ drive_turn 0.3))")
-        assert third["matched"] == NAMES
-        assert process.poll() is None
-    evaluated = [command for robot, command, outcome in journal(tmp_path / "three.store") if robot == "r1"]
-    assert evaluated == [first["id"], second["id"], third["id"]], "who comes late hears it all, and in its order"
+    sent = []
+    for number in range(2):
+        with desk(channel) as line:
+            sent.append(post(line, f"(RULE a{number} 1)", standing=True))
+    with swarm(channel, tmp_path / "three.store"), desk(channel) as line:
+        sent.append(post(line, "(RULE a2 1)", standing=True))
+        until = time.monotonic() + LONGEST
+        while len(journal(tmp_path / "three.store")) < 9:
+            assert time.monotonic() < until
+            line.wait(0.1)
+            line.receive()
+    assert len({message.epoch for message in sent}) == 1, "one life"
+    evaluated = [command for robot, command, _ in journal(tmp_path / "three.store") if robot == "r1"]
+    assert evaluated == [message.id for message in sent], "who comes late hears it all, and in its order"

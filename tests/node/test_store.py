@@ -8,11 +8,14 @@ import sys
 from collections import Counter
 from contextlib import closing
 from pathlib import Path
+from random import Random
 
 import pytest
 
-from node.afloat import NOTES, Afloat, Living, World
+from channel.air import DESK
+from node.afloat import NOTES, TICK, Afloat, KilledError, Living, World
 from sleepcast.channel import Kind, Message
+from sleepcast.channel.mailbox import Mailbox
 from sleepcast.clock import ManualClock
 from sleepcast.node.node import Node
 from sleepcast.node.store import InUseError, Store, StoreError
@@ -253,3 +256,47 @@ def test_what_a_robot_cannot_have_any_more_is_told(tmp_path: Path) -> None:
     assert robot.said == [f"{robot.name}: a is built in now, so what it was over the air is forgotten"]
     assert [rule.text for rule in node.rules()] == ["(NOTE 2)"]
     store.close()
+
+
+def ticks(fleet: Afloat, robot: Living) -> None:
+    """For ever, if nothing ends it."""
+    while True:
+        fleet.air.run(TICK)
+        robot.tick()
+
+
+def test_a_rule_that_ends_the_process_is_not_begun_for_ever(tmp_path: Path) -> None:
+    fleet, robot = one(tmp_path)
+    deadly = fleet.post("(RULE a 1)", standing=True)
+    for _ in range(3):
+        robot.node.dies = 0
+        with pytest.raises(KilledError):
+            ticks(fleet, robot)
+        robot.die()
+        robot.begin()
+    fleet.post("(RULE b 2)", standing=True)
+    fleet.run(2.0)
+    assert next((command, outcome) for command, _, _, outcome in robot.journal()) == (deadly.id, "interrupted")
+    assert rules(robot) == [("b", "2", True)]
+
+
+def test_an_operators_commands_have_one_order_over_his_lives(tmp_path: Path) -> None:
+    fleet = Afloat(3, tmp_path, seed=9, loss=0.3, twice=0.1, delay=0.05)
+    sent = []
+    for life in range(8):
+        with closing(Store(tmp_path / "desk.store", fleet.air.clock, pytest.fail)) as store:
+            party = fleet.air.another_desk()
+            epoch, first = store.numbers("desk")
+            party.box = Mailbox("desk", epoch, DESK, party.box.door, Random(life), first=first, keep=store.keep)
+            store.attend(party.box)
+            for number in range(3):
+                sent.append(fleet.post(f"(NOTE {3 * life + number})", standing=number == 1, desk=party))
+                fleet.run(fleet.chance.random() * 0.2)
+            party.on = False
+    fleet.run(10.0)
+    assert len({message.epoch for message in sent}) == 1
+    standing = {float(place) for place, message in enumerate(sent) if message.standing}
+    for robot in fleet.robots:
+        assert robot.world.done == sorted(set(robot.world.done))
+        assert standing <= set(robot.world.done)
+        assert len(robot.world.done) >= 0.8 * len(sent)

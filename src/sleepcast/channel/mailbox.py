@@ -49,7 +49,7 @@ MENDED = 0.2
 """Seconds for which what was heard is not sent again."""
 BATCH = 24
 """Commands sent for one digest or request: the rest follows with the next one."""
-KEEP_EVERY = 4_096
+KEEP_EVERY = 256
 """Numbers of ours that may be used before whoever keeps them is told."""
 MAX_WANTED = 64
 """Numbers in one request."""

@@ -51,6 +51,8 @@ LOOK_EVERY = 1.0
 """Seconds after which it is looked whether rules have changed something by themselves."""
 TRY_AGAIN = 5.0
 """Seconds after which it is tried again to write what could not be written."""
+MAX_BEGUN = 3
+"""Lives in which a command that stands is begun: one that ends them all is then told as interrupted."""
 MAX_UNWRITTEN = 100_000
 """Evaluations that wait for a disk that has room again; older ones are forgotten."""
 MAX_MIND = 16 * 1024 * 1024
@@ -63,13 +65,14 @@ INTERRUPTED = "interrupted"
 
 @dataclass(slots=True)
 class Robot:
-    """One robot of the store. known: ids of what is written down as taken, and whether as begun; fingerprint: of the
-    mind as it was last looked at."""
+    """One robot of the store. known: ids of what is written down as taken, and how often it was begun; begun: of these,
+    what was in this life; fingerprint: of the mind as it was last looked at."""
 
     number: int
     node: Node
     mailbox: Mailbox | None
-    known: dict[str, bool] = field(default_factory=dict)
+    known: dict[str, int] = field(default_factory=dict)
+    begun: set[str] = field(default_factory=set)
     fingerprint: tuple[object, ...] = ()
 
 
@@ -130,7 +133,7 @@ class Store:
         for taken in kept.taken:
             message = _shifted(taken.message, -node.zero)
             robot.known[message.id] = taken.begun
-            if taken.begun and not message.standing:
+            if taken.begun and (not message.standing or taken.begun >= MAX_BEGUN):
                 node.interrupted(message)
                 self._finish(robot, message, INTERRUPTED, self._clock.now())
             else:
@@ -186,13 +189,21 @@ class Store:
             if robot.mailbox is not None:
                 self._take_news(robot.number, robot.mailbox)
             for place, message in enumerate(robot.node.waiting):
-                begun = place < MAX_QUEUE
-                if message.kind is Kind.COMMAND and (message.id not in robot.known or begun > robot.known[message.id]):
-                    robot.known[message.id] = begun
-                    self._unwritten.taken[robot.number, message.id] = _shifted(message, robot.node.zero), begun
-                    begins |= begun
+                if message.kind is Kind.COMMAND:
+                    begins |= self._take(robot, message, place < MAX_QUEUE)
         if begins:
             self._write(now)
+
+    def _take(self, robot: Robot, message: Message, begins: bool) -> bool:
+        """A message is taken, and its evaluation begins or it waits for another tick; whether this must be written
+        before that."""
+        begins = begins and message.id not in robot.begun
+        if begins or message.id not in robot.known:
+            if begins:
+                robot.begun.add(message.id)
+            times = robot.known[message.id] = robot.known.get(message.id, 0) + begins
+            self._unwritten.taken[robot.number, message.id] = _shifted(message, robot.node.zero), times
+        return begins
 
     def after(self) -> None:
         """All robots have thought."""
@@ -202,13 +213,13 @@ class Store:
             self._look_at = now + LOOK_EVERY
         urgent = look
         for robot in self._robots.values():
-            evaluated = robot.node.evaluated
+            evaluated, did = robot.node.evaluated, False
             while evaluated:
                 message, outcome, time = evaluated.popleft()
                 if message.kind in LASTING:
-                    urgent = True
+                    did = urgent = True
                     self._finish(robot, message, outcome, time + robot.node.zero)
-            if urgent:
+            if did or look:
                 self._look(robot, now)
         if urgent and self._unwritten:
             self._write(now)
@@ -238,6 +249,7 @@ class Store:
 
     def _finish(self, robot: Robot, message: Message, outcome: str, time: float) -> None:
         waits, which = self._unwritten, (robot.number, message.id)
+        robot.begun.discard(message.id)
         if robot.known.pop(message.id, None) is not None and waits.taken.pop(which, None) is None:
             waits.finished.add(which)
         waits.evaluated.append((robot.number, message.id, message.kind.value, time, outcome))

@@ -75,10 +75,10 @@ class InUseError(StoreError):
 
 @dataclass(slots=True)
 class Taken:
-    """A message that was taken and not finished; begun: whether its evaluation had begun."""
+    """A message that was taken and not finished; begun: how often its evaluation had begun."""
 
     message: Message
-    begun: bool
+    begun: int
 
 
 @dataclass(slots=True)
@@ -186,7 +186,7 @@ def read_all(connection: sqlite3.Connection) -> Content:
         by_number[robot].windows.append(Window(key, sender, epoch, latest, int.from_bytes(numbers, "big")))
     try:
         for robot, begun, message in connection.execute("SELECT robot, begun, message FROM taken ORDER BY number"):
-            taken = Taken(msgspec.msgpack.decode(message, type=Message), bool(begun))
+            taken = Taken(msgspec.msgpack.decode(message, type=Message), begun)
             by_number[robot].taken.append(taken)
         query = "SELECT key, epoch, sequence, datagrams FROM standing ORDER BY number"
         for key, epoch, sequence, datagrams in connection.execute(query):

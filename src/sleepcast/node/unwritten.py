@@ -20,14 +20,14 @@ Evaluated = tuple[int, str, str, float, str]
 
 @dataclass(slots=True)
 class Unwritten:
-    """What waits, mostly by the number of the robot; the fields are those of the tables. taken: messages and whether
-    they were begun; finished: of those that were written as taken. minds: when, and packed. lives: names, and what is
-    known of their lives."""
+    """What waits, mostly by the number of the robot; the fields are those of the tables. taken: messages and how
+    often they were begun; finished: of those that were written as taken. minds: when, and packed. lives: names, and
+    what is known of their lives."""
 
     streams: dict[tuple[int, Name], Progress] = field(default_factory=dict)
     windows: dict[tuple[int, bytes, str, int], Window] = field(default_factory=dict)
     standing: dict[tuple[Name, int], tuple[bytes, ...]] = field(default_factory=dict)
-    taken: dict[tuple[int, str], tuple[Message, bool]] = field(default_factory=dict)
+    taken: dict[tuple[int, str], tuple[Message, int]] = field(default_factory=dict)
     finished: set[tuple[int, str]] = field(default_factory=set)
     evaluated: list[Evaluated] = field(default_factory=list)
     minds: dict[int, tuple[float, bytes]] = field(default_factory=dict)

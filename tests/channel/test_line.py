@@ -10,7 +10,8 @@ from sleepcast.channel.door import Door
 from sleepcast.channel.keys import KeyPair, Role, Trust
 from sleepcast.channel.line import MAX_ANSWERED, Line
 from sleepcast.channel.mailbox import Mailbox
-from sleepcast.clock import ManualClock
+from sleepcast.channel.transport import open_transport
+from sleepcast.clock import ManualClock, UnixClock
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
 ROBOTS = KeyPair("r*", Role.ROBOT, b"r" * 32)
@@ -152,3 +153,29 @@ def test_a_robot_reports_the_commands_that_it_missed() -> None:
     assert [message.text for message in air.robots[0].receive()] == ["(GO)"]
     told = [message.body for message in air.desk.receive() if message.kind is Kind.REPORT]
     assert told == [{"label": "missed", "values": [1.0], "missed": [lost[1].id]}], "the one before that is not known"
+
+
+def waits_as_long(kind: Kind, robot: bool, seconds: float) -> bool:
+    """Whether somebody waits as long as he is told to who hears this at once."""
+    medium, clock = f"memory:waiting-{kind}-{robot}", UnixClock()
+    trust = Trust((DESK.public, ROBOTS.public))
+    lines = []
+    for name, key, is_robot in (("desk", DESK, False), ("r1" if robot else "desk", ROBOTS if robot else DESK, robot)):
+        door = Door(trust, "lab", clock, robot=is_robot)
+        box = Mailbox(name, len(lines) + 1, key, door, Random(1))
+        lines.append(Line(open_transport(medium, clock), box, clock, Random(2)))
+    desk, listener = lines
+    desk.send(Message("desk", 1, 1, kind, clock.now(), text="(ST)" if kind is Kind.COMMAND else ""))
+    begin = clock.now()
+    listener.wait(seconds)
+    took = clock.now() - begin
+    assert [message.kind for message in listener.receive()] == [kind]
+    for line in lines:
+        line.close()
+    return took >= seconds
+
+
+def test_a_robot_that_hears_stop_waits_no_longer() -> None:
+    assert not waits_as_long(Kind.STOP, robot=True, seconds=20.0)
+    assert waits_as_long(Kind.COMMAND, robot=True, seconds=0.1)
+    assert waits_as_long(Kind.STOP, robot=False, seconds=0.1)

@@ -102,9 +102,9 @@ class Line:
         return -inf if self._heard else self._pump_due()
 
     def wait(self, seconds: float) -> None:
-        """Pump for so long."""
+        """Pump for so long; a robot that hears STOP waits no longer."""
         until = self._clock.now() + seconds
-        while (now := self._clock.now()) < until:
+        while (now := self._clock.now()) < until and not self._has_stop():
             select.select([self.transport], [], [], max(0.0, min(until, self._pump_due()) - now))
             self.pump()
 
@@ -113,6 +113,10 @@ class Line:
         self.transport.close()
         for end in self.ends:
             end()
+
+    def _has_stop(self) -> bool:
+        """Whether something has been heard that waits for no tick."""
+        return self.mailbox.door.robot and any(message.kind is Kind.STOP for message in self._heard)
 
     def _pump_due(self) -> float:
         due = self.mailbox.due()

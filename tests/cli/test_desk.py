@@ -45,7 +45,7 @@ def test_a_command_is_foreseen_sent_and_accounted_for(desk: Terminal) -> None:
     assert all(len(line) <= 80 for line in lines)
     desk.type(TAB + TAB)
     desk.wait_to_see("bravo> ")
-    desk.type(F3 + F3)
+    desk.type(F3 + F3 + F3)
     desk.wait_to_see("bravo ASK> ")
     desk.type("id" + ENTER)
     desk.wait_to_see("mean 2.5 (2 to 3)")

@@ -10,6 +10,7 @@ import pytest
 from safety.scene import Scene
 from sleepcast.channel import Kind
 from sleepcast.cli import desk_panes as panes
+from sleepcast.cli.desk_names import members_of, names_of, range_of
 from sleepcast.cli.desk_session import AGAIN_WITHIN, STOP_AGAIN, WHY_PATIENCE, Session
 from sleepcast.cli.desk_words import Sort
 from sleepcast.language import Checked
@@ -145,8 +146,8 @@ def test_what_was_refused_stays_typed(seat: Seat) -> None:
 
 def test_a_question_to_some_counts_only_them(seat: Seat) -> None:
     seat.session.address("bravo")
-    seat.session.next_sort()
-    seat.session.next_sort()
+    while seat.session.sort is not Sort.ASK:
+        seat.session.next_sort()
     assert seat.session.enter("(+ id 1)")
     seat.run(1.0)
     assert "answered 3, mean 3 (3 to 3), silent 0" in seat.shown()
@@ -169,6 +170,52 @@ def test_many_are_counted_by_hand() -> None:
     session.enter("(DRIVE 1)")
     session.stop()
     assert session.pending is None, "STOP ends all that waits"
+
+
+def test_stages_go_on_while_all_goes_well() -> None:
+    seat = Seat(12)
+    session = seat.session
+    session.sort = Sort.STAGED
+    session.enter("(WHEN (> id 0) (DRIVE 1))")
+    assert "Type 11" in session.said
+    session.enter("11")
+    assert session.said.startswith("stage 1")
+    assert not session.enter("(DRIVE 0)")
+    assert "still sent in stages" in session.said
+    seat.run(2.0)
+    assert (session.said, session.staging) == ("all 3 stages went well", None)
+    driven = [name for name, robot in seat.scene.fleet.items() if robot.body.driven]
+    assert len(driven) == 11
+    counts = [command.addressed - command.n_silent for command in seat.station.commands()[-3:]]
+    assert len(counts) == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "lost", "said"),
+    [("(WHEN (> id 0) (DRIVE (/ 1 0)))", "", "fault on r1"), ("(WHEN (> id 0) (DRIVE 1))", "r1", "silent 1: r1")],
+)
+def test_stages_end_where_one_goes_wrong(text: str, lost: str, said: str) -> None:
+    seat = Seat(5)
+    session = seat.session
+    if lost:
+        seat.scene.isolate(lost)
+    session.sort = Sort.STAGED
+    session.enter(text)
+    seat.run(4.0)
+    assert "halted after stage 1" in session.said
+    assert said in session.said
+    assert (session.wrong, session.staging) == (True, None)
+    assert not any(robot.body.driven for name, robot in seat.scene.fleet.items() if name != "r1")
+
+
+def test_stop_ends_all_stages() -> None:
+    seat = Seat(5)
+    seat.session.sort = Sort.STAGED
+    seat.session.enter("(WHEN (> id 0) (DRIVE 1))")
+    seat.session.stop()
+    seat.run(3.0)
+    assert seat.session.staging is None
+    assert sum(kind is Kind.COMMAND for kind in seat.kinds()) == 2  # the first is from before
 
 
 def test_stop_is_sent_at_once_and_a_key_held_down_is_one_stop(seat: Seat) -> None:
@@ -255,13 +302,13 @@ def test_driven_robots_get_heartbeats_unless_told_otherwise(seat: Seat) -> None:
 
 
 def test_names_are_known_with_what_they_are_worth(seat: Seat) -> None:
-    session = seat.session
-    assert {"x", "fuel", "DRIVE", "bravo", "id"} <= set(session.names())
-    assert session.range_of("x") == (0.0, 2.0)
-    assert session.range_of("DRIVE") is None
-    assert (session.members("bravo"), session.members("x")) == (1, None)
-    session.enter(":show x fuel")
-    assert "2m  50%" in seat.shown()
+    minds = seat.session.looker.minds
+    assert {"x", "fuel", "DRIVE", "bravo", "id"} <= set(names_of(minds))
+    assert range_of("x", minds) == (0.0, 2.0)
+    assert range_of("DRIVE", minds) is None
+    assert (members_of("bravo", minds), members_of("x", minds)) == (1, None)
+    seat.session.enter(":show x fuel")
+    assert seat.shown().splitlines()[2].split()[-3:] == ["2m", "50%", "bravo"]
 
 
 def test_nothing_that_came_from_the_air_reaches_the_terminal_as_it_is(seat: Seat) -> None:

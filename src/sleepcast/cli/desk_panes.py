@@ -76,7 +76,7 @@ def robots(session: Session, width: int, height: int, first: int) -> list[Line]:
     names = session.listed(roster)[first : first + height]
     latest = next(reversed(session.station.commands()), None)
     silent = None if latest is None else latest.silent
-    lost_after = _lost_after(session)
+    lost_after, room = _lost_after(session), 16 if width >= WIDE else 8
     found = []
     for name in names:
         heard, mind = roster[name], session.mind(name)
@@ -85,9 +85,8 @@ def robots(session: Session, width: int, height: int, first: int) -> list[Line]:
         letters = ("?" if mind is None else "S" if mind.stopped else "o") + ("L" if lost else " ")
         style = "class:warned" if lost or mind is None else "class:stopped" if mind.stopped else ""
         code = _outcome(latest, silent, name)
-        told = [_value(session, name, each) for each in session.shown]
+        told = [_value(session, name, each).rjust(room - 8) for each in session.shown]
         told += [",".join(sorted(mind.told.groups))] if mind is not None and mind.told.groups else []
-        room = 16 if width >= WIDE else 8
         text = f"{clipped(printable(name), room):<{room}} {code} {_age(age):>5}  {'  '.join(told)}"
         answered = "class:warned" if code in "F-" else ""
         found.append([(style, f"{letters} "), (answered, clipped(printable(text), width - 3))])

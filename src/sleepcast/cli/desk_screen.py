@@ -16,14 +16,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import signal
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from prompt_toolkit.application import Application, get_app
 from prompt_toolkit.auto_suggest import AutoSuggestFromHistory
 from prompt_toolkit.buffer import Buffer
-from prompt_toolkit.completion import CompleteEvent, Completer, Completion
-from prompt_toolkit.document import Document
 from prompt_toolkit.filters import Condition, has_completions
 from prompt_toolkit.formatted_text import OneStyleAndTextTuple, StyleAndTextTuples
 from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
@@ -46,9 +44,10 @@ from prompt_toolkit.styles import Style
 from prompt_toolkit.utils import get_cwidth
 
 from sleepcast.cli import desk_panes as panes
+from sleepcast.cli.desk_names import SessionNames
 from sleepcast.cli.desk_session import Session
-from sleepcast.cli.desk_words import QUESTIONS, Sort
-from sleepcast.cli.prompt import WORD, history, usage_of
+from sleepcast.cli.desk_words import Sort
+from sleepcast.cli.prompt import WORD, history
 from sleepcast.cli.streams import still_open
 
 if TYPE_CHECKING:
@@ -94,39 +93,6 @@ class Pane(UIControl):
             return list(lines[number])
 
         return UIContent(get_line=line, line_count=len(lines), show_cursor=False)
-
-
-class SessionNames(Completer):
-    """Completes names that the fleet knows now, each with what it is worth, and what the desk can be asked."""
-
-    def __init__(self, session: Session) -> None:
-        self._session = session
-
-    def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
-        """The names that begin with the word before the cursor."""
-        before = document.text_before_cursor
-        found = WORD.search(before)
-        word = found.group() if found else ""
-        if not word and not complete_event.completion_requested:
-            return
-        for name in self._names(before, word):
-            if name.casefold().startswith(word.casefold()):
-                yield Completion(name, start_position=-len(word), display_meta=self._about(name))
-
-    def _names(self, before: str, word: str) -> Iterable[str]:
-        if before == word and word.startswith(":"):
-            return [f":{name}" for name in QUESTIONS]
-        if before.startswith((":to ", ":why ")):
-            return [*self._session.station.roster, *(each.label for each in self._session.addressees() if each.label)]
-        return self._session.names()
-
-    def _about(self, name: str) -> str:
-        usage, members, values = usage_of(name), self._session.members(name), self._session.range_of(name)
-        if usage:
-            return usage
-        if members is not None:
-            return f"group of {members}"
-        return panes.span(values) if values is not None else ""
 
 
 class Screen:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from sleepcast.channel import Kind
 from sleepcast.channel.names import natural
+from sleepcast.cli.desk_staging import Staging
 from sleepcast.cli.desk_words import (
     AS_WRITTEN,
     EVERYBODY,
@@ -28,10 +29,9 @@ from sleepcast.cli.desk_words import (
 from sleepcast.cli.streams import still_open
 from sleepcast.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.language import ReadError, read
-from sleepcast.language.names import Group
 from sleepcast.language.vocabulary import Variable
 from sleepcast.station.preview import NO, UNKNOWN, YES
-from sleepcast.station.settling import AddressError, CountNeededError
+from sleepcast.station.settling import AddressError, CountNeededError, Draft
 
 if TYPE_CHECKING:
     from sleepcast.station.accounting import Command
@@ -71,6 +71,7 @@ class Session:
         self.shown: list[str] = []
         self.by_age = False
         self.pending: Request | None = None
+        self.staging: Staging | None = None
         self.leaving = False
         self._own: list[Addressee] = []
         self._listed: list[str] = []
@@ -90,8 +91,22 @@ class Session:
             if self.look_every and self.station.now - self._looked >= self.period:
                 self.look()
             self._hear_why()
+            self._go_on()
         except SleepcastError as error:
             self.complain(str(error))
+
+    def _go_on(self) -> None:
+        """With what is sent in stages."""
+        if self.staging is None:
+            return
+        try:
+            self.staging.tick()
+        except SleepcastError:
+            self.staging = None
+            raise
+        self.say(self.staging.said)
+        if self.staging.over:
+            self.staging = None
 
     def due(self) -> float:
         """Seconds until `tick` has something to do, unless something comes in before."""
@@ -139,7 +154,7 @@ class Session:
         self._own.append(self.to)
 
     def next_sort(self) -> None:
-        """Once, standing, ask, and again."""
+        """Once, in stages, standing, ask, and again."""
         sorts = list(Sort)
         self.sort = sorts[(sorts.index(self.sort) + 1) % len(sorts)]
 
@@ -221,6 +236,8 @@ class Session:
 
     def _send(self, request: Request) -> None:
         to = request.to
+        if self.staging is not None:
+            raise MisuseError("a command is still sent in stages: wait until that is over, or stop the robots")
         only = [to.robot] if to.robot else None
         self.station.check(request.text).required()  # its carets stand under what was typed, without what is put before
         text = to.wrapped(request.text, request.sort)
@@ -229,6 +246,10 @@ class Session:
             return
         standing = request.sort is Sort.STANDING
         try:
+            if request.sort is Sort.STAGED and not to.robot:
+                self.staging = Staging(self.station, Draft(text, everybody=to.everybody, count=request.count))
+                self.say(self.staging.said)
+                return
             self.station.send(text, standing=standing, everybody=to.everybody, count=request.count, only=only)
         except CountNeededError as error:
             self.pending = replace(request, may=error.may)
@@ -236,7 +257,7 @@ class Session:
 
     def stop(self) -> None:
         """Stop every robot, now."""
-        self.pending, self.said = None, ""
+        self.pending, self.staging, self.said = None, None, ""
         latch = self.latch
         if latch is not None and latch.kind is Kind.STOP and self.station.now - latch.message.issued < STOP_AGAIN:
             return  # a key that is held down: the one that was just sent is sent again by itself
@@ -347,32 +368,14 @@ class Session:
 
     def hush(self) -> None:
         """Another text is typed: what was said of the one before is of no interest."""
-        if self.pending is None:
+        if self.pending is None and self.staging is None:
             self.said = ""
 
     def complain(self, sentence: str) -> None:
         """Tell the person what went wrong."""
         self.said, self.wrong = sentence, True
 
-    # ---- names, for completion
-
-    def names(self) -> list[str]:
-        """Every name that a text may use."""
-        return sorted({*self.looker.minds.vocabulary.names(), *self.looker.minds.heard()}, key=str.casefold)
-
-    def range_of(self, name: str) -> tuple[float, float] | None:
-        """The least and the greatest value of a variable over the fleet; None if nobody has told one."""
-        binding = self.looker.minds.vocabulary.bindings.get(name.casefold())
-        if not isinstance(binding, Variable):
-            return None
-        values = [value for mind in self.looker.minds.values() if (value := mind.values[binding.slot]) == value]
-        return (min(values), max(values)) if values else None
-
-    def members(self, name: str) -> int | None:
-        """How many robots are in a group; None if it is none."""
-        if not isinstance(self.looker.minds.declared(name.casefold()), Group):
-            return None
-        return sum(name.casefold() in mind.groups for mind in self.looker.minds.values())
+    # ---- the list of robots
 
     def listed(self, roster: Mapping[str, float | None]) -> list[str]:
         """The names on a roster, as a person counts, or those first that were heard longest ago."""

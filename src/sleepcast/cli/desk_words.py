@@ -12,6 +12,7 @@ class Sort(StrEnum):
     """What Enter makes of a text."""
 
     ONCE = "once"
+    STAGED = "staged"
     STANDING = "standing"
     ASK = "ask"
 
@@ -87,8 +88,9 @@ F7 twice      RELEASE: end STOP; nothing that was asked before resumes by itself
 Enter         send what is typed, once its parentheses are closed
 Tab           complete a name; with nothing typed, to whom: as it is written,
               all, each group, what :to has named (Shift-Tab at any time)
-F3            once: obeyed within 5 s or never; standing: everybody gets it in
-              the end; ask: for a value
+F3            once: obeyed within 5 s or never; staged: one robot, a tenth, all,
+              as long as all goes well; standing: reaches everybody in the end;
+              ask: for a value
 F4            robots by name, or by when they were heard, the longest ago first
 PageUp/Down   go through the robots, or through this page
 Ctrl-C        drop what is typed; with nothing typed leave, as Ctrl-Q and Ctrl-D

@@ -32,32 +32,45 @@ class Stage:
         return self.account.complete and not self.account.n_fault
 
 
+class Stages:
+    """A command that goes out in stages. Raises what `AirStation.send` raises, before anything is sent."""
+
+    def __init__(self, station: AirStation, draft: Draft) -> None:
+        station.settle(draft)
+        found = station.foresee(draft.text)
+        candidates = [*found.yes, *found.unknown]
+        tenth = 1 + ceil(SHARE * len(candidates))
+        self._station, self._draft = station, draft
+        self._left = [Audience(only=names) for names in (candidates[:1], candidates[1:tenth]) if names]
+        self._left.append(Audience(but=candidates[:tenth] or None))
+
+    @property
+    def over(self) -> bool:
+        """Whether all have been sent."""
+        return not self._left
+
+    def send(self) -> Command:
+        """Send the next one."""
+        draft, audience = self._draft, self._left.pop(0)
+        return self._station.send(
+            draft.text,
+            standing=draft.standing,
+            deadline=draft.deadline,
+            everybody=draft.everybody,
+            count=self._station.foresee(draft.text, only=audience.only, but=audience.but).may,
+            only=audience.only,
+            but=audience.but,
+        )
+
+
 def staged(station: AirStation, draft: Draft, patience: float) -> Iterator[Stage]:
     """Send in stages, and give each when it is over; it ends after the first that is not good. patience: s for which
     answers are waited for beyond their time. Raises what `AirStation.send` raises, before anything is sent."""
-    station.settle(draft)
-    found = station.foresee(draft.text)
-    candidates = [*found.yes, *found.unknown]
-    tenth = 1 + ceil(SHARE * len(candidates))
-    done: list[str] = []
-    for step in filter(None, (candidates[:1], candidates[1:tenth])):
-        stage = _sent(station, draft, patience, Audience(only=step))
+    stages = Stages(station, draft)
+    while not stages.over:
+        sent = stages.send()
+        station.gather(sent, patience)
+        stage = Stage(sent, station.accounting(sent.id), stages.over)
         yield stage
         if not stage.good:
             return
-        done += step
-    yield _sent(station, draft, patience, Audience(but=done or None))
-
-
-def _sent(station: AirStation, draft: Draft, patience: float, audience: Audience) -> Stage:
-    sent = station.send(
-        draft.text,
-        standing=draft.standing,
-        deadline=draft.deadline,
-        everybody=draft.everybody,
-        count=station.foresee(draft.text, only=audience.only, but=audience.but).may,
-        only=audience.only,
-        but=audience.but,
-    )
-    station.gather(sent, patience)
-    return Stage(sent, station.accounting(sent.id), audience.only is None)

@@ -1,0 +1,71 @@
+"""Completion at the terminal desk: the names that robots have told, each with what it is worth over the fleet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from prompt_toolkit.completion import CompleteEvent, Completer, Completion
+from prompt_toolkit.document import Document
+
+from sleepcast.cli.desk_panes import span
+from sleepcast.cli.desk_session import Session
+from sleepcast.cli.desk_words import QUESTIONS
+from sleepcast.cli.prompt import WORD, usage_of
+from sleepcast.language.names import Group
+from sleepcast.language.vocabulary import Variable
+from sleepcast.station.remote import RemoteMinds
+
+
+class SessionNames(Completer):
+    """Completes names that the fleet knows now, each with what it is worth, and what the desk can be asked."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+
+    def get_completions(self, document: Document, complete_event: CompleteEvent) -> Iterable[Completion]:
+        """The names that begin with the word before the cursor."""
+        before = document.text_before_cursor
+        found = WORD.search(before)
+        word = found.group() if found else ""
+        if not word and not complete_event.completion_requested:
+            return
+        for name in self._names(before, word):
+            if name.casefold().startswith(word.casefold()):
+                yield Completion(name, start_position=-len(word), display_meta=self._about(name))
+
+    def _names(self, before: str, word: str) -> Iterable[str]:
+        if before == word and word.startswith(":"):
+            return [f":{name}" for name in QUESTIONS]
+        if before.startswith((":to ", ":why ")):
+            return [*self._session.station.roster, *(each.label for each in self._session.addressees() if each.label)]
+        return names_of(self._session.looker.minds)
+
+    def _about(self, name: str) -> str:
+        minds = self._session.looker.minds
+        usage, members, values = usage_of(name), members_of(name, minds), range_of(name, minds)
+        if usage:
+            return usage
+        if members is not None:
+            return f"group of {members}"
+        return span(values) if values is not None else ""
+
+
+def names_of(minds: RemoteMinds) -> list[str]:
+    """Every name that a text may use."""
+    return sorted({*minds.vocabulary.names(), *minds.heard()}, key=str.casefold)
+
+
+def range_of(name: str, minds: RemoteMinds) -> tuple[float, float] | None:
+    """The least and the greatest value of a variable over the fleet; None if nobody has told one."""
+    binding = minds.vocabulary.bindings.get(name.casefold())
+    if not isinstance(binding, Variable):
+        return None
+    values = [value for mind in minds.values() if (value := mind.values[binding.slot]) == value]
+    return (min(values), max(values)) if values else None
+
+
+def members_of(name: str, minds: RemoteMinds) -> int | None:
+    """How many robots are in a group; None if it is none."""
+    if not isinstance(minds.declared(name.casefold()), Group):
+        return None
+    return sum(name.casefold() in mind.groups for mind in minds.values())

@@ -187,6 +187,45 @@ def test_what_is_wrong_is_said_in_a_sentence(
     assert "Traceback" not in err
 
 
+def test_golden_rules_are_nobodys_to_change(call: Call, tmp_path: Path, world: NomadWorld) -> None:
+    golden = tmp_path / "golden.sleep"
+    golden.write_text("; what keeps it slow\n(RULE slow (VM 0.1m/s 0.1m/s))", encoding="utf-8")
+    script = "@0.3s (FORGET slow)\n@0.6s (RULE slow (VM 0.5m/s 0.5m/s))\n@0.9s (ROLLBACK)\n"
+    status, out, err = call(script, "--golden", str(golden))
+    assert (status, out.count("r1: fault, UNKNOWN")) == (0, 2), err
+    assert err.count("slow is built in: it cannot be changed over the air") == 2
+    assert world.observe(0).real.x == pytest.approx(0.29, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("golden", "said"),
+    [
+        ("(VM 1 1)", "golden.sleep:1: wanted (RULE name expression), not '(VM 1 1)'"),
+        ("(RULE a)", "golden.sleep:1: wanted (RULE name expression), not '(RULE a)'"),
+        ("\n(RULE a (SETQ x 1))", "golden.sleep:2: "),
+        ("@1s (RULE a 1)", "golden.sleep is a mission script: built-in rules have no times"),
+    ],
+)
+def test_what_is_no_golden_rule_is_refused(call: Call, tmp_path: Path, golden: str, said: str) -> None:
+    (tmp_path / "golden.sleep").write_text(golden, encoding="utf-8")
+    status, out, err = call(None, "--golden", str(tmp_path / "golden.sleep"))
+    assert (status, out) == (2, "")
+    assert said in err
+
+
+def test_a_node_goes_on_from_its_store(call: Call, tmp_path: Path) -> None:
+    store = ("--store", str(tmp_path / "r1.store"))
+    status, out, err = call("(DEFVAR n 0)\n(RULE count (SETQ n (+ n 1)))", *store)
+    assert status == 0, err
+    status, out, err = call('@0.1s (REPORT "n" (> n 25))\n@0.2s (FORGET count)', *store, seconds=0.5)
+    assert status == 0, err
+    assert "r1 is up, with 1 rule" in out
+    assert "r1: n: 1\n" in out
+    assert err.startswith("r1 goes on where it was (r1.store)\n")
+    status, out, err = call("(RULE other 1)", *store, seconds=0.1)
+    assert "r1 is up, with 0 rules" in out, "what a robot begins with is for its first life"
+
+
 def test_a_server_that_goes_away_ends_the_node(world: NomadWorld, capfd: pytest.CaptureFixture[str]) -> None:
     with serving(world, speed=1.0, headless=True) as served:
         ending = Thread(target=lambda: (until(lambda: served.nserver.lines), served.end()))

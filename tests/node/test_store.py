@@ -202,6 +202,21 @@ def test_a_store_where_nothing_can_be_written_is_told(tmp_path: Path) -> None:
     assert "after a restart everything since now will have been forgotten" in complaint
 
 
+def test_what_can_only_be_read_is_read(tmp_path: Path) -> None:
+    fleet, robot = one(tmp_path)
+    fleet.post("(RULE a 1)", standing=True)
+    fleet.run(1.0)
+    robot.die()
+    fleet.air.desk.on = False
+    lock = robot.file.with_name(f"{robot.file.name}.lock")
+    lock.unlink()
+    lock.mkdir()
+    robot.begin()
+    assert "cannot be written: Is a directory" in robot.said[0]
+    assert rules(robot) == [("a", "1", True)]
+    fleet.run(1.0)
+
+
 def test_a_damaged_store_is_set_aside(tmp_path: Path) -> None:
     fleet, robot = one(tmp_path)
     fleet.post("(RULE a 1)", standing=True)
@@ -236,6 +251,38 @@ def test_what_is_no_store_of_ours_is_refused_and_left_alone(tmp_path: Path, spoi
     with pytest.raises(StoreError, match=complaint):
         Store(robot.file, fleet.air.clock, robot.said.append)
     assert robot.file.read_bytes() == before
+
+
+def test_a_text_is_no_store_and_is_left_alone(tmp_path: Path) -> None:
+    file = tmp_path / "notes.txt"
+    file.write_text("what to buy\n" * 200)
+    with pytest.raises(StoreError, match="is a text and no store of a robot"):
+        Store(file, ManualClock(5.0), pytest.fail)
+    assert file.read_text() == "what to buy\n" * 200
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        "UPDATE streams SET robot = 7",
+        "UPDATE standing SET datagrams = x'00'",
+        "UPDATE robots SET mind = x'7801ffff'",
+        "INSERT INTO taken (robot, command, begun, message) VALUES (1, 'x', 0, x'81a173c0')",
+        "DROP TABLE windows",
+    ],
+)
+def test_a_store_with_nonsense_in_it_is_told(tmp_path: Path, spoil: str) -> None:
+    fleet, robot = one(tmp_path)
+    fleet.post("(RULE a 1)", standing=True)
+    fleet.run(1.0)
+    robot.die()
+    with closing(sqlite3.connect(robot.file)) as connection:
+        connection.execute(spoil)
+        connection.commit()
+    robot.begin()
+    assert len(robot.said) == 1
+    fleet.run(5.0)
+    assert rules(robot) == [("a", "1", True)]
 
 
 def test_one_process_at_a_time(tmp_path: Path) -> None:

@@ -39,6 +39,7 @@ from sleepcast.node.store_file import (
     open_file,
     read_all,
     read_only,
+    refuse_text,
     set_aside,
     transaction,
 )
@@ -89,6 +90,7 @@ class Store:
         self._lock: int | None = None
         self._connection: sqlite3.Connection | None = None
         self._content = Content()
+        self._minds: dict[str, MindParcel] = {}
         self._unwritten = Unwritten()
         self._failing = False
         self._try_at = self._look_at = -inf
@@ -126,8 +128,9 @@ class Store:
             self.life(node.name)
         kept = self._content.robots[node.name]
         robot = self._robots[node.name] = Robot(kept.number, node, mailbox)
-        if kept.mind is not None:
-            self._restore(node, kept.mind, kept.saved)
+        mind = self._minds.pop(node.name, None)
+        if mind is not None:
+            self._restore(node, mind, kept.saved)
         if mailbox is not None:
             mailbox.restore(self._heard(kept), kept.since)
         for taken in kept.taken:
@@ -140,12 +143,11 @@ class Store:
                 node.receive(message)
         node.evaluated.clear()
         robot.fingerprint = fingerprint(node)
-        return kept.mind is not None or bool(kept.streams)
+        return mind is not None or bool(kept.streams)
 
-    def _restore(self, node: Node, packed: bytes, saved: float) -> None:
+    def _restore(self, node: Node, mind: MindParcel, saved: float) -> None:
         try:
-            parcel = unpack(MindParcel, packed, MAX_MIND, f"what {node.name} has learned")
-            lost = put_back(parcel, node, max(0.0, self._clock.now() - saved))
+            lost = put_back(mind, node, max(0.0, self._clock.now() - saved))
         except ParcelError as error:
             raise StoreError(
                 f"{self.file}: {error}; name another file with --store, or take none with --no-store"
@@ -232,6 +234,9 @@ class Store:
         if self._connection is not None:
             self._connection.close()
             self._connection = None
+        self._unlock()
+
+    def _unlock(self) -> None:
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
@@ -267,8 +272,11 @@ class Store:
         try:
             self._lock = lock(self.file)
             self._connection = self._read()
+        except StoreError:
+            self._unlock()
+            raise
         except (sqlite3.Error, OSError) as error:
-            self._content = read_only(self.file)
+            self._content, self._minds = _readable(self.file)
             self._say(
                 f"{self.file} cannot be written: {_reason(error)}. Nothing is kept there: after a restart everything "
                 "since now will have been forgotten"
@@ -280,12 +288,15 @@ class Store:
             connection = open_file(self.file)
             try:
                 self._content = read_all(connection)
+                self._minds = _unpacked(self._content)
             except BaseException:
                 connection.close()
                 raise
         except sqlite3.OperationalError:
             raise
         except sqlite3.DatabaseError as error:
+            refuse_text(self.file)
+            self._content = Content()
             aside = set_aside(self.file, self._clock.now())
             self._say(
                 f"{self.file} is damaged ({error}). It was set aside as {aside.name}, and what was learned is "
@@ -322,6 +333,27 @@ class Store:
         for robot in self._robots.values():
             robot.node.remark(said)
             break
+
+
+def _unpacked(content: Content) -> dict[str, MindParcel]:
+    """What each robot has learned. Raises sqlite3.DatabaseError for what is damaged."""
+    try:
+        return {
+            name: unpack(MindParcel, kept.mind, MAX_MIND, f"what {name} has learned")
+            for name, kept in content.robots.items()
+            if kept.mind is not None
+        }
+    except ParcelError as error:
+        raise sqlite3.DatabaseError(str(error)) from None
+
+
+def _readable(file: Path) -> tuple[Content, dict[str, MindParcel]]:
+    """What can be read of a file that cannot be written. Raises StoreError for what is no store."""
+    content = read_only(file)
+    try:
+        return content, _unpacked(content)
+    except sqlite3.DatabaseError:
+        return Content(), {}
 
 
 def _shifted(message: Message, seconds: float) -> Message:

@@ -19,7 +19,7 @@ import msgspec
 from sleepcast.channel.kept import Progress, Standing, Window
 from sleepcast.channel.message import Message
 from sleepcast.channel.shelf import MAX_STANDING
-from sleepcast.errors import MisuseError
+from sleepcast.errors import MisuseError, SleepcastError
 
 FORMAT = 1
 """The version of the format of stores; a file of a newer one is refused."""
@@ -158,7 +158,18 @@ def lock(file: Path) -> int | None:
             f"{file} is in use: does a robot of this name run already? Name another with --store, or take none with "
             "--no-store"
         ) from None
+    except OSError:  # this file system knows no locks
+        os.close(descriptor)
+        return None
     return descriptor
+
+
+def refuse_text(file: Path) -> None:
+    """Raises StoreError for a file that is a text: somebody has named the wrong one, and it is left as it is."""
+    with file.open("rb") as opened:
+        data = opened.read(4_096)
+    if data.isascii() and b"\0" not in data:
+        raise StoreError(f"{file} is a text and no store of a robot: name another with --store")
 
 
 def set_aside(file: Path, now: float) -> Path:
@@ -180,19 +191,18 @@ def read_all(connection: sqlite3.Connection) -> Content:
     by_number: dict[int, Remembered] = {}
     for number, name, *rest in connection.execute("SELECT * FROM robots"):
         found.robots[name] = by_number[number] = Remembered(number, *rest)
-    for robot, key, epoch, *rest in connection.execute("SELECT * FROM streams"):
-        by_number[robot].streams.append(Progress((key, epoch), *rest))
-    for robot, key, sender, epoch, latest, numbers in connection.execute("SELECT * FROM windows"):
-        by_number[robot].windows.append(Window(key, sender, epoch, latest, int.from_bytes(numbers, "big")))
     try:
+        for robot, key, epoch, *rest in connection.execute("SELECT * FROM streams"):
+            by_number[robot].streams.append(Progress((key, epoch), *rest))
+        for robot, key, sender, epoch, latest, numbers in connection.execute("SELECT * FROM windows"):
+            by_number[robot].windows.append(Window(key, sender, epoch, latest, int.from_bytes(numbers, "big")))
         for robot, begun, message in connection.execute("SELECT robot, begun, message FROM taken ORDER BY number"):
-            taken = Taken(msgspec.msgpack.decode(message, type=Message), begun)
-            by_number[robot].taken.append(taken)
+            by_number[robot].taken.append(Taken(msgspec.msgpack.decode(message, type=Message), begun))
         query = "SELECT key, epoch, sequence, datagrams FROM standing ORDER BY number"
         for key, epoch, sequence, datagrams in connection.execute(query):
             parts = msgspec.msgpack.decode(datagrams, type=tuple[bytes, ...])
             found.standing.append(Standing((key, epoch), sequence, parts))
-    except (msgspec.DecodeError, ValueError) as error:
+    except (msgspec.DecodeError, ValueError, RecursionError, SleepcastError) as error:
         raise sqlite3.DatabaseError(f"what is in it cannot be read: {error}") from None
     except KeyError as error:
         raise sqlite3.DatabaseError(f"it speaks of a robot {error} that is not there") from None

@@ -379,7 +379,7 @@ def test_a_fence_holds_whatever_the_mind_asks(stepped: Served, world: NomadWorld
     limits = Limits(0.5, inf, 1.0, fence=(-1.0, -0.5, 1.5, 0.8))
     chance, reached = Random(3), 0.0
     with cast(NomadRobot, open_robot(f"nomad://127.0.0.1:{stepped.port}#1", in_step=True, limits=limits)) as robot:
-        for tick in range(500):
+        for tick in range(250):
             if tick % 10 == 0:
                 speed, turn = chance.uniform(-2.0, 2.0), chance.uniform(-3.0, 3.0)
                 chance.choice(

@@ -78,6 +78,8 @@ def test_each_robot_of_a_swarm_decides_for_itself(channel: str, tmp_path: Path) 
         (("2", "--first", "1000000"), "numbers go up to"),
         (("2", "--scenario", "brav"), "bravo"),
         (("2", "--rules", "none.sleep"), "none.sleep"),
+        (("2", "--lease", "never"), "or off"),
+        (("2", "--limits", "none.toml"), "none.toml"),
     ],
 )
 def test_what_is_no_swarm(channel: str, arguments: tuple[str, ...], complaint: str) -> None:

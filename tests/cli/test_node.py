@@ -16,7 +16,7 @@ from threading import Thread
 
 import pytest
 
-from cli.calling import LONGEST
+from cli.calling import LONGEST, called
 from nomad.serving import Served, serving
 from sleepcast.channel.datagrams import Datagrams, send
 from sleepcast.cli import main
@@ -267,3 +267,34 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 from sleepcast.__main__ import start
 sys.exit(start())
 """
+
+
+def test_a_body_in_the_simulator_with_limits(tmp_path: Path) -> None:
+    limits = tmp_path / "limits.toml"
+    limits.write_text('speed = "2m/s"\n[fence]\nx = ["100m", "130m"]\ny = ["100m", "130m"]\n')
+    rules = tmp_path / "go.sleep"
+    rules.write_text('@0s (DRIVE 99 0)\n@5s (REPORT "speed" speed)\n@59s (REPORT "place" x y speed id)\n')
+    arguments = ("--body", "sim", "--name", "r7", "--lockstep", "--seconds", "60", "--limits", str(limits))
+    found = called("node", *arguments, "--rules", str(rules))
+    assert found.status == 0, found.err
+    speed = next(line for line in found.out.splitlines() if line.startswith("r7: speed"))
+    assert 0.0 <= float(speed.split()[-1]) <= 2.0
+    x, y, still, number = map(float, next(line for line in found.out.splitlines() if "place" in line).split()[-4:])
+    assert 100.0 <= x <= 130.0
+    assert 100.0 <= y <= 130.0
+    assert (still, number) == (0.0, 7.0), "it stands at the fence"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (("--body", "sim:brav"), "bravo"),
+        (("--body", "sim", "--vocabulary", "nomad"), "no --vocabulary"),
+        (("--body", "sim", "--lease", "0"), "or off"),
+    ],
+)
+def test_what_is_no_body_in_the_simulator(arguments: tuple[str, ...], complaint: str) -> None:
+    refused = called("node", *arguments)
+    assert (refused.status, refused.out) == (2, "")
+    assert complaint in refused.err
+    assert "Traceback" not in refused.err

@@ -60,7 +60,7 @@ def test_nothing_gets_beyond_the_fence(tmp_path: Path, wheels: bool) -> None:
     nodes = [
         Node(name, vocabulary_of(world.model), number=i, body=world.robots[i]) for i, name in enumerate(world.names)
     ]
-    for tick in range(1_200):
+    for tick in range(500):
         for node, body in zip(nodes, world.robots, strict=True):
             if chance.random() < 0.05:
                 node.evaluate(wild(chance))
@@ -114,7 +114,7 @@ def test_nothing_drives_into_what_it_sees(tmp_path: Path) -> None:
     world = Simulator(limited(scenario, limits), 11, machine=NumPyMachine())
     guard, chance = Guard(world, limits), Random(2)
     near = inf
-    for tick in range(600):
+    for tick in range(300):
         for i, body in enumerate(world.robots):
             if (tick + i) % 15 == 0:
                 body.drive(chance.uniform(-1.0, 1.0), 0.0)
@@ -215,3 +215,14 @@ def test_who_may_go_on(x: float, heading: float, speed: float, wanted: float, ma
 def test_what_is_not_known_to_be_free_is_not(ahead: float, may: bool) -> None:
     limits = replace(LIMITS, least_range=0.3)
     assert limits.may_go_on((0.0, 0.0, 0.0), 1.0, 1.0, 0.0, 0.2, lambda first, last: ahead) is may
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_wanderers_that_start_anywhere_within_stay_within(seed: int) -> None:
+    limits = Limits(2.0, inf, inf, (100.0, 100.0, 130.0, 130.0))
+    world = Simulator(limited(find_scenario("bravo", Changes(20, None, True)), limits), seed, machine=NumPyMachine())
+    guard = Guard(world, limits)
+    for _ in range(300):
+        guard.attend()
+        world.step()
+    assert ((world.x >= 100.0) & (world.x <= 130.0) & (world.y >= 100.0) & (world.y <= 130.0)).all()

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 MOST = 10_000
 """Nodes in one process: more than a core can let think; a simulated swarm (`sleepcast run`) takes a million."""
+FEW = 500
+"""Bodies that NumPy moves in a few milliseconds a tick; for more it is worth to load and compile kernels."""
 MAX_ID = 1_000_000
 """The highest number of a robot: what its name ends in."""
 CHANNEL = "udp://239.255.83.76:47123?interface=lo"
@@ -138,13 +140,15 @@ def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> Cr
     from sleepcast.clock import UnixClock, WallClock
     from sleepcast.loop import Crew, Member, vocabulary_of
     from sleepcast.node.node import Node
-    from sleepcast.simulator import Changes, Guard, Simulator, find_scenario, limited, read_limits
+    from sleepcast.simulator import Changes, Guard, Simulator, choose, find_scenario, limited, read_limits
 
     limits = None if wanted.limits is None else read_limits(wanted.limits)
     scenario = find_scenario(wanted.scenario, Changes(len(wanted.names), None, True))
     scenario = scenario if limits is None else limited(scenario, limits)
     seed, first = scenario.seed if wanted.seed is None else wanted.seed, wanted.first
-    simulator = Simulator(scenario, key(seed, "crew", first) >> 1, threads=1)  # others elsewhere begin in other places
+    machine = choose("numpy", 1) if len(wanted.names) <= FEW else None
+    # Others elsewhere begin in other places.
+    simulator = Simulator(scenario, key(seed, "crew", first) >> 1, machine, threads=1)
     vocabulary = vocabulary_of(simulator.model)
     trunk, lines = lines_for(air, wanted.names, complain, store)
     members = []

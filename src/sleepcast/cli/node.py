@@ -150,10 +150,11 @@ def _simulated(uri: str, seed: int, number: int, in_step: bool, limits: Limits) 
     """A body in the simulator. Raises MisuseError for a scenario that there is not."""
     from sleepcast.channel.chance import key
     from sleepcast.clock import WallClock
-    from sleepcast.simulator import Changes, Guard, LoneBody, Simulator, find_scenario, limited
+    from sleepcast.simulator import Changes, Guard, LoneBody, Simulator, choose, find_scenario, limited
 
     scenario = limited(find_scenario(uri.partition(":")[2] or SCENARIO, Changes(1, None, True)), limits)
-    simulator = Simulator(scenario, key(seed, "alone", number) >> 1, threads=1)  # another one begins elsewhere
+    # Another one begins elsewhere; for one body no kernels need be loaded.
+    simulator = Simulator(scenario, key(seed, "alone", number) >> 1, choose("numpy", 1))
     return LoneBody(simulator, None if in_step else WallClock(), Guard(simulator, limits))
 
 

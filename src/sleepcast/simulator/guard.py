@@ -81,11 +81,15 @@ def _part(start: tuple[float, float], fence: tuple[float, float], size: float) -
 
 
 class Guard:
-    """Keeps the bodies of a simulator within the fence and the least range of `limits`."""
+    """Keeps the bodies of a simulator within the fence and the least range of `limits`. They begin at rest: some may
+    stand where they could not come to rest in time."""
 
     def __init__(self, simulator: Simulator, limits: Limits) -> None:
         self._simulator, self._limits = simulator, limits
         self._headings = simulator.bodies.heading.copy()
+        if limits.are_watched:
+            for moving in (simulator.bodies.speed, simulator.bodies.left, simulator.bodies.right):
+                moving[:] = 0.0
 
     def attend(self) -> None:
         """To be called before each tick."""

@@ -117,3 +117,13 @@ def test_the_nomad_benchmark_asks_every_client_s_robot() -> None:
     assert 0 < crowd["least"] <= crowd["most"]
     assert 0 < crowd["realtime"] < 1.5
     assert [bar["wanted"] for bar in report["bars"]] == [3.0, 0.98]
+
+
+def test_the_channel_s_benchmark_tells_what_each_dropped_datagram_costs() -> None:
+    command = [sys.executable, "-m", "benchmarks.channel", "drops", "--quick", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode in (0, 1), done.stderr
+    (proof,) = json.loads(done.stdout)["proofs"]
+    assert len(proof["rows"]) == 11, "every reason that there is"
+    assert all(float(row[3].replace(",", "")) > 0 for row in proof["rows"])
+    assert [bar["wanted"] for bar in proof["bars"]] == [20.0, 20.0]

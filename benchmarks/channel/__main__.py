@@ -2,8 +2,9 @@
 
     python -m benchmarks.channel [PROOF ...] [--quick] [--json]
 
-Proofs: rewrite, catch_up, once, census, stop, forgery, latency; without any, all of them. Hosts are network namespaces
-joined by a bridge, each with losses of its own (`lab`); everything is measured in this one run. Nobody need be root.
+Proofs: rewrite, catch_up, once, census, stop, forgery, drops, latency; without any, all of them. Hosts are network
+namespaces joined by a bridge, each with losses of its own (`lab`); everything is measured in this one run. Nobody need
+be root.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 
 from benchmarks.channel import proofs
+from benchmarks.channel.drops import drops
 from benchmarks.channel.fuzz import DATAGRAMS, fuzz
 from benchmarks.channel.lab import why_not
 from benchmarks.channel.latency import latency
@@ -49,6 +51,7 @@ FULL: dict[str, Callable[[], Proof]] = {
     "census": lambda: proofs.census(Size(20, 50, 10)),
     "stop": lambda: proofs.stop(Size(20, 50, 100)),
     "forgery": lambda: forgery(DATAGRAMS),
+    "drops": lambda: drops(20_000),
     "latency": lambda: latency(100, 4, 1_000),
 }
 QUICK: dict[str, Callable[[], Proof]] = {
@@ -58,6 +61,7 @@ QUICK: dict[str, Callable[[], Proof]] = {
     "census": lambda: proofs.census(Size(4, 10, 2)),
     "stop": lambda: proofs.stop(Size(4, 5, 2)),
     "forgery": lambda: forgery(100_000),
+    "drops": lambda: drops(500),
     "latency": lambda: latency(20, 2, 50),
 }
 IN_NETWORKS = frozenset({"rewrite", "catch_up", "once", "census", "stop"})

@@ -155,6 +155,15 @@ def test_nonsense_with_a_good_signature_is_refused_too(content: bytes) -> None:
         read_piece(part._replace(payload=part.payload[:51] + content))
 
 
+def unwritten(value: object) -> object:
+    """What a vector says: JSON has no bytes, so they stand there as a map of one."""
+    if isinstance(value, dict):
+        if set(value) == {"bytes"}:
+            return bytes.fromhex(value["bytes"])
+        return {key: unwritten(each) for key, each in value.items()}
+    return [unwritten(each) for each in value] if isinstance(value, list) else value
+
+
 def test_the_vectors_of_the_documentation() -> None:
     vectors = json.loads(VECTORS.read_text(encoding="utf-8"))
     for vector in vectors["messages"]:
@@ -163,6 +172,7 @@ def test_the_vectors_of_the_documentation() -> None:
         told = dict(vector["message"], kind=Kind(vector["message"]["kind"]))
         if told["deadline"] is None:
             told["deadline"] = inf
+        told["body"] = unwritten(told["body"])
         message = Message(**told)
         assert [datagram.hex() for datagram in encode(message, vector["fleet"], key)] == vector["datagrams"]
         assert decoded_by(key, [bytes.fromhex(datagram) for datagram in vector["datagrams"]]) == message

@@ -1,0 +1,126 @@
+"""What a datagram costs a robot that drops it, by the reason: processor time of one call from bytes to nothing.
+
+Every datagram is another one, so that nothing that was read before helps, as an attacker would have it; those that are
+replayed have all come before. Robots look at so many signatures of a key in a second and not at more: what a signature
+costs (`forged`) is met at that rate at most, and the flood is dropped at the price of `too many`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from random import Random
+from statistics import median
+
+from benchmarks.channel.proofs import Proof
+from benchmarks.report import Bar, number
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.door import Door, Drop
+from sleepcast.channel.envelope import FIXED, MAX_DATAGRAM, PAYLOAD_AT, encode
+from sleepcast.channel.keys import KeyChange, KeyPair, Role, Trust
+from sleepcast.channel.mailbox import Mailbox
+from sleepcast.clock import ManualClock
+
+NOW = 1_000.0
+FLEET = "field"
+ANNA, WATCH, THIEF, ROBOTS, STRANGER = (
+    KeyPair(owner, role, owner[:1].encode() * 32)
+    for owner, role in (
+        ("anna", Role.OPERATOR),
+        ("watch", Role.OBSERVER),
+        ("thief", Role.OPERATOR),
+        ("r*", Role.ROBOT),
+        ("stranger", Role.COMMANDER),
+    )
+)
+BAR = 20.0
+"""Microseconds that nonsense and strangers may cost, at the median."""
+CHEAP = (Drop.MALFORMED, Drop.UNKNOWN_KEY)
+SEQUENCE_AT = PAYLOAD_AT + 13
+
+
+def robot(rate: float) -> Mailbox:
+    """A robot that looks at so many signatures a second. Its clock stands still."""
+    trust = Trust(key.public for key in (ANNA, WATCH, THIEF, ROBOTS))
+    trust.take(KeyChange(revoke=frozenset((THIEF.id,))))
+    door = Door(trust, FLEET, ManualClock(NOW), robot=True, rate=rate)
+    return Mailbox("r1", 1, ROBOTS, door, Random(0))
+
+
+def said(key: KeyPair, kind: Kind, *, at: float = 0.0, fleet: str = FLEET, number: int = 1) -> bytes:
+    """A message of this key, issued `at` s from now."""
+    sender = key.public.owner.replace("*", "2")
+    text = "(WHEN (> front_range 1m) (VM 0.2m/s 0.2m/s))" if kind is Kind.COMMAND else ""
+    (datagram,) = encode(Message(sender, 1, number, kind, NOW + at, NOW + at + 5.0, text), fleet, key)
+    return datagram
+
+
+def numbered(datagram: bytes, count: int) -> list[bytes]:
+    """The same with other numbers, which its signature is not of."""
+    head, tail = datagram[:SEQUENCE_AT], datagram[SEQUENCE_AT + 8 :]
+    return [head + each.to_bytes(8, "big") + tail for each in range(2, count + 2)]
+
+
+def nonsense(count: int, chance: Random) -> list[bytes]:
+    """Datagrams that are none: noise of every length, and messages that lost a byte or had one changed."""
+    whole = said(ANNA, Kind.COMMAND)
+    found = []
+    for turn in range(count):
+        at = chance.randrange(PAYLOAD_AT, PAYLOAD_AT + FIXED.size)
+        sorts = (
+            chance.randbytes(chance.randrange(MAX_DATAGRAM)),
+            whole[: chance.randrange(len(whole))],
+            whole[:at] + b"\xff" + whole[at:],
+        )
+        found.append(sorts[turn % len(sorts)])
+    return found
+
+
+def made(count: int, chance: Random) -> dict[Drop, list[bytes]]:
+    """Datagrams that are dropped, by the reason."""
+    return {
+        Drop.MALFORMED: nonsense(count, chance),
+        Drop.UNKNOWN_KEY: numbered(said(STRANGER, Kind.COMMAND), count),
+        Drop.REVOKED: numbered(said(THIEF, Kind.COMMAND), count),
+        Drop.NOT_ALLOWED: numbered(said(WATCH, Kind.COMMAND), count),
+        Drop.NOT_FOR_US: numbered(said(ROBOTS, Kind.ANSWER), count),
+        Drop.LATE: numbered(said(ANNA, Kind.COMMAND, at=-60.0), count),
+        Drop.EARLY: numbered(said(ANNA, Kind.COMMAND, at=60.0), count),
+        Drop.REPEATED: [said(ANNA, Kind.ASK, number=each) for each in range(1, count + 1)],
+        Drop.TOO_MANY: numbered(said(ANNA, Kind.COMMAND), count),
+        Drop.FORGED: numbered(said(ANNA, Kind.COMMAND), count),
+        Drop.OTHER_FLEET: [said(ANNA, Kind.COMMAND, fleet="sea", number=each) for each in range(1, count + 1)],
+    }
+
+
+def costs(box: Mailbox, datagrams: Iterable[bytes]) -> list[float]:
+    """Microseconds of processor time that each took."""
+    found, clock = [], time.thread_time_ns
+    for datagram in datagrams:
+        begin = clock()
+        box.take(datagram, NOW)
+        found.append((clock() - begin) / 1_000.0)
+    return found
+
+
+def drops(count: int) -> Proof:
+    """`count` datagrams for each reason."""
+    rows: list[Sequence[str]] = []
+    bars = []
+    before: dict[Drop, Callable[[Mailbox, list[bytes]], object]] = {
+        Drop.REPEATED: lambda box, all_of_them: [box.take(datagram, NOW) for datagram in all_of_them],
+        Drop.TOO_MANY: lambda box, _: [box.take(each, NOW) for each in numbered(said(ANNA, Kind.ASK), 2)],
+    }
+    for reason, datagrams in made(count, Random(1)).items():
+        box = robot(1.0 if reason is Drop.TOO_MANY else 1e12)
+        before.get(reason, lambda box, _: None)(box, datagrams)
+        box.door.counts.clear()
+        took = sorted(costs(box, datagrams))
+        if box.door.counts != {reason: count}:
+            raise RuntimeError(f"meant to be dropped as {reason}: {dict(box.door.counts)}")
+        middle = median(took)
+        rows.append([str(reason), number(middle), number(took[int(0.99 * count)]), number(1e6 * count / sum(took))])
+        if reason in CHEAP:
+            bars.append(Bar(f"a datagram dropped as {reason}, median", middle, BAR, "us", at_least=False))
+    heads = ["dropped as", "median, us", "99th percentile, us", "a second, one core"]
+    return Proof("drops", heads, rows, bars, f"{count:,} datagrams for each reason, each another one.")

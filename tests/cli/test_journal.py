@@ -200,7 +200,7 @@ def test_commands_on_the_air_are_written_by_whoever_sends_them(tmp_path: Path, m
     refused = called("send", "(DRIVE 1 0)", "--channel", channel)
     assert refused.status == 2
     entries = [json.loads(line) for line in called("journal", "export").out.splitlines()]
-    assert [entry["event"] for entry in entries] == ["sent", "heard", "heard", "refused"]
+    assert [entry["event"] for entry in entries] == ["sent", "heard", "heard", "accounted", "refused"]
     assert {entry["who"]: entry["details"]["outcome"] for entry in entries[1:3]} == {
         "r1": "not matched",
         "r2": "matched",

@@ -249,5 +249,9 @@ def test_everything_is_in_the_journal() -> None:
     assert [who for event, who, subject in entries if (event, subject) == ("heard", sent.id)].count("r1") == 1
     assert ("repeated", "anna", stop.id) in entries
     assert any(event == "heard" and who == "chief" for event, who, _ in entries)
+    anna.conclude()
+    accounts = {e.subject: e.details for e in anna.journal.entries() if e.event.value == "accounted"}
+    assert [accounts[sent.id][f"n_{sort}"] for sort in ("matched", "not_matched", "fault", "silent")] == [1, 1, 0, 0]
+    assert list(accounts[stop.id]["silent"]) == ["r1"]  # type: ignore[call-overload]
     spoken = next(e for e in anna.journal.entries() if e.who == "r1" and e.subject == sent.id)
     assert spoken.details["outcome"] == "matched"

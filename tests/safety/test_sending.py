@@ -8,7 +8,7 @@ from safety.scene import Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.bodies import FOR, NOT
 from sleepcast.language import CheckError
-from sleepcast.station import AddressError, CountNeededError, SortError, UnknownRobotError
+from sleepcast.station import AddressError, CountNeededError, NobodyHeardError, SortError, UnknownRobotError
 from sleepcast.station.aired import ABOVE, AirStation
 from sleepcast.station.audience import MAX_LISTED, AudienceError
 from sleepcast.station.settling import Caution, Draft
@@ -103,7 +103,7 @@ def test_a_count_is_asked_for_where_many_may_obey() -> None:
     scene = Scene(robots=ABOVE + 1)
     desk = scene.desk()
     before = sends_nothing(desk)
-    for said in (None, 0, ABOVE, ABOVE + 2):
+    for said in (None, 1, ABOVE, ABOVE + 2):
         with pytest.raises(CountNeededError) as refused:
             desk.send("(WHEN (> x 5) (DRIVE 1))", count=said)
         assert refused.value.may == ABOVE + 1
@@ -113,6 +113,27 @@ def test_a_count_is_asked_for_where_many_may_obey() -> None:
     scene.run(0.5)
     assert driven(scene) == {f"r{number}" for number in range(6, ABOVE + 1)}
     desk.send("(DRIVE 2)", only=["r0", "r1"])
+
+
+def test_nobody_is_counted_where_nobody_was_heard() -> None:
+    """Must 6: of robots that nobody knows nobody can say how many they are, and what cannot be undone is not sent."""
+    scene = Scene()
+    desk = scene.desk(heard=())
+    for text, count in (("(DROP)", None), ("(DROP)", 3), ("(DRIVE 1)", 3)):
+        with pytest.raises(NobodyHeardError, match="nothing was sent"):
+            desk.send(text, everybody=True, count=count)
+    scene.run(0.3)
+    assert driven(scene) == set()
+    assert not any(robot.body.dropped for robot in scene.fleet.values())
+
+
+def test_who_certainly_does_not_obey_needs_no_count() -> None:
+    scene = Scene()
+    desk = scene.desk()
+    desk.observe(scene.clock.now(), [robot.node for robot in scene.fleet.values()])
+    desk.send("(WHEN (> x 50) (DROP))")
+    with pytest.raises(CountNeededError, match=r"nobody may obey, 2 was said\. Nothing was sent"):
+        desk.send("(WHEN (> x 50) (DROP))", count=2)
 
 
 def test_a_count_follows_what_the_desk_knows() -> None:

@@ -150,6 +150,7 @@ def looking_for(air: Air, say: Callable[[str], None], *, strict: bool = False) -
         try:
             yield station, looker
         finally:
+            station.conclude()
             if station.trouble:
                 say(station.trouble)
             try:

@@ -251,5 +251,5 @@ def _told(written: Written) -> str:
 
     entry = written.entry
     when = datetime.fromtimestamp(written.written).astimezone().strftime("%Y-%m-%d %H:%M:%S.%f")[:-3]
-    line = f"{entry.number:>6}  {when}  {entry.who:<12}  {entry.event:<8}  {said_in(entry)}"
+    line = f"{entry.number:>6}  {when}  {entry.who:<12}  {entry.event:<9}  {said_in(entry)}"
     return printable(" ".join(line.split("\n"))).rstrip()

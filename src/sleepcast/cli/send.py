@@ -41,7 +41,7 @@ TELL_EVERY = 1.0
 @click.option("--standing", is_flag=True, help="It must reach everybody in the end, also those that come later.")
 @click.option("--all", "everybody", is_flag=True, help="It is for every robot that hears it.")
 @click.option("--only", metavar="NAMES", help="It is for these robots alone, as r1,r2.")
-@click.option("--count", type=click.IntRange(0), help="So many robots may obey: asked for where they are many.")
+@click.option("--count", type=click.IntRange(1), help="So many robots may obey: asked for where they are many.")
 @click.option("--deadline", metavar="S", type=float, help="Seconds for which it is good; else 5.")
 @click.option("--staged", is_flag=True, help="To one robot, then to a tenth, then to all, while nothing goes wrong.")
 @click.option("--hold", metavar="S", type=click.FloatRange(0.0, MAX_HOLD), help="Keep driving robots going so long.")
@@ -107,8 +107,8 @@ def _refuse_early(station: AirStation, draft: Draft) -> None:
     """Say at once what is wrong whatever robots may tell. Raises what `settle` raises, but for the count."""
     from sleepcast.station.roster import UnknownRobotError
 
-    if station.caution.strict:
-        return  # which names there are is known only when robots have told them
+    if station.caution.strict or not station.names:
+        return  # which names there are, and who is there, is known only when robots have told it
     try:
         may: int | None = station.foresee(draft.text, only=draft.audience.only).may
     except UnknownRobotError:

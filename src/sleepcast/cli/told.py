@@ -11,6 +11,8 @@ from sleepcast.station.journal import Entry, Event
 
 SHOWN = 5
 """Names that are listed."""
+COUNTED = {"matched": "matched", "not_matched": "did not match", "fault": "fault", "silent": "silent"}
+"""What is counted of a command, and how it is said."""
 
 
 def said_in(entry: Entry) -> str:
@@ -58,6 +60,15 @@ def _repeated(entry: Entry) -> str:
     return f"{entry.text}, as {entry.details.get('silent')} are silent"
 
 
+def _accounted(entry: Entry) -> str:
+    details = entry.details
+    counts = [f"{words} {details.get(f'n_{sort}')}" for sort, words in COUNTED.items()]
+    names = details.get("silent")
+    silent = [str(name) for name in names] if isinstance(names, list) else []
+    listed = ", ".join(silent[:SHOWN]) + (", ..." if len(silent) > SHOWN else "")
+    return ", ".join(counts) + (f": {listed}" if silent else "")
+
+
 def _other(entry: Entry) -> str:
     return f"{_one_line(entry.text)} {json.dumps(dict(entry.details), ensure_ascii=False)}".strip()
 
@@ -67,6 +78,7 @@ TELLERS: Mapping[Event, Callable[[Entry], str]] = {
     Event.REFUSED: _refused,
     Event.HEARD: _heard,
     Event.REPEATED: _repeated,
+    Event.ACCOUNTED: _accounted,
 }
 
 

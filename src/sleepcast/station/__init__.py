@@ -8,7 +8,7 @@ from sleepcast.station.minds import FleetNames, ManyMinds, Mind, Minds, Telemetr
 from sleepcast.station.preview import NO, UNKNOWN, YES, Preview
 from sleepcast.station.roster import UnknownRobotError
 from sleepcast.station.sent import NoSuchCommandError
-from sleepcast.station.settling import DEADLINE, AddressError, Caution, CountNeededError, SortError
+from sleepcast.station.settling import DEADLINE, AddressError, Caution, CountNeededError, NobodyHeardError, SortError
 
 __all__ = [
     "DEADLINE",
@@ -35,6 +35,7 @@ __all__ = [
     "Minds",
     "NoExplanationError",
     "NoSuchCommandError",
+    "NobodyHeardError",
     "Outcome",
     "Preview",
     "Report",

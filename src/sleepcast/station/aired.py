@@ -29,7 +29,7 @@ from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.language.machine import Program
 from sleepcast.language.parts import rules
 from sleepcast.language.vocabulary import Vocabulary
-from sleepcast.station.accounting import Command
+from sleepcast.station.accounting import Command, account
 from sleepcast.station.answers import MATCHED
 from sleepcast.station.audience import Audience
 from sleepcast.station.desk import STALE_AFTER, Station
@@ -37,6 +37,7 @@ from sleepcast.station.journal import Event, Journal
 from sleepcast.station.minds import Index, Minds
 from sleepcast.station.preview import NO, UNKNOWN, YES
 from sleepcast.station.pursuit import LATCHING, Pursuit
+from sleepcast.station.roster import Some
 from sleepcast.station.settling import DEADLINE, Caution, Draft, Settled
 
 ANSWERS_A_SECOND = 1_000.0
@@ -104,7 +105,7 @@ class AirStation(Station):
         self.listeners: list[Callable[[list[Message]], None]] = []
         """Who gets what robots said, each time something was heard."""
         self._polled = Poll()
-        self._pursuit = Pursuit(box, self._sent, self._roster, self._within, self._note_again)
+        self._pursuit = Pursuit(box, self._sent, self._roster, self._within, self._note_again, self._note_account)
         self._driver: Command | None = None
         """The latest command that may have set robots in motion."""
         self._beat = -inf
@@ -294,6 +295,11 @@ class AirStation(Station):
         beat = self._beat + LEASE / 3.0 if self.holding and self._drives() else inf
         return min(beat, self._pursuit.due())
 
+    def conclude(self) -> None:
+        """Write down what has become of everything that was sent: somebody leaves, and hears no more answers."""
+        with self._lock, self.notes.together(self._clock.now()):
+            self._pursuit.end()
+
     def pump_out(self) -> None:
         """Let what was posted leave now."""
         self.line.flush()
@@ -324,6 +330,15 @@ class AirStation(Station):
         if not command.is_look:
             details = {"silent": command.n_silent}
             self._note(Event.REPEATED, subject=command.id, text=command.text, details=details)
+
+    def _note_account(self, command: Command) -> None:
+        if not command.is_look:
+            found = account(command, self._clock.now(), self._roster.heard)
+            silent = Some(self._roster.names, np.flatnonzero(command.silent))
+            counts = (found.n_matched, found.n_not_matched, found.n_fault, found.n_silent)
+            names = ("n_matched", "n_not_matched", "n_fault", "n_silent")
+            details = {**dict(zip(names, counts, strict=True)), "silent": silent}
+            self._note(Event.ACCOUNTED, subject=command.id, text=command.text, details=details)
 
     def _drives(self) -> bool:
         """Whether robots may be moving at our word: somebody obeyed the latest command, or has not answered it."""

@@ -139,7 +139,8 @@ class Station(Hearing):
             settle_address(program, draft.everybody or draft.audience.named, len(self._roster))
             seconds = settle_sort(program, draft.standing, draft.deadline)
             codes, places = self._judged(program, draft.audience)
-            settle_count(program, int(np.count_nonzero(codes != NO)), draft.count, self.caution)
+            may = int(np.count_nonzero(codes != NO))
+            settle_count(program, may, len(self._roster), draft.count, self.caution)
             body = draft.audience.body()
         except SleepcastError as error:
             self._refuse(draft.text, error)

@@ -34,7 +34,8 @@ LATCHING = frozenset({Kind.STOP, Kind.RELEASE})
 
 class Pursuit:
     """Of one desk. mailbox: what is said leaves there; sent, roster: the desk's own. within: seconds over which so many
-    robots are to spread their answers. note: told of each command of which something is sent again."""
+    robots are to spread their answers. note: told of each command of which something is sent again; over: of each that
+    is gone after no longer."""
 
     def __init__(
         self,
@@ -43,8 +44,10 @@ class Pursuit:
         roster: Roster,
         within: Callable[[int], float],
         note: Callable[[Command], None],
+        over: Callable[[Command], None],
     ) -> None:
-        self._mailbox, self._sent, self._roster, self._within, self._note = mailbox, sent, roster, within, note
+        self._mailbox, self._sent, self._roster, self._within = mailbox, sent, roster, within
+        self._note, self._over = note, over
         self._due: dict[str, float] = {}
         """When those that are not accounted for are next asked again, s, by the id of the command."""
         self._first: OrderedDict[str, str] = OrderedDict()
@@ -59,7 +62,17 @@ class Pursuit:
     def give_up(self, command: str) -> None:
         """Miss nobody any more who has not answered this command."""
         self._given_up = command
-        self._due.pop(command, None)
+        self._end(command)
+
+    def end(self) -> None:
+        """Go after nothing any more."""
+        for command in list(self._due):
+            self._end(command)
+
+    def _end(self, command_id: str) -> None:
+        command = self._sent.find(command_id)
+        if self._due.pop(command_id, None) is not None and command is not None:
+            self._over(command)
 
     def overtaken(self, by: Kind) -> None:
         """Another operator has stopped or released the robots: what we said to the contrary is over."""
@@ -90,7 +103,7 @@ class Pursuit:
     def _pursue(self, command_id: str, now: float) -> None:
         command = self._sent.find(command_id)
         if command is None or not command.n_silent or not self._still_good(command, now):
-            del self._due[command_id]
+            self._end(command_id)
             return
         silent = command.n_silent
         within = self._within(min(silent, MAX_NAMED) if command.kind is Kind.COMMAND else silent)

@@ -32,13 +32,24 @@ class SortError(MisuseError):
     """A command sent as the wrong sort (one-shot or standing), or with an impossible deadline."""
 
 
+class NobodyHeardError(MisuseError):
+    """A command that wants to be counted, where nobody is known who could be."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "nobody was heard, so nobody can say how many may obey, and nothing was sent: is a robot up on this "
+            "channel, in this fleet, with these keys?"
+        )
+
+
 class CountNeededError(MisuseError):
     """A command whose sender must say how many robots are meant. may: how many may obey; why: the reason for asking."""
 
     def __init__(self, may: int, why: str, count: int | None) -> None:
         self.may, self.why = may, why
         said = "say how many are meant" if count is None else f"{count} was said"
-        super().__init__(f"{why}: {may} may obey, {said}. Send it with that number if it is right (--count {may})")
+        right = f"Send it with that number if it is right (--count {may})" if may else "Nothing was sent"
+        super().__init__(f"{why}: {may or 'nobody'} may obey, {said}. {right}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,20 +109,20 @@ def settle_address(program: Program, everybody: bool, roster: int) -> None:
     )
 
 
-def settle_count(program: Program, may: int, count: int | None, caution: Caution) -> None:
-    """Whoever means many, or what cannot be undone, says how many. may: robots that are not certain not to obey. Raises
-    CountNeededError, also for a number that was said and is not the right one."""
+def settle_count(program: Program, may: int, roster: int, count: int | None, caution: Caution) -> None:
+    """Whoever means many, or what cannot be undone, says how many. may: robots that are not certain not to obey, of a
+    roster of so many. Raises CountNeededError, also for a number that was said and is not the right one, and
+    NobodyHeardError where there is nobody to be counted."""
     form = irreversible(program.root) if caution.irreversible else ""
+    many = caution.above is not None and may > caution.above
+    if not roster and (form or count is not None):
+        raise NobodyHeardError
+    if count == may or (count is None and not many and not (form and may)):
+        return
     if form:
-        why = f"{form} cannot be undone"
-    elif caution.above is not None and may > caution.above:
-        why = f"this is for more than {caution.above} robots"
-    else:
-        why = "the desk counts otherwise"
-        if count is None:
-            return
-    if count != may:
-        raise CountNeededError(may, why, count)
+        raise CountNeededError(may, f"{form} cannot be undone", count)
+    why = f"this is for more than {caution.above} robots" if many else "the desk counts otherwise"
+    raise CountNeededError(may, why, count)
 
 
 def settle_sort(program: Program, standing: bool, deadline: float | None) -> float:

@@ -136,3 +136,8 @@ def test_a_liar_neither_moves_the_map_nor_breaks_the_page() -> None:
     assert all(position[2] != position[2] for position in found.values()), "nobody here has told a y"
     assert dict(fleet.minds["r99"].variables())["own"] != dict(fleet.minds["r99"].variables())["own"]
     desk.preview("(WHEN (> x 1) (DRIVE 1))")
+    assert fleet.silent().tolist() == [False] * 4
+    scene.run(6.0)
+    assert fleet.silent().tolist() == [True] * 4
+    assert fleet.age("r1") is not None
+    assert fleet.age("nobody") is None

@@ -9,7 +9,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from math import nan, pi
+from math import inf, nan, pi
 
 import numpy as np
 from msgspec.structs import replace
@@ -254,10 +254,19 @@ class FleetOnPage:
         """How many robots say that they are stopped, of those that told of themselves since then."""
         return sum(mind.stopped for mind in self._looker.minds.values() if mind.told_at >= since)
 
+    def silent(self) -> NDArray[np.bool_]:
+        """Who has told nothing of himself of late."""
+        late = self._station.now - self._station.stale_after
+        return np.array([self._told(name) < late for name in self.scene.names], np.bool_)
+
+    def _told(self, robot: str) -> float:
+        mind = self._looker.minds.get(robot)
+        return -inf if mind is None else mind.told_at
+
     def age(self, robot: str) -> float | None:
         """Seconds since a robot told of itself, None if it never did."""
-        mind = self._looker.minds.get(robot)
-        return None if mind is None else self._station.now - mind.told_at
+        age = self._station.now - self._told(robot)
+        return age if age < inf else None
 
     def ask_why(self, robot: str, command: str) -> AskedWhy:
         """Ask a robot how it evaluated a command."""

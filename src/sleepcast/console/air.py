@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Iterator
-from math import inf
 from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from sleepcast.clock import Clock
 from sleepcast.console import answers
 from sleepcast.console.desk import Desk
 from sleepcast.console.driver import Driver
 from sleepcast.console.explaining import show_why
+from sleepcast.console.frames import SILENT
 from sleepcast.console.names import names_of
 from sleepcast.console.swarm import RobotMind, Rule, Swarm
 from sleepcast.errors import SleepcastError, printable
@@ -56,6 +59,9 @@ class Fleet(Swarm, Protocol):
 
     def stopped(self, since: float) -> int:
         """How many robots say that they are stopped, of those that told of themselves since then (station's clock)."""
+
+    def silent(self) -> NDArray[np.bool_]:
+        """Who has told nothing of himself of late."""
 
     def age(self, robot: str) -> float | None:
         """Seconds since a robot told of itself, None if it never did."""
@@ -108,6 +114,11 @@ class AirDriver(Driver):
                 self.wait_a_frame(now)
             await asyncio.sleep(LISTEN)
 
+    def flags(self) -> bytes:
+        """Those that other swarms have, and who is silent."""
+        found = np.frombuffer(super().flags(), np.uint8)
+        return np.where(self._fleet.silent(), found | np.uint8(SILENT), found).tobytes()
+
     def set_pace(self, running: bool | None = None, factor: float | None = None) -> None:
         """Ask robots of themselves, or no more; real time has one speed."""
         super().set_pace(running)
@@ -149,7 +160,7 @@ class AirDesk(Desk):
         """Of our own STOP the account; of what other operators said, what robots have told of themselves since."""
         own = next((c for c in reversed(self._station.commands()) if c.kind in ("stop", "release")), None)
         other = next(self._fleet.orders(), None)
-        found, since, by = super()._safety(), -inf if own is None else own.message.issued, ""
+        found, since, by = super()._safety(), self._began if own is None else own.message.issued, ""
         if other is not None and other.issued > since:
             found, since = answers.Safety(other.stop, ""), other.issued
             by = f"STOP by {printable(other.sender)}: " if other.stop else ""

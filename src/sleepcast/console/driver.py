@@ -92,6 +92,10 @@ class Driver(Screen):
         self.swarm.step()
         self.set_pace(running=False)
 
+    def flags(self) -> bytes:
+        """The flags of each robot."""
+        return flags_of(self.swarm.minds)
+
     def draw(self) -> None:
         """Make a new frame of what there is now, and tell those who wait for one."""
         swarm, pace = self.swarm, self.pace
@@ -103,7 +107,7 @@ class Driver(Screen):
             (pace.factor, pace.achieved),
             (not pace.paused, self.latched),
             swarm.poses(),
-            (self.groups.look(minds), flags_of(minds)),
+            (self.groups.look(minds), self.flags()),
             swarm.pings(),
         )
         self.show(frame)

@@ -16,7 +16,8 @@ Everything is little endian. A frame of n robots has 32 + 14 n bytes, or 32 + 15
     32       f32 x 3n    x (m), y (m), heading (rad, counter-clockwise from x) of each robot in turn; heading NaN: it
                          has told no position and stands aside
     32+12n   u8 x n      group: 0 for none, else the place of its newest group in the list of groups, from 1
-    32+13n   u8 x n      flags: bit 0 stopped, 1 frozen, 2 sleeping, 3 marked and showing it
+    32+13n   u8 x n      flags: bit 0 stopped, 1 frozen, 2 sleeping, 3 marked and showing it,
+                         4 silent: what it told is old
     32+14n   u8 x n      pings: 0 for who has not pinged since the frame before, else the caste + 1
 """
 
@@ -37,6 +38,7 @@ MAX_GROUPS = 255
 _HEADER = struct.Struct("<BBBxIIIdff")
 _BITS = ((FROZEN, 2), (SLEEPING, 4))
 _MARK = 8
+SILENT = 16
 
 
 def pack(

@@ -1,7 +1,8 @@
 // Binary frames from the station, as console/frames.py lays them out (little endian).
 
 export const STILL = 1 | 2 | 4; // any of the flags that hold a body still
-export const FLAG_NAMES = ["stopped", "frozen", "sleeping", "marked"]; // by bit
+export const SILENT = 16; // what it told is old
+export const FLAG_NAMES = ["stopped", "frozen", "sleeping", "marked", "silent"]; // by bit
 
 const HEADER = 32;
 

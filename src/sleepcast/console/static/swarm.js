@@ -1,12 +1,13 @@
 // The robots on the map, in one batch: shapes while they are few enough to tell apart, else points in one image.
 
-import { STILL } from "./frame.js";
+import { SILENT, STILL } from "./frame.js";
 import { addRobot, styleOf, STYLES } from "./shapes.js";
 import { drawLabel } from "./ground.js";
 
 const MOST_SHAPES = 6000; // robots; more become points
 const MOST_LABELS = 45; // robots on the screen; more names would only cover them
 const DIMMED = 0.5; // opacity of the robots outside the lit ones
+const FAINT = 0.35; // opacity of robots that may be elsewhere by now
 
 const SMALLEST = 4.4; // pixels: half a robot's length when everything is in sight
 const LARGEST = 26;
@@ -56,7 +57,8 @@ function drawShapes(pen, view, scene, frame, marks, colours) {
       halos.arc(x, y, size + 4.5, 0, 2 * Math.PI);
     }
     const style = styleOf(frame.groups[i]);
-    const key = style + STYLES * ((frame.flags[i] & STILL ? 1 : 0) + (lit ? 2 : 0));
+    const flags = frame.flags[i];
+    const key = style + STYLES * ((flags & STILL ? 1 : 0) + (lit ? 2 : 0) + (flags & SILENT ? 4 : 0));
     let bucket = buckets.get(key);
     if (!bucket) buckets.set(key, (bucket = { bodies: new Path2D(), noses: new Path2D() }));
     addRobot(bucket.bodies, bucket.noses, style, x, y, size, frame.poses[3 * i + 2] || 0); // NaN: it stands aside
@@ -65,12 +67,13 @@ function drawShapes(pen, view, scene, frame, marks, colours) {
   for (const key of [...buckets.keys()].sort((a, b) => a - b)) {
     const { bodies, noses } = buckets.get(key);
     const style = key % STYLES;
-    const lit = key >= 2 * STYLES;
-    pen.globalAlpha = marks.lit && !lit && style === 0 ? DIMMED : 1;
+    const how = Math.floor(key / STYLES);
+    const lit = (how & 2) !== 0;
+    pen.globalAlpha = how & 4 ? FAINT : marks.lit && !lit && style === 0 ? DIMMED : 1;
     pen.strokeStyle = pen.fillStyle = lit && style === 0 ? colours.ink : colours.robots[style];
     pen.lineWidth = 1.4;
     pen.stroke(noses);
-    if (Math.floor(key / STYLES) % 2) pen.stroke(bodies);
+    if (how & 1) pen.stroke(bodies);
     else pen.fill(bodies);
   }
   pen.globalAlpha = 1;

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import struct
 from pathlib import Path
+from threading import Event
 from time import thread_time
 
 import pytest
@@ -51,6 +52,25 @@ def test_time_runs_and_frames_come(driver: Driver) -> None:
             later = await driver.frame_after(driver.number)
         assert tick_in(later) > tick_in(first)
         assert int.from_bytes(later[8:12], "little") == driver.number >= 11
+
+    drive(driver, job)
+
+
+def test_the_page_is_served_while_what_ticks_take_is_prepared(tmp_path: Path) -> None:
+    swarm, clock, ready = Swarm(simulator(tmp_path)), WallClock(), Event()
+
+    def prepare() -> None:
+        assert ready.wait(PATIENCE)
+
+    driver = Driver(SwarmOnPage(swarm), Pace(clock, swarm, 10.0), clock, prepare)
+
+    async def job() -> None:
+        assert tick_in(await driver.frame_after(0)) == 0
+        driver.draw()  # as when somebody asks for another pace
+        assert tick_in(await driver.frame_after(1)) == 0
+        ready.set()
+        while tick_in(await driver.frame_after(driver.number)) < 2:
+            pass
 
     drive(driver, job)
 

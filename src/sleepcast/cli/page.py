@@ -137,4 +137,5 @@ def show(
             insecure=address.insecure,
             open_browser=address.browser,
             say=announce,
+            prepare=swarm.simulator.prepare,
         )

@@ -9,6 +9,7 @@ way at 30 times real time, and flat out after some 15 ms against 10, while the s
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 
 from sleepcast.clock import Clock
 from sleepcast.console.frames import Groups, flags_of, pack
@@ -44,12 +45,14 @@ class Screen:
 class Driver(Screen):
     """See the module. groups: as of the latest picture.
 
-    latched: whether STOP holds, for the picture.
+    latched: whether STOP holds, for the picture. prepare: what has to be done, beside the server, before time can run;
+    it may take many seconds.
     """
 
-    def __init__(self, swarm: Swarm, pace: Pace, clock: Clock) -> None:
+    def __init__(self, swarm: Swarm, pace: Pace, clock: Clock, prepare: Callable[[], None] | None = None) -> None:
         super().__init__()
         self.swarm, self.pace = swarm, pace
+        self._prepare = prepare
         self.groups = Groups()
         self.latched = False
         self._clock = clock
@@ -59,6 +62,8 @@ class Driver(Screen):
     async def run(self) -> None:
         """Let time pass until cancelled."""
         self.draw()
+        if self._prepare is not None:
+            await asyncio.to_thread(self._prepare)
         while True:
             if self.pace.paused:
                 self._wake.clear()

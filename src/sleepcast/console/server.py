@@ -53,12 +53,13 @@ def serve(
     insecure: bool = False,
     open_browser: bool = True,
     say: Callable[[str], None] = print,
+    prepare: Callable[[], None] | None = None,
 ) -> None:
     """Serve the page and let the swarm run until Ctrl-C, which is raised on as KeyboardInterrupt after a clean stop.
 
-    The rest is as for `serve_desk`.
+    prepare: see `Driver`. The rest is as for `serve_desk`.
     """
-    driver = Driver(swarm, pace, clock)
+    driver = Driver(swarm, pace, clock, prepare)
     desk = Desk(swarm, station, driver, clock)
     serve_desk(desk, clock, host=host, port=port, insecure=insecure, open_browser=open_browser, say=say)
 

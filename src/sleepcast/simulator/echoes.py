@@ -25,6 +25,8 @@ from sleepcast.simulator.neighbours import Neighbours
 from sleepcast.simulator.noise import Ear, Noise
 from sleepcast.simulator.robot_settings import Ring
 
+AT_ONCE = 8_192
+"""Robots that are told what their sonars have kept at a time: what is needed for a moment stays small."""
 FRONT = pi / 2
 """Sonars whose axis is at most this far from the heading count as front sonars, rad."""
 
@@ -114,7 +116,9 @@ class Echoes:
         if self.firing.in_order:
             at_once = self.firing.at_once(old)
             old, kept = old[at_once], old[~at_once]
-            self._machine.tell(self.readings[kept], kept, self._ear(None), self.sensed)
+            for begin in range(0, len(kept), AT_ONCE):
+                some = kept[begin : begin + AT_ONCE]
+                self._machine.tell(self.readings[some], some, self._ear(None), self.sensed)
         if not len(old):
             return
         ear = self._ear(self._noise(tick))

@@ -33,6 +33,8 @@ ALONE = 5_000
 """Robots up to which one thread is faster than several."""
 STRETCHES = 4
 """Stretches of rows for each thread: when one thread is done early it takes over some of the rest."""
+MOST = 106
+"""Bytes for each robot that most tasks get by with."""
 FOLDED = 16
 """Sonars of a ring whose bearings the kernel can fold."""
 
@@ -81,7 +83,7 @@ class NumbaMachine:
         cones, grid, points, listed, solids, pose, radii = view
         robots, order = len(pose[0]), points.order
         scratch = self._scratch
-        scratch.begin()
+        scratch.begin(MOST * robots)
         places, fixed = scratch.take(np.float64, 4, robots), scratch.take(np.int32, 2, robots + LANES)
         fixed[:, robots:] = 0
         units = ldexp(1.0, kernels_sonar.SPAN - frexp(grid.size)[1])
@@ -133,7 +135,7 @@ class NumbaMachine:
         )
 
     def room(self, count: int) -> tuple[Proposal, Floats]:
-        self._scratch.begin()
+        self._scratch.begin(MOST * count)
         rows = self._scratch.take(np.float64, 7, count)
         return Proposal(*rows[:6]), rows[6]
 

@@ -23,10 +23,12 @@ class Scratch:
         self._block: NDArray[np.uint8] = np.empty(0, np.uint8)
         self._first = self._used = 0
 
-    def begin(self) -> None:
-        """A task begins: what was given out to the one before is free. The block is as large as any has needed."""
-        if self._used > len(self._block):
-            self._block = np.empty(self._used + LINE, np.uint8)
+    def begin(self, most: int = 0) -> None:
+        """A task begins: what was given out to the one before is free. The block is as large as any has needed, and has
+        at least `most` bytes."""
+        if max(self._used, most) > len(self._block):
+            self._block = np.empty(0, np.uint8)
+            self._block = np.empty(max(self._used, most) + LINE, np.uint8)
             self._first = -self._block.ctypes.data % LINE
         self._used = self._first
 

@@ -83,8 +83,8 @@ class World:
     def solids(self) -> NDArray[np.float64]:
         """All of them, shape (n, 5): x and y of one end, x and y of the other, radius; m."""
         if self._rows is None:
-            rows = [row for shape in self._shapes.values() for row in rows_of(shape)]
-            self._rows = np.array(rows, np.float64).reshape(-1, 5)
+            rows = (row for shape in self._shapes.values() for row in rows_of(shape))
+            self._rows = np.fromiter(rows, np.dtype((np.float64, 5)))
         return self._rows
 
     def add(self, shape: Shape) -> int:
@@ -207,12 +207,12 @@ def rooms(width: float, height: float, size: float, door: float) -> list[Wall]:
     with a door of `door` m in the middle of each wall. A wall too short for its door is left out."""
     across, up = _marks(width, size), _marks(height, size)
     walls = []
+    pieces = [piece for low, high in pairwise(up) for piece in _beside_door(low, high, door)]
     for x in across[1:-1]:
-        for low, high in pairwise(up):
-            walls += [Wall(((x, a), (x, b))) for a, b in _beside_door(low, high, door)]
+        walls += [Wall(((x, a), (x, b))) for a, b in pieces]
+    pieces = [piece for low, high in pairwise(across) for piece in _beside_door(low, high, door)]
     for y in up[1:-1]:
-        for low, high in pairwise(across):
-            walls += [Wall(((a, y), (b, y))) for a, b in _beside_door(low, high, door)]
+        walls += [Wall(((a, y), (b, y))) for a, b in pieces]
     return walls
 
 

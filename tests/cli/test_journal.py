@@ -167,6 +167,8 @@ def test_it_moves_into_an_archive_when_told(journal: SqliteJournal, file: Path) 
         (["search", "--since", "yesterday"], "wanted 10min, 14:30"),
         (["search"], "there is no journal"),
         (["verify"], "there is no journal"),
+        (["verify", "--head", "zz"], "64 hexadecimal digits"),
+        (["rotate"], "there is no journal"),
     ],
 )
 def test_misuse_is_a_sentence(tmp_path: Path, arguments: list[str], complaint: str) -> None:
@@ -179,7 +181,8 @@ def test_misuse_is_a_sentence(tmp_path: Path, arguments: list[str], complaint: s
 @pytest.mark.parametrize("fleet", ["sleepcast", "../../up", "a/b", "\N{GRINNING FACE}" * 64, "CON"])
 def test_every_fleet_has_a_file_of_its_own(fleet: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-    with closing(opened(None, fleet)):
+    with closing(opened(None, fleet)) as journal:
+        assert list(journal.entries()) == []
         assert [path.parent for path in tmp_path.rglob("*.db")] == [tmp_path / "sleepcast" / "journals"]
     assert journal_of(fleet) != journal_of(fleet + "x")
     assert journal_of(fleet).is_file()
@@ -207,7 +210,15 @@ def test_commands_on_the_air_are_written_by_whoever_sends_them(tmp_path: Path, m
         sent = account(channel, "send", "(WHEN (> id 1) (DRIVE 1 0))")
         stopped = account(channel, "stop", "--journal", str(tmp_path / "stops.db"))
         refused = called("send", "(DRIVE 1 0)", "--channel", channel)
+        (tmp_path / "damaged.db").write_text("no journal at all", encoding="utf-8")
+        damaged = "--journal", str(tmp_path / "damaged.db"), "--channel", channel
+        unwritten = called("send", "(WHEN (> id 1) (DRIVE 1 0))", *damaged)
+        still = called("stop", *damaged)
     assert refused.status == 2
+    assert (unwritten.status, unwritten.out) == (1, "")
+    assert "file is not a database" in unwritten.err
+    assert (still.status, "stopped 2: r1, r2" in still.out) == (0, True), "nothing keeps a STOP back"
+    assert "wait to be written" in still.err
     entries = [json.loads(line) for line in said_here("journal", "export").out.splitlines()]
     assert entries[-1]["event"] == "refused"
     entries = [entry for entry in entries if entry["subject"] == sent["id"]]

@@ -24,7 +24,7 @@ from sleepcast.station.journal import JournalError
 from sleepcast.station.journal_file import MAX_LISTED, NoJournalError
 from sleepcast.station.journal_reader import JournalReader, Query, Verified
 from sleepcast.station.roster import Some
-from sleepcast.station.sqlite_journal import Limits, SqliteJournal
+from sleepcast.station.sqlite_journal import LateJournal, Limits, SqliteJournal
 from station.fleet import Fleet, vocabulary
 
 TESTS = Path(__file__).resolve().parent.parent
@@ -328,6 +328,19 @@ def test_it_moves_by_itself_when_asked(journal: SqliteJournal, file: Path, clock
 
 
 # ---- files that are no journals
+
+
+def test_a_file_that_comes_late_is_written_then(tmp_path: Path) -> None:
+    file = tmp_path / "journal.db"
+    file.mkdir()
+    with closing(LateJournal(file, ManualClock())) as journal:
+        with pytest.raises(JournalError), journal.together():
+            pass
+        file.rmdir()
+        journal.append(0.0, "desk", Event.SENT, text="(ST)", details={})
+        assert [entry.text for entry in journal.entries()] == ["(ST)"]
+        assert journal.dropped == 0
+    assert found(file, Query()) == [1]
 
 
 def test_a_newer_format_is_refused(journal: SqliteJournal, file: Path) -> None:

@@ -113,7 +113,7 @@ def on_air(command: Callable[..., int]) -> Callable[..., int]:
 @contextmanager
 def station_for(air: Air, say: Callable[[str], None], *, strict: bool = False) -> Iterator[AirStation]:
     """An operator's desk on this channel, which remembers at its end who was heard. say: tells the person what he must
-    know. strict: whether what is only doubtful is refused. Raises what the channel raises, and JournalError."""
+    know. strict: whether what is only doubtful is refused. Raises what the channel raises."""
     with looking_for(air, say, strict=strict) as (station, _):
         yield station
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 import time
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
@@ -33,6 +34,7 @@ PAUSE = 0.25
 COLUMNS = ("number", "written", "time", "who", "event", "subject", "text", "details", "hash")
 """Columns of an exported table."""
 NEVER = "never"
+HASH = re.compile("[0-9a-fA-F]{64}")
 
 
 @click.group("journal", short_help="What was sent, heard and decided.", invoke_without_command=True)
@@ -163,12 +165,14 @@ def verify(file: Path, head: str | None, as_json: bool) -> int:
     """
     from sleepcast.station.journal_reader import JournalReader
 
+    if head is not None and not HASH.fullmatch(head):
+        raise MisuseError(f"a head has 64 hexadecimal digits, as verify prints it, not {head[:80]!r}")
     with JournalReader(file) as reader:
         _tell_lost(reader)
         found = reader.verify()
         broken = found.broken
         if not broken and head is not None and not any(hash.hex() == head.lower() for hash in reader.hashes()):
-            broken = f"no entry has the hash {head[:64]}: what it stood for was changed or taken away"
+            broken = f"no entry has the hash {head}: what it stood for was changed or taken away"
         first, files = reader.first, len(reader.files)
     if as_json:
         told = {"entries": found.count, "first": first, "last": found.last, "files": files, "head": found.hash.hex()}
@@ -198,10 +202,12 @@ def rotate(file: Path, at: str | None) -> int:
     """
     from contextlib import closing
 
-    from sleepcast.cli.journals import opened
-    from sleepcast.station.sqlite_journal import Limits
+    from sleepcast.clock import UnixClock
+    from sleepcast.station.journal_file import open_reading
+    from sleepcast.station.sqlite_journal import Limits, SqliteJournal
 
-    with closing(opened(file, FLEET)) as found:
+    open_reading(file).close()  # there must be one
+    with closing(SqliteJournal(file, UnixClock())) as found:
         if at is None:
             archive = found.rotate()
             put(f"moved into {archive}" if archive else "there is nothing to move")

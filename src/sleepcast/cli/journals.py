@@ -13,7 +13,7 @@ import click
 from sleepcast.files import data_folder
 
 if TYPE_CHECKING:
-    from sleepcast.station.sqlite_journal import SqliteJournal
+    from sleepcast.station.sqlite_journal import LateJournal
 
 LONGEST = 200
 """Bytes of a file's name for a fleet, so that the names of its archives fit into 255."""
@@ -41,9 +41,9 @@ def journal_of(fleet: str) -> Path:
     return data_folder() / "journals" / f"{name if len(name) <= LONGEST else sha256(fleet.encode()).hexdigest()}.db"
 
 
-def opened(journal: Path | None, fleet: str) -> SqliteJournal:
-    """A journal to write to: the file, or that of the fleet. Raises JournalError."""
+def opened(journal: Path | None, fleet: str) -> LateJournal:
+    """A journal for a desk to write to: the file, or that of the fleet."""
     from sleepcast.clock import UnixClock
-    from sleepcast.station.sqlite_journal import SqliteJournal
+    from sleepcast.station.sqlite_journal import LateJournal
 
-    return SqliteJournal(journal or journal_of(fleet), UnixClock(), HASTE)
+    return LateJournal(journal or journal_of(fleet), UnixClock(), HASTE)

@@ -14,15 +14,16 @@ from __future__ import annotations
 import os
 import sqlite3
 from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from math import inf
 from pathlib import Path
 from threading import RLock
 
 from sleepcast.clock import Clock
 from sleepcast.files import settle
-from sleepcast.station.journal import Entry, Event
+from sleepcast.station.journal import Entry, Event, JournalError
 from sleepcast.station.journal_file import (
     KEPT,
     PATIENCE,
@@ -193,3 +194,44 @@ class SqliteJournal:
             last = self._connection.execute("SELECT hash FROM entries ORDER BY number DESC LIMIT 1").fetchone()
             origin = origin_of(self._connection)
         return max(number[0] if number else 0, origin.number), bytes(last[0]) if last else origin.hash
+
+
+class LateJournal:
+    """A journal in a file that may not be opened yet: it is tried whenever somebody writes, so that a desk whose file
+    is damaged or out of reach can stop robots all the same, and says what is wrong. All methods raise JournalError."""
+
+    def __init__(self, file: Path, clock: Clock, patience: float = PATIENCE) -> None:
+        self._open = partial(SqliteJournal, file, clock, patience)
+        self._opened: SqliteJournal | None = None
+        with suppress(JournalError):  # said when something is to be written
+            self._opened = self._open()
+
+    @property
+    def _journal(self) -> SqliteJournal:
+        if self._opened is None:
+            self._opened = self._open()
+        return self._opened
+
+    def append(
+        self, time: float, who: str, event: Event, *, subject: str = "", text: str = "", details: Mapping[str, object]
+    ) -> None:
+        """As `SqliteJournal`."""
+        self._journal.append(time, who, event, subject=subject, text=text, details=details)
+
+    def together(self) -> AbstractContextManager[None]:
+        """As `SqliteJournal`."""
+        return self._journal.together()
+
+    def entries(self, after: int = 0) -> Iterator[Entry]:
+        """As `SqliteJournal`."""
+        return self._journal.entries(after)
+
+    @property
+    def dropped(self) -> int:
+        """As `SqliteJournal`."""
+        return self._journal.dropped
+
+    def close(self) -> None:
+        """Be done with the file."""
+        if self._opened is not None:
+            self._opened.close()

@@ -90,7 +90,7 @@ def robots(session: Session, width: int, height: int, first: int) -> list[Line]:
         text = f"{clipped(printable(name), room):<{room}} {code} {_age(age):>5}  {'  '.join(told)}"
         answered = "class:warned" if code in "F-" else ""
         found.append([(style, f"{letters} "), (answered, clipped(printable(text), width - 3))])
-    return found or [[("", clipped("nobody was heard yet: are robots up, on this channel, with these keys?", width))]]
+    return found or _plain("nobody was heard yet: are robots up, on this channel, with these keys?", width)
 
 
 def robots_title(session: Session) -> str:
@@ -144,7 +144,7 @@ def commands(session: Session, width: int, height: int) -> list[Line]:
         if len(found) >= height:
             break
         found += _command(session, command, width)
-    return found[:height] or [[("", clipped("nothing was sent yet: type an expression below; F1 helps", width))]]
+    return found[:height] or _plain("nothing was sent yet: type an expression below; F1 helps", width)
 
 
 def _command(session: Session, command: Command, width: int) -> Iterator[Line]:
@@ -189,7 +189,7 @@ def reports(session: Session, width: int, height: int) -> list[Line]:
     for heard, text in sorted([*said_by, *news])[-height:]:
         when = time.strftime("%H:%M:%S", time.localtime(heard))
         found.append([("class:when", f"{when} "), ("", clipped(printable(" ".join(text.split())), width - 9))])
-    return found or [[("", clipped("nobody has reported anything", width))]]
+    return found or _plain("nobody has reported anything", width)
 
 
 # ---- below the prompt
@@ -204,7 +204,7 @@ def hint(session: Session, text: str, width: int, height: int, indent: int) -> l
         return [[(style, line)] for line in lines[:height]]
     found = session.foresee(text)
     told: list[Line] = [] if found.spot is None else _carets(found.spot, width, indent)
-    sentence = [[("", line)] for line in _folded(printable(found.sentence), width)] if found.sentence else []
+    sentence = _plain(printable(found.sentence), width) if found.sentence else []
     wrong = found.spot is not None and found.spot.wrong
     return (told + sentence if wrong else [*told[:1], *sentence, *told[1:]])[:height]
 
@@ -265,6 +265,10 @@ def _filled(text: str, width: int) -> str:
     """Just so many columns."""
     text = clipped(printable(text), width)
     return text + " " * max(0, width - get_cwidth(text))
+
+
+def _plain(text: str, width: int) -> list[Line]:
+    return [[("", line)] for line in _folded(text, width)]
 
 
 def _folded(text: str, width: int) -> Sequence[str]:

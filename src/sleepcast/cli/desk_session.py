@@ -99,12 +99,14 @@ class Session:
         """With what is sent in stages."""
         if self.staging is None:
             return
+        before = self.staging.said
         try:
             self.staging.tick()
         except SleepcastError:
             self.staging = None
             raise
-        self.say(self.staging.said)
+        if self.staging.said != before:
+            self.say(self.staging.said)
         if self.staging.over:
             self.staging = None
 

@@ -158,6 +158,7 @@ def test_it_moves_into_an_archive_when_told(journal: SqliteJournal, file: Path) 
     told = journal_says(file, "search")
     assert (told.status, told.out) == (0, "")
     assert "entries before 6 were moved into journal.1-5.db, which is not there any more" in told.err
+    assert json.loads(journal_says(file, "verify", "--json").out)["lost_archive"] == "journal.1-5.db"
 
 
 @pytest.mark.parametrize(

@@ -290,6 +290,17 @@ def test_it_goes_on_in_its_own_name_and_the_chain_holds(journal: SqliteJournal, 
     assert not [path for path in file.parent.iterdir() if path.suffix == ".new"]
 
 
+def test_archives_that_nobody_wants_stay_closed(journal: SqliteJournal, file: Path) -> None:
+    for number in range(1, 7, 2):
+        fill(journal, number, number + 1)
+        journal.rotate()
+    for after, files in ((0, 4), (1, 4), (2, 3), (5, 2), (6, 1)):
+        with JournalReader(file, after) as reader:
+            assert len(reader.files) == files
+            numbers = [written.entry.number for written in reader.search(Query(after=after))]
+            assert (numbers, reader.last) == (list(range(after + 1, 7)), 6)
+
+
 def test_an_archive_that_is_gone_or_another_one_is_told(journal: SqliteJournal, file: Path) -> None:
     fill(journal, 1, 3)
     archive = journal.rotate()

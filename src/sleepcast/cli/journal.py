@@ -119,7 +119,7 @@ def search(file: Path, query: Query, last: int = LAST, follow: bool = False, as_
             announce(show(written))
     while follow:
         time.sleep(PAUSE)
-        with JournalReader(file) as reader:
+        with JournalReader(file, end) as reader:
             for written in reader.search(query.from_on(end)):
                 announce(show(written))
             end = reader.last
@@ -173,10 +173,10 @@ def verify(file: Path, head: str | None, as_json: bool) -> int:
         broken = found.broken
         if not broken and head is not None and not any(hash.hex() == head.lower() for hash in reader.hashes()):
             broken = f"no entry has the hash {head}: what it stood for was changed or taken away"
-        first, files = reader.first, len(reader.files)
+        first, files, lost = reader.first, len(reader.files), reader.lost
     if as_json:
         told = {"entries": found.count, "first": first, "last": found.last, "files": files, "head": found.hash.hex()}
-        put(json.dumps(told | {"broken": broken or None}))
+        put(json.dumps(told | {"lost_archive": lost or None, "broken": broken or None}))
     elif broken:
         raise BrokenChainError(f"{broken}; the {found.count} entries before it are as they were written")
     else:

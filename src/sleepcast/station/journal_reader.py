@@ -67,11 +67,13 @@ class JournalReader:
     """A journal with its archives, as it was when this was entered; it must be left soon, as a reader keeps a journal
     from being tidied.
 
-    lost: the archive that came before the first entry and is not there any more, "" if all of them are.
+    after: nobody wants entries up to this number, so archives that hold no others are left closed. lost: the archive
+    that came before the first entry and is not there any more, "" if all of them are.
     """
 
-    def __init__(self, file: Path) -> None:
+    def __init__(self, file: Path, after: int = 0) -> None:
         self.file = file
+        self._after = after
         self.lost = ""
         self._parts: list[tuple[Path, Origin]] = []
         self._stack = ExitStack()
@@ -84,7 +86,7 @@ class JournalReader:
                 self._live.execute("BEGIN")
             file, origin = self.file, self._origin(self.file)
             self._parts = [(file, origin)]
-            while origin.archive and len(self._parts) < MAX_ARCHIVES:
+            while origin.number > self._after and len(self._parts) < MAX_ARCHIVES:
                 file = self.file.with_name(origin.archive)
                 if not file.is_file():
                     self.lost = origin.archive

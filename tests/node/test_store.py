@@ -342,6 +342,7 @@ def test_an_operators_commands_have_one_order_over_his_lives(tmp_path: Path) -> 
             party.on = False
     fleet.run(10.0)
     assert len({message.epoch for message in sent}) == 1
+    assert [message.body["after"] for message in sent] == [0, *(message.sequence for message in sent[:-1])]
     standing = {float(place) for place, message in enumerate(sent) if message.standing}
     for robot in fleet.robots:
         assert robot.world.done == sorted(set(robot.world.done))

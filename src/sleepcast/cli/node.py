@@ -99,13 +99,13 @@ def node(
     who may command was heard for the time of --lease. If this process dies, the server stops the robot.
 
     A robot on a channel goes on where it was when it is started again: its rules, groups and variables, a STOP, and
-    what it has heard and done lie in its store, and outlive a kill at any moment. FILE is for its first life.
+    what it has heard and done lie in its store, and outlive a kill at any moment. --rules is for its first life.
 
     \b
     Examples:
       sleepcast node --name r1 --body nomad://127.0.0.1:7019#1 --rules stop.sleep --datagrams 5001
       sleepcast node --name r2 --body nomad://127.0.0.1#2 --channel 'udp://239.255.83.76:47123?interface=lo'
-      sleepcast node --name r3 --body nomad://127.0.0.1#3 --channel udp:// --golden safety.sleep --store r3.store
+      sleepcast node --name r3 --body sim --channel udp://127.255.255.255:47123 --golden keep.sleep --store r3.store
       sleepcast node --name r7 --body sim --channel 'udp://239.255.83.76:47123?interface=lo'
       sleepcast node --body nomad://127.0.0.1#2 --vocabulary nomad
       sleepcast node --body 'nomad://127.0.0.1:7019?speed=0.3#1'

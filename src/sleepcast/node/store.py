@@ -173,12 +173,16 @@ class Store:
         self.keep()
 
     def keep(self) -> None:
-        """An operator is about to send something: nothing leaves before its number is kept, and its bytes if it
-        stands."""
+        """An operator is about to send something that stands, which does not leave before its bytes are kept; or he has
+        used many numbers."""
+        self._keep(ahead=2 * KEEP_EVERY)
+
+    def _keep(self, ahead: int) -> None:
+        """ahead: how many more of his numbers may be used before they are kept again."""
         if self._attended is not None:
             kept, mailbox = self._attended
             self._take_news(kept.number, mailbox)
-            kept.sequence = mailbox.next_number + 2 * KEEP_EVERY
+            kept.sequence = mailbox.next_number - 1 + ahead
             self._unwritten.lives[kept.number] = mailbox.name, kept
             self._write(self._clock.now())
 
@@ -230,6 +234,7 @@ class Store:
         """Write what is left, and let others use the file. What was heard and not thought about is not kept: it is
         heard again."""
         self._look_at = self._try_at = -inf
+        self._keep(ahead=0)
         self.after()
         if self._connection is not None:
             self._connection.close()

@@ -132,12 +132,12 @@ def _is_store(connection: sqlite3.Connection, file: Path) -> bool:
         if version > FORMAT:
             raise StoreError(
                 f"{file} is a store of format {version}, and this sleepcast reads {FORMAT}: take a newer one, or "
-                "another file with --store"
+                "another file"
             )
         return True
     with closing(connection.execute("SELECT 1 FROM sqlite_schema LIMIT 1")) as any_table:
         if application or version or any_table.fetchone() is not None:
-            raise StoreError(f"{file} is an SQLite file, but no store of a robot: name another with --store")
+            raise StoreError(f"{file} is an SQLite file, but no store of a robot: name another one")
     return False
 
 
@@ -169,7 +169,7 @@ def refuse_text(file: Path) -> None:
     with file.open("rb") as opened:
         data = opened.read(4_096)
     if data.isascii() and b"\0" not in data:
-        raise StoreError(f"{file} is a text and no store of a robot: name another with --store")
+        raise StoreError(f"{file} is a text and no store of a robot: name another one")
 
 
 def set_aside(file: Path, now: float) -> Path:

@@ -289,6 +289,7 @@ def test_a_body_in_the_simulator_with_limits(tmp_path: Path) -> None:
     ("arguments", "complaint"),
     [
         (("--body", "sim:brav"), "bravo"),
+        (("--body", "sym:bravo"), "sim:bravo"),
         (("--body", "sim", "--vocabulary", "nomad"), "no --vocabulary"),
         (("--body", "sim", "--lease", "0"), "or off"),
     ],

@@ -183,6 +183,7 @@ def test_what_a_file_says(tmp_path: Path) -> None:
         ('[fence]\nx = ["5m", "1m"]\ny = ["0m", "1m"]', "least before the greatest"),
         ('[fence]\nx = ["0m", "1m"]', "fence.y"),
         ("range = -1", "range"),
+        ('[fence]\nx = ["1m", "1m"]\ny = ["0m", "1m"]', "limits.toml:2: fence.x: there is no room"),
     ],
 )
 def test_what_a_file_may_not_say(tmp_path: Path, text: str, complaint: str) -> None:

@@ -102,7 +102,7 @@ class Piece(NamedTuple):
 
 def encode(message: Message, fleet: str, key: KeyPair) -> list[bytes]:
     """The parts of a message, signed. Times are rounded to microseconds. Raises MessageError for what is too long."""
-    content = said(message.text, message.body)
+    content = content_of(message.text, message.body)
     if len(content) > MAX_CONTENT:
         raise MessageError(f"a message says at most {MAX_CONTENT} bytes, this one of {message.sender} {len(content)}")
     if message.standing and message.kind is not Kind.COMMAND:
@@ -127,7 +127,7 @@ def encode(message: Message, fleet: str, key: KeyPair) -> list[bytes]:
     return found
 
 
-def said(text: str, body: dict[str, object]) -> bytes:
+def content_of(text: str, body: dict[str, object]) -> bytes:
     """What a message says, as bytes."""
     return cbor2.dumps([text, body])
 

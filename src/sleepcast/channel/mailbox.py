@@ -27,7 +27,7 @@ import msgspec
 
 from sleepcast.channel.bodies import KEYS
 from sleepcast.channel.door import Door
-from sleepcast.channel.envelope import Part, encode, said
+from sleepcast.channel.envelope import Part, content_of, encode
 from sleepcast.channel.kept import Name, News
 from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal, Role
 from sleepcast.channel.message import Kind, Message
@@ -247,7 +247,7 @@ class Mailbox:
         if part.kind is not Kind.DIGEST or not self._trickle.has_enough:
             return False
         if self._telling is None:
-            self._telling = said("", self._digest())
+            self._telling = content_of("", self._digest())
         return self.door.reader.content(datagram) == self._telling
 
     def _dealt_with(self, found: list[Message], now: float) -> list[Message]:

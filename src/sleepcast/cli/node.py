@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,7 +13,7 @@ from sleepcast.cli.air import Air, line_for, options
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.stores import chosen_store, no_store_option, open_store, store_option
 from sleepcast.cli.streams import complain
-from sleepcast.errors import MisuseError
+from sleepcast.errors import MisuseError, did_you_mean
 
 if TYPE_CHECKING:
     from sleepcast.bridges import RealRobot
@@ -112,7 +113,7 @@ def node(
     """
     _check_name(name)
     with Interrupts() as interrupts, ExitStack() as stack:
-        from sleepcast.bridges import UNLIMITED, open_robot
+        from sleepcast.bridges import SCHEMES, UNLIMITED, open_robot
         from sleepcast.channel.datagrams import Datagrams
         from sleepcast.cli.node_life import Beginning, Life, read_beginning
         from sleepcast.node.deadman import read_lease
@@ -137,6 +138,7 @@ def node(
                 raise MisuseError("a body in the simulator has the vocabulary that its scenario says: no --vocabulary")
             robot = stack.enter_context(_simulated(uri, seed, number, lockstep, kept))
         else:
+            _check_scheme(uri, SCHEMES)
             robot = stack.enter_context(open_robot(uri, in_step=lockstep, limits=kept))
         interrupts.defer()
         nomad = vocabulary == NOMAD
@@ -144,6 +146,14 @@ def node(
         life.begin(built_in, beginning)
         life.go_on(interrupts.check, 0.0 if lockstep else tick, seconds)
     return 0
+
+
+def _check_scheme(uri: str, real: Mapping[str, str]) -> None:
+    """Raises MisuseError for a body of no family. real: families of real ones, with an example each."""
+    scheme = uri.partition(":")[0]
+    if scheme not in real:
+        known = ", ".join((SIMULATED, f"{SIMULATED}:{SCENARIO}", *real.values()))
+        raise MisuseError(f"{uri!r:.100} names no body{did_you_mean(scheme, (SIMULATED, *real))}; wanted, say, {known}")
 
 
 def _simulated(uri: str, seed: int, number: int, in_step: bool, limits: Limits) -> RealRobot:

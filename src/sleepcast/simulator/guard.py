@@ -47,6 +47,9 @@ def read_limits(file: Path) -> Limits:
 def _fence(root: Table) -> tuple[float, float, float, float]:
     with root.table("fence") as table:
         x, y = (table.span(axis, LENGTH, low=-MAX_WORLD, high=MAX_WORLD) for axis in "xy")
+        for axis, (least, greatest) in (("x", x), ("y", y)):
+            if least.value == greatest.value:
+                raise table.error(axis, "there is no room between these ends")
         return x[0].value, y[0].value, x[1].value, y[1].value
 
 

@@ -84,6 +84,28 @@ def test_anybody_with_a_role_may_stop(key: KeyPair) -> None:
     assert door().enter(only(encode(message(sender=sender, kind=Kind.STOP), "lab", key)))
 
 
+STANDS = "stands"
+LETS_IN = {
+    Role.OBSERVER: {Kind.ASK, Kind.STOP, Kind.DIGEST, Kind.REQUEST},
+    Role.OPERATOR: {*Kind} - {Kind.ANSWER, Kind.REPORT},
+    Role.COMMANDER: {*Kind, STANDS} - {Kind.ANSWER, Kind.REPORT},
+    Role.ROBOT: {Kind.COMMAND, Kind.STOP, Kind.DIGEST, Kind.REQUEST},
+}
+"""What each role may say to a robot."""
+
+
+@pytest.mark.parametrize("key", [WATCH, DESK, CHIEF, ROBOTS], ids=lambda key: str(key.public.role))
+@pytest.mark.parametrize("kind", [*Kind, STANDS])
+def test_a_role_goes_as_far_as_it_goes_and_no_further(key: KeyPair, kind: Kind | str) -> None:
+    sender = "r5" if key is ROBOTS else key.public.owner
+    sent = message(sender=sender, kind=Kind.COMMAND if kind == STANDS else Kind(kind), standing=kind == STANDS)
+    datagram = only(encode(sent, "lab", key))
+    assert bool(door().enter(datagram)) is (kind in LETS_IN[key.public.role])
+    heard = door(robot=False).enter(datagram)
+    to_operator = {Kind.ANSWER, Kind.REPORT, Kind.STOP, Kind.DIGEST, Kind.REQUEST}
+    assert bool(heard) is (kind in (to_operator if key is ROBOTS else LETS_IN[key.public.role]))
+
+
 def test_an_operator_has_no_ear_for_what_robots_tell_each_other() -> None:
     here = door(robot=False)
     assert here.enter(only(encode(message(sender="r1"), "lab", ROBOTS))) is None

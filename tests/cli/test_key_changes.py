@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import shutil
+import time
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
-from cli.calling import called
+from cli.calling import LONGEST, called
 from cli.test_crew import account, channel, swarm
 from sleepcast.channel.keyring import KeyFileLostError, add_trust, load_trust, save_trust
 from sleepcast.channel.keys import KeyChange, KeyPair, Role, Trust
+from sleepcast.cli.air import Air, line_for
 
 __all__ = ["channel"]  # a fixture
 
@@ -43,10 +46,10 @@ def test_keys_end_and_are_renewed_on_the_air(channel: str, tmp_path: Path) -> No
         assert matched("send", "--standing", "--all", "(RULE new 1)", key="desk") == 2
         late = ("--name-prefix", "late", "--keys", str(elsewhere), "--trust", str(elsewhere / "trust.json"))
         with swarm(1, channel, "--key", "*", *late) as process:
-            heard = called("ask", "id", "--key", "desk", "--channel", channel, "--json")
-            while "late1" not in json.loads(heard.out)["matched"]:
+            until = time.monotonic() + LONGEST
+            while "late1" not in str(account(channel, "ask", "id", "--key", "desk")["matched"]):
                 assert process.poll() is None
-                heard = called("ask", "id", "--key", "desk", "--channel", channel, "--json")
+                assert time.monotonic() < until
             there = load_trust(elsewhere / "trust.json")
             assert {key.owner for key in there.keys if key.revoked} >= {"desk", "anna"}
             assert len(there.vouched) >= 2, "the rule of the old key, and what it said of the new one"
@@ -96,6 +99,19 @@ def test_keys_are_renewed_without_a_fleet(channel: str, tmp_path: Path) -> None:
     assert len(list(folder.glob("anna.*.retired"))) == 1
     ended = called("keys", "revoke", new)
     assert (ended.status, new in ended.out) == (0, True)
+
+
+def test_what_cannot_be_written_down_is_said_and_counts_all_the_same(channel: str, tmp_path: Path) -> None:
+    folder, said = keys(tmp_path), list[str]()
+    air = Air("memory:unwritable", "lab", "*", None, folder)
+    with closing(line_for(air, "r1", robot=True, say=said.append)) as line:
+        (folder / "trust.json").unlink()
+        (folder / "trust.json").mkdir()
+        trust = line.mailbox.door.trust
+        trust.take(KeyChange(revoke=frozenset((trust.keys[0].id,))))
+        assert trust.keys[0].revoked
+    assert len(said) == 1
+    assert "trust.json" in said[0]
 
 
 def test_what_several_processes_hear_is_kept_together(tmp_path: Path) -> None:

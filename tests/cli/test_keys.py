@@ -71,6 +71,9 @@ def test_what_is_refused_changes_nothing(tmp_path: Path, arguments: tuple[str, .
         (b'{"format": 2, "keys": []}', "take a newer one"),
         (b'{"format": 1, "keys": [{"owner": "a", "role": "robot", "public": "00"}]}', "32 bytes"),
         (b'{"format": 1, "keys": [], "kings": []}', "unknown field"),
+        (b'{"format": 1, "keys": [], "gone": ["zz"]}', "hexadecimal digits"),
+        (b'{"format": 1, "keys": [], "gone": ["0011"]}', "something of 8 bytes is written as 16 hexadecimal digits"),
+        (b'{"format": 1, "keys": [], "vouched": ["00112233445566"]}', "something of 12 bytes"),
     ],
 )
 def test_a_trust_file_that_is_none_is_named(tmp_path: Path, content: bytes, complaint: str) -> None:

@@ -18,7 +18,7 @@ from typing import TypeVar
 
 import msgspec
 
-from sleepcast.channel.keys import KeyChange, KeyPair, KeyRefusal, PublicKey, Role, Trust
+from sleepcast.channel.keys import FINGERPRINT_BYTES, ID_BYTES, KeyChange, KeyPair, KeyRefusal, PublicKey, Role, Trust
 from sleepcast.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.files import replace_file
 
@@ -82,10 +82,18 @@ def load_trust(file: Path) -> Trust:
     found = _decoded(file, TrustFile, "a trust file")
     try:
         trust = Trust(PublicKey(key.owner, key.role, half(key.public), key.revoked) for key in found.keys)
-        trust.take(KeyChange((), frozenset(map(half, found.vouched)), frozenset(map(half, found.gone))))
+        vouched, gone = _listed(found.vouched, FINGERPRINT_BYTES), _listed(found.gone, ID_BYTES)
+        trust.take(KeyChange((), vouched, gone))
     except KeyRefusal as error:
         raise KeyFileError(f"{file}: {error}") from None
     return trust
+
+
+def _listed(written: list[str], count: int) -> frozenset[bytes]:
+    found = frozenset(map(half, written))
+    if any(len(each) != count for each in found):
+        raise KeyRefusal(f"something of {count} bytes is written as {2 * count} hexadecimal digits")
+    return found
 
 
 def save_trust(trust: Trust, file: Path) -> None:

@@ -81,14 +81,16 @@ def send(
 
     if staged and only is not None:
         raise click.UsageError("--staged and --only do not go together: stages are chosen among all")
-    audience = Audience(None if only is None else [name for name in only.replace(",", " ").split() if name])
+    audience = Audience(None if only is None else only.replace(",", " ").split())
+    if audience.only == []:
+        raise click.UsageError("--only names nobody: wanted robots, as in --only r1,r2")
     draft = Draft(text, standing, deadline, everybody, count, audience)
     with looking_for(air, complain, strict=strict) as (station, looker):
         station.holding = hold is not None
         if not blind:
             _refuse_early(station, draft)
             _ask_first(station, looker, text)
-        for finding in station.check(text).warnings:
+        for finding in station.check(text).warnings if looker.minds else ():
             complain(finding.render(text))
         complain(foreseen(station.foresee(text, only=audience.only)))
         try:

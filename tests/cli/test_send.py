@@ -6,9 +6,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from cli.calling import Called, called
 from cli.terminal import terminal
 from cli.test_crew import channel, swarm
+from sleepcast.cli import main
 
 __all__ = ["channel"]
 
@@ -58,11 +61,27 @@ def test_a_dozen_robots_are_commanded_with_care(channel: str, tmp_path: Path) ->
         assert (stopped.status, told(stopped)["n_silent"], told(stopped)["matched"]) == (1, ROBOTS, [])
 
 
-def test_what_does_not_go_together(channel: str) -> None:
-    for arguments in (("--staged", "--only", "r1"), ("--deadline", "0"), ("--standing", "--deadline", "5")):
-        refused = called("send", *arguments, MARK, "--channel", channel, "--blind")
-        assert (refused.status, refused.out) == (2, ""), arguments
-        assert "Traceback" not in refused.err
-    refused = called("lease", "grant", "bravo", "--channel", channel)
-    assert (refused.status, refused.out) == (2, "")
-    assert "--to NAME" in refused.err
+def test_what_does_not_go_together(channel: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Misuse of every sort: exit status 2, nothing on standard output, a sentence, and nothing is sent."""
+    wrong = {
+        ("send", MARK, "--staged", "--only", "r1"): "do not go together",
+        ("send", MARK, "--only", " , "): "names nobody",
+        ("send", MARK, "--only", "nobody", "--blind"): 'no robot "nobody"',
+        ("send", MARK, "--deadline", "0", "--blind"): "a deadline lies",
+        ("send", MARK, "--deadline", "nan", "--blind"): "a deadline lies",
+        ("send", MARK, "--standing", "--deadline", "5", "--blind"): "no deadline",
+        ("send", MARK, "--within", "nan"): "wanted a number of seconds",
+        ("send", MARK, "--hold", "-1"): "not in the range",
+        ("send", MARK, "--count", "0"): "not in the range",
+        ("send", MARK, "--count", "3", "--blind"): "nothing was sent",
+        ("lease", "grant", "bravo"): "--to NAME",
+        ("lease", "take", "bra vo"): "no name of a group",
+        ("lease", "take", ""): "no name of a group",
+        ("lease", "take", "bravo", "--seconds", "nan"): "a lease is for 0 to 3600 s",
+        ("lease", "give", "bravo", "--keep"): "--keep goes with",
+    }
+    for arguments, complaint in wrong.items():
+        assert main([*arguments, "--channel", channel]) == 2, arguments
+        told = capsys.readouterr()
+        assert told.out == ""
+        assert complaint in told.err, arguments

@@ -49,6 +49,30 @@ def test_nobody_is_kept_going_whom_nobody_drives() -> None:
     assert beats(scene, 5.0) == 0, "nothing old resumes"
 
 
+def test_who_is_driven_goes_on_while_others_are_spoken_to() -> None:
+    """A second command, which nobody obeys, does not let those go that obeyed the first."""
+    scene = Scene(lease=LEASE)
+    desk = scene.desk()
+    desk.holding = True
+    desk.send("(WHEN (< x 1) (DRIVE 1))")
+    scene.run(2.0)
+    desk.send("(WHEN (> x 50) (DRIVE 1))")
+    scene.run(5.0)
+    assert driven(scene) == [True, False, False]
+
+
+def test_silence_is_no_reason_to_go_on_for_ever() -> None:
+    """A command that nobody obeyed, and to which one robot never answered, keeps a desk from being quiet no longer than
+    it is good."""
+    scene = Scene()
+    desk = scene.desk()
+    desk.holding = True
+    scene.isolate("r1")
+    desk.send("(WHEN (> x 50) (DRIVE 1))", deadline=3.0)
+    assert beats(scene, 3.0) > 5
+    assert beats(scene, 5.0) <= 1
+
+
 def test_another_operators_stop_ends_the_heartbeats_too() -> None:
     """Must 2 and 3."""
     scene = Scene()

@@ -74,12 +74,14 @@ def told(command: Command, found: Accounting) -> Iterator[str]:
         asked = "is a node up on this channel, with these keys?"
         yield f"{command.id}: nobody answered, and nobody was heard before: {asked}"
         return
-    yield f"{command.id}: {listed(WORDS.get(str(command.kind), 'matched'), found.matched)}"
+    leasing = "lease" in command.message.body
+    verb = "granted in the group by" if leasing else WORDS.get(str(command.kind), "matched")
+    yield f"{command.id}: {listed(verb, found.matched)}"
     if command.kind == ASK and found.values is not None:
         least, mean, greatest = map(format_value, (found.values.least, found.values.mean, found.values.greatest))
         yield f"  {found.values.count} know it: min {least}, mean {mean}, max {greatest}"
     elif command.kind == "command":
-        yield f"  {listed('did not match', found.not_matched)}"
+        yield f"  {listed('noted outside it by' if leasing else 'did not match', found.not_matched)}"
     for name in _sorted(found.fault)[:FEW]:
         yield f"  fault on {name}: {printable(found.answers[name].fault or '')}"
     if len(found.fault) > FEW:

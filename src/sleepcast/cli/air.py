@@ -14,6 +14,7 @@ import click
 
 from sleepcast.cli.journals import journal_option, opened
 from sleepcast.cli.stores import operator_store
+from sleepcast.cli.times import Seconds
 
 if TYPE_CHECKING:
     from sleepcast.channel.keys import KeyPair, Trust
@@ -88,9 +89,7 @@ def on_air(command: Callable[..., int]) -> Callable[..., int]:
 
     @click.option("--channel", metavar="URI", default=CHANNEL, show_default=True, help="The radio.")
     @options
-    @click.option(
-        "--within", type=click.FloatRange(0.0, 60.0), help="Seconds for answers; else a millisecond for each robot."
-    )
+    @click.option("--within", type=Seconds(0.0, 60.0), help="Seconds for answers; else a millisecond for each robot.")
     @journal_option
     @wraps(command)
     def placed(

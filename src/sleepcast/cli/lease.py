@@ -60,7 +60,8 @@ def _done(station: AirStation, deed: Deed, group: str, seconds: float, to: str, 
     from sleepcast.station.leases import lease_body
 
     sent = station.post(Kind.COMMAND, body=lease_body(deed, group, seconds, to))
-    return gathered(station, sent, GRACE, as_json)
+    status = gathered(station, sent, GRACE, as_json)
+    return status if len(sent.answers) else 1
 
 
 def _keep(station: AirStation, group: str, seconds: float, as_json: bool) -> None:

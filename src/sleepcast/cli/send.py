@@ -13,6 +13,7 @@ from sleepcast.cli.account import as_dict, foreseen, silence, stages_as_dict, to
 from sleepcast.cli.air import Air, looking_for, operator, station_for
 from sleepcast.cli.evaluate import NegativeNumbersAllowed
 from sleepcast.cli.streams import complain, put
+from sleepcast.cli.times import Seconds
 from sleepcast.cli.who import look_around
 from sleepcast.errors import SleepcastError
 
@@ -44,7 +45,7 @@ TELL_EVERY = 1.0
 @click.option("--count", type=click.IntRange(1), help="So many robots may obey: asked for where they are many.")
 @click.option("--deadline", metavar="S", type=float, help="Seconds for which it is good; else 5.")
 @click.option("--staged", is_flag=True, help="To one robot, then to a tenth, then to all, while nothing goes wrong.")
-@click.option("--hold", metavar="S", type=click.FloatRange(0.0, MAX_HOLD), help="Keep driving robots going so long.")
+@click.option("--hold", metavar="S", type=Seconds(0.0, MAX_HOLD), help="Keep driving robots going so long.")
 @click.option("--strict", is_flag=True, help="Send nothing that is only doubtful.")
 @click.option("--blind", is_flag=True, help="Do not ask the robots beforehand who would obey.")
 @operator
@@ -81,14 +82,16 @@ def send(
 
     if staged and only is not None:
         raise click.UsageError("--staged and --only do not go together: stages are chosen among all")
-    audience = Audience(None if only is None else [name for name in only.replace(",", " ").split() if name])
+    audience = Audience(None if only is None else only.replace(",", " ").split())
+    if audience.only == []:
+        raise click.UsageError("--only names nobody: wanted robots, as in --only r1,r2")
     draft = Draft(text, standing, deadline, everybody, count, audience)
     with looking_for(air, complain, strict=strict) as (station, looker):
         station.holding = hold is not None
         if not blind:
             _refuse_early(station, draft)
             _ask_first(station, looker, text)
-        for finding in station.check(text).warnings:
+        for finding in station.check(text).warnings if looker.minds else ():
             complain(finding.render(text))
         complain(foreseen(station.foresee(text, only=audience.only)))
         try:
@@ -187,7 +190,7 @@ def ask(text: str, air: Air, as_json: bool) -> int:
 
 @click.command("stop", short_help="Stop every robot on the air.")
 @click.option(
-    "--seconds", metavar="S", type=click.FloatRange(0.0), help="Give up on silent robots after so long; else at Ctrl-C."
+    "--seconds", metavar="S", type=Seconds(0.0), help="Give up on silent robots after so long; else at Ctrl-C."
 )
 @operator
 def stop(air: Air, seconds: float | None, as_json: bool) -> int:

@@ -5,13 +5,23 @@ from __future__ import annotations
 import re
 import time
 from datetime import datetime
-from math import isfinite
+from math import isfinite, isnan
 
 import click
 
 from sleepcast.units import TIME, UNITS, to_si
 
 _TIME = re.compile(r"(\d++(?:\.\d*+)?+|\.\d++)\s*([A-Za-z]*)")
+
+
+class Seconds(click.FloatRange):
+    """Seconds between two bounds; not "nan", which lies between any two."""
+
+    def convert(self, value: float, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        seconds: float = super().convert(value, param, ctx)
+        if isnan(seconds):
+            self.fail(f"wanted a number of seconds, not {str(value)[:40]!r}", param, ctx)
+        return seconds
 
 
 class SimulatedTime(click.ParamType):  # type: ignore[type-arg]  # takes one only where click is new

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import FOR, WITHIN
+from sleepcast.channel.bodies import FOR, LOOK, WITHIN
 from sleepcast.channel.bodies import MATCHED as WOULD
 from sleepcast.channel.keys import MAY
 from sleepcast.channel.line import LONGEST, Line
@@ -50,6 +50,8 @@ ABOVE = 10
 """Robots that may obey without anybody being asked whether so many are meant."""
 LEASE = 1.0
 """Seconds for which a robot that is driven goes on without hearing anything, unless it is told otherwise."""
+MAX_DRIVERS = 64
+"""Commands whose robots are kept going; whoever was set in motion before as many others is no more."""
 MAX_NEWS = 100
 """What other operators said, kept for whoever shows it."""
 
@@ -106,8 +108,8 @@ class AirStation(Station):
         """Who gets what robots said, each time something was heard."""
         self._polled = Poll()
         self._pursuit = Pursuit(box, self._sent, self._roster, self._within, self._note_again, self._note_account)
-        self._driver: Command | None = None
-        """The latest command that may have set robots in motion."""
+        self._drivers: deque[Command] = deque(maxlen=MAX_DRIVERS)
+        """Commands that may have set robots in motion, since they were last stopped."""
         self._beat = -inf
         for name, time in (heard or {}).items():
             self._roster.hear(name, time)
@@ -140,7 +142,7 @@ class AirStation(Station):
             text, standing=standing, deadline=deadline, everybody=everybody, count=count, only=only, but=but
         )
         if not standing:
-            self._driver = found
+            self._drivers.append(found)
         self.pump_out()
         return found
 
@@ -202,7 +204,7 @@ class AirStation(Station):
 
     def stop(self) -> Command:
         """As every station: it leaves at once."""
-        self._driver = None
+        self._drivers.clear()
         return super().stop()
 
     def release(self) -> Command:
@@ -306,13 +308,13 @@ class AirStation(Station):
 
     def _overhear(self, message: Message) -> None:
         """Another operator speaks."""
-        if message.kind is Kind.HEARTBEAT:
+        if message.kind is Kind.HEARTBEAT or LOOK in message.body:
             return
         self.news.append(message)
         details = {"kind": message.kind.value, **message.body}
         self._note(Event.HEARD, message.sender, subject=message.id, text=message.text, details=details)
         if message.kind is Kind.STOP:
-            self._driver = None
+            self._drivers.clear()
         self._pursuit.overtaken(message.kind)
 
     # ---- at every moment
@@ -341,6 +343,9 @@ class AirStation(Station):
             self._note(Event.ACCOUNTED, subject=command.id, text=command.text, details=details)
 
     def _drives(self) -> bool:
-        """Whether robots may be moving at our word: somebody obeyed the latest command, or has not answered it."""
-        command = self._driver
-        return command is not None and (bool((command.answers.codes == MATCHED).any()) or command.n_silent > 0)
+        """Whether robots may be moving at our word: somebody has obeyed a command, or may yet answer it."""
+        now = self._clock.now()
+        return any(
+            bool((command.answers.codes == MATCHED).any()) or (command.n_silent and now <= command.message.deadline)
+            for command in self._drivers
+        )

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from sleepcast.channel import Message
 from sleepcast.channel.bodies import DO, GROUP, LEASE, SECONDS, TO, Deed
+from sleepcast.channel.message import MAX_NAME
 from sleepcast.errors import MisuseError
+from sleepcast.language import ReadError, Symbol, read
 
 MAX_LEASE = 3_600.0
 """Seconds for which a lease may be had at a time, as robots take it."""
@@ -16,6 +18,12 @@ class LeaseError(MisuseError):
 
 def lease_body(deed: Deed, group: str, seconds: float, to: str = "") -> dict[str, object]:
     """As it stands in a message. Raises LeaseError."""
+    try:
+        named = isinstance(read(group), Symbol)
+    except ReadError:
+        named = False
+    if not named or len(group) > MAX_NAME:
+        raise LeaseError(f"{group!r:.80} is no name of a group: wanted one word, as bravo")
     if not 0.0 <= seconds <= MAX_LEASE:
         raise LeaseError(f"a lease is for 0 to {MAX_LEASE:g} s, not {seconds:g}: renew it where you need it longer")
     if deed is Deed.GRANT and not to:

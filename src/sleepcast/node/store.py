@@ -173,8 +173,8 @@ class Store:
         self.keep()
 
     def keep(self) -> None:
-        """An operator is about to send something: nothing leaves before its number is kept, and its bytes if it
-        stands."""
+        """An operator is about to send something that stands, or has come far in his numbers: it leaves when its bytes,
+        and that its number is used, are kept."""
         if self._attended is not None:
             kept, mailbox = self._attended
             self._take_news(kept.number, mailbox)

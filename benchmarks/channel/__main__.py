@@ -46,13 +46,13 @@ def forgery(datagrams: int) -> Proof:
 
 FULL: dict[str, Callable[[], Proof]] = {
     "rewrite": lambda: proofs.rewrite(Size(20, 50, 5), LOSSES),
-    "catch_up": lambda: proofs.catch_up(Size(20, 50, 3)),
+    "catch_up": lambda: proofs.catch_up(Size(20, 5, 3)),
     "once": lambda: proofs.once(Size(20, 1, 1), 10_000),
     "census": lambda: proofs.census(Size(20, 50, 10)),
     "stop": lambda: proofs.stop(Size(20, 50, 100)),
     "forgery": lambda: forgery(DATAGRAMS),
     "drops": lambda: drops(20_000),
-    "latency": lambda: latency(100, 4, 1_000),
+    "latency": lambda: latency(100, 4, 300),
 }
 QUICK: dict[str, Callable[[], Proof]] = {
     "rewrite": lambda: proofs.rewrite(Size(4, 5, 1), (0.0, 0.3)),

@@ -26,9 +26,10 @@ from contextlib import AbstractContextManager, closing, contextmanager
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
+from unittest import mock
 
 from benchmarks.channel.proofs import YARD, Proof, seconds
-from benchmarks.channel.receivers import TOPIC, mqtt_connected, mqtt_packet, mqtt_text
+from benchmarks.channel.receivers import PUBLISH, TOPIC, mqtt_connected, mqtt_packet, mqtt_text
 from benchmarks.report import Bar, number
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.bodies import WITHIN
@@ -48,8 +49,8 @@ SPREAD = 2.0
 TEXT = "(WHEN (> id 100000) (SETQ drive_speed 0.2))"
 PATIENCE = 30.0
 
-Send = Callable[[int, bytes], None]
-"""Sends the command of this number, or these bytes, which are one."""
+Send = Callable[[int, bytes], int]
+"""Sends these bytes, which are the command of this number, or another one of their size; gives the number sent."""
 Wait = Callable[[float], None]
 """Lets so many seconds pass."""
 Contender = Callable[[Path, int, int], AbstractContextManager[tuple[Send, Wait]]]
@@ -103,14 +104,15 @@ def latency(receivers: int, processes: int, commands: int) -> Proof:
 def _turn(contender: Contender, receivers: int, processes: int, count: int) -> list[float]:
     """Seconds that each of these commands took to each receiver that got it."""
     chance, key = Random(1), KeyPair("desk", Role.COMMANDER, b"d" * 32)
-    with TemporaryDirectory(prefix="sleepcast-lab-") as place:
-        folder, sent = Path(place), {}
+    sent: dict[int, float] = {}
+    with TemporaryDirectory(prefix="sleepcast-lab-") as place, mock.patch.dict(os.environ, XDG_DATA_HOME=place):
+        folder = Path(place)
         with contender(folder, receivers, processes) as (send, wait):
             wait(2.0)
             for index in range(count):
                 data = _command(index + 1, key)
-                sent[index + 1] = time.monotonic()
-                send(index + 1, data)
+                began = time.monotonic()
+                sent[send(index + 1, data)] = began
                 wait(PACE * chance.uniform(0.5, 1.5))
             wait(1.0)
         heard = [each for file in folder.glob("*.times") for each in json.loads(file.read_text())]
@@ -164,7 +166,12 @@ def _group() -> str:
 def _plain(folder: Path, receivers: int, processes: int, sort: str = "udp") -> Iterator[tuple[Send, Wait]]:
     uri = _group()
     with _children(folder, sort, receivers, processes, uri), closing(Udp(uri)) as mouth:
-        yield (lambda _, data: mouth.send(data)), time.sleep
+
+        def send(index: int, data: bytes) -> int:
+            mouth.send(data)
+            return index
+
+        yield send, time.sleep
 
 
 def _shared(folder: Path, receivers: int, processes: int) -> AbstractContextManager[tuple[Send, Wait]]:
@@ -181,9 +188,10 @@ def _sleepcast(folder: Path, receivers: int, processes: int) -> Iterator[tuple[S
         closing(line_for(Air(uri, FLEET, None, None, keys, None), None, robot=False, say=lambda _: None)) as line,
     ):
 
-        def send(index: int, _: bytes) -> None:
-            line.mailbox.post(Kind.COMMAND, time.time(), text=TEXT, body={WITHIN: SPREAD})
+        def send(_: int, __: bytes) -> int:
+            sent = line.mailbox.post(Kind.COMMAND, time.time(), text=TEXT, body={WITHIN: SPREAD})
             line.flush()
+            return sent.sequence
 
         def wait(seconds: float) -> None:
             line.wait(seconds)
@@ -211,7 +219,12 @@ def _zenoh(folder: Path, receivers: int, processes: int) -> Iterator[tuple[Send,
         _children(folder, "zenoh", receivers, processes, where),
         session.declare_publisher(TOPIC) as publisher,
     ):
-        yield (lambda _, data: publisher.put(data)), time.sleep
+
+        def send(index: int, data: bytes) -> int:
+            publisher.put(data)
+            return index
+
+        yield send, time.sleep
 
 
 @contextmanager
@@ -224,7 +237,12 @@ def _mqtt(folder: Path, receivers: int, processes: int) -> Iterator[tuple[Send, 
     broker = subprocess.Popen(["mosquitto", "-c", settings], stderr=subprocess.DEVNULL)
     try:
         with _children(folder, "mqtt", receivers, processes, str(port)), mqtt_connected(port, "desk") as mouth:
-            yield (lambda _, data: mouth.sendall(mqtt_packet(0x30, mqtt_text(TOPIC) + data))), time.sleep
+
+            def send(index: int, data: bytes) -> int:
+                mouth.sendall(mqtt_packet(PUBLISH, mqtt_text(TOPIC) + data))
+                return index
+
+            yield send, time.sleep
     finally:
         broker.terminate()
         broker.wait(PATIENCE)

@@ -76,7 +76,8 @@ class Again(NamedTuple):
 class Mailbox:
     """One party's mailbox. name, epoch: of what it says, the epoch higher than in all its lives before, or the same and
     the first number higher than all in that (`first`); key: signs it; door: what comes in goes through it; chance: for
-    its moments. keep: called before a command of ours leaves, and every `KEEP_EVERY` numbers, for whoever keeps them.
+    its moments. keep: called before a command of ours that stands leaves, and every `KEEP_EVERY` numbers, for whoever
+    keeps them.
 
     order: whose commands have come how far. overheard: datagrams of which we need not know more; all others are
     counted at the door.
@@ -140,7 +141,8 @@ class Mailbox:
                 self._tell(now)
             if KEYS in said:
                 self._change_trust(msgspec.structs.replace(message, role=self.role.value), now)
-            self._keep()
+            if standing:  # one that does not is over before our next life could send it again
+                self._keep()
         self._out += datagrams
         if kind in REPEATED:
             for wait in STOP_REPEATS if kind is Kind.STOP else REPEATS:

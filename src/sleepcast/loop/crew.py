@@ -28,7 +28,8 @@ from sleepcast.robot import Setpoint
 from sleepcast.simulator import Guard, Simulator
 
 QUIET = 0.001
-"""Seconds for which the next look at the air waits after one: what comes close together is dealt with together."""
+"""Seconds for which the next look at the air waits after something came: what comes close together is dealt with
+together."""
 
 
 @dataclass(slots=True)
@@ -103,14 +104,14 @@ class Crew:
             wait = min((member.due for member in self.members), default=inf) - self.air.now()
             if wait > 0.0 and not any(member.branch.waiting for member in self.members):
                 select.select([self.trunk], [], [], min(wait, left))
-            self.hear()
-            pause = min(QUIET, until - self.clock.now())
+            pause = min(QUIET, until - self.clock.now()) if self.hear() else 0.0
             if pause > 0.0:
                 select.select([], [], [], pause)
 
-    def hear(self) -> None:
-        """Receive what has come, and send what is due. What one says, its neighbours hear in their turn."""
-        self.trunk.gather()
+    def hear(self) -> bool:
+        """Receive what has come, and send what is due; whether anything came from elsewhere. What one says, its
+        neighbours hear in their turn."""
+        came = self.trunk.gather()
         now = self.air.now()
         heard = [member for member in self.members if member.branch.waiting or member.due <= now]
         for member in heard:
@@ -121,6 +122,7 @@ class Crew:
         for member in heard:
             self._report(member)
             member.due = member.line.due()
+        return came
 
     def _time(self) -> float:
         """That of the minds, s: what is on the wall, as deadlines are of that, however the ticks keep up. It never goes

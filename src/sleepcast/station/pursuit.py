@@ -23,8 +23,8 @@ from sleepcast.station.roster import Roster
 from sleepcast.station.sent import Sent
 from sleepcast.station.settling import DEADLINE
 
-SETTLE = 0.25
-"""Seconds after the time for answers before somebody counts as missed: for ticks, repeats and repairs."""
+SETTLE = 0.15
+"""Seconds after the time for answers before somebody counts as missed: for a tick, and the way there and back."""
 MAX_NAMED = 400
 """Names in a message that is sent again: two to four datagrams; where more are missed, everybody answers again."""
 MAX_AGAIN = 4_096

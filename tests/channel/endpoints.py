@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import select
 import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from os import urandom
 from pathlib import Path
 
 import msgspec
@@ -24,7 +25,7 @@ DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
 ROBOTS = KeyPair("r*", Role.ROBOT, b"r" * 32)
 TRUST = (DESK.public, ROBOTS.public)
 PATIENCE = 20.0
-QUIET = 0.05
+MARKER = b"nothing after this has come before: "
 
 
 def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
@@ -35,46 +36,38 @@ def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
 
 
 class Endpoint:
-    """A channel as bare as can be: each message is signed and sent once, and heard if the door lets it in."""
+    """A channel as bare as can be: each message is signed and sent once, and heard if the door lets it in. markers:
+    datagrams that came and only show that all before them have come, too."""
 
     def __init__(self, transport: Transport, key: KeyPair, door: Door) -> None:
-        self.door = door
-        self._transport, self._key = transport, key
+        self.door, self.transport = door, transport
+        self.markers: set[bytes] = set()
+        self._key = key
+        self._heard: list[Message] = []
 
     def send(self, sent: Message) -> None:
         for datagram in encode(sent, self.door.fleet, self._key):
-            self._transport.send(datagram)
+            self.transport.send(datagram)
 
     def receive(self) -> list[Message]:
-        entered = map(self.door.enter, self._transport.receive())
-        # Who has signed it is the door's affair: a transport is to bring what was said.
-        return [msgspec.structs.replace(each.message, role="") for each in entered if each is not None]
+        self.look()
+        found, self._heard = self._heard, []
+        return found
+
+    def look(self) -> None:
+        """Take in what has come, for whoever asks later."""
+        for datagram in self.transport.receive():
+            if datagram.startswith(MARKER):
+                self.markers.add(datagram)
+            elif entered := self.door.enter(datagram):
+                # Who has signed it is the door's affair: a transport is to bring what was said.
+                self._heard.append(msgspec.structs.replace(entered.message, role=""))
 
     def __enter__(self) -> Endpoint:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._transport.close()
-
-
-@dataclass
-class Listening:
-    """A channel of which nothing that came in is lost while somebody waits for quiet."""
-
-    channel: Endpoint
-    heard: list[Message]
-
-    def send(self, sent: Message) -> None:
-        self.channel.send(sent)
-
-    def receive(self) -> list[Message]:
-        found, self.heard = self.heard, []
-        return found
-
-    def look(self) -> bool:
-        found = self.channel.receive()
-        self.heard += found
-        return bool(found)
+        self.transport.close()
 
 
 def endpoint(transport: Transport, key: KeyPair) -> Endpoint:
@@ -89,13 +82,19 @@ def channel(uri: str, key: KeyPair) -> Endpoint:
 def air_over(transports: Sequence[Transport]) -> Air:
     """An operator on the first of them, and robots on the others."""
     keys = (DESK, *[ROBOTS] * (len(transports) - 1))
-    parties = [Listening(endpoint(transport, key), []) for transport, key in zip(transports, keys, strict=True)]
+    parties = [endpoint(transport, key) for transport, key in zip(transports, keys, strict=True)]
 
     def settle() -> None:
-        quiet_since, begin = time.monotonic(), time.monotonic()
-        while time.monotonic() - quiet_since < QUIET and time.monotonic() - begin < PATIENCE:
-            if sum(party.look() for party in parties):  # each of them looks
-                quiet_since = time.monotonic()
+        """What one party says comes in its order: when all have all others' markers, nothing is on its way."""
+        markers = [MARKER + urandom(8) for _ in parties]
+        for party, marker in zip(parties, markers, strict=True):
+            party.transport.send(marker)
+        begin = time.monotonic()
+        while not all({*markers} - {own} <= party.markers for party, own in zip(parties, markers, strict=True)):
+            assert time.monotonic() - begin < PATIENCE, "somebody does not hear somebody else"
+            select.select([party.transport for party in parties], [], [], 0.05)
+            for party in parties:
+                party.look()
 
     return Air(parties[0], parties[1:], settle)
 
@@ -110,16 +109,18 @@ def multicasting() -> str:
 
 
 def heard_everywhere(parties: Sequence[Transport]) -> None:
-    """Wait until the last of these hears the first, as media need that find each other first; then until all is
-    quiet. Fails if that never comes."""
+    """Wait until everybody hears everybody else, as media need that find each other first. Fails if that never comes.
+    Some of what was said meanwhile may still be on its way."""
+    greetings = [b"here is %d" % number for number in range(len(parties))]
+    heard: list[set[bytes]] = [{greeting} for greeting in greetings]
     begin = time.monotonic()
-    while not parties[-1].receive():
-        assert time.monotonic() - begin < PATIENCE, "nobody hears anybody"
-        parties[0].send(b"is anybody there?")
+    while not all(each == {*greetings} for each in heard):
+        assert time.monotonic() - begin < PATIENCE, "somebody does not hear somebody else"
+        for party, greeting in zip(parties, greetings, strict=True):
+            party.send(greeting)
         time.sleep(0.01)
-    time.sleep(QUIET)
-    for party in parties:
-        party.receive()
+        for party, each in zip(parties, heard, strict=True):
+            each |= {*party.receive()} & {*greetings}
 
 
 @contextmanager
@@ -140,23 +141,19 @@ def memory(template: str) -> Iterator[Callable[[], Transport]]:
 
 @contextmanager
 def zenoh(template: str) -> Iterator[Callable[[], Transport]]:
-    """Parties at a router. template: "" for one of its own; `?listen` where the first party is the router; two for a
-    router at each of two sites, where every second party is at the other one."""
+    """Parties at a router that one of them is (template ""), or at the routers of two sites that are linked ("two")."""
     pytest.importorskip("zenoh", reason="eclipse-zenoh is not installed here")
     first, second = (f"127.0.0.1:{free_port(socket.SOCK_STREAM)}" for _ in range(2))
-    with ExitStack() as stack:
-        routers = [f"zenoh://{first}?listen", f"zenoh://{second}?listen&connect={first}"]
-        for uri in routers[: {"": 1, "?listen": 0, "two": 2}[template]]:
-            stack.callback(open_transport(uri).close)
-        sites = [f"zenoh://{first}", f"zenoh://{second}" if template == "two" else f"zenoh://{first}"]
-        opened = 0
+    linked = f"zenoh://{second}?listen&connect={first}"
+    places = [f"zenoh://{first}?listen", linked if template else f"zenoh://{first}"]
+    opened = 0
 
-        def party() -> Transport:
-            nonlocal opened
-            opened += 1
-            return open_transport(routers[0] if template == "?listen" and opened == 1 else sites[opened % 2])
+    def party() -> Transport:
+        nonlocal opened
+        opened += 1
+        return open_transport(places[opened - 1] if opened <= 2 else places[opened % 2].partition("?")[0])
 
-        yield party
+    yield party
 
 
 MEDIA = {
@@ -166,7 +163,6 @@ MEDIA = {
     "memory": (memory, "memory:contract"),
     "memory-slow": (memory, "memory:contract?delay=0.005"),
     "zenoh": (zenoh, ""),
-    "zenoh-own-router": (zenoh, "?listen"),
     "zenoh-two-routers": (zenoh, "two"),
 }
 """Every transport, by what it is called: who opens it, and with what."""
@@ -183,4 +179,5 @@ def parties_of(medium: str, count: int) -> Iterator[list[Transport]]:
             found.append(party())
             stack.callback(found[-1].close)
         heard_everywhere(found)
+        air_over(found).settle()
         yield found

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from channel.test_udp import free_port
 from cli.calling import called
 from cli.terminal import terminal
 from cli.test_crew import channel, swarm
@@ -22,13 +23,19 @@ TEACHING = """(DEFUN late (n) (> id n))
 """
 
 
-@pytest.fixture
-def taught(channel: str, tmp_path: Path) -> Iterator[str]:
+@pytest.fixture(scope="module")
+def taught(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """The channel of six robots that have learned something."""
-    rules = tmp_path / "begin.sleep"
+    home = tmp_path_factory.mktemp("home")
+    rules = home / "begin.sleep"
     rules.write_text(TEACHING)
-    with swarm(6, channel, "--rules", str(rules)):
-        yield channel
+    uri = f"udp://239.255.83.79:{free_port()}?interface=lo"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HOME", str(home))
+        for name in ("XDG_CONFIG_HOME", "XDG_DATA_HOME"):
+            patch.delenv(name, raising=False)
+        with swarm(6, uri, "--rules", str(rules)):
+            yield uri
 
 
 def told(channel: str, *arguments: str) -> dict[str, object]:
@@ -60,9 +67,9 @@ def test_who_would_obey_is_said_before_anything_is_sent(taught: str) -> None:
     assert "r5 remembers no command or rule nothing" in lost.err
 
 
-def test_a_table_of_robots(taught: str, tmp_path: Path) -> None:
+def test_a_table_of_robots(taught: str) -> None:
     with terminal(
-        ["watch", "--show", "id,twice", "(IN bravo)", "--channel", taught, "--every", "0.2"], tmp_path
+        ["watch", "--show", "id,twice", "(IN bravo)", "--channel", taught, "--every", "0.2"], Path.home()
     ) as live:
         for _ in range(2):
             live.wait_for("r3")
@@ -74,10 +81,8 @@ def test_a_table_of_robots(taught: str, tmp_path: Path) -> None:
     robots = found["robots"]
     assert isinstance(robots, list)
     assert [(each["name"], each["values"]) for each in robots] == [(f"r{i}", {"twice": 2 * i}) for i in range(1, 7)]
-    assert {(each["stopped"], each["rules"], tuple(each["groups"])) for each in robots} == {
-        (False, 1, ()),
-        (False, 1, ("bravo",)),
-    }
+    assert ["bravo" in each["groups"] for each in robots] == [False] * 2 + [True] * 4
+    assert {(each["stopped"], each["rules"]) for each in robots} == {(False, 1)}
     missing = called("watch", "--once", "--show", "twce", "--channel", taught)
     assert (missing.status, missing.out) == (2, "")
     assert "did you mean twice" in missing.err

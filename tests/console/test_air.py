@@ -39,6 +39,7 @@ def channel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 def on_air(channel: str) -> Iterator[Program]:
     with Program("console", "--channel", channel, "--every", "0.3") as started:
         yield started
+        assert started.end() == 130
 
 
 @pytest.fixture

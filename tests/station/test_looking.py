@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import struct
 from collections import Counter
+from io import StringIO
 
 import pytest
+from rich.console import Console
 
 from safety.scene import KEYS, START, Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.bodies import TOLD
 from sleepcast.channel.envelope import look
 from sleepcast.cli.channel_page import EMPTY, FleetOnPage
+from sleepcast.cli.watch import Window
 from sleepcast.console import Scene as Ground
 from sleepcast.errors import SleepcastError
 from sleepcast.station.aired import AirStation
@@ -118,23 +122,29 @@ def test_a_liar_neither_moves_the_map_nor_breaks_the_page() -> None:
         "active": 2**63 - 1,
         "running": b"\xff" * 8,
         "user": {"x": 1.0, "(": 2.0, "own": float("inf")},
-        "groups": ["\x1b[2J", "bravo"],
+        "groups": ["\x1b[2J", "[/red]", "bravo"],
         "stopped": True,
     }
     for number, lie in enumerate((lies, lies | {"values": b"123"}, lies | {"groups": [1]}, "junk", 5, None)):
         body = {"command": asked.id, "outcome": "answer", "value": None, "fault": None, TOLD: lie}
         scene.say(
-            Message("r99", 1, number, Kind.ANSWER, scene.clock.now(), scene.clock.now() + 5.0, body=body), KEYS["r*"]
+            Message("r[/9]", 1, number, Kind.ANSWER, scene.clock.now(), scene.clock.now() + 5.0, body=body), KEYS["r*"]
         )
     scene.run(1.0)
     fleet.hear()
-    assert looker.minds["r99"].stopped
-    assert fleet.scene.names == ("r0", "r1", "r2", "r99")
+    assert looker.minds["r[/9]"].stopped
+    assert looker.minds["r[/9]"].groups == {"bravo"}
+    window = Window(desk, looker, None, ["x", "own"])
+    with StringIO() as shown:
+        Console(file=shown, width=100).print(window.table(10))
+        assert "r[/9]" in shown.getvalue()
+    json.dumps(window.as_dict(), allow_nan=False)
+    assert fleet.scene.names == ("r0", "r1", "r2", "r[/9]")
     found = poses(fleet)
     left, low, right, high = fleet.scene.area
     assert max(abs(left), abs(low), abs(right), abs(high)) < 100.0
     assert all(position[2] != position[2] for position in found.values()), "nobody here has told a y"
-    assert dict(fleet.minds["r99"].variables())["own"] != dict(fleet.minds["r99"].variables())["own"]
+    assert dict(fleet.minds["r[/9]"].variables())["own"] != dict(fleet.minds["r[/9]"].variables())["own"]
     desk.preview("(WHEN (> x 1) (DRIVE 1))")
     assert fleet.silent().tolist() == [False] * 4
     scene.run(6.0)

@@ -91,9 +91,12 @@ class Window:
 
     def columns(self) -> list[str]:
         """The variables that are shown. Raises MisuseError for one that no robot has, once any has told of itself."""
+        from sleepcast.language import Variable
+
         names = [name for mind in list(self.looker.minds.values())[:1] for name, _ in mind.variables()]
         vocabulary = self.looker.minds.vocabulary
-        known = {*vocabulary.bindings, *vocabulary.user_slots}
+        variables = (key for key, found in vocabulary.bindings.items() if isinstance(found, Variable))
+        known = {*variables, *vocabulary.user_slots}
         if self._wanted is None:
             return [name for name in USUAL if name in known]
         for name in self._wanted if names else ():
@@ -129,6 +132,7 @@ class Window:
         """The table with so many robots at most."""
         from rich.box import SIMPLE_HEAD
         from rich.table import Table
+        from rich.text import Text
 
         columns, names, now = self.columns(), self.robots(), self.station.now
         heard, table = self.station.roster, Table(box=SIMPLE_HEAD, pad_edge=False)
@@ -140,7 +144,8 @@ class Window:
         for name in columns:
             table.add_column(f"{name}\n{self._unit(name)}".strip(), justify="right", no_wrap=True)
         for name in names[:most]:
-            table.add_row(*map(printable, self._row(name, heard[name], columns, now)))
+            row = self._row(name, heard[name], columns, now)
+            table.add_row(*(Text(printable(cell)) for cell in row))  # a name may look like markup, and is none
         return table
 
     def _caption(self, count: int, most: int) -> str:

@@ -199,6 +199,7 @@ def read_telemetry(told: object) -> TelemetryTold:
         found = msgspec.convert(told, TelemetryTold, strict=True)
     except UNREADABLE as error:
         raise TellingError(str(error)) from None
+    found.groups = [name for name in found.groups if is_name(name)]
     if len(found.values) % 8:
         raise TellingError(f"{len(found.values)} bytes of numbers of eight bytes each")
     return found

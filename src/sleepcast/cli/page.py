@@ -5,8 +5,10 @@ from __future__ import annotations
 from array import array
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from math import cos, pi, sin
 
+from sleepcast.cli.headless import warm_up
 from sleepcast.cli.recording import Wanted, recorded
 from sleepcast.cli.snapshots import Keeping
 from sleepcast.cli.streams import announce
@@ -115,11 +117,13 @@ def show(
     address: Address,
     wanted: Wanted | None = None,
     keeping: Keeping | None = None,
+    threads: int | None = None,
 ) -> None:
     """Serve the page of a swarm until Ctrl-C, which comes out as KeyboardInterrupt.
 
     speed: simulated seconds in a second (None: the scenario's own). wanted: what is recorded of it. keeping: the
-    snapshot to take at the end. Raises what the console raises for the address, and what Recorder raises.
+    snapshot to take at the end. threads: see `headless.warm_up`, which is done while the page is served already. Raises
+    what the console raises for the address, and what Recorder raises.
     """
     clock, scenario = WallClock(), swarm.simulator.scenario
     with ExitStack() as stack:
@@ -137,5 +141,5 @@ def show(
             insecure=address.insecure,
             open_browser=address.browser,
             say=announce,
-            prepare=swarm.simulator.prepare,
+            prepare=partial(warm_up, scenario, threads),
         )

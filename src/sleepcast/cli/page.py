@@ -5,10 +5,11 @@ from __future__ import annotations
 from array import array
 from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import partial
 from math import cos, pi, sin
+from threading import Event
 
 from sleepcast.cli.headless import warm_up
+from sleepcast.cli.interrupts import end_now
 from sleepcast.cli.recording import Wanted, recorded
 from sleepcast.cli.snapshots import Keeping
 from sleepcast.cli.streams import announce
@@ -125,21 +126,31 @@ def show(
     snapshot to take at the end. threads: see `headless.warm_up`, which is done while the page is served already. Raises
     what the console raises for the address, and what Recorder raises.
     """
-    clock, scenario = WallClock(), swarm.simulator.scenario
-    with ExitStack() as stack:
-        if keeping is not None:
-            stack.callback(keeping.take, swarm)
-        if wanted is not None:
-            stack.enter_context(recorded(swarm, station, wanted))
-        serve(
-            SwarmOnPage(swarm),
-            station,
-            Pace(clock, swarm, scenario.speed_up if speed is None else speed),
-            clock,
-            host=address.host,
-            port=address.port,
-            insecure=address.insecure,
-            open_browser=address.browser,
-            say=announce,
-            prepare=partial(warm_up, scenario, threads),
-        )
+    clock, scenario, warm = WallClock(), swarm.simulator.scenario, Event()
+
+    def prepare() -> None:
+        warm_up(scenario, threads)
+        warm.set()
+
+    try:
+        with ExitStack() as stack:
+            if keeping is not None:
+                stack.callback(keeping.take, swarm)
+            if wanted is not None:
+                stack.enter_context(recorded(swarm, station, wanted))
+            serve(
+                SwarmOnPage(swarm),
+                station,
+                Pace(clock, swarm, scenario.speed_up if speed is None else speed),
+                clock,
+                host=address.host,
+                port=address.port,
+                insecure=address.insecure,
+                open_browser=address.browser,
+                say=announce,
+                prepare=prepare,
+            )
+    except KeyboardInterrupt:
+        if not warm.is_set():
+            end_now()
+        raise

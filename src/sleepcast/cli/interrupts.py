@@ -11,8 +11,10 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from contextlib import suppress
 from threading import current_thread, main_thread
 from types import FrameType, TracebackType
+from typing import NoReturn
 
 INTERRUPTED = 130
 """The exit status of a program that Ctrl-C ended (128 + SIGINT), as a shell reports it."""
@@ -56,6 +58,16 @@ class Interrupts:
         if self._pressed:
             raise KeyboardInterrupt
         self._pressed = True
+
+
+def end_now() -> NoReturn:
+    """End as Ctrl-C does, without asking Python: a thread may be compiling, which nothing can interrupt. For when all
+    that was open is closed."""
+    for stream in (sys.stdout, sys.stderr):
+        if stream is not None:
+            with suppress(OSError, ValueError):
+                stream.flush()
+    os._exit(INTERRUPTED)
 
 
 def _end_here(number: int, frame: FrameType | None) -> None:

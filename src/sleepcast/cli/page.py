@@ -6,7 +6,10 @@ from array import array
 from contextlib import ExitStack
 from dataclasses import dataclass
 from math import cos, pi, sin
+from threading import Event
 
+from sleepcast.cli.headless import warm_up
+from sleepcast.cli.interrupts import end_now
 from sleepcast.cli.recording import Wanted, recorded
 from sleepcast.cli.snapshots import Keeping
 from sleepcast.cli.streams import announce
@@ -115,27 +118,39 @@ def show(
     address: Address,
     wanted: Wanted | None = None,
     keeping: Keeping | None = None,
+    threads: int | None = None,
 ) -> None:
     """Serve the page of a swarm until Ctrl-C, which comes out as KeyboardInterrupt.
 
     speed: simulated seconds in a second (None: the scenario's own). wanted: what is recorded of it. keeping: the
-    snapshot to take at the end. Raises what the console raises for the address, and what Recorder raises.
+    snapshot to take at the end. threads: see `headless.warm_up`, which is done while the page is served already. Raises
+    what the console raises for the address, and what Recorder raises.
     """
-    clock, scenario = WallClock(), swarm.simulator.scenario
-    with ExitStack() as stack:
-        if keeping is not None:
-            stack.callback(keeping.take, swarm)
-        if wanted is not None:
-            stack.enter_context(recorded(swarm, station, wanted))
-        serve(
-            SwarmOnPage(swarm),
-            station,
-            Pace(clock, swarm, scenario.speed_up if speed is None else speed),
-            clock,
-            host=address.host,
-            port=address.port,
-            insecure=address.insecure,
-            open_browser=address.browser,
-            say=announce,
-            prepare=swarm.simulator.prepare,
-        )
+    clock, scenario, warm = WallClock(), swarm.simulator.scenario, Event()
+
+    def prepare() -> None:
+        warm_up(scenario, threads)
+        warm.set()
+
+    try:
+        with ExitStack() as stack:
+            if keeping is not None:
+                stack.callback(keeping.take, swarm)
+            if wanted is not None:
+                stack.enter_context(recorded(swarm, station, wanted))
+            serve(
+                SwarmOnPage(swarm),
+                station,
+                Pace(clock, swarm, scenario.speed_up if speed is None else speed),
+                clock,
+                host=address.host,
+                port=address.port,
+                insecure=address.insecure,
+                open_browser=address.browser,
+                say=announce,
+                prepare=prepare,
+            )
+    except KeyboardInterrupt:
+        if not warm.is_set():
+            end_now()
+        raise

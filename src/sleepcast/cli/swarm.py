@@ -138,7 +138,7 @@ def _start(name: str | None, headless: bool, options: Options) -> int:
 
 def _start_within(interrupts: Interrupts, name: str | None, headless: bool, options: Options) -> int:
     _refuse_contradictions(headless, options)
-    begin = _beginning(name, options, mission=headless)
+    begin = _beginning(name, options, headless)
     wanted, keeping = _wanted(options), _keeping(options)
     if not headless:
         from sleepcast.cli.page import Address, show
@@ -146,7 +146,7 @@ def _start_within(interrupts: Interrupts, name: str | None, headless: bool, opti
         address = Address(options["host"], options["port"], options["insecure"], not options["no_browser"])
         swarm, station = begin()
         interrupts.release()  # the server has a way of its own to end in good order
-        show(swarm, station, options["speed"], address, wanted, keeping)
+        show(swarm, station, options["speed"], address, wanted, keeping, options["threads"])
         return 0
     from sleepcast.cli.headless import run_headless
 
@@ -157,9 +157,10 @@ def _start_within(interrupts: Interrupts, name: str | None, headless: bool, opti
     return int(outcome.broken)
 
 
-def _beginning(name: str | None, options: Options, *, mission: bool) -> Callable[[], tuple[Swarm, Station]]:
-    """What warms up and assembles the swarm: of a scenario from its start, or from a snapshot. mission: whether the
-    scenario's own orders are given; those that are left in a snapshot are."""
+def _beginning(name: str | None, options: Options, headless: bool) -> Callable[[], tuple[Swarm, Station]]:
+    """What assembles the swarm: of a scenario from its start, or from a snapshot. headless: whether it warms up before,
+    which a page does while it is served, and whether the scenario's own orders are given; those that are left in a
+    snapshot are."""
     from sleepcast.cli.headless import assemble, assemble_from, warm_up
 
     seed, threads, file = options["seed"], options["threads"], options["from_"]
@@ -172,8 +173,9 @@ def _beginning(name: str | None, options: Options, *, mission: bool) -> Callable
         scenario = find_scenario(name, _changes(options))
 
         def begin() -> tuple[Swarm, Station]:
-            warm_up(scenario, threads)
-            return assemble(scenario, seed, mission=mission, threads=threads, journal=journal)
+            if headless:
+                warm_up(scenario, threads)
+            return assemble(scenario, seed, mission=headless, threads=threads, journal=journal)
 
         return begin
     if name is not None:
@@ -183,7 +185,8 @@ def _beginning(name: str | None, options: Options, *, mission: bool) -> Callable
 
     def go_on() -> tuple[Swarm, Station]:
         swarm, station = assemble_from(file, seed, threads, journal)
-        warm_up(swarm.simulator.scenario, threads)
+        if headless:
+            warm_up(swarm.simulator.scenario, threads)
         return swarm, station
 
     return go_on

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from concurrent.futures import Future
+from threading import Thread
 
 from sleepcast.clock import Clock
 from sleepcast.console.frames import Groups, flags_of, pack
@@ -63,7 +65,7 @@ class Driver(Screen):
         """Let time pass until cancelled."""
         self.draw()
         if self._prepare is not None:
-            await asyncio.to_thread(self._prepare)
+            await _aside(self._prepare)
         while True:
             if self.pace.paused:
                 self._wake.clear()
@@ -116,3 +118,20 @@ class Driver(Screen):
             swarm.pings(),
         )
         self.show(frame)
+
+
+async def _aside(work: Callable[[], None]) -> None:
+    """Wait until `work` is done by a thread of its own, which is left behind by who gives up waiting."""
+    done: Future[None] = Future()
+    done.set_running_or_notify_cancel()
+
+    def run() -> None:
+        try:
+            work()
+        except BaseException as error:
+            done.set_exception(error)
+        else:
+            done.set_result(None)
+
+    Thread(target=run, name="prepare", daemon=True).start()
+    await asyncio.wrap_future(done)

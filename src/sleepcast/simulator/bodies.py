@@ -217,6 +217,9 @@ class Bodies:
         wanted = {"drive_speed": self.wanted_speed, "drive_turn": self.wanted_turn}
         if actuator not in wanted:
             raise MisuseError(f'no actuator "{actuator}"{did_you_mean(actuator, wanted)}: wanted {" or ".join(wanted)}')
+        if isinstance(which, slice) and not self.stopped[which].any() and not np.isnan(values.min(initial=0.0)):
+            self.mode[which], wanted[actuator][which] = Mode.DRIVE.value, values  # as nearly always
+            return
         free, named = ~self.stopped[which], ~np.isnan(values)
         if isinstance(which, slice):
             np.putmask(self.mode[which], free, Mode.DRIVE.value)

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +23,6 @@ from sleepcast.simulator.senses import Senses
 
 MOST_CASTE = 254
 """What a byte tells apart besides silence; a higher caste is shown as this one."""
-FEW = 16
-"""Robots on which is tried what a tick takes."""
 
 
 class Simulator:
@@ -62,19 +59,6 @@ class Simulator:
         self.senses = Senses(self.bodies)
         self._pinged = np.zeros(scenario.robots.count, np.uint8)
         self.measuring = Measuring(scenario.measures, scenario.tick, self.bodies.x, self.bodies.y)
-
-    def prepare(self) -> None:
-        """Have compiled and loaded what a tick takes, which may be many seconds' work, by letting a few robots like
-        these do it in an empty world. Nothing changes here, so another thread may do this while this simulator rests.
-        What robots of several sorts take is compiled when they first do it."""
-        scenario, robots = self.scenario, self.scenario.robots
-        if scenario.sorts:
-            return
-        few = replace(robots, count=min(FEW, robots.count), groups=())
-        trial = replace(scenario, robots=few, shapes=(), events=(), measures=(), lights=())
-        twin = Simulator(trial, self.seed, choose(self.bodies.machine.name, 1))
-        twin.step()
-        twin.sense()
 
     @property
     def tick(self) -> int:

@@ -52,7 +52,7 @@ FULL: dict[str, Callable[[], Proof]] = {
     "stop": lambda: proofs.stop(Size(20, 50, 100)),
     "forgery": lambda: forgery(DATAGRAMS),
     "drops": lambda: drops(20_000),
-    "latency": lambda: latency(100, 4, 300),
+    "latency": lambda: latency(100, 4, 150),
 }
 QUICK: dict[str, Callable[[], Proof]] = {
     "rewrite": lambda: proofs.rewrite(Size(4, 5, 1), (0.0, 0.3)),
@@ -62,7 +62,7 @@ QUICK: dict[str, Callable[[], Proof]] = {
     "stop": lambda: proofs.stop(Size(4, 5, 2)),
     "forgery": lambda: forgery(100_000),
     "drops": lambda: drops(500),
-    "latency": lambda: latency(20, 2, 50),
+    "latency": lambda: latency(20, 2, 30),
 }
 IN_NETWORKS = frozenset({"rewrite", "catch_up", "once", "census", "stop"})
 

@@ -30,7 +30,7 @@ from sleepcast.station.settling import Caution
 
 MOMENT = 0.005
 """Seconds for which it listens at a time."""
-LISTED = 100
+LISTED = 1_000
 """Names that are told of the silent ones."""
 
 

@@ -37,6 +37,8 @@ RATE = 50.0
 """Commands a second."""
 BURST = 1_500.0
 """Answers a second, in any tenth of a second, that a radio must bear."""
+ACCOUNTED = 10.0
+"""Seconds in which everybody who can be heard has answered a STOP, however many answers are lost."""
 REST = 3.0
 """Seconds after STOP within which a body must be at rest at all to be counted."""
 
@@ -336,7 +338,7 @@ def stop(size: Size) -> Proof:
             time.sleep(0.5)
         cut_off = found.hosts[-1]
         found.lab.cut(cut_off)
-        silent = found.order("stop", patience=REST)["silent"]
+        silent = found.order("stop", patience=ACCOUNTED)["silent"]
         noted = found.noted()
     wanted = sorted(f"r{number}" for number in range(count - size.robots + 1, count + 1))
     times: list[float] = []

@@ -13,6 +13,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
@@ -36,11 +37,24 @@ class Noted:
     """What the robots of all hosts have noted: see `watched`."""
 
     answers: Sequence[tuple[str, str, str, float]]
-    rests: Sequence[tuple[str, float]]
+    rests: Sequence[tuple[str, float, bool]]
 
     def of(self, command: str) -> dict[str, float]:
         """When each robot had dealt with a message (s of Unix time)."""
         return {robot: time for robot, which, _, time in self.answers if which == command}
+
+    def stopped(self, since: float, within: float) -> list[float]:
+        """Seconds after `since` (s of Unix time) until each robot that moved then was at rest by a STOP, inf for one
+        that was not within so many."""
+        resting: dict[str, float | None] = {}
+        found: dict[str, float] = {}
+        for robot, when, at_rest in sorted(self.rests, key=lambda each: each[1]):
+            if when < since:
+                resting[robot] = when if at_rest else None
+            elif at_rest and when < since + within and resting.get(robot) is None:
+                found.setdefault(robot, when - since)
+        moved = {robot for robot, when in resting.items() if when is None}
+        return [found.get(robot, inf) for robot in moved | found.keys()]
 
     def order(self, robot: str, commands: Sequence[str]) -> list[tuple[str, float]]:
         """Which of these commands a robot dealt with, and when, in its order."""

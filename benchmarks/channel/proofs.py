@@ -341,17 +341,23 @@ def stop(size: Size) -> Proof:
         silent = found.order("stop", patience=ACCOUNTED)["silent"]
         noted = found.noted()
     wanted = sorted(f"r{number}" for number in range(count - size.robots + 1, count + 1))
-    times: list[float] = []
-    for began, _ in keys:
-        rests = [when - began for _, when in noted.rests if 0.0 <= when - began < REST]
-        times += rests + [float("inf")] * (count - len(rests))
+    times = [each for began, _ in keys for each in noted.stopped(began, REST)]
     shares = [seconds(times, share) for share in (0.5, 0.99, 1.0)]
     never = sum(each == float("inf") for each in times)
     wrong = len(set(wanted) ^ set(silent))
-    rows = [[f"{LOSS:.0%}", *map(number, shares), str(never), f"{len(silent)}"]]
+    rows = [[f"{LOSS:.0%}", f"{len(times):,}", *map(number, shares), str(never), f"{len(silent)}"]]
     bars = [
         Bar(f"STOP of {count:,} moving robots at 30 % loss, 99 %", shares[1], 0.5, "s", False),
+        Bar("of all robots, share that was moving when STOP came", 100.0 * len(times) / count / len(keys), 90.0, "%"),
         Bar("names wrong among those told as silent while a host is cut off", wrong, 0, "", False),
     ]
-    heads = ["loss", "50 %, s", "99 %, s", "100 %, s", f"not at rest in {REST:g} s", "silent, of a host cut off"]
+    heads = [
+        "loss",
+        "moving",
+        "50 %, s",
+        "99 %, s",
+        "100 %, s",
+        f"not at rest in {REST:g} s",
+        "silent, of a host cut off",
+    ]
     return Proof("stop", heads, rows, bars, f"{size.trials} times; from the key until the body is at rest")

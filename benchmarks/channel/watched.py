@@ -3,7 +3,8 @@ rest after STOP.
 
     python -m benchmarks.channel.watched FILE ARGUMENTS...
 
-At the end it writes to FILE, as JSON, `answers`: [robot, command, outcome, Unix time] and `rests`: [robot, Unix time].
+At the end it writes to FILE, as JSON, `answers`: [robot, command, outcome, Unix time] and `rests`: [robot, Unix time,
+whether it is at rest from then on].
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from sleepcast.cli import main as sleepcast_main
 from sleepcast.loop import Crew
 
 ANSWERS: list[tuple[str, str, str, float]] = []
-RESTS: list[tuple[str, float]] = []
+RESTS: list[tuple[str, float, bool]] = []
 
 
 class WatchedLine(Line):
@@ -38,7 +39,7 @@ class WatchedLine(Line):
 
 
 class WatchedCrew(Crew):
-    """Notes when bodies come to rest after STOP."""
+    """Notes when bodies come to rest after STOP, and when that is over."""
 
     _resting: NDArray[np.bool_] | None = None
 
@@ -48,7 +49,8 @@ class WatchedCrew(Crew):
         resting = bodies.stopped & (bodies.speed == 0.0)
         before = np.zeros_like(resting) if self._resting is None else self._resting
         now = time.time()
-        RESTS.extend((self.members[place].node.name, now) for place in np.flatnonzero(resting & ~before).tolist())
+        for place in np.flatnonzero(resting != before).tolist():
+            RESTS.append((self.members[place].node.name, now, bool(resting[place])))
         self._resting = resting
 
 

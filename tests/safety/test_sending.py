@@ -268,3 +268,17 @@ def test_an_answer_of_a_robot_that_was_not_asked_counts_for_nothing_it_was_not()
     desk.hear(Message("r9", 1, 1, Kind.ANSWER, 0.0, body={"command": "chief-1.999", "outcome": "matched"}))
     scene.run(0.3)
     assert desk.accounting(sent.id).matched == ("r0",)
+
+
+def test_a_lone_command_that_somebody_missed_reaches_him_while_it_is_good() -> None:
+    """`fleetdm/fleet#211`: whoever did not answer gets the same command again, and nobody does it twice."""
+    scene = Scene(robots=3)
+    desk = scene.desk()
+    scene.deaf = {("chief", "r2")}
+    sent = desk.send("(PROGN (DEFVAR n 0) (SETQ n (+ n 1)))", everybody=True)
+    scene.run(0.4)
+    assert desk.accounting(sent.id).silent == ("r2",)
+    scene.deaf.clear()
+    scene.run(3.0)
+    assert desk.accounting(sent.id).matched == ("r0", "r1", "r2")
+    assert [robot.node.evaluate("n").value for robot in scene.fleet.values()] == [1.0, 1.0, 1.0]

@@ -150,6 +150,10 @@ class Mailbox:
                     heappush(self._later, Again(now + wait, next(self._tie), datagrams))
         return message
 
+    def repeat(self, number: int, now: float) -> None:
+        """Send a command of ours once more, by its number: who has heard it takes no notice."""
+        self._out += self._shelf.take(self._own().name, number, now)
+
     def posted(self) -> list[bytes]:
         """What has been said and not been sent yet."""
         out, self._out = self._out, []

@@ -2,7 +2,8 @@
 
 A STOP is sent again until everybody is accounted for, or given up by hand, robots included that are first heard after
 it; all else while it is good. A STOP, a RELEASE and a question are sent again as a new message that names the first one
-and the robots that are to answer; of a command only the answer is asked for.
+and the robots that are to answer; a command, which must not be evaluated twice, goes out as it was, and the answer is
+asked for.
 """
 
 from __future__ import annotations
@@ -115,7 +116,9 @@ class Pursuit:
         self._due[command_id] = now + max(within + SETTLE, REPEAT_AFTER if command.kind is Kind.STOP else 0.0)
 
     def _ask_again(self, command: Command, within: float, now: float) -> None:
-        """Have those that are missed say their answer again; nothing is evaluated."""
+        """Have those that are missed say their answer again. They may have missed the command as well: it goes
+        out once more, which nobody evaluates twice."""
+        self._mailbox.repeat(command.message.sequence, now)
         missed = np.flatnonzero(command.silent)[:MAX_NAMED].tolist()
         body = {AGAIN: command.id, FOR: [self._roster.names[place] for place in missed], WITHIN: within}
         self._mailbox.post(Kind.ASK, now, deadline=now + DEADLINE, body=body)

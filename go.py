@@ -76,7 +76,9 @@ def test(*pytest_options: str) -> int:
         large = ("--hypothesis-profile", "nightly", "-rPs")  # and what was measured is told
         return 0 if run("pytest", "tests/network", *large, *pytest_options[1:]) else 1
     failed = []
-    for check in (("ruff", "format", "--check"), ("ruff", "check"), ("mypy",), ("pytest", *pytest_options)):
+    # Whole files go to as many processes as there are cores: a file's tests share what is dear to make.
+    everything = ("pytest", "--numprocesses=auto", "--dist=loadfile", *pytest_options)
+    for check in (("ruff", "format", "--check"), ("ruff", "check"), ("mypy",), everything):
         print("==", *check, flush=True)
         if not run(*check):
             failed.append(" ".join(check))

@@ -74,6 +74,7 @@ class Reference:
         self.values = {v.name.casefold(): 0.0 if v.kind is Kind.SUPPORT else UNKNOWN for v in variables}
         self.values |= {"marking": 1.0, "id": float(number), "tick": 0.0, "time": 0.0}
         self.user: dict[str, float] = {}
+        self.absent: set[str] = set()
         self.stored: dict[str, Form] = {}
         self.active: set[str] = set()
         self.operators: dict[str, Operator] = {}
@@ -91,6 +92,7 @@ class Reference:
         form = read(text)
         self.faults, self.printed, self.told, self.pings = [], [], [], []
         self.steps = self.calls = self.levels = 0
+        self.absent = set()
         made_here = {key_of(arguments(call)[0]) for call in walk(form) if is_call(call, "defun")}
         tests = deciding_tests(form, made_here | self.operators.keys(), self.vocabulary)
         self.tests, self.matched = tests or [], tests is None
@@ -128,10 +130,24 @@ class Reference:
             raise OutOfSteps
         self.calls += 1
         self.levels += levels
+        outside, self.absent = self.absent, self.nowhere(program)
         value = self.in_turn(program, scope)
+        self.absent = outside
         self.calls -= 1
         self.levels -= levels
         return value
+
+    def nowhere(self, program: Sequence[Form]) -> set[str]:
+        """The names that mean nothing in this program: nobody has made them before it is entered, and it does not do so
+        itself. What it enters may make them meanwhile; it sees them the next time."""
+        made = {
+            key_of(arguments(call)[0])
+            for form in program
+            for call in walk(form)
+            if is_call(call, "defvar") or is_call(call, "rule")
+        }
+        here = {name for form in program for name in named(form)} - made
+        return {name for name in here if not (name in self.user or name in self.stored or buffer_number(name))}
 
     # ---- any form ----
 
@@ -168,14 +184,14 @@ class Reference:
         key = key_of(symbol)
         if key in scope:
             return scope[key]
-        if key in self.stored:
+        if key in self.stored and key not in self.absent:
             return self.enter((self.stored[key],), ChainMap())
         if key in self.values:
             return self.values[key]
         binding = self.vocabulary.bindings.get(key)
         if isinstance(binding, Constant):
             return binding.value
-        return self.user.get(key, UNKNOWN)
+        return UNKNOWN if key in self.absent else self.user.get(key, UNKNOWN)
 
     def pure(self, head: str, forms: Sequence[Form], scope: Scope) -> float:
         numbers = [self.value(form, scope) for form in forms]

@@ -199,10 +199,9 @@ class Mailbox:
             return []
         entered = self.door.admit(part, datagram)
         if entered is None:
-            if self.door.robot and self._missing(
-                (part.key, part.epoch), part.sequence
-            ):  # its sender repeats it by himself first
-                self.order.piecemeal((part.key, part.epoch), part.sequence, part.deadline, now + REPEATS[-1])
+            name = part.key, part.epoch  # nobody keeps anything but commands; their sender repeats them himself first
+            if part.kind is Kind.COMMAND and self.door.robot and self._missing(name, part.sequence):
+                self.order.piecemeal(name, part.sequence, part.deadline, now + REPEATS[-1])
             return []
         message = entered.message
         if message.kind is Kind.DIGEST:

@@ -11,6 +11,7 @@ import click
 
 from sleepcast.cli.air import Air, lines_for, options
 from sleepcast.cli.interrupts import Interrupts
+from sleepcast.cli.restraints import restraints
 from sleepcast.cli.stores import open_store, store_option
 from sleepcast.cli.streams import announce, complain
 from sleepcast.errors import MisuseError
@@ -53,12 +54,7 @@ class Wanted:
 @click.option("--first", type=click.IntRange(0, MAX_ID), default=1, show_default=True, help="The first one's number.")
 @click.option("--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions that each begins with.")
 @store_option
-@click.option(
-    "--lease", metavar="TIME|off", default="1s", show_default=True, help="How long a driven body goes on unattended."
-)
-@click.option(
-    "--limits", metavar="FILE", type=click.Path(path_type=Path), help="Limits of the bodies that nothing passes."
-)
+@restraints
 @options
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="What chance depends on; else the scenario's.")
 @click.option("--seconds", metavar="S", type=click.FloatRange(min=0.0), help="End after so long; else at Ctrl-C.")

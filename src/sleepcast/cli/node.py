@@ -11,6 +11,7 @@ import click
 
 from sleepcast.cli.air import Air, line_for, options
 from sleepcast.cli.interrupts import Interrupts
+from sleepcast.cli.restraints import restraints
 from sleepcast.cli.stores import chosen_store, no_store_option, open_store, store_option
 from sleepcast.cli.streams import complain
 from sleepcast.errors import MisuseError, did_you_mean
@@ -55,12 +56,7 @@ LONGEST_TICK = 0.5
 )
 @store_option
 @no_store_option
-@click.option(
-    "--lease", metavar="TIME|off", default="1s", show_default=True, help="How long a driven body goes on unattended."
-)
-@click.option(
-    "--limits", metavar="FILE", type=click.Path(path_type=Path), help="Limits of the bodies that nothing passes."
-)
+@restraints
 @options
 @click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="What chance depends on.")
 def node(

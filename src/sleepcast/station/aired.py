@@ -126,32 +126,6 @@ class AirStation(Station):
         self._settle_role(Kind.COMMAND, draft.text, draft.standing or self._changes_rules(draft.text))
         return super().settle(draft)
 
-    def send(
-        self,
-        text: str,
-        *,
-        standing: bool = False,
-        deadline: float | None = None,
-        everybody: bool = False,
-        count: int | None = None,
-        only: Sequence[str] | None = None,
-        but: Sequence[str] | None = None,
-    ) -> Command:
-        """As every station; raises RoleError for what our key may not send, too."""
-        found = super().send(
-            text, standing=standing, deadline=deadline, everybody=everybody, count=count, only=only, but=but
-        )
-        if not standing:
-            self._drivers.append(found)
-        self.pump_out()
-        return found
-
-    def ask(self, text: str, *, only: Sequence[str] | None = None, but: Sequence[str] | None = None) -> Command:
-        """As every station."""
-        found = super().ask(text, only=only, but=but)
-        self.pump_out()
-        return found
-
     def post(
         self,
         kind: Kind,
@@ -169,9 +143,7 @@ class AirStation(Station):
         audience = Audience(only)
         said = {**audience.body(), **(body or {})}
         good, places = inf if standing else seconds, audience.places(self._roster)
-        found = self._broadcast(kind, text, standing, good, only=places, body=said)
-        self.pump_out()
-        return found
+        return self._broadcast(kind, text, standing, good, only=places, body=said)
 
     def poll(self, text: str, patience: float, *, only: Sequence[str] | None = None) -> tuple[Command, Poll]:
         """Ask robots whether they would obey; nothing is done. For a while the desk goes by what they say where it
@@ -233,6 +205,11 @@ class AirStation(Station):
             return rules(self._program(text).root)
         except SleepcastError:  # whoever sends it says what is wrong with it
             return False
+
+    def _begun(self, command: Command) -> None:
+        if command.kind is Kind.COMMAND and command.text and not command.message.standing:
+            self._drivers.append(command)
+        self.pump_out()
 
     def _number(self) -> int:
         return self.line.mailbox.next_number

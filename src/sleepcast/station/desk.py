@@ -253,7 +253,11 @@ class Station(Hearing):
             self._sent.add(command, len(self._roster))
             if not urgent:
                 self._outbox(message)
+            self._begun(command)
             return command
+
+    def _begun(self, command: Command) -> None:
+        """An account of what was sent has begun: for desks that have more to do then."""
 
     def _number(self) -> int:
         """The number of the message that goes out next."""

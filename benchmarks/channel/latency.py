@@ -38,6 +38,7 @@ from sleepcast.channel.keyring import development_keys
 from sleepcast.channel.keys import KeyPair, Role
 from sleepcast.channel.udp import Udp
 from sleepcast.cli.air import FLEET, Air, line_for
+from sleepcast.cli.progress import steps
 
 BAR = 2.0
 """Times the 99th percentile of plain UDP."""
@@ -77,7 +78,7 @@ def latency(receivers: int, processes: int, commands: int) -> Proof:
         notes.append("mosquitto is not installed")
     times: dict[str, list[float]] = {name: [] for name in contenders}
     lost = dict.fromkeys(contenders, 0)
-    for _ in range(TURNS):
+    for _ in steps(TURNS, "latency", quiet=False):
         for name, contender in contenders.items():
             count = -(-commands // TURNS)
             found = _turn(contender, receivers // processes, processes, count)

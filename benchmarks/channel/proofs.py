@@ -21,6 +21,7 @@ from pathlib import Path
 from benchmarks.channel.experiment import Experiment
 from benchmarks.channel.lab import Traffic
 from benchmarks.report import Bar, number
+from sleepcast.cli.progress import steps
 
 YARD = ("--scenario", str(Path(__file__).parent / "yard"))
 QUIET_AFTER = 4.0
@@ -104,7 +105,7 @@ def rewrite(size: Size, losses: Sequence[float]) -> Proof:
     with fleet(size) as found:
         for loss in losses:
             found.lab.lose(loss)
-            for trial in range(size.trials):
+            for trial in steps(size.trials, "rewrite", quiet=False):
                 tried.append(_rewritten(found, loss, f"(RULE go (SETQ drive_speed 0.{1 + trial % 9}))"))
         noted = found.noted()
     count = size.hosts * size.robots
@@ -160,7 +161,7 @@ def catch_up(size: Size) -> Proof:
         ways = {"killed, and started again": _killed, "out of reach, and back": _away}
         back = {}
         for name, way in ways.items():
-            for trial in range(size.trials):
+            for trial in steps(size.trials, "catch_up", quiet=False):
                 host = found.hosts[trial % len(found.hosts)]
                 back[name, trial] = (host, *way(found, host))
         noted = found.noted()
@@ -280,7 +281,7 @@ def census(size: Size) -> Proof:
     wanted = size.hosts * size.robots
     with fleet(size) as found:
         found.lab.lose(SOME_LOSS)
-        for _ in range(size.trials):
+        for _ in steps(size.trials, "census", quiet=False):
             with _rate(found) as seen:
                 told = found.order("ask", text="id", patience=5.0)
             took.append(float(told["took"]))
@@ -330,7 +331,7 @@ def stop(size: Size) -> Proof:
     with fleet(size) as found:
         found.order("send", text="(RULE go (SETQ drive_speed 0.2))", standing=True, patience=LIFE)
         found.lab.lose(LOSS)
-        for _ in range(size.trials):
+        for _ in steps(size.trials, "stop", quiet=False):
             told = found.order("stop", patience=REST)
             keys.append((float(told["began"]), str(told["id"])))
             time.sleep(max(0.0, keys[-1][0] + REST - time.time()))

@@ -10,6 +10,7 @@ whether it is at rest from then on].
 from __future__ import annotations
 
 import json
+import signal
 import sys
 import time
 from pathlib import Path
@@ -56,6 +57,7 @@ class WatchedCrew(Crew):
 
 def main() -> None:
     file, *arguments = sys.argv[1:]
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs would ignore it
     sleepcast.channel.line.Line = WatchedLine  # type: ignore[misc]
     sleepcast.loop.Crew = WatchedCrew  # type: ignore[misc]
     try:

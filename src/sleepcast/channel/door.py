@@ -24,6 +24,8 @@ from sleepcast.clock import Clock
 
 WINDOW = 4_096
 """Numbers back from the latest of a sender that are told apart: more than come in the seconds of a deadline."""
+WHOLE_WINDOW = (1 << WINDOW) - 1
+"""All of them, as bits."""
 MAX_SENDERS = 16_384
 """Senders, in each of their epochs, whose numbers are remembered; the one that was silent longest is forgotten."""
 MAX_OPEN = 64
@@ -78,7 +80,7 @@ class Heard:
         ahead = sequence - self.latest
         if ahead > 0:
             self.latest = sequence
-            self.numbers = (self.numbers << min(ahead, WINDOW) | 1) & (1 << WINDOW) - 1
+            self.numbers = (self.numbers << min(ahead, WINDOW) | 1) & WHOLE_WINDOW
         elif ahead > -WINDOW:
             self.numbers |= 1 << -ahead
 
@@ -196,7 +198,7 @@ class Door:
     def restore(self, windows: Iterable[Window]) -> None:
         """Know again what was heard."""
         for window in windows:
-            heard = Heard(window.latest, window.numbers & (1 << WINDOW) - 1)
+            heard = Heard(window.latest, window.numbers & WHOLE_WINDOW)
             self._heard[window.key, window.sender, window.epoch] = heard
 
     def _both(self, which: tuple[bytes, str, int]) -> tuple[int, int]:
@@ -229,6 +231,8 @@ class Door:
             return Drop.OTHER_FLEET
         if not key.is_of(piece.sender):
             return Drop.NOT_ALLOWED
+        if piece.sender == key.owner:  # then this was asked before
+            return None
         return Drop.REPEATED if self._knows(part, piece.sender) else None
 
     def _knows(self, part: Part, sender: str) -> bool:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import select
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import count
@@ -85,17 +85,30 @@ class Line:
     def receive(self) -> list[Message]:
         """What has come in since the last call, and can be dealt with now."""
         self.pump()
-        found, self._heard = self._heard, []
-        return found
+        return self.heard()
 
     def pump(self) -> None:
         """Hear, mend, and send what is due."""
+        self.take(self.transport.receive())
+        self.tend()
+
+    def take(self, datagrams: Iterable[bytes]) -> None:
+        """Hear what the transport has brought."""
         now = self._clock.now()
-        for datagram in self.transport.receive():
+        for datagram in datagrams:
             self._hear(self.mailbox.take(datagram, now))
+
+    def tend(self) -> None:
+        """Mend, and send what is due."""
+        now = self._clock.now()
         while self._held and self._held[0].time <= now:
             self._post(heappop(self._held).message)
-        self._step()
+        self._step(now)
+
+    def heard(self) -> list[Message]:
+        """What has been heard since the last call, and can be dealt with now."""
+        found, self._heard = self._heard, []
+        return found
 
     def due(self) -> float:
         """When `receive` has something to do next even if nothing comes, s of Unix time."""
@@ -168,18 +181,17 @@ class Line:
         for datagram in self.mailbox.posted():
             self.transport.send(datagram)
 
-    def _step(self) -> None:
+    def _step(self, now: float) -> None:
         if self.mailbox.door.robot:
-            self._tell_missed()
-        out, freed = self.mailbox.step(self._clock.now())
+            self._tell_missed(now)
+        out, freed = self.mailbox.step(now)
         for datagram in out:
             self.transport.send(datagram)
         self._hear(freed)
 
-    def _tell_missed(self) -> None:
+    def _tell_missed(self, now: float) -> None:
         """Report the commands that never came and would come too late, those of a second at once."""
         self._missed += self.mailbox.skipped()
-        now = self._clock.now()
         if not self._missed or now < self._report_at:
             return
         ids = []

@@ -58,10 +58,15 @@ class Link(NamedTuple):
     @staticmethod
     def of(message: Message) -> Link:
         """That of a message; one without any follows nothing."""
-        match message.body:
-            case {"after": int() as after, "until": until, "rules": int() as rules}:
-                if 0 <= rules <= after < message.sequence:
-                    return Link(after, _time(message.body.get("sent")), _time(until), rules)
+        body = message.body
+        after, rules = body.get("after"), body.get("rules")
+        if (
+            isinstance(after, int)
+            and isinstance(rules, int)
+            and "until" in body
+            and 0 <= rules <= after < message.sequence
+        ):
+            return Link(after, _time(body.get("sent")), _time(body["until"]), rules)
         return Link()
 
 

@@ -101,6 +101,10 @@ class Branch:
     def receive(self) -> list[bytes]:
         """What has come in since the last call, in the order in which it came; nothing of our own."""
         self._trunk.gather()
+        return self.drain()
+
+    def drain(self) -> list[bytes]:
+        """What has been brought here and was not looked at yet, without a look at the network."""
         found = list(self.waiting)
         self.waiting.clear()
         return found

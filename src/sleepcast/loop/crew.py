@@ -114,9 +114,13 @@ class Crew:
         came = self.trunk.gather()
         now = self.air.now()
         heard = [member for member in self.members if member.branch.waiting or member.due <= now]
+        for member in heard:  # everybody hears before anybody speaks
+            if member.branch.waiting:
+                member.line.take(member.branch.drain())
+                self._receive(member)
         for member in heard:
-            for message in member.line.receive():
-                member.node.receive(message)
+            member.line.tend()
+            self._receive(member)
         if self.keeper is not None and any(member.node.outbox for member in heard):
             self.keeper.after()
         for member in heard:
@@ -140,6 +144,11 @@ class Crew:
         for caste in node.pings:
             self.simulator.ping(member.number, caste)
         node.pings.clear()
+
+    @staticmethod
+    def _receive(member: Member) -> None:
+        for message in member.line.heard():
+            member.node.receive(message)
 
     @staticmethod
     def _report(member: Member) -> None:

@@ -34,7 +34,7 @@ LOSS, SOME_LOSS = 0.3, 0.1
 TWICE, DELAY = 0.1, 0.05
 LIFE = 5.0
 """Seconds for which a one-shot command is good."""
-RATE = 50.0
+RATE = 20.0
 """Commands a second."""
 BURST = 1_500.0
 """Answers a second, in any tenth of a second, that a radio must bear."""

@@ -11,7 +11,6 @@ from collections import Counter, OrderedDict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
-from math import inf
 from typing import NamedTuple
 
 from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Part, Piece
@@ -216,7 +215,8 @@ class Door:
         if part.kind in TO_OPERATOR if self.robot else part.kind in TO_ROBOTS and key.role is Role.ROBOT:
             return Drop.NOT_FOR_US
         now = self._clock.now()
-        if now > min(part.deadline, inf if part.standing else part.issued + OLDEST) + self.skew:
+        late = now - self.skew
+        if late > part.deadline or (late > part.issued + OLDEST and not part.standing):
             return Drop.LATE
         if part.issued > now + self.skew:
             return Drop.EARLY
@@ -240,6 +240,8 @@ class Door:
         # What stands counts however old it is; whoever keeps the rules knows which ones he has.
         if heard is not None and heard.knows(part.sequence) and not part.standing:
             return True
+        if part.parts == 1:
+            return False
         waiting = self._open.get((part.key, sender, part.epoch, part.sequence))
         return waiting is not None and part.number in waiting.pieces
 

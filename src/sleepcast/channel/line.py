@@ -17,8 +17,6 @@ from itertools import count
 from math import inf, isinf
 from random import Random
 
-import msgspec
-
 from sleepcast.channel.bodies import AGAIN, FOR, KEYS, MISSED, WITHIN
 from sleepcast.channel.keys import KeyChange, KeyRefusal
 from sleepcast.channel.mailbox import LIFE, Mailbox
@@ -215,10 +213,9 @@ class Line:
             if message.kind is Kind.COMMAND and KEYS in message.body:
                 self._answer_for_keys(message)
                 continue
-            # A deadline is of its sender's clock; when we have seen how that differs from ours, we reckon with it.
-            ahead = self.mailbox.door.skews.of(message.sender, self._clock.now())
-            times = {"issued": message.issued - self.zero, "deadline": message.deadline + ahead - self.zero}
-            self._heard.append(msgspec.structs.replace(message, **times))
+            door = self.mailbox.door
+            ahead = door.skews.of(message.sender, self._clock.now())  # what we have seen of how their clocks differ
+            self._heard.append(door.reader.in_time(message, self.zero, ahead))
 
 
 def _within(asked: Message) -> float:

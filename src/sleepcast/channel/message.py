@@ -8,6 +8,7 @@ number.
 from __future__ import annotations
 
 from enum import StrEnum
+from functools import cached_property
 from math import inf, isnan
 
 import msgspec
@@ -54,7 +55,7 @@ class MessageError(MisuseError):
     """A message that goes past a bound."""
 
 
-class Message(msgspec.Struct, frozen=True):
+class Message(msgspec.Struct, frozen=True, dict=True):
     """One message.
 
     issued: when it was sent; deadline: after which nobody acts on it any more (inf: always good); both in
@@ -88,7 +89,7 @@ class Message(msgspec.Struct, frozen=True):
         if isnan(self.issued) or isnan(self.deadline):
             raise MessageError(f"a message needs times, not issued {self.issued} with deadline {self.deadline}")
 
-    @property
+    @cached_property
     def id(self) -> str:
         """The name of this message among all: `desk-3.17` is message 17 of the third life of `desk`."""
         return message_id(self.sender, self.epoch, self.sequence)

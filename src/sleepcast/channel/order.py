@@ -179,6 +179,8 @@ class Order:
         """What can be dealt with now that this message has come, in its order."""
         if message.sequence <= stream.done:
             return []
+        if not stream.waiting and self._is_next(stream, message, now):
+            return [message] if self._deal(stream, message) else []
         stream.waiting[message.sequence] = message
         stream.wanted.pop(message.sequence, None)
         if len(stream.waiting) > MAX_WAITING:
@@ -256,20 +258,30 @@ class Order:
         found = []
         while stream.waiting:
             message = stream.waiting[min(stream.waiting)]
-            link = Link.of(message)
-            if link.rules > stream.rules:
-                self._want(stream, link.rules, now)
+            if not self._is_next(stream, message, now):
                 break
-            if link.after > stream.done and link.sent >= self.since:
-                if now <= link.until + SLACK:
-                    self._want(stream, link.after, now)
-                    break
-                stream.wanted.pop(link.after, None)
-                self._skipped.append(Skipped(*stream.name, link.after))
-            self.deal_with(stream, message)
-            if message.standing or message.issued >= self.since - self._skew:  # whoever's clock is wrong
+            if self._deal(stream, message):
                 found.append(message)
         return found
+
+    def _is_next(self, stream: Stream, message: Message, now: float) -> bool:
+        """Whether the earliest command that has come waits for none; if it does, that one is wanted."""
+        link = Link.of(message)
+        if link.rules > stream.rules:
+            self._want(stream, link.rules, now)
+            return False
+        if link.after > stream.done and link.sent >= self.since:
+            if now <= link.until + SLACK:
+                self._want(stream, link.after, now)
+                return False
+            stream.wanted.pop(link.after, None)
+            self._skipped.append(Skipped(*stream.name, link.after))
+        return True
+
+    def _deal(self, stream: Stream, message: Message) -> bool:
+        """Deal with the next one; whether it is for us."""
+        self.deal_with(stream, message)
+        return message.standing or message.issued >= self.since - self._skew  # whoever's clock is wrong
 
     def _want(self, stream: Stream, number: int, now: float) -> None:
         if number not in stream.wanted:

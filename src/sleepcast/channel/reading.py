@@ -10,12 +10,15 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass
 
+import msgspec
+
 from sleepcast.channel.envelope import Part, Piece, look, read_message, read_piece
 from sleepcast.channel.keys import PublicKey
-from sleepcast.channel.message import Message
+from sleepcast.channel.message import Kind, Message
 
 MAX_READ = 8_192
 """Datagrams of which it is remembered what they say: as many as may wait for one party, some ten megabytes."""
+NOBODYS = Message("nobody", 0, 0, Kind.HEARTBEAT, 0.0)
 
 
 @dataclass(slots=True)
@@ -34,6 +37,8 @@ class Reader:
 
     def __init__(self) -> None:
         self._known: OrderedDict[bytes, Read] = OrderedDict()
+        self._latest: tuple[tuple[Message, float, float] | None, Message] = None, NOBODYS
+        """What was last asked of `in_time`, and the answer."""
 
     def look(self, datagram: bytes) -> Part:
         """See `envelope.look`. Raises EnvelopeError."""
@@ -67,6 +72,16 @@ class Reader:
         if found.message is None or found.message.role != role:
             found.message = read_message(found.part, sender, content, role)
         return found.message
+
+    def in_time(self, message: Message, zero: float, ahead: float) -> Message:
+        """The message with its times as those of a mind, which began at `zero`, s of Unix time, and whose sender's
+        clock is so many s ahead of ours: a deadline is of its sender's clock."""
+        asked, found = self._latest
+        if (message, zero, ahead) != asked:
+            times = {"issued": message.issued - zero, "deadline": message.deadline + ahead - zero}
+            found = msgspec.structs.replace(message, **times)
+            self._latest = (message, zero, ahead), found
+        return found
 
     def _of(self, datagram: bytes) -> Read:
         found = self._known.get(datagram)

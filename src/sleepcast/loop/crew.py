@@ -114,11 +114,10 @@ class Crew:
         came = self.trunk.gather()
         now = self.air.now()
         heard = [member for member in self.members if member.branch.waiting or member.due <= now]
-        for member in heard:  # everybody hears before anybody speaks
-            if member.branch.waiting:
-                member.line.take(member.branch.drain())
-                self._receive(member)
+        for member in heard:  # what has come reaches everybody before anything else is done
+            self._receive(member)
         for member in heard:
+            self._receive(member)  # what neighbours have said just now may spare us saying it
             member.line.tend()
             self._receive(member)
         if self.keeper is not None and any(member.node.outbox for member in heard):
@@ -147,6 +146,8 @@ class Crew:
 
     @staticmethod
     def _receive(member: Member) -> None:
+        if member.branch.waiting:
+            member.line.take(member.branch.drain())
         for message in member.line.heard():
             member.node.receive(message)
 

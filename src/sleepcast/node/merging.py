@@ -132,7 +132,8 @@ def place_of(message: Message, zero: float) -> Place:
 
 def enqueue(queue: deque[Message], message: Message, zero: float) -> None:
     """Let a message wait in its place, as far as its own sender's order allows."""
-    place, at = place_of(message, zero), len(queue)
+    at = len(queue)
+    place = place_of(message, zero) if at else NOWHERE
     while at > 0:
         before = queue[at - 1]
         if (before.sender, before.epoch) == (message.sender, message.epoch) or place_of(before, zero) < place:

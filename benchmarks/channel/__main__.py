@@ -52,7 +52,7 @@ FULL: dict[str, Callable[[], Proof]] = {
     "stop": lambda: proofs.stop(Size(20, 50, 100)),
     "forgery": lambda: forgery(DATAGRAMS),
     "drops": lambda: drops(20_000),
-    "latency": lambda: latency(100, 4, 150),
+    "latency": lambda: latency(100, 2, 150),
 }
 QUICK: dict[str, Callable[[], Proof]] = {
     "rewrite": lambda: proofs.rewrite(Size(4, 5, 1), (0.0, 0.3)),

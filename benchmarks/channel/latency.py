@@ -43,6 +43,8 @@ from sleepcast.cli.progress import steps
 BAR = 2.0
 """Times the 99th percentile of plain UDP."""
 TURNS = 3
+WARM = 3
+"""Commands before those that count: what is loaded and compiled for the first of a text is not its way."""
 PACE = 0.4
 """Seconds between two commands, by chance half of it more or less: a person is not quicker."""
 SPREAD = 0.1
@@ -110,10 +112,12 @@ def _turn(contender: Contender, receivers: int, processes: int, count: int) -> l
         folder = Path(place)
         with contender(folder, receivers, processes) as (send, wait):
             wait(2.0)
-            for index in range(count):
+            for index in range(WARM + count):
                 data = _command(index + 1, key)
                 began = time.monotonic()
-                sent[send(index + 1, data)] = began
+                number = send(index + 1, data)
+                if index >= WARM:
+                    sent[number] = began
                 wait(PACE * chance.uniform(0.5, 1.5))
             wait(1.0)
         heard = [each for file in folder.glob("*.times") for each in json.loads(file.read_text())]

@@ -17,7 +17,7 @@ from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Part, Piece
 from sleepcast.channel.kept import Window
 from sleepcast.channel.keys import MAY, PublicKey, Role, Trust
 from sleepcast.channel.message import TO_OPERATOR, Kind, Message
-from sleepcast.channel.reading import Reader
+from sleepcast.channel.reading import Read, Reader
 from sleepcast.channel.skew import Skews
 from sleepcast.clock import Clock
 
@@ -155,31 +155,32 @@ class Door:
     def enter(self, datagram: bytes) -> Entered | None:
         """The message that these bytes are, or complete; None if they are dropped, or part of a message that others
         are still missing of."""
-        part = self.look(datagram)
-        return None if part is None else self.admit(part, datagram)
+        read = self.look(datagram)
+        return None if read is None else self.admit(read, datagram)
 
-    def look(self, datagram: bytes) -> Part | None:
-        """What can be read of these bytes without believing them; None if they are dropped."""
+    def look(self, datagram: bytes) -> Read | None:
+        """What is known of these bytes without believing them; None if they are dropped."""
         try:
             return self.reader.look(datagram)
         except EnvelopeError:
             self.counts[Drop.MALFORMED] += 1
             return None
 
-    def admit(self, part: Part, datagram: bytes) -> Entered | None:
+    def admit(self, read: Read, datagram: bytes) -> Entered | None:
         """The rest of `enter`, for what `look` made of the bytes."""
+        part = read.part
         try:
             key = self.trust.find(part.key)
-            reason = self._objection(part, key, datagram)
+            reason = self._objection(read, key, datagram)
             if reason is not None or key is None:
                 self.counts[reason or Drop.UNKNOWN_KEY] += 1
                 return None
-            piece = self.reader.piece(datagram)
+            piece = self.reader.piece(read)
             reason = self._second_objection(key, part, piece)
             if reason is not None:
                 self.counts[reason] += 1
                 return None
-            entered = self._completed(part, piece, datagram, key.role)
+            entered = self._completed(read, piece, datagram, key.role)
         except EnvelopeError:
             self.counts[Drop.MALFORMED] += 1
             return None
@@ -204,8 +205,9 @@ class Door:
         heard = self._heard[which]
         return heard.latest, heard.numbers
 
-    def _objection(self, part: Part, key: PublicKey | None, datagram: bytes) -> Drop | None:
+    def _objection(self, read: Read, key: PublicKey | None, datagram: bytes) -> Drop | None:
         """Why the part is dropped, as far as can be said without reading what it says."""
+        part = read.part
         if key is None:
             return Drop.UNKNOWN_KEY
         if key.revoked and not (part.standing and self.trust.vouches(datagram)):
@@ -224,7 +226,7 @@ class Door:
             return Drop.REPEATED
         if not self._budget(part, now).take(now):
             return Drop.TOO_MANY
-        return None if self.reader.signed(key, datagram) else Drop.FORGED
+        return None if self.reader.signed(key, read) else Drop.FORGED
 
     def _second_objection(self, key: PublicKey, part: Part, piece: Piece) -> Drop | None:
         if piece.fleet != self.fleet:
@@ -257,9 +259,9 @@ class Door:
         waiting = self._open.get((key, sender, epoch, sequence))
         return () if waiting is None else tuple(part for part in range(waiting.parts) if part not in waiting.pieces)
 
-    def _completed(self, part: Part, piece: Piece, datagram: bytes, role: Role) -> Entered | None:
+    def _completed(self, read: Read, piece: Piece, datagram: bytes, role: Role) -> Entered | None:
         """The message, if this part was the last one of it that was missing."""
-        content, datagrams = piece.content, (datagram,)
+        part, content, datagrams = read.part, piece.content, (datagram,)
         if part.parts > 1:
             which = part.key, piece.sender, part.epoch, part.sequence
             waiting = self._open.setdefault(which, Assembly(part.parts))
@@ -275,7 +277,7 @@ class Door:
             content = b"".join(contents)
             if len(content) > MAX_CONTENT:
                 raise EnvelopeError("a message that says more than fits into one")
-        message = self.reader.message(datagram, piece.sender, content, role.value)
+        message = self.reader.message(read, piece.sender, content, role.value)
         if part.kind is Kind.HEARTBEAT:
             self.skews.note(piece.sender, part.issued, self._clock.now())
         if not part.standing:

@@ -32,6 +32,7 @@ from sleepcast.channel.kept import Name, News
 from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal, Role
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.order import MAX_STREAMS, Order, Skipped, Stream
+from sleepcast.channel.reading import Read
 from sleepcast.channel.repairs import request, streams_in, wanted_parts
 from sleepcast.channel.shelf import Shelf
 from sleepcast.channel.trickle import Trickle, mostly_late
@@ -191,13 +192,14 @@ class Mailbox:
 
     def take(self, datagram: bytes, now: float) -> list[Message]:
         """The messages that can be dealt with now that this datagram has come."""
-        part = self.door.look(datagram)
-        if part is None:
+        read = self.door.look(datagram)
+        if read is None:
             return []
-        if self._on_shelf(part, datagram, now) or self._says_nothing_new(part, datagram):
+        part = read.part
+        if self._on_shelf(part, datagram, now) or self._says_nothing_new(read):
             self.overheard += 1
             return []
-        entered = self.door.admit(part, datagram)
+        entered = self.door.admit(read, datagram)
         if entered is None:
             name = part.key, part.epoch  # nobody keeps anything but commands; their sender repeats them himself first
             if part.kind is Kind.COMMAND and self.door.robot and self._missing(name, part.sequence):
@@ -246,14 +248,14 @@ class Mailbox:
             and (not self.door.robot or self.order.knows(name, part.sequence))
         )
 
-    def _says_nothing_new(self, part: Part, datagram: bytes) -> bool:
+    def _says_nothing_new(self, read: Read) -> bool:
         """Whether this is one more digest that says what we know and enough others have said: it would change nothing
         here, so nothing more is done for it."""
-        if part.kind is not Kind.DIGEST or not self._trickle.has_enough:
+        if read.part.kind is not Kind.DIGEST or not self._trickle.has_enough:
             return False
         if self._telling is None:
             self._telling = content_of("", self._digest())
-        return self.door.reader.content(datagram) == self._telling
+        return read.piece is not None and read.piece.content == self._telling
 
     def _dealt_with(self, found: list[Message], now: float) -> list[Message]:
         """These messages, of which those that stand are news to be told."""

@@ -40,38 +40,34 @@ class Reader:
         self._latest: tuple[tuple[Message, float, float] | None, Message] = None, NOBODYS
         """What was last asked of `in_time`, and the answer."""
 
-    def look(self, datagram: bytes) -> Part:
-        """See `envelope.look`. Raises EnvelopeError."""
+    def look(self, datagram: bytes) -> Read:
+        """What is known of a datagram, see `envelope.look`. Raises EnvelopeError."""
         found = self._known.get(datagram)
-        return self._look(datagram).part if found is None else found.part
+        if found is None:
+            found = self._known[datagram] = Read(look(datagram))
+            if len(self._known) > MAX_READ:
+                self._known.popitem(last=False)
+        return found
 
-    def signed(self, key: PublicKey, datagram: bytes) -> bool:
-        """Whether the datagram bears this key's signature. Raises EnvelopeError for what is no part of a message."""
-        found = self._of(datagram)
-        if found.checked[0] != key.public:
-            found.checked = key.public, key.signed(found.part.signed, found.part.signature)
-        return found.checked[1]
+    def signed(self, key: PublicKey, read: Read) -> bool:
+        """Whether the datagram bears this key's signature."""
+        if read.checked[0] != key.public:
+            read.checked = key.public, key.signed(read.part.signed, read.part.signature)
+        return read.checked[1]
 
-    def piece(self, datagram: bytes) -> Piece:
+    def piece(self, read: Read) -> Piece:
         """See `envelope.read_piece`; for a datagram whose signature is good. Raises EnvelopeError."""
-        found = self._of(datagram)
-        if found.piece is None:
-            found.piece = read_piece(found.part)
-        return found.piece
+        if read.piece is None:
+            read.piece = read_piece(read.part)
+        return read.piece
 
-    def content(self, datagram: bytes) -> bytes | None:
-        """What a datagram says, if somebody here has found its signature good; None if nobody has."""
-        found = self._known.get(datagram)
-        return None if found is None or found.piece is None else found.piece.content
-
-    def message(self, datagram: bytes, sender: str, content: bytes, role: str) -> Message:
+    def message(self, read: Read, sender: str, content: bytes, role: str) -> Message:
         """The message whose last part to arrive is this datagram, see `envelope.read_message`. Raises EnvelopeError."""
-        found = self._of(datagram)
-        if found.part.parts > 1:  # what it says depends on the other parts as well
-            return read_message(found.part, sender, content, role)
-        if found.message is None or found.message.role != role:
-            found.message = read_message(found.part, sender, content, role)
-        return found.message
+        if read.part.parts > 1:  # what it says depends on the other parts as well
+            return read_message(read.part, sender, content, role)
+        if read.message is None or read.message.role != role:
+            read.message = read_message(read.part, sender, content, role)
+        return read.message
 
     def in_time(self, message: Message, zero: float, ahead: float) -> Message:
         """The message with its times as those of a mind, which began at `zero`, s of Unix time, and whose sender's
@@ -81,14 +77,4 @@ class Reader:
             times = {"issued": message.issued - zero, "deadline": message.deadline + ahead - zero}
             found = msgspec.structs.replace(message, **times)
             self._latest = (message, zero, ahead), found
-        return found
-
-    def _of(self, datagram: bytes) -> Read:
-        found = self._known.get(datagram)
-        return self._look(datagram) if found is None else found
-
-    def _look(self, datagram: bytes) -> Read:
-        found = self._known[datagram] = Read(look(datagram))
-        if len(self._known) > MAX_READ:
-            self._known.popitem(last=False)
         return found

@@ -115,9 +115,9 @@ def _turn(contender: Contender, receivers: int, processes: int, count: int) -> l
             for index in range(WARM + count):
                 data = _command(index + 1, key)
                 began = time.monotonic()
-                number = send(index + 1, data)
+                which = send(index + 1, data)
                 if index >= WARM:
-                    sent[number] = began
+                    sent[which] = began
                 wait(PACE * chance.uniform(0.5, 1.5))
             wait(1.0)
         heard = [each for file in folder.glob("*.times") for each in json.loads(file.read_text())]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import StrEnum
+from math import inf
+from typing import NamedTuple
 
 WITHIN = "within"
 """Seconds over which answers are to be spread."""
@@ -63,3 +65,31 @@ def is_addressed(body: Mapping[str, object], name: str) -> bool:
     if not isinstance(others, list) or name in others:
         return False
     return FOR not in body or (isinstance(only, list) and name in only)
+
+
+class Link(NamedTuple):
+    """What came before a command. after: number of the one before, 0 for none; sent, until: when it was issued and its
+    deadline (s, inf for one that stands); rules: number of the standing one before, 0 for none."""
+
+    after: int = 0
+    sent: float = inf
+    until: float = inf
+    rules: int = 0
+
+    def written(self) -> dict[str, object]:
+        """As it stands in a message's body."""
+        sent, until = (None if time == inf else time for time in (self.sent, self.until))
+        return {"after": self.after, "sent": sent, "until": until, "rules": self.rules}
+
+    @staticmethod
+    def of(body: Mapping[str, object], number: int) -> Link:
+        """That of the message of this number with this body; one without any follows nothing."""
+        after, rules = body.get("after"), body.get("rules")
+        if isinstance(after, int) and isinstance(rules, int) and "until" in body and 0 <= rules <= after < number:
+            return Link(after, _time(body.get("sent")), _time(body["until"]), rules)
+        return Link()
+
+
+def _time(found: object) -> float:
+    """A time as it was written; what is none, or no number of this world, is never."""
+    return float(found) if isinstance(found, float) or (isinstance(found, int) and abs(found) < 1e300) else inf

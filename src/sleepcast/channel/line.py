@@ -94,7 +94,7 @@ class Line:
         """Hear what the transport has brought."""
         now = self._clock.now()
         for datagram in datagrams:
-            self._hear(self.mailbox.take(datagram, now))
+            self._hear(self.mailbox.take(datagram, now), now)
 
     def tend(self) -> None:
         """Mend, and send what is due."""
@@ -185,7 +185,7 @@ class Line:
         out, freed = self.mailbox.step(now)
         for datagram in out:
             self.transport.send(datagram)
-        self._hear(freed)
+        self._hear(freed, now)
 
     def _tell_missed(self, now: float) -> None:
         """Report the commands that never came and would come too late, those of a second at once."""
@@ -200,7 +200,7 @@ class Line:
         self.mailbox.post(Kind.REPORT, now, body=body)
         self._missed, self._report_at = [], now + TELL_EVERY
 
-    def _hear(self, messages: list[Message]) -> None:
+    def _hear(self, messages: list[Message], now: float) -> None:
         for message in messages:
             if message.kind is Kind.ASK and AGAIN in message.body:
                 self._say_again(message)
@@ -214,7 +214,7 @@ class Line:
                 self._answer_for_keys(message)
                 continue
             door = self.mailbox.door
-            ahead = door.skews.of(message.sender, self._clock.now())  # what we have seen of how their clocks differ
+            ahead = door.skews.of(message.sender, now)  # what we have seen of how their clocks differ
             self._heard.append(door.reader.in_time(message, self.zero, ahead))
 
 

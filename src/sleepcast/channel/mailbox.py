@@ -212,9 +212,9 @@ class Mailbox:
         if message.kind is Kind.REQUEST:
             self._mend_requested(message, now)
             return []
-        name = part.key, part.epoch
-        if message.kind is not Kind.COMMAND or not self._commands(name):
+        if message.kind is not Kind.COMMAND or message.role == Role.ROBOT:
             return [message]  # what robots tell each other has no order, and nobody mends it
+        name = part.key, part.epoch
         self._shelf.keep(name, message.sequence, message.standing, entered.datagrams, now)
         if KEYS in message.body:
             self._change_trust(message, now)
@@ -259,8 +259,10 @@ class Mailbox:
 
     def _dealt_with(self, found: list[Message], now: float) -> list[Message]:
         """These messages, of which those that stand are news to be told."""
-        if any(message.standing for message in found):
-            self._tell(now)
+        for message in found:
+            if message.standing:
+                self._tell(now)
+                break
         return found
 
     def _tell(self, now: float) -> None:

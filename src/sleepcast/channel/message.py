@@ -13,6 +13,7 @@ from math import inf, isnan
 
 import msgspec
 
+from sleepcast.channel.bodies import Link
 from sleepcast.errors import MisuseError
 
 MAX_TEXT = 16_384
@@ -93,6 +94,11 @@ class Message(msgspec.Struct, frozen=True, dict=True):
     def id(self) -> str:
         """The name of this message among all: `desk-3.17` is message 17 of the third life of `desk`."""
         return message_id(self.sender, self.epoch, self.sequence)
+
+    @cached_property
+    def link(self) -> Link:
+        """What came before it, if it is a command."""
+        return Link.of(self.body, self.sequence)
 
 
 def message_id(sender: str, epoch: int, sequence: int) -> str:

@@ -14,6 +14,7 @@ from math import inf
 from random import Random
 from typing import NamedTuple
 
+from sleepcast.channel.bodies import Link
 from sleepcast.channel.kept import Name, Progress
 from sleepcast.channel.message import Message
 from sleepcast.channel.trickle import mostly_late
@@ -39,39 +40,6 @@ class Skipped(NamedTuple):
     key: bytes
     epoch: int
     sequence: int
-
-
-class Link(NamedTuple):
-    """What came before a command. after: number of the one before, 0 for none; sent, until: when it was issued and its
-    deadline (s, inf for one that stands); rules: number of the standing one before, 0 for none."""
-
-    after: int = 0
-    sent: float = inf
-    until: float = inf
-    rules: int = 0
-
-    def written(self) -> dict[str, object]:
-        """As it stands in a message's body."""
-        sent, until = (None if time == inf else time for time in (self.sent, self.until))
-        return {"after": self.after, "sent": sent, "until": until, "rules": self.rules}
-
-    @staticmethod
-    def of(message: Message) -> Link:
-        """That of a message; one without any follows nothing."""
-        body = message.body
-        after, rules = body.get("after"), body.get("rules")
-        if (
-            isinstance(after, int)
-            and isinstance(rules, int)
-            and "until" in body
-            and 0 <= rules <= after < message.sequence
-        ):
-            return Link(after, _time(body.get("sent")), _time(body["until"]), rules)
-        return Link()
-
-
-def _time(found: object) -> float:
-    return float(found) if isinstance(found, float | int) else inf
 
 
 @dataclass(slots=True)
@@ -243,7 +211,7 @@ class Order:
             if stream.wanted:
                 found = min(found, *(want.due for want in stream.wanted.values()))
             if stream.waiting:
-                link = Link.of(stream.waiting[min(stream.waiting)])
+                link = stream.waiting[min(stream.waiting)].link
                 if link.rules <= stream.rules:  # for rules it waits for ever
                     found = min(found, link.until + SLACK)
         return found
@@ -266,7 +234,7 @@ class Order:
 
     def _is_next(self, stream: Stream, message: Message, now: float) -> bool:
         """Whether the earliest command that has come waits for none; if it does, that one is wanted."""
-        link = Link.of(message)
+        link = message.link
         if link.rules > stream.rules:
             self._want(stream, link.rules, now)
             return False

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import msgspec
 
 from sleepcast.channel.envelope import Part, Piece, look, read_message, read_piece
-from sleepcast.channel.keys import PublicKey
+from sleepcast.channel.keys import PublicKey, Trust
 from sleepcast.channel.message import Kind, Message
 
 MAX_READ = 8_192
@@ -21,15 +22,36 @@ MAX_READ = 8_192
 NOBODYS = Message("nobody", 0, 0, Kind.HEARTBEAT, 0.0)
 
 
+class Entered(NamedTuple):
+    """A message that came in, and the bytes that it was: nobody but its sender could have made them."""
+
+    message: Message
+    datagrams: tuple[bytes, ...]
+
+
+class Good(NamedTuple):
+    """A datagram that is a whole message, and that a door has let in. trust, version, fleet, robot: of that door, for
+    which alone this counts; sender: the stream of numbers
+    to which it belongs."""
+
+    trust: Trust
+    version: int
+    fleet: str
+    robot: bool
+    sender: tuple[bytes, str, int]
+    entered: Entered
+
+
 @dataclass(slots=True)
 class Read:
     """What is known of a datagram. checked: the public half of the key with which its signature was compared, and
-    whether it was good; piece, message: read only once it was."""
+    whether it was good; piece, message: read only once it was; good: once it has entered somewhere."""
 
     part: Part
     checked: tuple[bytes, bool] = (b"", False)
     piece: Piece | None = None
     message: Message | None = None
+    good: Good | None = None
 
 
 class Reader:

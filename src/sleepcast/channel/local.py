@@ -186,6 +186,12 @@ class Local:
             self._bell.ring()
         elif self._timer is None and self._watched and due < inf:
             self._rings = due
-            self._timer = threading.Timer(due - now, self._bell.ring)
+            self._timer = threading.Timer(due - now, self._ring, (due,))
             self._timer.daemon = True
             self._timer.start()
+
+    def _ring(self, due: float) -> None:
+        """Ring for what was due at this time, unless it was taken in this very moment."""
+        with Local._lock:
+            if self._waiting and self._waiting[0][0] <= due:
+                self._bell.ring()

@@ -55,6 +55,11 @@ def test_who_would_obey_is_said_before_anything_is_sent(taught: str) -> None:
     assert asked_sonar["n_unknown"] == 6
     polled = told(taught, "who", "--poll", text)
     assert (polled["yes"], polled["no"], polled["polled"]) == (["r5", "r6"], ["r1", "r2", "r3", "r4"], True)
+    for test in ("(> id 4)", "(NOT (< id 5))", "(OR (= id 5) (= id 6))", "(AND (> id 4) (KNOWN id))"):
+        alone = told(taught, "who", test)
+        assert (alone["yes"], alone["everybody"], alone["text"]) == (["r5", "r6"], False, test)
+    assert told(taught, "who", "--poll", "(> id 4)")["yes"] == ["r5", "r6"]
+    assert told(taught, "who", "(+ 1 id)")["n_yes"] == 6, "no test: whoever hears it evaluates it"
     sent = told(taught, "send", text)
     assert (sent["predicted"], sorted(map(str, sent["matched"]))) == (["r5", "r6"], ["r5", "r6"])
     why = told(taught, "why", "r4", str(sent["id"]))

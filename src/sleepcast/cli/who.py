@@ -24,6 +24,8 @@ PATIENCE = 1.0
 PAUSE = 0.02
 """Seconds between two looks at whether something has come."""
 NO_ANSWER = "it did not answer"
+TESTS = frozenset({"or", "known", "in", "prob"})
+"""Special forms that are no more than tests."""
 
 
 class SilentError(SleepcastError):
@@ -68,7 +70,8 @@ class Obeyers:
 @click.option("--told", is_flag=True, help="Ask nobody: go by what robots told before.")
 @operator
 def who(text: str, poll: bool, told: bool, air: Air, as_json: bool) -> int:
-    """Tell who would obey an expression if it were sent now; nothing is done.
+    """Tell who would obey an expression if it were sent now; nothing is done. Of a test alone, such as (> fuel 50%), it
+    tells for whom it holds.
 
     Robots are asked for their numbers, and the test is evaluated here: certainly yes, certainly no, or unknown with the
     reason. With --poll each robot evaluates it, with its sonars, its chance and all, and does nothing. With --told
@@ -77,15 +80,17 @@ def who(text: str, poll: bool, told: bool, air: Air, as_json: bool) -> int:
     \b
     Examples:
       sleepcast who '(WHEN (> fuel 50%) (JOIN bravo))'
+      sleepcast who '(> fuel 50%)'
       sleepcast who --poll '(WHEN (< (SONAR 0) 1m) (ST))'
     """
     with looking_for(air, complain) as (station, looker):
+        asked = f"(WHEN {text} 1)" if _is_test(station, text) else text
         if poll:
-            found = _polled(station, text)
+            found = _polled(station, asked)
         else:
             if not told:
                 look_around(station, looker)
-            found = _foreseen(station, text)
+            found = _foreseen(station, asked)
         for finding in station.check(text).findings:
             complain(finding.render(text))
     if as_json:
@@ -94,6 +99,18 @@ def who(text: str, poll: bool, told: bool, air: Air, as_json: bool) -> int:
     for line in found.told():
         put(line)
     return 0
+
+
+def _is_test(station: AirStation, text: str) -> bool:
+    """Whether this is a test and nothing else. Sent as it is, all that hear it would evaluate it, and do nothing.
+    Raises ReadError and CheckError."""
+    from sleepcast.language.functions import FUNCTIONS
+
+    program = station.check(text).required()
+    root = program.root
+    if program.test is not None or program.acts:
+        return False
+    return root.op in TESTS or (root.op == "pure" and FUNCTIONS[root.name.casefold()].rule in ("compare", "truth"))
 
 
 def look_around(

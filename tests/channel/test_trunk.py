@@ -15,6 +15,7 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.door import ROBOT_EARS, Door, Drop
 from sleepcast.channel.envelope import encode
 from sleepcast.channel.keys import KeyPair, PublicKey, Role, Trust
+from sleepcast.channel.reading import Reader
 from sleepcast.channel.transport import Transport, open_transport
 from sleepcast.channel.trunk import MAX_QUEUE, Branch, Trunk
 from sleepcast.clock import ManualClock
@@ -127,6 +128,34 @@ def test_signatures_and_words_are_read_once_for_all_doors(place: Place, monkeypa
     assert [door.counts for door in doors] == [{Drop.FORGED: 1, Drop.REPEATED: 1}] * 3
     stranger = Door(Trust((KeyPair("desk", Role.OPERATOR, b"x" * 32).public,)), "lab", clock, robot=True)
     assert stranger.enter(good) is None, "what another door has found good is not good for everybody"
+
+
+def test_what_one_door_found_good_another_judges_by_its_own_state() -> None:
+    trust, others, clock, reader = (Trust((DESK.public,)), Trust(()), ManualClock(NOW), Reader())
+
+    def door(whose: Trust = trust, fleet: str = "lab", *, robot: bool = True) -> Door:
+        return Door(whose, fleet, clock, robot=robot, reader=reader)
+
+    sent = datagram()
+    elsewhere, strange, desks = door(fleet="sea"), door(others), door(robot=False)
+    assert door().enter(sent) is not None
+    again = door()
+    assert [again.enter(sent) is not None for _ in range(2)] == [True, False], "each has heard it once"
+    assert again.counts == {Drop.REPEATED: 1}
+    assert desks.enter(sent) is not None, "an operator hears what others command"
+    assert (elsewhere.enter(sent), elsewhere.counts) == (None, {Drop.OTHER_FLEET: 1})
+    assert (strange.enter(sent), strange.counts) == (None, {Drop.UNKNOWN_KEY: 1})
+    trust.revoke("desk")
+    gone = door()
+    assert (gone.enter(sent), gone.counts) == (None, {Drop.REVOKED: 1}), "a revoked key counts for nobody at once"
+
+
+def test_what_one_door_found_good_in_time_comes_too_late_for_another() -> None:
+    trust, clock, reader, sent = Trust((DESK.public,)), ManualClock(NOW), Reader(), datagram()
+    first, second = (Door(trust, "lab", clock, robot=True, reader=reader) for _ in range(2))
+    assert first.enter(sent) is not None
+    clock.advance(100.0)
+    assert (second.enter(sent), second.counts) == (None, {Drop.LATE: 1})
 
 
 def test_a_party_that_does_not_look_keeps_the_latest_only(place: Place) -> None:

@@ -45,7 +45,7 @@ BAR = 2.0
 TURNS = 3
 WARM = 3
 """Commands before those that count: what is loaded and compiled for the first of a text is not its way."""
-PACE = 0.4
+PACE = 0.5
 """Seconds between two commands, by chance half of it more or less: a person is not quicker."""
 SPREAD = 0.1
 """Seconds over which robots spread their answers, which then are over before the next command."""
@@ -129,8 +129,9 @@ def _turn(contender: Contender, receivers: int, processes: int, count: int) -> l
 
 @contextmanager
 def _children(folder: Path, sort: str, receivers: int, processes: int, *arguments: str) -> Iterator[None]:
-    """Processes with receivers, up during the block."""
-    running = []
+    """Processes with receivers, up during the block, each on a core of its own, as on a computer of its own: else two of
+    them now and then wait for the same one."""
+    running, cores = [], sorted(os.sched_getaffinity(0))
     path = os.pathsep.join(each for each in sys.path if each)
     for place in range(processes):
         command = [sys.executable, "-m", "benchmarks.channel.receivers", sort, str(folder / f"{place}.times")]
@@ -139,6 +140,7 @@ def _children(folder: Path, sort: str, receivers: int, processes: int, *argument
         running.append(
             subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment)
         )
+        os.sched_setaffinity(running[-1].pid, {cores[place % len(cores)]})
     try:
         for each in running:
             assert each.stdout is not None

@@ -129,8 +129,8 @@ def _turn(contender: Contender, receivers: int, processes: int, count: int) -> l
 
 @contextmanager
 def _children(folder: Path, sort: str, receivers: int, processes: int, *arguments: str) -> Iterator[None]:
-    """Processes with receivers, up during the block, each on a core of its own, as on a computer of its own: else two of
-    them now and then wait for the same one."""
+    """Processes with receivers, up during the block, each on a core of its own, as on a computer of its own: else two
+    of them now and then wait for the same one."""
     running, cores = [], sorted(os.sched_getaffinity(0))
     path = os.pathsep.join(each for each in sys.path if each)
     for place in range(processes):

@@ -16,7 +16,7 @@ from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Part, Piece
 from sleepcast.channel.kept import Window
 from sleepcast.channel.keys import MAY, PublicKey, Role, Trust
 from sleepcast.channel.message import TO_OPERATOR, Kind
-from sleepcast.channel.reading import Entered, Good, Read, Reader
+from sleepcast.channel.reading import Entered, Read, Reader
 from sleepcast.channel.skew import Skews
 from sleepcast.clock import Clock
 
@@ -160,58 +160,26 @@ class Door:
 
     def admit(self, read: Read, datagram: bytes) -> Entered | None:
         """The rest of `enter`, for what `look` made of the bytes."""
-        entered, good = None, read.good
+        part = read.part
         try:
-            if good is not None and self._believes(good):
-                reason, entered = self._enter_again(read.part, good)
-            else:
-                reason, entered = self._enter_first(read, datagram)
+            key = self.trust.find(part.key)
+            reason = self._objection(read, key, datagram)
+            if reason is not None or key is None:
+                self.counts[reason or Drop.UNKNOWN_KEY] += 1
+                return None
+            piece = self.reader.piece(read)
+            reason = self._second_objection(key, part, piece)
+            if reason is not None:
+                self.counts[reason] += 1
+                return None
+            entered = self._completed(read, piece, datagram, key.role)
         except EnvelopeError:
-            reason = Drop.MALFORMED
-        if reason is not None:
-            self.counts[reason] += 1
+            self.counts[Drop.MALFORMED] += 1
             return None
         self.taken += 1
         if entered is not None:
             self.passed += 1
         return entered
-
-    def _enter_first(self, read: Read, datagram: bytes) -> tuple[Drop | None, Entered | None]:
-        """Why it is dropped, or the message that is whole now. Raises EnvelopeError."""
-        part = read.part
-        key = self.trust.find(part.key)
-        reason = self._objection(read, key, datagram)
-        if reason is not None or key is None:
-            return reason or Drop.UNKNOWN_KEY, None
-        piece = self.reader.piece(read)
-        reason = self._second_objection(key, part, piece)
-        if reason is not None:
-            return reason, None
-        entered = self._completed(read, piece, datagram, key.role)
-        if entered is not None and part.parts == 1 and not key.revoked and part.kind is not Kind.HEARTBEAT:
-            sender = part.key, piece.sender, part.epoch
-            read.good = Good(self.trust, self.trust.version, self.fleet, self.robot, sender, entered)
-        return None, entered
-
-    def _believes(self, good: Good) -> bool:
-        """Whether what another door of this process has found good is good for this one, too."""
-        return (
-            good.trust is self.trust
-            and good.version == self.trust.version
-            and good.robot is self.robot
-            and good.fleet == self.fleet
-        )
-
-    def _enter_again(self, part: Part, good: Good) -> tuple[Drop | None, Entered | None]:
-        """The same for what is good: it may be late, or have been heard before."""
-        reason = self._untimely(part)
-        if reason is None and not part.standing:
-            heard = self._heard.get(good.sender)
-            if heard is not None and heard.knows(part.sequence):
-                reason = Drop.REPEATED
-            else:
-                self._note(good.sender, part.sequence, part.kind in LASTING)
-        return reason, None if reason else good.entered
 
     def news(self) -> list[Window]:
         """What was heard of those senders who have had something done since this was asked last."""
@@ -240,21 +208,17 @@ class Door:
             return Drop.NOT_ALLOWED
         if part.kind in TO_OPERATOR if self.robot else part.kind in TO_ROBOTS and key.role is Role.ROBOT:
             return Drop.NOT_FOR_US
-        untimely = self._untimely(part)
-        if untimely is not None:
-            return untimely
-        if not key.owner.endswith("*") and self._knows(part, key.owner):
-            return Drop.REPEATED
-        if not self._budget(part).take(self._clock.now()):
-            return Drop.TOO_MANY
-        return None if self.reader.signed(key, read) else Drop.FORGED
-
-    def _untimely(self, part: Part) -> Drop | None:
         now = self._clock.now()
         late = now - self.skew
         if late > part.deadline or (late > part.issued + OLDEST and not part.standing):
             return Drop.LATE
-        return Drop.EARLY if part.issued > now + self.skew else None
+        if part.issued > now + self.skew:
+            return Drop.EARLY
+        if not key.owner.endswith("*") and self._knows(part, key.owner):
+            return Drop.REPEATED
+        if not self._budget(part, now).take(now):
+            return Drop.TOO_MANY
+        return None if self.reader.signed(key, read) else Drop.FORGED
 
     def _second_objection(self, key: PublicKey, part: Part, piece: Piece) -> Drop | None:
         if piece.fleet != self.fleet:
@@ -275,11 +239,11 @@ class Door:
         waiting = self._open.get((part.key, sender, part.epoch, part.sequence))
         return waiting is not None and part.number in waiting.pieces
 
-    def _budget(self, part: Part) -> Budget:
+    def _budget(self, part: Part, now: float) -> Budget:
         which = part.key, part.kind is Kind.STOP
         found = self._budgets.get(which)
         if found is None:
-            found = self._budgets[which] = Budget(self._rate, self._rate, self._clock.now())
+            found = self._budgets[which] = Budget(self._rate, self._rate, now)
         return found
 
     def missing(self, key: bytes, sender: str, epoch: int, sequence: int) -> tuple[int, ...]:
@@ -315,9 +279,7 @@ class Door:
     def note(self, key: bytes, sender: str, epoch: int, sequence: int, *, lasting: bool = False) -> None:
         """This message is no news any more, whoever sends it again; so is what we have said ourselves. lasting: whether
         that must be known over a restart."""
-        self._note((key, sender, epoch), sequence, lasting)
-
-    def _note(self, which: tuple[bytes, str, int], sequence: int, lasting: bool) -> None:
+        which = key, sender, epoch
         heard = self._heard.get(which)
         if heard is None:
             heard = self._heard[which] = Heard(sequence)

@@ -168,11 +168,11 @@ def _bytes(written: object, count: int) -> bytes:
 
 
 class Trust:
-    """The keys that a party believes, by id. keep: is told of every change that was heard. version: grows with every
-    change. Raises KeyRefusal for more than `MAX_KEYS`."""
+    """The keys that a party believes, by id. keep: is told of every change that was heard. Raises KeyRefusal for more
+    than `MAX_KEYS`."""
 
     def __init__(self, keys: Iterable[PublicKey] = (), keep: Callable[[Trust], None] | None = None) -> None:
-        self.keep, self.version = keep, 0
+        self.keep = keep
         self._keys: dict[bytes, PublicKey] = {}
         self._gone: set[bytes] = set()
         """Ids that were revoked before anybody said whose they are."""
@@ -213,7 +213,6 @@ class Trust:
             raise KeyRefusal(f"at most {MAX_KEYS} keys fit into one trust file: take out those that are revoked")
         revoked = key.revoked or key.id in self._gone or (known is not None and known.revoked)
         self._gone.discard(key.id)
-        self.version += 1
         self._keys[key.id] = replace(key, revoked=revoked)
 
     def revoke(self, owner: str) -> tuple[PublicKey, ...]:
@@ -240,10 +239,8 @@ class Trust:
                 self._keys[gone] = replace(known, revoked=True)
             elif len(self._gone) < MAX_KEYS:
                 self._gone.add(gone)
-        if self._state() != before:
-            self.version += 1
-            if self.keep is not None:
-                self.keep(self)
+        if self.keep is not None and self._state() != before:
+            self.keep(self)
 
     def merge(self, other: Trust) -> None:
         """Believe what `other` believes as well."""

@@ -17,7 +17,10 @@ from itertools import count
 from math import inf, isinf
 from random import Random
 
+import msgspec
+
 from sleepcast.channel.bodies import AGAIN, FOR, KEYS, MISSED, WITHIN
+from sleepcast.channel.door import Door
 from sleepcast.channel.keys import KeyChange, KeyRefusal
 from sleepcast.channel.mailbox import LIFE, Mailbox
 from sleepcast.channel.message import Kind, Message, message_id
@@ -51,11 +54,20 @@ class Held:
 class Line:
     """See the module. clock: Unix time, s; zero: when the mind's time began. chance: for the moments of answers.
 
-    It is a `Channel`: what is sent gets its number here, and times are those of the mind. ends: called when the line is
-    left.
+    It is a `Channel`: what is sent gets its number here, and times are those of the mind. listens: whether it hears for
+    itself; else an `Ear` does, and whoever has it brings what it hears. ends: called when the line is left.
     """
 
-    def __init__(self, transport: Transport, mailbox: Mailbox, clock: Clock, chance: Random, zero: float = 0.0) -> None:
+    def __init__(
+        self,
+        transport: Transport,
+        mailbox: Mailbox,
+        clock: Clock,
+        chance: Random,
+        zero: float = 0.0,
+        *,
+        listens: bool = True,
+    ) -> None:
         self.transport, self.mailbox, self.zero = transport, mailbox, zero
         self._clock, self._chance = clock, chance
         self.ends: list[Callable[[], None]] = []
@@ -66,7 +78,8 @@ class Line:
         self._answered: OrderedDict[str, Message] = OrderedDict()
         self._held: list[Held] = []
         self._tie = count()
-        mailbox.start(clock.now())
+        if listens:
+            mailbox.start(clock.now())
 
     def send(self, message: Message) -> None:
         """Say something; an answer in its moment, all else at once. Raises MessageError for what is too long."""
@@ -95,6 +108,26 @@ class Line:
         now = self._clock.now()
         for datagram in datagrams:
             self._hear(self.mailbox.take(datagram, now), now)
+
+    def hear(self, messages: Iterable[Message]) -> None:
+        """Take in what others say, with the times of our mind."""
+        for message in messages:
+            if message.kind is Kind.ASK and AGAIN in message.body:
+                self._say_again(message)
+                continue
+            within = _within(message)
+            if within > 0.0:
+                self._asked[message.id] = within
+                if len(self._asked) > MAX_ASKED:
+                    self._asked.popitem(last=False)
+            if message.kind is Kind.COMMAND and KEYS in message.body:
+                self._answer_for_keys(message)
+            else:
+                self._heard.append(message)
+
+    def miss(self, skipped: Iterable[Skipped]) -> None:
+        """These commands never came, and would come too late."""
+        self._missed += skipped
 
     def tend(self) -> None:
         """Mend, and send what is due."""
@@ -189,7 +222,7 @@ class Line:
 
     def _tell_missed(self, now: float) -> None:
         """Report the commands that never came and would come too late, those of a second at once."""
-        self._missed += self.mailbox.skipped()
+        self.miss(self.mailbox.skipped())
         if not self._missed or now < self._report_at:
             return
         ids = []
@@ -201,21 +234,14 @@ class Line:
         self._missed, self._report_at = [], now + TELL_EVERY
 
     def _hear(self, messages: list[Message], now: float) -> None:
-        for message in messages:
-            if message.kind is Kind.ASK and AGAIN in message.body:
-                self._say_again(message)
-                continue
-            within = _within(message)
-            if within > 0.0:
-                self._asked[message.id] = within
-                if len(self._asked) > MAX_ASKED:
-                    self._asked.popitem(last=False)
-            if message.kind is Kind.COMMAND and KEYS in message.body:
-                self._answer_for_keys(message)
-                continue
-            door = self.mailbox.door
-            ahead = door.skews.of(message.sender, now)  # what we have seen of how their clocks differ
-            self._heard.append(door.reader.in_time(message, self.zero, ahead))
+        self.hear(in_time(message, self.zero, self.mailbox.door, now) for message in messages)
+
+
+def in_time(message: Message, zero: float, door: Door, now: float) -> Message:
+    """A message with its times as those of a mind, which began at `zero`, s of Unix time. A deadline is of its sender's
+    clock: what the door has seen of how that differs from ours is reckoned with."""
+    times = {"issued": message.issued - zero, "deadline": message.deadline + door.skews.of(message.sender, now) - zero}
+    return msgspec.structs.replace(message, **times)
 
 
 def _within(asked: Message) -> float:

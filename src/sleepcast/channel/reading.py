@@ -11,15 +11,12 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import msgspec
-
 from sleepcast.channel.envelope import Part, Piece, look, read_message, read_piece
-from sleepcast.channel.keys import PublicKey, Trust
-from sleepcast.channel.message import Kind, Message
+from sleepcast.channel.keys import PublicKey
+from sleepcast.channel.message import Message
 
 MAX_READ = 8_192
 """Datagrams of which it is remembered what they say: as many as may wait for one party, some ten megabytes."""
-NOBODYS = Message("nobody", 0, 0, Kind.HEARTBEAT, 0.0)
 
 
 class Entered(NamedTuple):
@@ -29,29 +26,15 @@ class Entered(NamedTuple):
     datagrams: tuple[bytes, ...]
 
 
-class Good(NamedTuple):
-    """A datagram that is a whole message, and that a door has let in. trust, version, fleet, robot: of that door, for
-    which alone this counts; sender: the stream of numbers
-    to which it belongs."""
-
-    trust: Trust
-    version: int
-    fleet: str
-    robot: bool
-    sender: tuple[bytes, str, int]
-    entered: Entered
-
-
 @dataclass(slots=True)
 class Read:
     """What is known of a datagram. checked: the public half of the key with which its signature was compared, and
-    whether it was good; piece, message: read only once it was; good: once it has entered somewhere."""
+    whether it was good; piece, message: read only once it was."""
 
     part: Part
     checked: tuple[bytes, bool] = (b"", False)
     piece: Piece | None = None
     message: Message | None = None
-    good: Good | None = None
 
 
 class Reader:
@@ -59,8 +42,6 @@ class Reader:
 
     def __init__(self) -> None:
         self._known: OrderedDict[bytes, Read] = OrderedDict()
-        self._latest: tuple[tuple[Message, float, float] | None, Message] = None, NOBODYS
-        """What was last asked of `in_time`, and the answer."""
 
     def look(self, datagram: bytes) -> Read:
         """What is known of a datagram, see `envelope.look`. Raises EnvelopeError."""
@@ -90,13 +71,3 @@ class Reader:
         if read.message is None or read.message.role != role:
             read.message = read_message(read.part, sender, content, role)
         return read.message
-
-    def in_time(self, message: Message, zero: float, ahead: float) -> Message:
-        """The message with its times as those of a mind, which began at `zero`, s of Unix time, and whose sender's
-        clock is so many s ahead of ours: a deadline is of its sender's clock."""
-        asked, found = self._latest
-        if (message, zero, ahead) != asked:
-            times = {"issued": message.issued - zero, "deadline": message.deadline + ahead - zero}
-            found = msgspec.structs.replace(message, **times)
-            self._latest = (message, zero, ahead), found
-        return found

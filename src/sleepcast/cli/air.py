@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import wraps
@@ -17,11 +17,12 @@ from sleepcast.cli.stores import operator_store
 from sleepcast.cli.times import Seconds
 
 if TYPE_CHECKING:
+    from sleepcast.channel.ear import Ear
     from sleepcast.channel.keys import KeyPair, Trust
     from sleepcast.channel.line import Line
+    from sleepcast.channel.mailbox import Mailbox
     from sleepcast.channel.reading import Reader
-    from sleepcast.channel.transport import Transport
-    from sleepcast.channel.trunk import Branch, Trunk
+    from sleepcast.channel.trunk import Trunk
     from sleepcast.node.store import Store
     from sleepcast.station.aired import AirStation
     from sleepcast.station.looking import Looker
@@ -166,41 +167,51 @@ def line_for(
     use if nobody chose them. store: of a robot; an operator has one of his own, in which his life goes on, and which
     is closed with the line. Raises what the channel raises."""
     from sleepcast.channel.door import ROBOT_EARS
+    from sleepcast.channel.line import Line
     from sleepcast.channel.message import Kind
     from sleepcast.channel.reading import Reader
     from sleepcast.channel.transport import listen_for, open_transport
+    from sleepcast.clock import UnixClock
 
     key, trust = _keys(air, robot, say)
     if not robot:
         store = operator_store(air.fleet, key.public.owner, say)
-    party = _party(air, key.public.owner if name is None else name, key, trust, Reader(), store, robot=robot)
+    mailbox = _mailbox(air, key.public.owner if name is None else name, key, trust, Reader(), store, robot=robot)
     transport = open_transport(air.channel)
     listen_for(transport, ROBOT_EARS if robot else Kind)
-    line = party(transport)
+    line = Line(transport, mailbox, UnixClock(), _chance())
     if not robot and store is not None:
         line.ends.append(store.close)
     return line
 
 
 def lines_for(
-    air: Air, names: Iterable[str], say: Callable[[str], None], store: Store | None = None
-) -> tuple[Trunk, list[tuple[Line, Branch]]]:
-    """Lines of robots with these names, all on one trunk, each with its branch. store: of these robots. Raises what
-    the channel raises."""
+    air: Air, names: Sequence[str], say: Callable[[str], None], store: Store | None = None
+) -> tuple[Trunk, Ear, list[Line]]:
+    """Lines of robots with these names, and the ear that hears for all of them, on one trunk. store: of these robots.
+    Raises what the channel raises."""
     from sleepcast.channel.door import ROBOT_EARS
+    from sleepcast.channel.ear import Ear
+    from sleepcast.channel.line import Line
     from sleepcast.channel.reading import Reader
     from sleepcast.channel.transport import open_transport
     from sleepcast.channel.trunk import Trunk
+    from sleepcast.clock import UnixClock
 
     key, trust = _keys(air, True, say)
     reader = Reader()
-    parties = [_party(air, name, key, trust, reader, store, robot=True) for name in names]
-    trunk = Trunk(open_transport(air.channel), reader)
-    branches = [trunk.branch(ROBOT_EARS) for _ in parties]
-    return trunk, [(party(branch), branch) for party, branch in zip(parties, branches, strict=True)]
+    boxes = [_mailbox(air, name, key, trust, reader, store, robot=True) for name in names]
+    listening = boxes[0]
+    if len(names) > 1:
+        listening = _mailbox(air, f"{names[0]}+{len(names) - 1}", key, trust, reader, store, robot=True)
+    if store is not None:
+        store.listen(listening)
+    trunk, clock = Trunk(open_transport(air.channel), reader), UnixClock()
+    ear = Ear(trunk.branch(ROBOT_EARS), listening, clock)
+    return trunk, ear, [Line(trunk.branch(()), box, clock, _chance(), listens=False) for box in boxes]
 
 
-def _party(
+def _mailbox(
     air: Air,
     name: str,
     key: KeyPair,
@@ -209,27 +220,29 @@ def _party(
     store: Store | None,
     *,
     robot: bool,
-) -> Callable[[Transport], Line]:
-    """What makes a line of this name, once there is a transport. Raises MisuseError if the key is not its own."""
+) -> Mailbox:
+    """A mailbox of this name. Raises MisuseError if the key is not its own."""
     from sleepcast.channel.door import Door
-    from sleepcast.channel.line import Line
     from sleepcast.channel.mailbox import Mailbox
     from sleepcast.clock import UnixClock
     from sleepcast.errors import MisuseError
 
     if not key.public.is_of(name):
         raise MisuseError(f"the key of {key.public.owner!r} cannot speak for {name!r}: take another with --key")
-    clock, chance = UnixClock(), Random(SystemRandom().getrandbits(64))
+    clock, chance = UnixClock(), _chance()
     door = Door(trust, air.fleet, clock, robot=robot, rate=air.rate, skew=air.skew, reader=reader)
     if store is None:  # a life begins later than all before, so that its numbers are news
-        mailbox = Mailbox(name, int(clock.now() * 1000.0), key, door, chance)
-    elif robot:
-        mailbox = Mailbox(name, store.life(name), key, door, chance)
-    else:
-        epoch, first = store.numbers(name)
-        mailbox = Mailbox(name, epoch, key, door, chance, first=first, keep=store.keep)
-        store.attend(mailbox)
-    return lambda transport: Line(transport, mailbox, clock, chance)
+        return Mailbox(name, int(clock.now() * 1000.0), key, door, chance)
+    if robot:
+        return Mailbox(name, store.life(name), key, door, chance)
+    epoch, first = store.numbers(name)
+    mailbox = Mailbox(name, epoch, key, door, chance, first=first, keep=store.keep)
+    store.attend(mailbox)
+    return mailbox
+
+
+def _chance() -> Random:
+    return Random(SystemRandom().getrandbits(64))
 
 
 def _keys(air: Air, robot: bool, say: Callable[[str], None]) -> tuple[KeyPair, Trust]:

@@ -149,18 +149,19 @@ def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> Cr
     # Others elsewhere begin in other places.
     simulator = Simulator(scenario, key(seed, "crew", first) >> 1, machine, threads=1)
     vocabulary = vocabulary_of(simulator.model)
-    trunk, lines = lines_for(air, wanted.names, complain, store)
+    trunk, ear, lines = lines_for(air, wanted.names, complain, store)
+    stack.enter_context(closing(ear))
     members = []
-    for i, (name, (line, branch)) in enumerate(zip(wanted.names, lines, strict=True)):
+    for i, (name, line) in enumerate(zip(wanted.names, lines, strict=True)):
         stack.enter_context(closing(line))
         body = simulator.robots[i]
         node = Node(name, vocabulary, number=first + i, seed=seed, body=body, lease=wanted.lease, on_air=True)
-        members.append(Member(node, i, line, branch))
-    zero = time.time()
+        members.append(Member(node, i, line))
+    ear.zero = zero = time.time()
     for member in members:
         member.node.zero = member.line.zero = zero
     guard = None if limits is None else Guard(simulator, limits)
-    return Crew(simulator, members, trunk, WallClock(), UnixClock(), guard=guard, keeper=store)
+    return Crew(simulator, members, trunk, ear, WallClock(), UnixClock(), guard=guard, keeper=store)
 
 
 def _begin(crew: Crew, beginning: Beginning, store: Store | None) -> None:
@@ -170,7 +171,7 @@ def _begin(crew: Crew, beginning: Beginning, store: Store | None) -> None:
     readings = crew.simulator.readings()
     for member in crew.members:
         member.node.sense(readings[member.number], 0.0)
-        if store is None or not store.adopt(member.node, member.line.mailbox):
+        if store is None or not store.adopt(member.node, None):
             begin_with(member.node, beginning)
 
 
@@ -178,10 +179,8 @@ def _account(crew: Crew) -> str:
     """How it went, in a sentence."""
     from collections import Counter
 
-    passed = sum(member.line.mailbox.door.passed for member in crew.members)
-    dropped = Counter({str(reason): count for reason, count in crew.trunk.counts.items()})
-    for member in crew.members:
-        dropped.update({str(reason): count for reason, count in member.line.mailbox.door.counts.items()})
+    door = crew.ear.mailbox.door
+    dropped = Counter(map(str, (door.counts + crew.trunk.counts).elements()))
     told = ", ".join(f"{count} {reason}" for reason, count in sorted(dropped.items()))
-    said = f"{len(crew.members)} robots: {crew.watch}; {passed} messages heard"
+    said = f"{len(crew.members)} robots: {crew.watch}; {door.passed} messages heard"
     return f"{said}{f', dropped: {told}' if told else ''}; their bodies have been stopped"

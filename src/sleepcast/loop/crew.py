@@ -1,4 +1,4 @@
-"""A crew: many minds in one process, each a party of its own on the air, with simulated bodies in real time.
+"""A crew: many minds in one process, in real time: each with a line of its own, all with one ear, and simulated bodies.
 
     advance  the bodies move on by one tick
     deliver  what the air has brought is received, and written down if somebody keeps it
@@ -19,8 +19,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import inf, nan
 
+from sleepcast.channel.ear import Ear
 from sleepcast.channel.line import Line
-from sleepcast.channel.trunk import Branch, Trunk
+from sleepcast.channel.message import Message
+from sleepcast.channel.order import Skipped
+from sleepcast.channel.roles import Role
+from sleepcast.channel.trunk import Trunk
 from sleepcast.clock import Clock
 from sleepcast.loop.real import Keeper, Watch
 from sleepcast.node.node import Node
@@ -34,25 +38,25 @@ together."""
 
 @dataclass(slots=True)
 class Member:
-    """A mind, the index of its body in the simulator, and its line on this branch of the trunk. due: when the line
-    wants to be pumped even if nothing comes, s of Unix time."""
+    """A mind, the index of its body in the simulator, and its line, on which it speaks. due: when the line wants to be
+    tended even if nothing comes, s of Unix time."""
 
     node: Node
     number: int
     line: Line
-    branch: Branch
     due: float = -inf
 
 
 @dataclass(slots=True)
 class Crew:
-    """See the module. trunk: on which all lines have their branches. clock: for the pace of the ticks; air: Unix time,
-    by which lines are pumped. watch: how it goes. guard: of the bodies' limits. keeper: of what the minds know. time:
-    of the minds, which began when their nodes say, s."""
+    """See the module. trunk: on which the ear and all lines have their branches. clock: for the pace of the ticks; air:
+    Unix time, by which they are tended. watch: how it goes. guard: of the bodies' limits. keeper: of what the minds
+    know. time: of the minds, which began when their nodes say, s."""
 
     simulator: Simulator
     members: Sequence[Member]
     trunk: Trunk
+    ear: Ear
     clock: Clock
     air: Clock
     watch: Watch = field(default_factory=Watch)
@@ -96,13 +100,12 @@ class Crew:
         for member in awake:
             if member.node.outbox:
                 self._report(member)
-                member.due = member.line.due()
 
     def listen(self, until: float) -> None:
         """Receive what comes, until that time of `clock`."""
         while (left := until - self.clock.now()) > 0.0:
-            wait = min((member.due for member in self.members), default=inf) - self.air.now()
-            if wait > 0.0 and not any(member.branch.waiting for member in self.members):
+            wait = min(self.ear.due(), *(member.due for member in self.members)) - self.air.now()
+            if wait > 0.0 and not self.ear.waits:
                 select.select([self.trunk], [], [], min(wait, left))
             pause = min(QUIET, until - self.clock.now()) if self.hear() else 0.0
             if pause > 0.0:
@@ -112,20 +115,45 @@ class Crew:
         """Receive what has come, and send what is due; whether anything came from elsewhere. What one says, its
         neighbours hear in their turn."""
         came = self.trunk.gather()
+        heard = self.ear.take()
+        self._give(heard)  # what has come reaches every mind before anything else is done
         now = self.air.now()
-        heard = [member for member in self.members if member.branch.waiting or member.due <= now]
-        for member in heard:  # what has come reaches everybody before anything else is done
+        if self.ear.due() <= now:
+            freed = self.ear.tend()
+            self._give(freed)
+            heard += freed
+        skipped = self.ear.skipped()
+        for member in self.members:
+            self._tend(member, now, skipped, news=bool(heard))
+        speaking = [member for member in self.members if member.node.outbox]
+        if self.keeper is not None and speaking:
+            self.keeper.after()
+        for member in speaking:
+            self._report(member)
+        return came
+
+    def _give(self, messages: Sequence[Message]) -> None:
+        """Let every mind hear these, but for what it has said itself."""
+        for member in self.members if messages else ():
+            name = member.node.name
+            member.line.hear(each for each in messages if each.sender != name or each.role != Role.ROBOT)
             self._receive(member)
-        for member in heard:
-            self._receive(member)  # what neighbours have said just now may spare us saying it
+
+    def _tend(self, member: Member, now: float, skipped: Sequence[Skipped], *, news: bool) -> None:
+        """Let a line do what is due. news: whether it has heard something, and other things may be due now."""
+        if skipped:
+            member.line.miss(skipped)
+        if skipped or news:
+            member.due = member.line.due()
+        if skipped or member.due <= now:
             member.line.tend()
             self._receive(member)
-        if self.keeper is not None and any(member.node.outbox for member in heard):
-            self.keeper.after()
-        for member in heard:
-            self._report(member)
             member.due = member.line.due()
-        return came
+
+    @staticmethod
+    def _receive(member: Member) -> None:
+        for message in member.line.heard():
+            member.node.receive(message)
 
     def _time(self) -> float:
         """That of the minds, s: what is on the wall, as deadlines are of that, however the ticks keep up. It never goes
@@ -145,14 +173,8 @@ class Crew:
         node.pings.clear()
 
     @staticmethod
-    def _receive(member: Member) -> None:
-        if member.branch.waiting:
-            member.line.take(member.branch.drain())
-        for message in member.line.heard():
-            member.node.receive(message)
-
-    @staticmethod
     def _report(member: Member) -> None:
         for message in member.node.outbox:
             member.line.send(message)
         member.node.outbox.clear()
+        member.due = member.line.due()

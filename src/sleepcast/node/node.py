@@ -222,6 +222,10 @@ class Node(Embodied):
             else:
                 self._queue.append(message)
 
+    def recall(self, ids: Iterable[str]) -> None:
+        """Messages with these ids have been dealt with in a life before this one."""
+        self._seen.update(dict.fromkeys(ids))
+
     def sense(self, readings: Sequence[float], now: float) -> None:
         """Take sensor values (SI, in the order of the vocabulary's sensors, NaN: not measured) at `now` (s)."""
         self._memory.variables.sense(self.values, readings, now)

@@ -29,7 +29,7 @@ from sleepcast.channel.mailbox import KEEP_EVERY, Mailbox
 from sleepcast.channel.message import Kind, Message
 from sleepcast.clock import Clock
 from sleepcast.node.keeping import MindParcel, fingerprint, mind_of, put_back
-from sleepcast.node.node import MAX_QUEUE, Node
+from sleepcast.node.node import MAX_QUEUE, MAX_SEEN, Node
 from sleepcast.node.store_file import (
     Content,
     InUseError,
@@ -87,6 +87,7 @@ class Store:
         self.file, self._clock, self._say = file, clock, say
         self._robots: dict[str, Robot] = {}
         self._attended: tuple[Remembered, Mailbox] | None = None
+        self._listening: tuple[Remembered, Mailbox] | None = None
         self._lock: int | None = None
         self._connection: sqlite3.Connection | None = None
         self._content = Content()
@@ -120,6 +121,13 @@ class Store:
     def _heard(self, kept: Remembered) -> News:
         return News(tuple(kept.streams), tuple(kept.windows), tuple(self._content.standing))
 
+    def listen(self, mailbox: Mailbox) -> None:
+        """Keep from now on what a mailbox (whose epoch is its `life`) hears for all robots here; it goes on where it
+        was."""
+        kept = self._remembered(mailbox.name)
+        mailbox.restore(self._heard(kept), kept.since)
+        self._listening = kept, mailbox
+
     def adopt(self, node: Node, mailbox: Mailbox | None) -> bool:
         """Let a robot go on where it was, and keep it from now on; whether it had been here before. Its mailbox (whose
         epoch is its `life`) has heard nothing yet, if it has one, and its mind has learned nothing but what is built
@@ -133,6 +141,8 @@ class Store:
             self._restore(node, mind, kept.saved)
         if mailbox is not None:
             mailbox.restore(self._heard(kept), kept.since)
+        if self._listening is not None and not self._listening[0].streams:
+            node.recall(self._dealt_with(kept.number))
         for taken in kept.taken:
             message = _shifted(taken.message, -node.zero)
             robot.known[message.id] = taken.begun
@@ -144,6 +154,14 @@ class Store:
         node.evaluated.clear()
         robot.fingerprint = fingerprint(node)
         return mind is not None or bool(kept.streams)
+
+    def _dealt_with(self, number: int) -> list[str]:
+        """The latest messages that a robot has evaluated: who hears for it now knows nothing of them, as others were
+        here then."""
+        if self._connection is None:
+            return []
+        query = "SELECT command FROM evaluations WHERE robot = ? ORDER BY number DESC LIMIT ?"
+        return [command for (command,) in self._connection.execute(query, (number, MAX_SEEN))]
 
     def _restore(self, node: Node, mind: MindParcel, saved: float) -> None:
         try:
@@ -191,6 +209,9 @@ class Store:
     def before(self) -> None:
         """All robots have received what has come, and are going to think about it."""
         now, begins = self._clock.now(), bool(self._unwritten.lives)
+        if self._listening is not None:
+            kept, mailbox = self._listening
+            self._take_news(kept.number, mailbox)
         for robot in self._robots.values():
             if robot.mailbox is not None:
                 self._take_news(robot.number, robot.mailbox)

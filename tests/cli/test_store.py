@@ -37,10 +37,10 @@ def channel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 
 @contextmanager
-def swarm(channel: str, store: Path) -> Iterator[subprocess.Popen[str]]:
-    """Three robots that are up, killed at the end."""
+def swarm(channel: str, store: Path, robots: int = 3) -> Iterator[subprocess.Popen[str]]:
+    """Robots that are up, killed at the end."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "sleepcast", "swarm", "3", "--channel", channel, "--store", str(store)],
+        [sys.executable, "-m", "sleepcast", "swarm", str(robots), "--channel", channel, "--store", str(store)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -78,8 +78,8 @@ def exchange(line: Line, text: str, kind: Kind = Kind.COMMAND) -> dict[str, obje
             for message in line.receive():
                 if message.body.get("command") == said.id:
                     found[message.sender] = message.body["value" if kind is Kind.ASK else "outcome"]
-            if found.keys() == NAMES:
-                return found
+            if found.keys() >= NAMES:
+                return {name: found[name] for name in NAMES}
     raise AssertionError(f"not everybody has answered to {kind} {text}")
 
 
@@ -150,3 +150,24 @@ def test_an_operator_goes_on_where_his_last_command_was(channel: str, tmp_path: 
     assert len({message.epoch for message in sent}) == 1, "one life"
     evaluated = [command for robot, command, _ in journal(tmp_path / "three.store") if robot == "r1"]
     assert evaluated == [message.id for message in sent], "who comes late hears it all, and in its order"
+
+
+def test_who_joins_a_swarm_hears_what_stands_and_the_others_do_it_once(channel: str, tmp_path: Path) -> None:
+    store = tmp_path / "swarm.store"
+    with desk(channel) as line:
+        with swarm(channel, store):
+            sent = [post(line, text, standing=True).id for text in ("(DEFVAR n 0)", "(SETQ n (+ n 1))")]
+            until = time.monotonic() + LONGEST
+            while len(journal(store)) < 6:
+                assert time.monotonic() < until
+                line.wait(0.1)
+                line.receive()
+        with swarm(channel, store, 4):
+            while not any(robot == "r4" and command == sent[-1] for robot, command, _ in journal(store)):
+                assert time.monotonic() < until
+                line.wait(0.1)
+                line.receive()
+            assert exchange(line, "n", Kind.ASK) == dict.fromkeys(NAMES, 1.0)
+    assert Counter((robot, command) for robot, command, _ in journal(store)) == Counter(
+        (f"r{number}", command) for number in range(1, 5) for command in sent
+    )

@@ -65,7 +65,7 @@ class Field:
 
     def mailbox(self, name: str, key: KeyPair) -> Mailbox:
         trust = Trust((DESK.public, ROBOTS.public, NAMESAKE.public))
-        door = Door(trust, "lab", self.clock, robot=key is ROBOTS, rate=1e9, reader=self.trunk.reader)
+        door = Door(trust, "lab", self.clock, robot=key is ROBOTS, rate=1e9)
         return Mailbox(name, 1, key, door, Random(name))
 
     def run(self, seconds: float, *, ticking: bool = True) -> None:

@@ -13,7 +13,6 @@ from sleepcast.channel.door import Door
 from sleepcast.channel.envelope import look
 from sleepcast.channel.keys import KeyPair, PublicKey, Role, Trust
 from sleepcast.channel.mailbox import Mailbox
-from sleepcast.channel.reading import Reader
 from sleepcast.clock import ManualClock
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
@@ -33,8 +32,8 @@ class Party:
 
 
 class Air:
-    """A desk and robots. loss, twice: shares of what each receiver loses and hears twice; delay: s at most. reader:
-    of all of them, as in one process; else each has one of its own. trusted: by everybody, besides these."""
+    """A desk and robots. loss, twice: shares of what each receiver loses and hears twice; delay: s at most. trusted:
+    by everybody, besides these."""
 
     def __init__(
         self,
@@ -43,13 +42,11 @@ class Air:
         loss: float = 0.0,
         twice: float = 0.0,
         delay: float = 0.01,
-        reader: Reader | None = None,
         trusted: Iterable[PublicKey] = (),
     ) -> None:
         self.clock = ManualClock(START)
         self.chance = Random(seed)
         self.loss, self.twice, self.delay = loss, twice, delay
-        self.reader = reader
         self.trusted = (DESK.public, ROBOTS.public, *trusted)
         self.desk = self.party("desk", DESK)
         self.robots = [self.party(f"r{number}", ROBOTS) for number in range(robots)]
@@ -63,7 +60,7 @@ class Air:
 
     def party(self, name: str, key: KeyPair, epoch: int = 1) -> Party:
         robot = key.public.role is Role.ROBOT
-        door = Door(Trust(self.trusted), "lab", self.clock, robot=robot, rate=1e9, reader=self.reader)
+        door = Door(Trust(self.trusted), "lab", self.clock, robot=robot, rate=1e9)
         box = Mailbox(name, epoch, key, door, Random(self.chance.random()))
         box.start(self.clock.now())
         return Party(box)

@@ -9,7 +9,6 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import look
 from sleepcast.channel.mailbox import LIFE
 from sleepcast.channel.message import MAX_TEXT
-from sleepcast.channel.reading import Reader
 
 
 def rules(party: Party) -> list[str]:
@@ -211,18 +210,6 @@ def test_an_operator_who_comes_by_is_told_nobodys_rules() -> None:
     air.run(3.0)
     assert [[message.text for message in robot.got] for robot in air.robots] == [["(RULE a 1)", "(RULE b 1)"]] * 6
     assert air.sent[Kind.COMMAND] == 4, "the new rule, four times, and nothing else"
-
-
-def test_a_digest_that_says_what_enough_have_said_is_not_even_let_in() -> None:
-    let_in = {}
-    for reader in (None, Reader()):
-        air = Air(robots=30, seed=9, delay=0.2, reader=reader)  # so late that several speak before they hear others
-        air.desk.box.post(Kind.COMMAND, air.clock.now(), text="(RULE a 1)", standing=True)
-        air.run(10.0)
-        assert [[message.text for message in robot.got] for robot in air.robots] == [["(RULE a 1)"]] * 30
-        let_in[reader is None] = sum(robot.box.door.passed for robot in air.robots)
-        assert air.sent[Kind.DIGEST] < 60
-    assert let_in[False] < 0.8 * let_in[True]
 
 
 def test_an_echo_of_what_we_have_said_is_no_news() -> None:

@@ -12,13 +12,11 @@ import pytest
 
 from channel.test_udp import free_port
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.door import ROBOT_EARS, Door, Drop
+from sleepcast.channel.door import ROBOT_EARS, Drop
 from sleepcast.channel.envelope import encode
-from sleepcast.channel.keys import KeyPair, PublicKey, Role, Trust
-from sleepcast.channel.reading import Reader
+from sleepcast.channel.keys import KeyPair, Role
 from sleepcast.channel.transport import Transport, open_transport
 from sleepcast.channel.trunk import MAX_QUEUE, Branch, Trunk
-from sleepcast.clock import ManualClock
 
 DESK = KeyPair("desk", Role.OPERATOR, b"d" * 32)
 ROBOTS = KeyPair("r*", Role.ROBOT, b"r" * 32)
@@ -108,54 +106,6 @@ def test_an_operator_among_them_hears_answers(place: Place) -> None:
     desk.close()
     place.branches[0].send(answer)
     assert desk.receive() == []
-
-
-def test_signatures_and_words_are_read_once_for_all_doors(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
-    looked_at: list[bytes] = []
-    usual = PublicKey.signed
-
-    def counted(key: PublicKey, content: bytes, signature: bytes) -> bool:
-        looked_at.append(signature)
-        return usual(key, content, signature)
-
-    monkeypatch.setattr(PublicKey, "signed", counted)
-    trust, clock = Trust((DESK.public, ROBOTS.public)), ManualClock(NOW)
-    doors = [Door(trust, "lab", clock, robot=True, reader=place.trunk.reader) for _ in range(3)]
-    good, bad = datagram(), datagram(sequence=2)[:-1] + b"\0"
-    entered = [door.enter(each) for each in (good, bad, good) for door in doors]
-    assert len(looked_at) == 2
-    assert [None if each is None else each.message.sequence for each in entered] == [1] * 3 + [None] * 6
-    assert [door.counts for door in doors] == [{Drop.FORGED: 1, Drop.REPEATED: 1}] * 3
-    stranger = Door(Trust((KeyPair("desk", Role.OPERATOR, b"x" * 32).public,)), "lab", clock, robot=True)
-    assert stranger.enter(good) is None, "what another door has found good is not good for everybody"
-
-
-def test_what_one_door_found_good_another_judges_by_its_own_state() -> None:
-    trust, others, clock, reader = (Trust((DESK.public,)), Trust(()), ManualClock(NOW), Reader())
-
-    def door(whose: Trust = trust, fleet: str = "lab", *, robot: bool = True) -> Door:
-        return Door(whose, fleet, clock, robot=robot, reader=reader)
-
-    sent = datagram()
-    elsewhere, strange, desks = door(fleet="sea"), door(others), door(robot=False)
-    assert door().enter(sent) is not None
-    again = door()
-    assert [again.enter(sent) is not None for _ in range(2)] == [True, False], "each has heard it once"
-    assert again.counts == {Drop.REPEATED: 1}
-    assert desks.enter(sent) is not None, "an operator hears what others command"
-    assert (elsewhere.enter(sent), elsewhere.counts) == (None, {Drop.OTHER_FLEET: 1})
-    assert (strange.enter(sent), strange.counts) == (None, {Drop.UNKNOWN_KEY: 1})
-    trust.revoke("desk")
-    gone = door()
-    assert (gone.enter(sent), gone.counts) == (None, {Drop.REVOKED: 1}), "a revoked key counts for nobody at once"
-
-
-def test_what_one_door_found_good_in_time_comes_too_late_for_another() -> None:
-    trust, clock, reader, sent = Trust((DESK.public,)), ManualClock(NOW), Reader(), datagram()
-    first, second = (Door(trust, "lab", clock, robot=True, reader=reader) for _ in range(2))
-    assert first.enter(sent) is not None
-    clock.advance(100.0)
-    assert (second.enter(sent), second.counts) == (None, {Drop.LATE: 1})
 
 
 def test_a_party_that_does_not_look_keeps_the_latest_only(place: Place) -> None:

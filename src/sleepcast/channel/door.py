@@ -11,12 +11,12 @@ from collections import Counter, OrderedDict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import NamedTuple
 
-from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Part, Piece
+from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Part, Piece, look, read_message, read_piece
 from sleepcast.channel.kept import Window
 from sleepcast.channel.keys import MAY, PublicKey, Role, Trust
-from sleepcast.channel.message import TO_OPERATOR, Kind
-from sleepcast.channel.reading import Entered, Read, Reader
+from sleepcast.channel.message import TO_OPERATOR, Kind, Message
 from sleepcast.channel.skew import Skews
 from sleepcast.clock import Clock
 
@@ -83,6 +83,13 @@ class Heard:
             self.numbers |= 1 << -ahead
 
 
+class Entered(NamedTuple):
+    """A message that came in, and the bytes that it was: nobody but its sender could have made them."""
+
+    message: Message
+    datagrams: tuple[bytes, ...]
+
+
 @dataclass(slots=True)
 class Budget:
     """Signatures that may still be looked at: `rate` a second, a second's worth at once."""
@@ -114,7 +121,7 @@ class Door:
     """One party's door. trust: whom it believes; fleet: whose messages it hears; robot: whether it is a robot's, which
     has no ear for what others tell the operator, or an operator's, who has none for what robots tell each other.
     clock: Unix time, s. rate: signatures of one key that are looked at in a second; skew: s that others' clocks may be
-    wrong; None for what is usual. reader: shared by the doors of one process, None for one of our own.
+    wrong; None for what is usual.
 
     skews: how much the clocks of those that send heartbeats differ from ours. counts: datagrams that were dropped, by
     reason; taken: those that were not; passed: messages that came in whole.
@@ -129,7 +136,6 @@ class Door:
         robot: bool,
         rate: float | None = None,
         skew: float | None = None,
-        reader: Reader | None = None,
     ) -> None:
         self.trust, self.fleet, self.robot = trust, fleet, robot
         self.counts: Counter[Drop] = Counter()
@@ -138,7 +144,6 @@ class Door:
         self._clock, self._rate = clock, usual if rate is None else rate
         self.skew = SKEW if skew is None else skew
         self.skews = Skews(self.skew)
-        self.reader = reader or Reader()
         self._heard: OrderedDict[tuple[bytes, str, int], Heard] = OrderedDict()
         self._changed: set[tuple[bytes, str, int]] = set()
         self._budgets: dict[tuple[bytes, bool], Budget] = {}
@@ -147,32 +152,31 @@ class Door:
     def enter(self, datagram: bytes) -> Entered | None:
         """The message that these bytes are, or complete; None if they are dropped, or part of a message that others
         are still missing of."""
-        read = self.look(datagram)
-        return None if read is None else self.admit(read, datagram)
+        part = self.look(datagram)
+        return None if part is None else self.admit(part, datagram)
 
-    def look(self, datagram: bytes) -> Read | None:
-        """What is known of these bytes without believing them; None if they are dropped."""
+    def look(self, datagram: bytes) -> Part | None:
+        """What can be read of these bytes without believing them; None if they are dropped."""
         try:
-            return self.reader.look(datagram)
+            return look(datagram)
         except EnvelopeError:
             self.counts[Drop.MALFORMED] += 1
             return None
 
-    def admit(self, read: Read, datagram: bytes) -> Entered | None:
+    def admit(self, part: Part, datagram: bytes) -> Entered | None:
         """The rest of `enter`, for what `look` made of the bytes."""
-        part = read.part
         try:
             key = self.trust.find(part.key)
-            reason = self._objection(read, key, datagram)
+            reason = self._objection(part, key, datagram)
             if reason is not None or key is None:
                 self.counts[reason or Drop.UNKNOWN_KEY] += 1
                 return None
-            piece = self.reader.piece(read)
+            piece = read_piece(part)
             reason = self._second_objection(key, part, piece)
             if reason is not None:
                 self.counts[reason] += 1
                 return None
-            entered = self._completed(read, piece, datagram, key.role)
+            entered = self._completed(part, piece, datagram, key.role)
         except EnvelopeError:
             self.counts[Drop.MALFORMED] += 1
             return None
@@ -197,9 +201,8 @@ class Door:
         heard = self._heard[which]
         return heard.latest, heard.numbers
 
-    def _objection(self, read: Read, key: PublicKey | None, datagram: bytes) -> Drop | None:
+    def _objection(self, part: Part, key: PublicKey | None, datagram: bytes) -> Drop | None:
         """Why the part is dropped, as far as can be said without reading what it says."""
-        part = read.part
         if key is None:
             return Drop.UNKNOWN_KEY
         if key.revoked and not (part.standing and self.trust.vouches(datagram)):
@@ -218,7 +221,7 @@ class Door:
             return Drop.REPEATED
         if not self._budget(part, now).take(now):
             return Drop.TOO_MANY
-        return None if self.reader.signed(key, read) else Drop.FORGED
+        return None if key.signed(part.signed, part.signature) else Drop.FORGED
 
     def _second_objection(self, key: PublicKey, part: Part, piece: Piece) -> Drop | None:
         if piece.fleet != self.fleet:
@@ -251,9 +254,9 @@ class Door:
         waiting = self._open.get((key, sender, epoch, sequence))
         return () if waiting is None else tuple(part for part in range(waiting.parts) if part not in waiting.pieces)
 
-    def _completed(self, read: Read, piece: Piece, datagram: bytes, role: Role) -> Entered | None:
+    def _completed(self, part: Part, piece: Piece, datagram: bytes, role: Role) -> Entered | None:
         """The message, if this part was the last one of it that was missing."""
-        part, content, datagrams = read.part, piece.content, (datagram,)
+        content, datagrams = piece.content, (datagram,)
         if part.parts > 1:
             which = part.key, piece.sender, part.epoch, part.sequence
             waiting = self._open.setdefault(which, Assembly(part.parts))
@@ -269,7 +272,7 @@ class Door:
             content = b"".join(contents)
             if len(content) > MAX_CONTENT:
                 raise EnvelopeError("a message that says more than fits into one")
-        message = self.reader.message(read, piece.sender, content, role.value)
+        message = read_message(part, piece.sender, content, role.value)
         if part.kind is Kind.HEARTBEAT:
             self.skews.note(piece.sender, part.issued, self._clock.now())
         if not part.standing:

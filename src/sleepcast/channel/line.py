@@ -100,14 +100,10 @@ class Line:
 
     def pump(self) -> None:
         """Hear, mend, and send what is due."""
-        self.take(self.transport.receive())
-        self.tend()
-
-    def take(self, datagrams: Iterable[bytes]) -> None:
-        """Hear what the transport has brought."""
         now = self._clock.now()
-        for datagram in datagrams:
+        for datagram in self.transport.receive():
             self._hear(self.mailbox.take(datagram, now), now)
+        self.tend()
 
     def hear(self, messages: Iterable[Message]) -> None:
         """Take in what others say, with the times of our mind."""

@@ -27,12 +27,11 @@ import msgspec
 
 from sleepcast.channel.bodies import KEYS
 from sleepcast.channel.door import Door
-from sleepcast.channel.envelope import Part, content_of, encode
+from sleepcast.channel.envelope import Part, encode
 from sleepcast.channel.kept import Name, News
 from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal, Role
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.order import MAX_STREAMS, Order, Skipped, Stream
-from sleepcast.channel.reading import Read
 from sleepcast.channel.repairs import request, streams_in, wanted_parts
 from sleepcast.channel.shelf import Shelf
 from sleepcast.channel.trickle import Trickle, mostly_late
@@ -101,8 +100,6 @@ class Mailbox:
         self._key, self._chance = key, chance
         self._shelf = Shelf()
         self._trickle = Trickle(chance)
-        self._telling: bytes | None = None
-        """What a digest of ours would say; None while that is not worked out."""
         self._told: dict[Name, int] = {}
         """How far others' rules have come, as an operator hears from the robots."""
         self._sequence, self._issued, self._keep = first - 1, 0.0, keep
@@ -192,14 +189,13 @@ class Mailbox:
 
     def take(self, datagram: bytes, now: float) -> list[Message]:
         """The messages that can be dealt with now that this datagram has come."""
-        read = self.door.look(datagram)
-        if read is None:
+        part = self.door.look(datagram)
+        if part is None:
             return []
-        part = read.part
-        if self._on_shelf(part, datagram, now) or self._says_nothing_new(read):
+        if self._on_shelf(part, datagram, now):
             self.overheard += 1
             return []
-        entered = self.door.admit(read, datagram)
+        entered = self.door.admit(part, datagram)
         if entered is None:
             name = part.key, part.epoch  # nobody keeps anything but commands; their sender repeats them himself first
             if part.kind is Kind.COMMAND and self.door.robot and self._missing(name, part.sequence):
@@ -248,15 +244,6 @@ class Mailbox:
             and (not self.door.robot or self.order.knows(name, part.sequence))
         )
 
-    def _says_nothing_new(self, read: Read) -> bool:
-        """Whether this is one more digest that says what we know and enough others have said: it would change nothing
-        here, so nothing more is done for it."""
-        if read.part.kind is not Kind.DIGEST or not self._trickle.has_enough:
-            return False
-        if self._telling is None:
-            self._telling = content_of("", self._digest())
-        return read.piece is not None and read.piece.content == self._telling
-
     def _dealt_with(self, found: list[Message], now: float) -> list[Message]:
         """These messages, of which those that stand are news to be told."""
         for message in found:
@@ -267,7 +254,6 @@ class Mailbox:
 
     def _tell(self, now: float) -> None:
         """We have come further."""
-        self._telling = None
         self._trickle.restart(now)
 
     # ---- what outlasts us
@@ -290,7 +276,6 @@ class Mailbox:
         self.order.restore(kept.streams, {name: sorted(found) for name, found in numbers.items()})
         self._shelf.restore(dealt_with)
         self.door.restore(kept.windows)
-        self._telling = None
 
     # ---- repair
 

@@ -36,11 +36,6 @@ class Trickle:
         """Somebody says what we should have said."""
         self._alike += 1
 
-    @property
-    def has_enough(self) -> bool:
-        """Whether others have said enough in this interval, so that we need not even listen to one more."""
-        return self._alike >= ENOUGH
-
     def is_due(self, now: float) -> bool:
         """Whether it is time to speak; asked at any time from `due` on."""
         speak = self._speaks <= now and self._alike < ENOUGH

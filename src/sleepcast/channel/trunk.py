@@ -13,7 +13,6 @@ from collections.abc import Iterable
 from sleepcast.channel.door import Drop
 from sleepcast.channel.envelope import kind_of
 from sleepcast.channel.message import Kind
-from sleepcast.channel.reading import Reader
 from sleepcast.channel.transport import Transport, listen_for
 
 MAX_QUEUE = 8_192
@@ -22,13 +21,9 @@ as they share the bytes."""
 
 
 class Trunk:
-    """See the module. reader: what the doors of the parties read with, so that they share its work.
+    """See the module. counts: what went no further than here, by reason."""
 
-    counts: what went no further than here, by reason.
-    """
-
-    def __init__(self, transport: Transport, reader: Reader | None = None) -> None:
-        self.reader = reader or Reader()
+    def __init__(self, transport: Transport) -> None:
         self.counts: Counter[Drop] = Counter()
         self._transport = transport
         self._branches: list[Branch] = []

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from sleepcast.channel.keys import KeyPair, Trust
     from sleepcast.channel.line import Line
     from sleepcast.channel.mailbox import Mailbox
-    from sleepcast.channel.reading import Reader
     from sleepcast.channel.trunk import Trunk
     from sleepcast.node.store import Store
     from sleepcast.station.aired import AirStation
@@ -169,14 +168,13 @@ def line_for(
     from sleepcast.channel.door import ROBOT_EARS
     from sleepcast.channel.line import Line
     from sleepcast.channel.message import Kind
-    from sleepcast.channel.reading import Reader
     from sleepcast.channel.transport import listen_for, open_transport
     from sleepcast.clock import UnixClock
 
     key, trust = _keys(air, robot, say)
     if not robot:
         store = operator_store(air.fleet, key.public.owner, say)
-    mailbox = _mailbox(air, key.public.owner if name is None else name, key, trust, Reader(), store, robot=robot)
+    mailbox = _mailbox(air, key.public.owner if name is None else name, key, trust, store, robot=robot)
     transport = open_transport(air.channel)
     listen_for(transport, ROBOT_EARS if robot else Kind)
     line = Line(transport, mailbox, UnixClock(), _chance())
@@ -193,20 +191,18 @@ def lines_for(
     from sleepcast.channel.door import ROBOT_EARS
     from sleepcast.channel.ear import Ear
     from sleepcast.channel.line import Line
-    from sleepcast.channel.reading import Reader
     from sleepcast.channel.transport import open_transport
     from sleepcast.channel.trunk import Trunk
     from sleepcast.clock import UnixClock
 
     key, trust = _keys(air, True, say)
-    reader = Reader()
-    boxes = [_mailbox(air, name, key, trust, reader, store, robot=True) for name in names]
+    boxes = [_mailbox(air, name, key, trust, store, robot=True) for name in names]
     listening = boxes[0]
     if len(names) > 1:
-        listening = _mailbox(air, f"{names[0]}+{len(names) - 1}", key, trust, reader, store, robot=True)
+        listening = _mailbox(air, f"{names[0]}+{len(names) - 1}", key, trust, store, robot=True)
     if store is not None:
         store.listen(listening)
-    trunk, clock = Trunk(open_transport(air.channel), reader), UnixClock()
+    trunk, clock = Trunk(open_transport(air.channel)), UnixClock()
     ear = Ear(trunk.branch(ROBOT_EARS), listening, clock)
     return trunk, ear, [Line(trunk.branch(()), box, clock, _chance(), listens=False) for box in boxes]
 
@@ -216,7 +212,6 @@ def _mailbox(
     name: str,
     key: KeyPair,
     trust: Trust,
-    reader: Reader,
     store: Store | None,
     *,
     robot: bool,
@@ -230,7 +225,7 @@ def _mailbox(
     if not key.public.is_of(name):
         raise MisuseError(f"the key of {key.public.owner!r} cannot speak for {name!r}: take another with --key")
     clock, chance = UnixClock(), _chance()
-    door = Door(trust, air.fleet, clock, robot=robot, rate=air.rate, skew=air.skew, reader=reader)
+    door = Door(trust, air.fleet, clock, robot=robot, rate=air.rate, skew=air.skew)
     if store is None:  # a life begins later than all before, so that its numbers are news
         return Mailbox(name, int(clock.now() * 1000.0), key, door, chance)
     if robot:

@@ -81,7 +81,7 @@ def part(function: Kernel) -> Kernel:
 
 
 def _made(function: Kernel, **options: Any) -> Kernel:
-    options |= {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+    options = {"fastmath": False, "cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True} | options
     return cast(Kernel, numba.njit(**options)(function))
 
 
@@ -91,4 +91,4 @@ def _either_of_numbers(condition, yes, no):  # type: ignore[no-untyped-def]  # n
 
 
 for formula in (formulas.sine_cosine, formulas.arc_tangent, formulas.wrap, *driving.FORMULAS):
-    register_jitable(forceinline=True, error_model="numpy")(formula)
+    register_jitable(forceinline=True, fastmath=False, error_model="numpy")(formula)

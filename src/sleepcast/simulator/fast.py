@@ -10,9 +10,10 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from math import cos, frexp, ldexp, pi, sin, sqrt
-from typing import TypeVar
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sleepcast.simulator import kernels, kernels_contact, kernels_firing, kernels_motion, kernels_sonar, steps
 from sleepcast.simulator.cones import Ranges, View
@@ -23,11 +24,12 @@ from sleepcast.simulator.firing import Firing, Tick
 from sleepcast.simulator.grid import Floats, Grid, Listed, Short, Sorted, Whole
 from sleepcast.simulator.lanes import LANES
 from sleepcast.simulator.noise import Ear, Noise
-from sleepcast.simulator.scratch import Scratch
+from sleepcast.simulator.scratch import LINE, Scratch
 from sleepcast.simulator.steps import Columns, Draws, Proposal
 from sleepcast.simulator.walls import Walls, walls_of
 
 Result = TypeVar("Result")
+Flags: TypeAlias = NDArray[np.bool_]
 
 ALONE = 5_000
 """Robots up to which one thread is faster than several."""
@@ -35,8 +37,19 @@ STRETCHES = 4
 """Stretches of rows for each thread: when one thread is done early it takes over some of the rest."""
 MOST = 106
 """Bytes for each robot that most tasks get by with."""
+ROUNDING = 1e-3
+"""Metres, much more than single precision errs by in the distance of two bodies in reach of each other."""
 FOLDED = 16
 """Sonars of a ring whose bearings the kernel can fold."""
+
+
+class _Around(NamedTuple):
+    """What sonars have found out of points in this order: `close` is False for those that have no other one within
+    `reach` m."""
+
+    order: Short
+    reach: float
+    close: Flags
 
 
 class NumbaMachine:
@@ -49,6 +62,7 @@ class NumbaMachine:
         self._pool: ThreadPoolExecutor | None = None
         self._scratch = Scratch()
         self._fields = Fields(self._scratch)
+        self._around: _Around | None = None
 
     def sort(self, grid: Grid, x: Floats, y: Floats) -> Sorted:
         cells, order = np.empty(len(x), np.int32), np.empty(len(x), np.int32)
@@ -68,31 +82,24 @@ class NumbaMachine:
     def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats) -> None:
         squares = self._squares(view, which)
         noise = ear.noise or Noise(0.0, 0.0, 0.0, 0, 0)
-        keys = np.uint64(noise.key), np.uint64(noise.dropout_key)
+        noises = noise.share, noise.dropout, np.uint64(noise.key), np.uint64(noise.dropout_key)
+        edge = -1 if sensed.strides[0] % LINE else -sensed.ctypes.data % LINE // sensed.itemsize
 
         def work(first: int, last: int) -> None:
-            kernels.hear(
-                *(squares[first:last], which[first:last], view.cones.count, ear.noise is not None),
-                *(noise.share, noise.dropout, *keys, ear.least, ear.most, ear.front, sensed),
-            )
+            some = squares[first:last], which[first:last]
+            kernels.hear(*some, noises, ear.least, ear.most, ear.front, sensed, edge)
 
         self._share(len(which), work)
 
     def _squares(self, view: View, which: Whole) -> Ranges:
         """The squared ranges that the robots `which` see, a row for each."""
         cones, grid, points, listed, solids, pose, radii = view
-        robots, order = len(pose[0]), points.order
-        scratch = self._scratch
+        robots, order, scratch = len(pose[0]), points.order, self._scratch
         scratch.begin(MOST * robots)
-        places, fixed = scratch.take(np.float64, 4, robots), scratch.take(np.int32, 2, robots + LANES)
+        fixed_x, fixed_y = fixed = scratch.take(np.int32, 2, robots + LANES)
         fixed[:, robots:] = 0
         units = ldexp(1.0, kernels_sonar.SPAN - frexp(grid.size)[1])
-
-        def arrange(first: int, last: int) -> None:
-            kernels.arrange(order, *pose, first, last, places)
-            kernels.fix(places[0], places[1], units, first, last, fixed)
-
-        self._share(robots, arrange)
+        self._share(robots, lambda first, last: kernels.fix(order, *pose[:2], units, first, last, fixed_x, fixed_y))
         rows = order
         if len(which) < robots:
             place, rows = scratch.take(np.int32, 2, robots)
@@ -103,22 +110,35 @@ class NumbaMachine:
         squares = scratch.take(np.float32, len(which), len(axes))
         lone = cones.lone(2.0 * pi / cones.count) if cones.count == FOLDED else np.inf
         graze = sin(cones.incidence) if cones.incidence < pi / 2 else 1.0
-        x, y, cosines, sines = places
         mixed = radii is not None and bool((radii != cones.radius).any())
         wide = radii[order] if radii is not None and mixed else np.empty(0)
         walls = listed if isinstance(listed, Walls) else walls_of(listed, solids)
+        close = self._looked_around(points, min(lone, cones.reach))
 
         def see(first: int, last: int) -> None:
             kernels_sonar.see(
-                *(x, y, fixed[0], fixed[1], cosines, sines, wide, rows, points.start, grid.size, grid.across, grid.up),
+                *(*pose, order, fixed_x, fixed_y, wide, rows, points.start, grid.size, grid.across, grid.up),
                 *(walls.solids, walls.start, walls.items, walls.news),
                 *(cones.radius, cones.radius, cones.reach, cones.most, cos(cones.half), sin(cones.half)),
                 *(graze, cones.grazing, lone if lone < np.inf else -1.0, 1.0 / units, mixed),
-                *(np.cos(axes), np.sin(axes), first, last, squares),
+                *(np.cos(axes), np.sin(axes), first, last, close, squares),
             )
 
         self._share_rows(see, grid, points.start)
         return squares
+
+    def _looked_around(self, points: Sorted, reach: float) -> Flags:
+        """Sonars look at these points, and find out who is alone within `reach` m; gives where that is noted."""
+        if self._around is None or self._around.order is not points.order or self._around.reach != reach:
+            self._around = _Around(points.order, reach, np.ones(len(points.order), np.bool_))
+        return self._around.close
+
+    def _close(self, points: Sorted, reach: float) -> Flags:
+        """Which of these points may have another one within `reach` m, as far as sonars have found out."""
+        found = self._around
+        if found is not None and found.order is points.order and reach < found.reach - ROUNDING:
+            return found.close
+        return np.ones(len(points.order), np.bool_)
 
     def look(self, view: View, which: Whole, sonars: Whole) -> Ranges:
         shots, found = one_of_each(view, which, sonars)
@@ -177,13 +197,14 @@ class NumbaMachine:
         widest, least = float(radii.max(initial=0.0)), float(radii.min(initial=np.inf))
         wide = radii[:1] if widest == least else radii
         reach = 2.0 * widest + SKIN + 2.0 * longest
+        close = self._close(points, reach)
         near, stopped = scratch.take(np.bool_, count), Settled(*scratch.take(np.float64, 3, count))
         clear(settled)
 
         def at_old(first: int, last: int) -> None:
             kernels_contact.stop_at_old(
                 *(x, y, *way, wide, order, start, grid.size, grid.across, grid.up, solids, *listed),
-                *(SKIN, longest, reach, first, last, near, *stopped, *settled),
+                *(SKIN, longest, reach, first, last, close, near, *stopped, *settled),
             )
 
         def at_ways(first: int, last: int) -> None:

@@ -9,13 +9,17 @@ import numpy as np
 from sleepcast.channel import chance
 from sleepcast.simulator.compiled import compiled, inlined, strict
 from sleepcast.simulator.formulas import sine_cosine
+from sleepcast.simulator.lanes import all_passed, pass_by
 from sleepcast.simulator.noise import MIDDLE, SCALE
 
 F = np.float32
 U = np.uint64
 GOLDEN = U(chance.GOLDEN)
+
 BLOCK = 64
 """Robots whose readings are turned from rows to columns at a time: they stay in the nearest cache."""
+LINE = 8
+"""Numbers of a reading in a line of the caches."""
 
 
 @compiled
@@ -48,11 +52,12 @@ def arrange(order, x, y, heading, first, last, into):
 
 
 @compiled
-def fix(x, y, units, first, last, into):
-    """Put positions (m) into the rows of `into` (int32), as whole numbers of `units` in a metre; beyond 32 bits they
-    begin anew, which does not matter to their differences."""
+def fix(order, x, y, units, first, last, fixed_x, fixed_y):
+    """Put positions (m) in the order of the cells, as whole numbers of `units` in a metre, into `fixed_x` and `fixed_y`
+    (int32); beyond 32 bits they begin anew, which does not matter to their differences."""
     for i in range(first, last):
-        into[0, i], into[1, i] = np.int32(np.int64(x[i] * units)), np.int32(np.int64(y[i] * units))
+        o = order[i]
+        fixed_x[i], fixed_y[i] = np.int32(np.int64(x[o] * units)), np.int32(np.int64(y[o] * units))
 
 
 @compiled
@@ -63,24 +68,24 @@ def enlist(order, place, rows):
 
 
 @inlined
-def mixed(counter, key):
-    """See `chance.mix`."""
-    bits = counter * GOLDEN + key
+def mixed(multiple, key):
+    """See `chance.mix`. multiple: of the counter, by `GOLDEN`."""
+    bits = multiple + key
     bits = (bits ^ (bits >> U(30))) * U(0xBF58476D1CE4E5B9)
     bits = (bits ^ (bits >> U(27))) * U(0x94D049BB133111EB)
     return bits ^ (bits >> U(31))
 
 
 @inlined
-def disturbed(seen, counter, share, dropout, most, key, dropout_key):
+def disturbed(seen, multiple, share, dropout, most, key, dropout_key):
     """A range with noise; see `noise.disturb`."""
     lost = seen >= most
     if share > 0.0:
-        bits = mixed(counter, key)
+        bits = mixed(multiple, key)
         total = (bits & U(0xFFFF)) + ((bits >> U(16)) & U(0xFFFF)) + ((bits >> U(32)) & U(0xFFFF)) + (bits >> U(48))
         seen *= F(1.0 + share * (float(np.int64(total) - MIDDLE) * SCALE))
     if dropout > 0.0:
-        bits = mixed(counter, dropout_key)
+        bits = mixed(multiple, dropout_key)
         lost |= float(bits >> U(11)) * 2.0**-53 < dropout
     return most if lost else seen
 
@@ -90,9 +95,9 @@ def disturb(seen, which, share, dropout, most, key, dropout_key):
     """See `noise.disturb`."""
     sonars = U(seen.shape[1])
     for row in range(seen.shape[0]):
-        counter = U(which[row]) * sonars
+        multiple = U(which[row]) * sonars * GOLDEN
         for k in range(seen.shape[1]):
-            seen[row, k] = disturbed(seen[row, k], counter + U(k), share, dropout, most, key, dropout_key)
+            seen[row, k] = disturbed(seen[row, k], multiple + U(k) * GOLDEN, share, dropout, most, key, dropout_key)
 
 
 @compiled
@@ -121,14 +126,59 @@ def tell(seen, which, least, most, front, sensed):
         sensed[sonars, o] = nearest
 
 
-@strict
-def hear(squares, which, sonars, noisy, share, dropout, key, dropout_key, least, most, front, sensed):
-    """All of these, for so many robots at a time that their ranges stay in the nearest cache."""
-    room = np.empty((BLOCK, sonars), F)
-    for begin in range(0, which.shape[0], BLOCK):
-        some = which[begin : begin + BLOCK]
-        seen = room[: some.shape[0]]
-        collect(squares[begin:], seen)
-        if noisy:
-            disturb(seen, some, share, dropout, F(most), key, dropout_key)
-        tell(seen, some, least, most, front, sensed)
+@compiled
+def hear(squares, which, noise, least, most, front, sensed, edge):
+    """Make readings of squared ranges, which are known: `collect`, `disturb`, `tell`, sonar by sonar for a block of
+    robots. noise: share, dropout and their keys. edge: for which robot, of LINE, a line of the caches begins in all
+    rows of `sensed`, or -1."""
+    (share, dropout, key, dropout_key), sonars, count = noise, sensed.shape[0] - 1, which.shape[0]
+    seen, multiples, told, nearest, ahead = np.empty(BLOCK, F), np.empty(BLOCK, U), np.empty(BLOCK), np.empty(BLOCK), np.zeros(sonars, np.bool_)
+    for k in front:
+        ahead[k] = True
+    begin, end = 0, BLOCK if edge < 0 or count == 0 else (edge - which[0]) % LINE
+    while begin < count:
+        end = min(end, count)
+        some = which[begin:end]
+        streams = edge >= 0 and end - begin == BLOCK and side_by_side(some)
+        for q in range(end - begin):
+            multiples[q], nearest[q] = U(some[q]) * U(sonars) * GOLDEN, most
+        for k in range(sonars):
+            listen(squares[begin:end], k, multiples, share, dropout, key, dropout_key, least, most, seen, told)
+            if ahead[k]:
+                for q in range(end - begin):
+                    nearest[q] = min(nearest[q], told[q])
+            spread(told, some, sensed, k, streams)
+        spread(nearest, some, sensed, sonars, streams)
+        begin, end = end, end + BLOCK
+    all_passed()
+
+
+@inlined
+def side_by_side(which):
+    """Whether these are neighbours, one after the other."""
+    apart = 0
+    for q in range(which.shape[0]):
+        apart |= which[q] - which[0] - q
+    return apart == 0
+
+
+@inlined
+def listen(squares, k, multiples, share, dropout, key, dropout_key, least, most, seen, told):
+    """What these robots read of sonar k."""
+    shortest, longest, more = F(least), F(most), U(k) * GOLDEN
+    for q in range(squares.shape[0]):
+        seen[q] = squares[q, k]
+    for q in range(squares.shape[0]):
+        value = disturbed(F(sqrt(seen[q])), multiples[q] + more, share, dropout, longest, key, dropout_key)
+        told[q] = least if value <= shortest else min(float(value), most)
+
+
+@inlined
+def spread(told, which, sensed, row, streams):
+    """Put what these robots are told where they look for it."""
+    if streams:
+        for q in range(0, BLOCK, LINE):
+            pass_by(told, q, sensed, row, which[0] + q)
+    else:
+        for q in range(which.shape[0]):
+            sensed[row, which[q]] = told[q]

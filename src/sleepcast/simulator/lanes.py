@@ -132,18 +132,31 @@ from `n` on; gives the new n. Room for LANES more must be there."""
 
 
 @intrinsic
-def fetch_row(typing, array, row):
-    """Have a row of an array brought near before it is written, so that nothing waits for it then."""
-    byte, short = ir.IntType(8).as_pointer(), ir.IntType(32)
-    shape = ir.FunctionType(ir.VoidType(), [byte, short, short, short])
+def pass_by(typing, values, first, array, row, column):
+    """Write as many `values` as fill a line of the caches, from `first` on, into a row of `array` from `column` on, past
+    the caches, which would have to read from memory what is overwritten. A line must begin there."""
 
     def generate(context, build, signature, arguments):
-        found = context.make_array(signature.args[0])(context, build, arguments[0])
-        way = build.mul(arguments[1], build.extract_value(found.strides, 0))
-        place = build.gep(build.bitcast(found.data, byte), [way])
-        name = "llvm.prefetch.p0"
-        prefetch = build.module.globals.get(name) or ir.Function(build.module, shape, name)
-        build.call(prefetch, [place, short(1), short(3), short(1)])
+        read = context.make_array(signature.args[0])(context, build, arguments[0]).data
+        found = context.make_array(signature.args[2])(context, build, arguments[2])
+        kind = ir.VectorType(read.type.pointee, 512 // signature.args[0].dtype.bitwidth)
+        way = build.mul(arguments[3], build.extract_value(found.strides, 0))
+        place = build.gep(build.bitcast(found.data, ir.IntType(8).as_pointer()), [way])
+        place = build.gep(build.bitcast(place, read.type), [arguments[4]])
+        loaded = build.load(build.bitcast(build.gep(read, [arguments[1]]), kind.as_pointer()), align=4)
+        store = build.store(loaded, build.bitcast(place, kind.as_pointer()), align=64)
+        store.set_metadata("nontemporal", build.module.add_metadata([ir.IntType(32)(1)]))
         return context.get_dummy_value()
 
-    return types.void(array, types.int64), generate
+    return types.void(values, types.int64, array, types.int64, types.int64), generate
+
+
+@intrinsic
+def all_passed(typing):
+    """Everything that was written past the caches has come to memory before anything that is done from here on."""
+
+    def generate(context, build, signature, arguments):
+        build.fence("seq_cst")
+        return context.get_dummy_value()
+
+    return types.void(), generate

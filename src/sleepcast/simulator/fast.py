@@ -87,7 +87,7 @@ class NumbaMachine:
 
         def work(first: int, last: int) -> None:
             some = squares[first:last], which[first:last]
-            kernels.hear(*some, noises, ear.least, ear.most, ear.front, sensed, edge)
+            kernels.hear(*some, noises, ear.least, ear.most, ear.front, ear.wanted, sensed, edge)
 
         self._share(len(which), work)
 
@@ -223,7 +223,7 @@ class NumbaMachine:
     def tell(self, seen: Ranges, which: Whole, ear: Ear, sensed: Floats) -> None:
         if ear.noise is not None:
             self.disturb(seen, which, ear.noise)
-        kernels.tell(seen, which, ear.least, ear.most, ear.front, sensed)
+        kernels.tell(seen, which, ear.least, ear.most, ear.front, ear.wanted, sensed)
 
     def _share(self, count: int, work: Callable[[int, int], Result]) -> list[Result]:
         """Let `work` be done for so many things, in stretches of numbers; gives what comes of each."""

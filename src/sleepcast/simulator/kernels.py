@@ -109,8 +109,8 @@ def collect(squares, seen):
 
 
 @strict
-def tell(seen, which, least, most, front, sensed):
-    """See `noise.tell`, without noise. front: numbers of the sonars in front."""
+def tell(seen, which, least, most, front, wanted, sensed):
+    """See `noise.tell`, without noise. front: numbers of the sonars in front; wanted: which rows of `sensed` are."""
     sonars, shortest = seen.shape[1], F(least)
     told = np.empty(sonars)
     for q in range(which.shape[0]):
@@ -120,21 +120,24 @@ def tell(seen, which, least, most, front, sensed):
             told[k] = least if seen[q, k] <= shortest else value
         o, nearest = which[q], told[front[0]]
         for k in range(sonars):
-            sensed[k, o] = told[k]
+            if wanted[k]:
+                sensed[k, o] = told[k]
+        if not wanted[sonars]:
+            continue
         for k in front:
             nearest = told[k] if (told[k] < nearest) | (told[k] != told[k]) else nearest
         sensed[sonars, o] = nearest
 
 
 @compiled
-def hear(squares, which, noise, least, most, front, sensed, edge):
+def hear(squares, which, noise, least, most, front, wanted, sensed, edge):
     """Make readings of squared ranges, which are known: `collect`, `disturb`, `tell`, sonar by sonar for a block of
     robots. noise: share, dropout and their keys. edge: for which robot, of LINE, a line of the caches begins in all
     rows of `sensed`, or -1."""
     (share, dropout, key, dropout_key), sonars, count = noise, sensed.shape[0] - 1, which.shape[0]
     seen, multiples, told, nearest, ahead = np.empty(BLOCK, F), np.empty(BLOCK, U), np.empty(BLOCK), np.empty(BLOCK), np.zeros(sonars, np.bool_)
     for k in front:
-        ahead[k] = True
+        ahead[k] = wanted[sonars]
     begin, end = 0, BLOCK if edge < 0 or count == 0 else (edge - which[0]) % LINE
     while begin < count:
         end = min(end, count)
@@ -143,12 +146,16 @@ def hear(squares, which, noise, least, most, front, sensed, edge):
         for q in range(end - begin):
             multiples[q], nearest[q] = U(some[q]) * U(sonars) * GOLDEN, most
         for k in range(sonars):
+            if not (wanted[k] or ahead[k]):
+                continue
             listen(squares[begin:end], k, multiples, share, dropout, key, dropout_key, least, most, seen, told)
             if ahead[k]:
                 for q in range(end - begin):
                     nearest[q] = min(nearest[q], told[q])
-            spread(told, some, sensed, k, streams)
-        spread(nearest, some, sensed, sonars, streams)
+            if wanted[k]:
+                spread(told, some, sensed, k, streams)
+        if wanted[sonars]:
+            spread(nearest, some, sensed, sonars, streams)
         begin, end = end, end + BLOCK
     all_passed()
 

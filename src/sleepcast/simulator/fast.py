@@ -80,7 +80,8 @@ class NumbaMachine:
         return seen
 
     def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats) -> None:
-        squares = self._squares(view, which)
+        rear = np.cos(view.cones.axes) < -1e-9
+        squares = self._squares(view, which, forward=not ear.wanted[:-1][rear].any())
         noise = ear.noise or Noise(0.0, 0.0, 0.0, 0, 0)
         noises = noise.share, noise.dropout, np.uint64(noise.key), np.uint64(noise.dropout_key)
         edge = -1 if sensed.strides[0] % LINE else -sensed.ctypes.data % LINE // sensed.itemsize
@@ -91,8 +92,9 @@ class NumbaMachine:
 
         self._share(len(which), work)
 
-    def _squares(self, view: View, which: Whole) -> Ranges:
-        """The squared ranges that the robots `which` see, a row for each."""
+    def _squares(self, view: View, which: Whole, *, forward: bool = False) -> Ranges:
+        """The squared ranges that the robots `which` see, a row for each. forward: nobody asks for cones that look
+        behind."""
         cones, grid, points, listed, solids, pose, radii = view
         robots, order, scratch = len(pose[0]), points.order, self._scratch
         scratch.begin(MOST * robots)
@@ -120,7 +122,7 @@ class NumbaMachine:
                 *(*pose, order, fixed_x, fixed_y, wide, rows, points.start, grid.size, grid.across, grid.up),
                 *(walls.solids, walls.start, walls.items, walls.news),
                 *(cones.radius, cones.radius, cones.reach, cones.most, cos(cones.half), sin(cones.half)),
-                *(graze, cones.grazing, lone if lone < np.inf else -1.0, 1.0 / units, mixed),
+                *(graze, cones.grazing, lone if lone < np.inf else -1.0, 1.0 / units, mixed, forward),
                 *(np.cos(axes), np.sin(axes), first, last, close, squares),
             )
 

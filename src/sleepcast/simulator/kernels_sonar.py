@@ -272,7 +272,7 @@ def turn(heading, order, first, last, cosines, sines):
 @compiled
 def see(
     x, y, heading, order, fixed_x, fixed_y, radii, rows, start, size, across, up, solids, listed, items, news,
-    own, common, reach, most, cosine, sine, graze, grazing, lone, unit, mixed, axis_cos, axis_sin,
+    own, common, reach, most, cosine, sine, graze, grazing, lone, unit, mixed, forward, axis_cos, axis_sin,
     first_row, last_row, close, out,
 ):  # fmt: skip
     """What robots in the rows of cells from `first_row` up to `last_row` see, squared; see `cones.ranges`.
@@ -282,13 +282,16 @@ def see(
     cell, at least the reach. solids, listed, items, news: see `walls.Walls`. own: radius of those who look; common: the
     usual radius (bodies of others cost more; if there are none, `mixed` says so, and radii is not read); reach: how far
     a middle may be. lone: beyond this distance a body of the common radius is seen by the two nearest of sixteen sonars
-    only; negative where there are not sixteen. axis_cos, axis_sin: of the cones, as many as a row of `out` is long: a
+    only; negative where there are not sixteen. forward: whether nobody asks for cones that look behind. axis_cos, axis_sin: of the cones, as many as a row of `out` is long: a
     multiple of LANES. close: is made False for those who find nobody within `lone`.
     """
     count = axis_cos.shape[0]
     nothing = F(most * most)
     reach2, lone2 = F(((reach + 1e-4) / unit) ** 2), F(lone * lone if lone >= 0.0 else AWAY)
     half = np.arctan2(sine, cosine)
+    # What a cone that looks aside or ahead meets is at most so far behind, and those who are close count anyhow.
+    aslant = F(sine / cosine)
+    behind = -F(max(common * (1.0 + sine / cosine), lone) + 0.01) if forward else -AWAY
     cos_0, sin_0, cos_1, sin_1 = F(cosine), F(sine), F(cos(pi / 8 - half)), F(sin(pi / 8 - half))
     off_out, off_ahead, radius = F(own * sine), F(own * cosine), F(common)
     barely, past = F(common * graze) - GRAZING, F(common * graze) + PAST
@@ -327,7 +330,7 @@ def see(
                         for j0 in range(begin, end, U(LANES)):
                             n = keep(
                                 fixed_x, fixed_y, j0, end, U(i), fixed_x[i], fixed_y[i], F(co) * F(unit),
-                                F(si) * F(unit), reach2, I(held << OWNER), ahead, aside, number, n,
+                                F(si) * F(unit), reach2, aslant, behind, I(held << OWNER), ahead, aside, number, n,
                             )  # fmt: skip
                     batch[held], cells[held] = i, cell
                     turned[held], turned[BATCH + held] = co, si

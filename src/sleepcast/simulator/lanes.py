@@ -18,16 +18,17 @@ KNOWN_BY = (19, 22)
 
 
 @inlined
-def _keep_one_by_one(x, y, first, last, own, px, py, co, si, limit, mark, ahead, aside, number, n):
+def _keep_one_by_one(x, y, first, last, own, px, py, co, si, limit, aslant, behind, mark, ahead, aside, number, n):
     for j in range(first, min(first + np.uint64(LANES), last)):
         dx, dy = np.float32(np.int32(x[j] - px)), np.float32(np.int32(y[j] - py))
         ahead[n], aside[n], number[n] = dx * co + dy * si, dy * co - dx * si, np.int32(j) + mark
-        n += np.uint64((dx * dx + dy * dy < limit) & (j != own))
+        seen = (dx * dx + dy * dy < limit) & (ahead[n] + aslant * abs(aside[n]) > behind)
+        n += np.uint64(seen & (j != own))
     return n
 
 
 @intrinsic
-def _keep_at_once(typing, x, y, first, last, own, px, py, co, si, limit, mark, ahead, aside, number, n):
+def _keep_at_once(typing, x, y, first, last, own, px, py, co, si, limit, aslant, behind, mark, ahead, aside, number, n):
     """The same in LLVM's words."""
     single, short = ir.FloatType(), ir.IntType(32)
     singles, shorts = ir.VectorType(single, LANES), ir.VectorType(short, LANES)
@@ -35,7 +36,7 @@ def _keep_at_once(typing, x, y, first, last, own, px, py, co, si, limit, mark, a
     flags = tuple(sorted(FASTMATH))
 
     def generate(context, build, signature, arguments):
-        _, _, first, last, own, px, py, co, si, limit, mark, _, _, _, n = arguments
+        _, _, first, last, own, px, py, co, si, limit, aslant, behind, mark, _, _, _, n = arguments
 
         def place(number, index, vector):
             array = context.make_array(signature.args[number])(context, build, arguments[number])
@@ -58,11 +59,15 @@ def _keep_at_once(typing, x, y, first, last, own, px, py, co, si, limit, mark, a
         square = build.fadd(times(dx, dx), times(dy, dy), flags=flags)
         lane = build.add(every(build.trunc(first, short), shorts), ir.Constant(shorts, list(range(LANES))))
         kept = build.fcmp_ordered("<", square, every(limit, singles), flags=flags)
+        size = "llvm.fabs.v16f32"
+        size = build.module.globals.get(size) or ir.Function(build.module, ir.FunctionType(singles, [singles]), size)
+        forward = build.fadd(along, times(every(aslant, singles), build.call(size, [across])), flags=flags)
+        kept = build.and_(kept, build.fcmp_ordered(">", forward, every(behind, singles), flags=flags))
         kept = build.and_(kept, build.icmp_signed("<", lane, every(build.trunc(last, short), shorts)))
         kept = build.and_(kept, build.icmp_signed("!=", lane, every(build.trunc(own, short), shorts)))
         marked = build.add(lane, every(mark, shorts))
         for target, value, vector, name in (
-            *((11, along, singles, "v16f32"), (12, across, singles, "v16f32"), (13, marked, shorts, "v16i32")),
+            *((13, along, singles, "v16f32"), (14, across, singles, "v16f32"), (15, marked, shorts, "v16i32")),
         ):
             shape = ir.FunctionType(vector, [vector, bits, vector])
             name = f"{COMPRESS}.{name}"
@@ -73,7 +78,7 @@ def _keep_at_once(typing, x, y, first, last, own, px, py, co, si, limit, mark, a
         return build.add(n, build.zext(count, ir.IntType(64)))
 
     long, whole, real = types.uint64, types.int32, types.float32
-    numbers = long, long, long, whole, whole, real, real, real, whole
+    numbers = long, long, long, whole, whole, real, real, real, real, real, whole
     return long(x, y, *numbers, ahead, aside, number, long), generate
 
 
@@ -85,9 +90,10 @@ def at_once() -> bool:
 
 keep = _keep_at_once if at_once() else _keep_one_by_one
 """Take those of LANES points x, y (int32) from `first` on, but not from `last` on and not `own`, that are in reach of
-px, py; put how far they are ahead and aside of a direction, and their number plus `mark`, into `ahead`, `aside`
-(float32) and `number` (int32) from `n` on; gives the new n. co, si: cosine and sine of that direction, times the unit
-that is wanted; limit: the square of the reach. Room for LANES more must be there, and LANES more points."""
+px, py, and ahead, or not too far behind; put how far they are ahead and aside of a direction, and their number plus
+`mark`, into `ahead`, `aside` (float32) and `number` (int32) from `n` on; gives the new n. co, si: cosine and sine of that
+direction, times the unit that is wanted; limit: the square of the reach; aslant, behind: the sum of how far one is ahead
+and `aslant` times how far it is aside is more than `behind`. Room for LANES more must be there, and LANES more points."""
 
 
 @inlined

@@ -2,7 +2,8 @@
 written to.
 
 Contractions to fused multiply-adds are not allowed (they would differ between processors), nor, but for `strict` ones,
-may numbers be infinite or unknown. Compiled functions let other threads run.
+may numbers be infinite or unknown. Each function says which it is, as one that did not would take it from whoever
+happened to be the first to call it. Compiled functions let other threads run.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ def compiled(function: Kernel) -> Kernel:
 
 def strict(function: Kernel) -> Kernel:
     """A kernel that computes the same bits as NumPy, infinite and signed numbers included."""
-    return _made(function)
+    return _made(function, fastmath=False)
 
 
 def inlined(function: Kernel) -> Kernel:
@@ -77,11 +78,11 @@ def inlined(function: Kernel) -> Kernel:
 
 def part(function: Kernel) -> Kernel:
     """A part of `strict` kernels, by itself so that it is compiled by itself, which can be called by nobody else."""
-    return _made(function, no_cpython_wrapper=True)
+    return _made(function, fastmath=False, no_cpython_wrapper=True)
 
 
 def _made(function: Kernel, **options: Any) -> Kernel:
-    options = {"fastmath": False, "cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True} | options
+    options |= {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
     return cast(Kernel, numba.njit(**options)(function))
 
 

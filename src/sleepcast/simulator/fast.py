@@ -67,7 +67,16 @@ class NumbaMachine:
     def sort(self, grid: Grid, x: Floats, y: Floats) -> Sorted:
         cells, order = np.empty(len(x), np.int32), np.empty(len(x), np.int32)
         start = np.empty(grid.cells + 1, np.int32)
-        kernels.sort(x, y, grid.size, grid.across, grid.up, cells, start, order)
+        borders = self._borders(len(x))
+        counts = np.zeros((len(borders) - 1, grid.cells), np.int32)
+        places = dict(zip(borders, counts, strict=False))  # by where their stretch begins
+
+        def count(first: int, last: int) -> None:
+            kernels.count(x, y, grid.size, grid.across, grid.up, first, last, cells, places[first])
+
+        self._together(count, borders)
+        kernels.begin(counts, start)
+        self._together(lambda first, last: kernels.place(cells, first, last, places[first], order), borders)
         return Sorted(order, start)
 
     def in_sight(self, listed: Listed, solids: Floats) -> Walls:
@@ -229,9 +238,12 @@ class NumbaMachine:
 
     def _share(self, count: int, work: Callable[[int, int], Result]) -> list[Result]:
         """Let `work` be done for so many things, in stretches of numbers; gives what comes of each."""
-        if self._alone(count):
-            return [work(0, count)]
-        return self._together(work, [count * share // self.threads for share in range(self.threads + 1)])
+        return self._together(work, self._borders(count))
+
+    def _borders(self, count: int) -> list[int]:
+        """Where the stretches of so many things begin, one for each thread that shares the work, and their end."""
+        shares = 1 if self._alone(count) else self.threads
+        return [count * share // shares for share in range(shares + 1)]
 
     def _share_rows(self, work: Callable[[int, int], None], grid: Grid, start: Short) -> None:
         """Let `work` be done for all rows of cells, in stretches of about as many robots."""
@@ -248,7 +260,10 @@ class NumbaMachine:
         return self.threads == 1 or count <= ALONE
 
     def _together(self, work: Callable[[int, int], Result], borders: list[int]) -> list[Result]:
-        """Let all threads, this one among them, take the next stretch until none is left."""
+        """Let all threads, this one among them, take the next stretch until none is left; this one alone if there is
+        only one."""
+        if len(borders) == 2:
+            return [work(*borders)]
         if self._pool is None:
             self._pool = ThreadPoolExecutor(self.threads - 1, "kernels")
         stretches = iter([pair for pair in pairwise(borders) if pair[0] < pair[1]])  # of which each is given out once

@@ -23,22 +23,36 @@ LINE = 8
 
 
 @compiled
-def sort(x, y, size, across, up, cells, start, order):
-    """Counting sort by cell; see `grid.sort`. cells: room for the cell of each point."""
-    start[:] = 0
-    for i in range(x.shape[0]):
+def count(x, y, size, across, up, first, last, cells, counts):
+    """The first step of a counting sort by cell, see `grid.sort`: the cells of the points from `first` up to `last`,
+    and in `counts`, which is 0, how many of them lie in each."""
+    for i in range(first, last):
         column = min(max(int(x[i] / size), 0), across - 1)
         row = min(max(int(y[i] / size), 0), up - 1)
         cells[i] = row * across + column
-        start[cells[i] + 1] += 1
-    for cell in range(across * up):
-        start[cell + 1] += start[cell]
-    for i in range(x.shape[0]):
-        order[start[cells[i]]] = i
-        start[cells[i]] += 1
-    for cell in range(across * up, 0, -1):
-        start[cell] = start[cell - 1]
-    start[0] = 0
+        counts[cells[i]] += 1
+
+
+@compiled
+def begin(counts, start):
+    """The second step: where each cell begins, and in it the points of each stretch, where `counts` has said how
+    many."""
+    total = 0
+    for cell in range(counts.shape[1]):
+        start[cell] = total
+        for stretch in range(counts.shape[0]):
+            these = counts[stretch, cell]
+            counts[stretch, cell] = total
+            total += these
+    start[counts.shape[1]] = total
+
+
+@compiled
+def place(cells, first, last, places, order):
+    """The third step: the order. places: where the points of this stretch begin in each cell; changed."""
+    for i in range(first, last):
+        order[places[cells[i]]] = i
+        places[cells[i]] += 1
 
 
 @compiled
@@ -135,7 +149,8 @@ def hear(squares, which, noise, least, most, front, wanted, sensed, edge):
     robots. noise: share, dropout and their keys. edge: for which robot, of LINE, a line of the caches begins in all
     rows of `sensed`, or -1."""
     (share, dropout, key, dropout_key), sonars, count = noise, sensed.shape[0] - 1, which.shape[0]
-    seen, multiples, told, nearest, ahead = np.empty(BLOCK, F), np.empty(BLOCK, U), np.empty(BLOCK), np.empty(BLOCK), np.zeros(sonars, np.bool_)
+    seen, multiples, told, nearest = np.empty(BLOCK, F), np.empty(BLOCK, U), np.empty(BLOCK), np.empty(BLOCK)
+    ahead = np.zeros(sonars, np.bool_)
     for k in front:
         ahead[k] = wanted[sonars]
     begin, end = 0, BLOCK if edge < 0 or count == 0 else (edge - which[0]) % LINE

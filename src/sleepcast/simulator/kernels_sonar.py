@@ -282,8 +282,9 @@ def see(
     cell, at least the reach. solids, listed, items, news: see `walls.Walls`. own: radius of those who look; common: the
     usual radius (bodies of others cost more; if there are none, `mixed` says so, and radii is not read); reach: how far
     a middle may be. lone: beyond this distance a body of the common radius is seen by the two nearest of sixteen sonars
-    only; negative where there are not sixteen. forward: whether nobody asks for cones that look behind. axis_cos, axis_sin: of the cones, as many as a row of `out` is long: a
-    multiple of LANES. close: is made False for those who find nobody within `lone`.
+    only; negative where there are not sixteen. forward: whether nobody asks for cones that look behind. axis_cos,
+    axis_sin: of the cones, as many as a row of `out` is long: a multiple of LANES. close: is made False for those who
+    find nobody within `lone`.
     """
     count = axis_cos.shape[0]
     nothing = F(most * most)

@@ -28,7 +28,9 @@ def _keep_one_by_one(x, y, first, last, own, px, py, co, si, limit, aslant, behi
 
 
 @intrinsic
-def _keep_at_once(typing, x, y, first, last, own, px, py, co, si, limit, aslant, behind, mark, ahead, aside, number, n):
+def _keep_at_once(
+    typing, x, y, first, last, own, px, py, co, si, limit, aslant, behind, mark, ahead, aside, number, n
+):  # fmt: skip
     """The same in LLVM's words."""
     single, short = ir.FloatType(), ir.IntType(32)
     singles, shorts = ir.VectorType(single, LANES), ir.VectorType(short, LANES)
@@ -91,9 +93,10 @@ def at_once() -> bool:
 keep = _keep_at_once if at_once() else _keep_one_by_one
 """Take those of LANES points x, y (int32) from `first` on, but not from `last` on and not `own`, that are in reach of
 px, py, and ahead, or not too far behind; put how far they are ahead and aside of a direction, and their number plus
-`mark`, into `ahead`, `aside` (float32) and `number` (int32) from `n` on; gives the new n. co, si: cosine and sine of that
-direction, times the unit that is wanted; limit: the square of the reach; aslant, behind: the sum of how far one is ahead
-and `aslant` times how far it is aside is more than `behind`. Room for LANES more must be there, and LANES more points."""
+`mark`, into `ahead`, `aside` (float32) and `number` (int32) from `n` on; gives the new n. co, si: cosine and sine of
+that direction, times the unit that is wanted; limit: the square of the reach; aslant, behind: how far one is ahead, and
+`aslant` times how far it is aside, are together more than `behind`. Room for LANES more must be there, and LANES more
+points."""
 
 
 @inlined
@@ -139,8 +142,8 @@ from `n` on; gives the new n. Room for LANES more must be there."""
 
 @intrinsic
 def pass_by(typing, values, first, array, row, column):
-    """Write as many `values` as fill a line of the caches, from `first` on, into a row of `array` from `column` on, past
-    the caches, which would have to read from memory what is overwritten. A line must begin there."""
+    """Write as many `values` as fill a line of the caches, from `first` on, into a row of `array` from `column` on,
+    past the caches, which would have to read from memory what is overwritten. A line must begin there."""
 
     def generate(context, build, signature, arguments):
         read = context.make_array(signature.args[0])(context, build, arguments[0]).data

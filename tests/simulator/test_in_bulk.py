@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from machines import MACHINES
 from sleepcast.errors import MisuseError
 from sleepcast.robot import Setpoint
+from sleepcast.simulator.engine import Machine
 from small_worlds import scouts, simulator
 
 NOISE = '\n[noise]\nx = "3m"\nheading = "5deg"\nbattery = "1%"\n'
@@ -60,6 +62,46 @@ class TestSensed:
         sim.step()
         sim.sense(echoes=False)
         assert (sim.sensed[first:, 7] == heard).all()
+
+    @pytest.mark.parametrize("machine", MACHINES)
+    @pytest.mark.parametrize("more", SONARS.values(), ids=SONARS.keys())
+    @pytest.mark.parametrize("sonars", [(0, 16), (3, 12), (8,), (16,)], ids=str)
+    def test_only_the_sonars_that_are_asked_for_measure(
+        self, tmp_path: Path, machine: Machine, more: str, sonars: tuple[int, ...]
+    ) -> None:
+        """What they read is what they would read if all were asked for, also later in the same tick."""
+        sim, whole = (scouts(tmp_path, MANY, more=more, machine=machine) for _ in range(2))
+        first = sim.echoing.start
+        asked = [first + sonar for sonar in sonars]
+        others = [row for row in sim.echoing if row not in asked]
+        for _ in range(2):
+            for some in (sim, whole):
+                some.act("drive_speed", slice(None), np.full(40, 0.5))
+                some.step()
+            before = sim.sensed[others].copy()
+            whole.sense()
+            sim.sense(echoes=asked)
+            assert np.array_equal(sim.sensed[asked], whole.sensed[asked], equal_nan=True)
+            assert np.array_equal(sim.sensed[others], before, equal_nan=True)
+        sim.sense(np.array([4, 5]))
+        assert np.array_equal(sim.sensed[:, 4:6], whole.sensed[:, 4:6], equal_nan=True)
+        sim.sense(echoes=[first + 5])
+        assert np.array_equal(sim.sensed[first + 5], whole.sensed[first + 5], equal_nan=True)
+
+    @pytest.mark.parametrize("machine", MACHINES)
+    def test_bodies_touch_alike_whoever_has_looked_around(self, tmp_path: Path, machine: Machine) -> None:
+        seeing, half, blind = (scouts(tmp_path, MANY, machine=machine) for _ in range(3))
+        touched = 0
+        for tick in range(60):
+            for sim in (seeing, half, blind):
+                sim.act("drive_speed", slice(None), np.full(40, 0.5))
+                sim.act("drive_turn", slice(None), np.linspace(-0.5, 0.5, 40))
+                sim.step()
+            seeing.sense()
+            half.sense(np.arange(0, 40, 2), echoes=[seeing.echoing.start] if tick % 3 else True)
+            touched += int((blind.bodies.hit_x != 0.0).sum())
+        assert touched > 100
+        assert seeing.state_hash() == half.state_hash() == blind.state_hash()
 
     @pytest.mark.parametrize("more", SONARS.values(), ids=SONARS.keys())
     def test_looking_changes_no_state(self, tmp_path: Path, more: str) -> None:

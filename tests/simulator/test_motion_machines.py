@@ -11,6 +11,7 @@ from machines import ALL
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.bodies import Mode
 from sleepcast.simulator.engine import Machine, choose
+from sleepcast.simulator.grid import grid_over, sort
 from small_worlds import scouts
 
 MANY = ("count = 1\n", "count = 300\n")
@@ -92,3 +93,14 @@ def test_a_body_that_only_drives_does_not_roam(tmp_path: Path) -> None:
     wanders = sim.bodies.mode == Mode.WANDER
     assert 20 < np.count_nonzero(wanders) < 100
     assert ((sim.bodies.roaming != before) == wanders).all()
+
+
+@pytest.mark.skipif(len(ALL) == 1, reason="only NumPy is installed")
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_bodies_are_sorted_alike_on_any_number_of_threads(threads: int) -> None:
+    """More than one thread does alone, some of them outside of the world."""
+    world = grid_over(300.0, 200.0, 7.0, 8_000)
+    x, y = np.random.default_rng(9).uniform(((-5.0,), (-5.0,)), ((305.0,), (205.0,)), (2, 8_000))
+    wanted, found = sort(world, x, y), choose("numba", threads).sort(world, x, y)
+    assert found.order.tolist() == wanted.order.tolist()
+    assert found.start.tolist() == wanted.start.tolist()

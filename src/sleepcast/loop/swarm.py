@@ -14,7 +14,7 @@ seed, time is the number of the tick, so a run repeats to the last bit however f
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict
 from math import isinf
 from typing import Protocol
@@ -145,8 +145,9 @@ class Swarm:
         self.sense(self.fleet.rows([mind.place]))
         return mind.evaluate(text)
 
-    def sense(self, robots: Rows | None = None, *, echoes: bool = True) -> None:
-        """Give these robots (None: all) their readings of this moment. echoes: those of their sonars as well."""
+    def sense(self, robots: Rows | None = None, *, echoes: bool | Collection[int] = True) -> None:
+        """Give these robots (None: all) their readings of this moment. echoes: those of their sonars as well, or at
+        least those in these rows of what they sense."""
         some = None if robots is None or robots.size == len(self.fleet) else robots.robots
         self.simulator.sense(some, echoes)
         self.fleet.look(self.now(), robots)
@@ -210,8 +211,23 @@ def _think(swarm: Swarm) -> None:
     """Let the robots think that have anything to think about, with their readings of this moment."""
     swarm.thought = swarm.fleet.restless()
     if swarm.thought.size:
-        swarm.sense(swarm.thought, echoes=bool(swarm.sonars and swarm.sonars & swarm.fleet.reads()))
+        swarm.sense(swarm.thought, echoes=_heard(swarm))
         swarm.fleet.think(swarm.simulator.tick, swarm.now(), swarm.thought)
+
+
+def _heard(swarm: Swarm) -> bool | Collection[int]:
+    """Which sonars' readings robots need to think: all where a sample of every robot follows anyway."""
+    if not swarm.sonars:
+        return False
+    asked = swarm.sonars & swarm.fleet.reads()
+    if asked and swarm.desk is not None and _is_sampled(swarm):
+        return True
+    return [slot - swarm.vocabulary.first_sensor for slot in asked]
+
+
+def _is_sampled(swarm: Swarm) -> bool:
+    """Whether it is time to take a sample of every robot."""
+    return swarm.simulator.tick % swarm.telemetry_ticks == 0
 
 
 def _report(swarm: Swarm) -> None:
@@ -230,7 +246,7 @@ def _report(swarm: Swarm) -> None:
             desk.hear(heard)
         else:
             desk.hear_many(heard)
-    if swarm.simulator.tick % swarm.telemetry_ticks == 0:
+    if _is_sampled(swarm):
         sampled = swarm.radio.samples()
         swarm.sense(swarm.fleet.rows(sampled))
         desk.observe_many(swarm.now(), sampled)

@@ -11,7 +11,7 @@ alone.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from copy import copy
 from dataclasses import replace
 from enum import IntEnum
@@ -228,13 +228,15 @@ class Bodies:
             self.mode[which[free]] = Mode.DRIVE
             wanted[actuator][which[free & named]] = values[free & named]
 
-    def sense(self, which: Whole | None = None, echoes: bool = True) -> None:
+    def sense(self, which: Whole | None = None, echoes: bool | Collection[int] = True) -> None:
         """Bring the table up to date for the robots with these indices (None: all): noise, and what their sonars hear
-        if `echoes`. Asked twice in one tick, the answer is the same."""
+        if `echoes`, or at least what comes into these rows of the table. Asked twice in one tick, the answer is the
+        same."""
         if self.scenario.noise:
             self._disturb(slice(None) if which is None else which)
         if echoes and self.echoes:
-            self.echoes.sense(which, self.tick, (self.x, self.y, self.heading))
+            rows = None if echoes is True else [row - len(self.sensors) for row in echoes]
+            self.echoes.sense(which, self.tick, (self.x, self.y, self.heading), rows)
 
     def echo(self, numbers: Sequence[int] | None = None) -> Floats:
         """What the sonars of these robots (None: all) read, m, shape (robots, sonars). Only for robots with sonars."""

@@ -2,7 +2,8 @@
 written to.
 
 Contractions to fused multiply-adds are not allowed (they would differ between processors), nor, but for `strict` ones,
-may numbers be infinite or unknown. Compiled functions let other threads run.
+may numbers be infinite or unknown. Each function says which it is, as one that did not would take it from whoever
+happened to be the first to call it. Compiled functions let other threads run.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ def compiled(function: Kernel) -> Kernel:
 
 def strict(function: Kernel) -> Kernel:
     """A kernel that computes the same bits as NumPy, infinite and signed numbers included."""
-    return _made(function)
+    return _made(function, fastmath=False)
 
 
 def inlined(function: Kernel) -> Kernel:
@@ -77,7 +78,7 @@ def inlined(function: Kernel) -> Kernel:
 
 def part(function: Kernel) -> Kernel:
     """A part of `strict` kernels, by itself so that it is compiled by itself, which can be called by nobody else."""
-    return _made(function, no_cpython_wrapper=True)
+    return _made(function, fastmath=False, no_cpython_wrapper=True)
 
 
 def _made(function: Kernel, **options: Any) -> Kernel:
@@ -91,4 +92,4 @@ def _either_of_numbers(condition, yes, no):  # type: ignore[no-untyped-def]  # n
 
 
 for formula in (formulas.sine_cosine, formulas.arc_tangent, formulas.wrap, *driving.FORMULAS):
-    register_jitable(forceinline=True, error_model="numpy")(formula)
+    register_jitable(forceinline=True, fastmath=False, error_model="numpy")(formula)

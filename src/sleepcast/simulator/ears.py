@@ -5,7 +5,7 @@ A sort with fewer sonars than others leaves their rows unknown, and one without 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +30,15 @@ class Ears:
         for ring in self.rings:
             ring.forget()
 
-    def sense(self, which: Whole | None, tick: int, pose: tuple[Floats, Floats, Floats]) -> None:
-        """Bring the readings of the robots with indices `which` (None: all) up to date; see `Echoes`."""
+    def sense(
+        self,
+        which: Whole | None,
+        tick: int,
+        pose: tuple[Floats, Floats, Floats],
+        rows: Collection[int] | None = None,
+    ) -> None:
+        """Bring the readings of the robots with indices `which` (None: all) up to date, whatever rows they ask for; see
+        `Echoes`."""
         for ring in self.rings:
             first, last = ring.robots.start, ring.robots.stop
             mine = None if which is None else which[(which >= first) & (which < last)]

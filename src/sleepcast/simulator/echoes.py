@@ -7,7 +7,7 @@ as old as it would be.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from functools import partial
 from math import pi
 
@@ -73,6 +73,8 @@ class Echoes:
         )
         self._version = -1
         self._fresh = np.zeros(count, bool)
+        """Whose readings are up to date, of the `_wanted` rows."""
+        self._wanted = np.ones(ring.count + 1, bool)
 
     def arrange(self, robot: int, order: Sequence[int], pause: float) -> None:
         """Let the sonars of the robot with this index fire in this order from now on, each `pause` s after the echo of
@@ -102,17 +104,23 @@ class Echoes:
         """Bodies or obstacles have moved: what was looked at is no longer so."""
         self._fresh[:] = False
 
-    def sense(self, which: Whole | None, tick: int, pose: tuple[Floats, Floats, Floats]) -> None:
+    def sense(
+        self,
+        which: Whole | None,
+        tick: int,
+        pose: tuple[Floats, Floats, Floats],
+        rows: Collection[int] | None = None,
+    ) -> None:
         """Bring the readings of the robots with indices `which` (None: all that have these sonars) up to date for this
-        tick. pose: where all bodies really are: x, y in m and heading in rad."""
+        tick; those in these `rows` of `sensed` at least (None: all). pose: where all bodies really are: x, y in m and
+        heading in rad."""
         if self._version != self._near.world.version:
             self.forget()
             self._version = self._near.world.version
-        own = None if which is None else which - self.robots.start
-        old = np.flatnonzero(~self._fresh) if own is None else own[~self._fresh[own]]
+        old = self._old(None if which is None else which - self.robots.start, rows)
         if not len(old):
             return
-        self._fresh[old] = True
+        self._fresh[slice(None) if which is None else old] = True
         if self.firing.in_order:
             at_once = self.firing.at_once(old)
             old, kept = old[at_once], old[~at_once]
@@ -126,6 +134,18 @@ class Echoes:
             self._machine.tell(self._machine.ranges(self._view(pose), old + self.robots.start), old, ear, self.sensed)
         else:
             self._machine.hear(self._view(pose), old, ear, self.sensed)
+
+    def _old(self, own: Whole | None, rows: Collection[int] | None) -> Whole:
+        """Which of these robots (None: all) have not got up to date readings in these rows."""
+        wanted = np.full(len(self._wanted), rows is None)
+        wanted[list(rows or ())] = True
+        if not self._fresh.any():
+            self._wanted = wanted
+            return np.arange(len(self._fresh)) if own is None else own
+        if (wanted & ~self._wanted).any():
+            self._wanted = wanted | self._wanted
+            self._fresh[:] = False
+        return np.flatnonzero(~self._fresh) if own is None else own[~self._fresh[own]]
 
     def fire(self, tick: int, until: float, pose: tuple[Floats, Floats, Floats]) -> None:
         """Fire the sonars that are due before the time `until` (s), keep what they read, and let robots hear each
@@ -177,7 +197,7 @@ class Echoes:
         return View(self.cones, near.grid, near.points(x, y), listed, near.world.solids, (x, y, heading), self.radii)
 
     def _ear(self, noise: Noise | None) -> Ear:
-        return Ear(self.ring.least, self.ring.most, self.front, noise)
+        return Ear(self.ring.least, self.ring.most, self.front, noise, self._wanted)
 
     def _noise(self, tick: int) -> Noise | None:
         """What disturbs the echoes of this tick."""

@@ -10,9 +10,10 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from math import cos, frexp, ldexp, pi, sin, sqrt
-from typing import TypeVar
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sleepcast.simulator import kernels, kernels_contact, kernels_firing, kernels_motion, kernels_sonar, steps
 from sleepcast.simulator.cones import Ranges, View
@@ -23,11 +24,12 @@ from sleepcast.simulator.firing import Firing, Tick
 from sleepcast.simulator.grid import Floats, Grid, Listed, Short, Sorted, Whole
 from sleepcast.simulator.lanes import LANES
 from sleepcast.simulator.noise import Ear, Noise
-from sleepcast.simulator.scratch import Scratch
+from sleepcast.simulator.scratch import LINE, Scratch
 from sleepcast.simulator.steps import Columns, Draws, Proposal
 from sleepcast.simulator.walls import Walls, walls_of
 
 Result = TypeVar("Result")
+Flags: TypeAlias = NDArray[np.bool_]
 
 ALONE = 5_000
 """Robots up to which one thread is faster than several."""
@@ -35,8 +37,19 @@ STRETCHES = 4
 """Stretches of rows for each thread: when one thread is done early it takes over some of the rest."""
 MOST = 106
 """Bytes for each robot that most tasks get by with."""
+ROUNDING = 1e-3
+"""Metres, much more than single precision errs by in the distance of two bodies in reach of each other."""
 FOLDED = 16
 """Sonars of a ring whose bearings the kernel can fold."""
+
+
+class _Around(NamedTuple):
+    """What sonars have found out of points in this order: `close` is False for those that have no other one within
+    `reach` m."""
+
+    order: Short
+    reach: float
+    close: Flags
 
 
 class NumbaMachine:
@@ -49,11 +62,21 @@ class NumbaMachine:
         self._pool: ThreadPoolExecutor | None = None
         self._scratch = Scratch()
         self._fields = Fields(self._scratch)
+        self._around: _Around | None = None
 
     def sort(self, grid: Grid, x: Floats, y: Floats) -> Sorted:
         cells, order = np.empty(len(x), np.int32), np.empty(len(x), np.int32)
         start = np.empty(grid.cells + 1, np.int32)
-        kernels.sort(x, y, grid.size, grid.across, grid.up, cells, start, order)
+        borders = self._borders(len(x))
+        counts = np.zeros((len(borders) - 1, grid.cells), np.int32)
+        places = dict(zip(borders, counts, strict=False))  # by where their stretch begins
+
+        def count(first: int, last: int) -> None:
+            kernels.count(x, y, grid.size, grid.across, grid.up, first, last, cells, places[first])
+
+        self._together(count, borders)
+        kernels.begin(counts, start)
+        self._together(lambda first, last: kernels.place(cells, first, last, places[first], order), borders)
         return Sorted(order, start)
 
     def in_sight(self, listed: Listed, solids: Floats) -> Walls:
@@ -66,33 +89,28 @@ class NumbaMachine:
         return seen
 
     def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats) -> None:
-        squares = self._squares(view, which)
+        rear = np.cos(view.cones.axes) < -1e-9
+        squares = self._squares(view, which, forward=not ear.wanted[:-1][rear].any())
         noise = ear.noise or Noise(0.0, 0.0, 0.0, 0, 0)
-        keys = np.uint64(noise.key), np.uint64(noise.dropout_key)
+        noises = noise.share, noise.dropout, np.uint64(noise.key), np.uint64(noise.dropout_key)
+        edge = -1 if sensed.strides[0] % LINE else -sensed.ctypes.data % LINE // sensed.itemsize
 
         def work(first: int, last: int) -> None:
-            kernels.hear(
-                *(squares[first:last], which[first:last], view.cones.count, ear.noise is not None),
-                *(noise.share, noise.dropout, *keys, ear.least, ear.most, ear.front, sensed),
-            )
+            some = squares[first:last], which[first:last]
+            kernels.hear(*some, noises, ear.least, ear.most, ear.front, ear.wanted, sensed, edge)
 
         self._share(len(which), work)
 
-    def _squares(self, view: View, which: Whole) -> Ranges:
-        """The squared ranges that the robots `which` see, a row for each."""
+    def _squares(self, view: View, which: Whole, *, forward: bool = False) -> Ranges:
+        """The squared ranges that the robots `which` see, a row for each. forward: nobody asks for cones that look
+        behind."""
         cones, grid, points, listed, solids, pose, radii = view
-        robots, order = len(pose[0]), points.order
-        scratch = self._scratch
+        robots, order, scratch = len(pose[0]), points.order, self._scratch
         scratch.begin(MOST * robots)
-        places, fixed = scratch.take(np.float64, 4, robots), scratch.take(np.int32, 2, robots + LANES)
+        fixed_x, fixed_y = fixed = scratch.take(np.int32, 2, robots + LANES)
         fixed[:, robots:] = 0
         units = ldexp(1.0, kernels_sonar.SPAN - frexp(grid.size)[1])
-
-        def arrange(first: int, last: int) -> None:
-            kernels.arrange(order, *pose, first, last, places)
-            kernels.fix(places[0], places[1], units, first, last, fixed)
-
-        self._share(robots, arrange)
+        self._share(robots, lambda first, last: kernels.fix(order, *pose[:2], units, first, last, fixed_x, fixed_y))
         rows = order
         if len(which) < robots:
             place, rows = scratch.take(np.int32, 2, robots)
@@ -103,22 +121,35 @@ class NumbaMachine:
         squares = scratch.take(np.float32, len(which), len(axes))
         lone = cones.lone(2.0 * pi / cones.count) if cones.count == FOLDED else np.inf
         graze = sin(cones.incidence) if cones.incidence < pi / 2 else 1.0
-        x, y, cosines, sines = places
         mixed = radii is not None and bool((radii != cones.radius).any())
         wide = radii[order] if radii is not None and mixed else np.empty(0)
         walls = listed if isinstance(listed, Walls) else walls_of(listed, solids)
+        close = self._looked_around(points, min(lone, cones.reach))
 
         def see(first: int, last: int) -> None:
             kernels_sonar.see(
-                *(x, y, fixed[0], fixed[1], cosines, sines, wide, rows, points.start, grid.size, grid.across, grid.up),
+                *(*pose, order, fixed_x, fixed_y, wide, rows, points.start, grid.size, grid.across, grid.up),
                 *(walls.solids, walls.start, walls.items, walls.news),
                 *(cones.radius, cones.radius, cones.reach, cones.most, cos(cones.half), sin(cones.half)),
-                *(graze, cones.grazing, lone if lone < np.inf else -1.0, 1.0 / units, mixed),
-                *(np.cos(axes), np.sin(axes), first, last, squares),
+                *(graze, cones.grazing, lone if lone < np.inf else -1.0, 1.0 / units, mixed, forward),
+                *(np.cos(axes), np.sin(axes), first, last, close, squares),
             )
 
         self._share_rows(see, grid, points.start)
         return squares
+
+    def _looked_around(self, points: Sorted, reach: float) -> Flags:
+        """Sonars look at these points, and find out who is alone within `reach` m; gives where that is noted."""
+        if self._around is None or self._around.order is not points.order or self._around.reach != reach:
+            self._around = _Around(points.order, reach, np.ones(len(points.order), np.bool_))
+        return self._around.close
+
+    def _close(self, points: Sorted, reach: float) -> Flags:
+        """Which of these points may have another one within `reach` m, as far as sonars have found out."""
+        found = self._around
+        if found is not None and found.order is points.order and reach < found.reach - ROUNDING:
+            return found.close
+        return np.ones(len(points.order), np.bool_)
 
     def look(self, view: View, which: Whole, sonars: Whole) -> Ranges:
         shots, found = one_of_each(view, which, sonars)
@@ -177,13 +208,14 @@ class NumbaMachine:
         widest, least = float(radii.max(initial=0.0)), float(radii.min(initial=np.inf))
         wide = radii[:1] if widest == least else radii
         reach = 2.0 * widest + SKIN + 2.0 * longest
+        close = self._close(points, reach)
         near, stopped = scratch.take(np.bool_, count), Settled(*scratch.take(np.float64, 3, count))
         clear(settled)
 
         def at_old(first: int, last: int) -> None:
             kernels_contact.stop_at_old(
                 *(x, y, *way, wide, order, start, grid.size, grid.across, grid.up, solids, *listed),
-                *(SKIN, longest, reach, first, last, near, *stopped, *settled),
+                *(SKIN, longest, reach, first, last, close, near, *stopped, *settled),
             )
 
         def at_ways(first: int, last: int) -> None:
@@ -202,13 +234,16 @@ class NumbaMachine:
     def tell(self, seen: Ranges, which: Whole, ear: Ear, sensed: Floats) -> None:
         if ear.noise is not None:
             self.disturb(seen, which, ear.noise)
-        kernels.tell(seen, which, ear.least, ear.most, ear.front, sensed)
+        kernels.tell(seen, which, ear.least, ear.most, ear.front, ear.wanted, sensed)
 
     def _share(self, count: int, work: Callable[[int, int], Result]) -> list[Result]:
         """Let `work` be done for so many things, in stretches of numbers; gives what comes of each."""
-        if self._alone(count):
-            return [work(0, count)]
-        return self._together(work, [count * share // self.threads for share in range(self.threads + 1)])
+        return self._together(work, self._borders(count))
+
+    def _borders(self, count: int) -> list[int]:
+        """Where the stretches of so many things begin, one for each thread that shares the work, and their end."""
+        shares = 1 if self._alone(count) else self.threads
+        return [count * share // shares for share in range(shares + 1)]
 
     def _share_rows(self, work: Callable[[int, int], None], grid: Grid, start: Short) -> None:
         """Let `work` be done for all rows of cells, in stretches of about as many robots."""
@@ -225,7 +260,10 @@ class NumbaMachine:
         return self.threads == 1 or count <= ALONE
 
     def _together(self, work: Callable[[int, int], Result], borders: list[int]) -> list[Result]:
-        """Let all threads, this one among them, take the next stretch until none is left."""
+        """Let all threads, this one among them, take the next stretch until none is left; this one alone if there is
+        only one."""
+        if len(borders) == 2:
+            return [work(*borders)]
         if self._pool is None:
             self._pool = ThreadPoolExecutor(self.threads - 1, "kernels")
         stretches = iter([pair for pair in pairwise(borders) if pair[0] < pair[1]])  # of which each is given out once

@@ -9,32 +9,50 @@ import numpy as np
 from sleepcast.channel import chance
 from sleepcast.simulator.compiled import compiled, inlined, strict
 from sleepcast.simulator.formulas import sine_cosine
+from sleepcast.simulator.lanes import all_passed, pass_by
 from sleepcast.simulator.noise import MIDDLE, SCALE
 
 F = np.float32
 U = np.uint64
 GOLDEN = U(chance.GOLDEN)
+
 BLOCK = 64
 """Robots whose readings are turned from rows to columns at a time: they stay in the nearest cache."""
+LINE = 8
+"""Numbers of a reading in a line of the caches."""
 
 
 @compiled
-def sort(x, y, size, across, up, cells, start, order):
-    """Counting sort by cell; see `grid.sort`. cells: room for the cell of each point."""
-    start[:] = 0
-    for i in range(x.shape[0]):
+def count(x, y, size, across, up, first, last, cells, counts):
+    """The first step of a counting sort by cell, see `grid.sort`: the cells of the points from `first` up to `last`,
+    and in `counts`, which is 0, how many of them lie in each."""
+    for i in range(first, last):
         column = min(max(int(x[i] / size), 0), across - 1)
         row = min(max(int(y[i] / size), 0), up - 1)
         cells[i] = row * across + column
-        start[cells[i] + 1] += 1
-    for cell in range(across * up):
-        start[cell + 1] += start[cell]
-    for i in range(x.shape[0]):
-        order[start[cells[i]]] = i
-        start[cells[i]] += 1
-    for cell in range(across * up, 0, -1):
-        start[cell] = start[cell - 1]
-    start[0] = 0
+        counts[cells[i]] += 1
+
+
+@compiled
+def begin(counts, start):
+    """The second step: where each cell begins, and in it the points of each stretch, where `counts` has said how
+    many."""
+    total = 0
+    for cell in range(counts.shape[1]):
+        start[cell] = total
+        for stretch in range(counts.shape[0]):
+            these = counts[stretch, cell]
+            counts[stretch, cell] = total
+            total += these
+    start[counts.shape[1]] = total
+
+
+@compiled
+def place(cells, first, last, places, order):
+    """The third step: the order. places: where the points of this stretch begin in each cell; changed."""
+    for i in range(first, last):
+        order[places[cells[i]]] = i
+        places[cells[i]] += 1
 
 
 @compiled
@@ -48,11 +66,12 @@ def arrange(order, x, y, heading, first, last, into):
 
 
 @compiled
-def fix(x, y, units, first, last, into):
-    """Put positions (m) into the rows of `into` (int32), as whole numbers of `units` in a metre; beyond 32 bits they
-    begin anew, which does not matter to their differences."""
+def fix(order, x, y, units, first, last, fixed_x, fixed_y):
+    """Put positions (m) in the order of the cells, as whole numbers of `units` in a metre, into `fixed_x` and `fixed_y`
+    (int32); beyond 32 bits they begin anew, which does not matter to their differences."""
     for i in range(first, last):
-        into[0, i], into[1, i] = np.int32(np.int64(x[i] * units)), np.int32(np.int64(y[i] * units))
+        o = order[i]
+        fixed_x[i], fixed_y[i] = np.int32(np.int64(x[o] * units)), np.int32(np.int64(y[o] * units))
 
 
 @compiled
@@ -63,24 +82,24 @@ def enlist(order, place, rows):
 
 
 @inlined
-def mixed(counter, key):
-    """See `chance.mix`."""
-    bits = counter * GOLDEN + key
+def mixed(multiple, key):
+    """See `chance.mix`. multiple: of the counter, by `GOLDEN`."""
+    bits = multiple + key
     bits = (bits ^ (bits >> U(30))) * U(0xBF58476D1CE4E5B9)
     bits = (bits ^ (bits >> U(27))) * U(0x94D049BB133111EB)
     return bits ^ (bits >> U(31))
 
 
 @inlined
-def disturbed(seen, counter, share, dropout, most, key, dropout_key):
+def disturbed(seen, multiple, share, dropout, most, key, dropout_key):
     """A range with noise; see `noise.disturb`."""
     lost = seen >= most
     if share > 0.0:
-        bits = mixed(counter, key)
+        bits = mixed(multiple, key)
         total = (bits & U(0xFFFF)) + ((bits >> U(16)) & U(0xFFFF)) + ((bits >> U(32)) & U(0xFFFF)) + (bits >> U(48))
         seen *= F(1.0 + share * (float(np.int64(total) - MIDDLE) * SCALE))
     if dropout > 0.0:
-        bits = mixed(counter, dropout_key)
+        bits = mixed(multiple, dropout_key)
         lost |= float(bits >> U(11)) * 2.0**-53 < dropout
     return most if lost else seen
 
@@ -90,9 +109,9 @@ def disturb(seen, which, share, dropout, most, key, dropout_key):
     """See `noise.disturb`."""
     sonars = U(seen.shape[1])
     for row in range(seen.shape[0]):
-        counter = U(which[row]) * sonars
+        multiple = U(which[row]) * sonars * GOLDEN
         for k in range(seen.shape[1]):
-            seen[row, k] = disturbed(seen[row, k], counter + U(k), share, dropout, most, key, dropout_key)
+            seen[row, k] = disturbed(seen[row, k], multiple + U(k) * GOLDEN, share, dropout, most, key, dropout_key)
 
 
 @compiled
@@ -104,8 +123,8 @@ def collect(squares, seen):
 
 
 @strict
-def tell(seen, which, least, most, front, sensed):
-    """See `noise.tell`, without noise. front: numbers of the sonars in front."""
+def tell(seen, which, least, most, front, wanted, sensed):
+    """See `noise.tell`, without noise. front: numbers of the sonars in front; wanted: which rows of `sensed` are."""
     sonars, shortest = seen.shape[1], F(least)
     told = np.empty(sonars)
     for q in range(which.shape[0]):
@@ -115,20 +134,73 @@ def tell(seen, which, least, most, front, sensed):
             told[k] = least if seen[q, k] <= shortest else value
         o, nearest = which[q], told[front[0]]
         for k in range(sonars):
-            sensed[k, o] = told[k]
+            if wanted[k]:
+                sensed[k, o] = told[k]
+        if not wanted[sonars]:
+            continue
         for k in front:
             nearest = told[k] if (told[k] < nearest) | (told[k] != told[k]) else nearest
         sensed[sonars, o] = nearest
 
 
-@strict
-def hear(squares, which, sonars, noisy, share, dropout, key, dropout_key, least, most, front, sensed):
-    """All of these, for so many robots at a time that their ranges stay in the nearest cache."""
-    room = np.empty((BLOCK, sonars), F)
-    for begin in range(0, which.shape[0], BLOCK):
-        some = which[begin : begin + BLOCK]
-        seen = room[: some.shape[0]]
-        collect(squares[begin:], seen)
-        if noisy:
-            disturb(seen, some, share, dropout, F(most), key, dropout_key)
-        tell(seen, some, least, most, front, sensed)
+@compiled
+def hear(squares, which, noise, least, most, front, wanted, sensed, edge):
+    """Make readings of squared ranges, which are known: `collect`, `disturb`, `tell`, sonar by sonar for a block of
+    robots. noise: share, dropout and their keys. edge: for which robot, of LINE, a line of the caches begins in all
+    rows of `sensed`, or -1."""
+    (share, dropout, key, dropout_key), sonars, count = noise, sensed.shape[0] - 1, which.shape[0]
+    seen, multiples, told, nearest = np.empty(BLOCK, F), np.empty(BLOCK, U), np.empty(BLOCK), np.empty(BLOCK)
+    ahead = np.zeros(sonars, np.bool_)
+    for k in front:
+        ahead[k] = wanted[sonars]
+    begin, end = 0, BLOCK if edge < 0 or count == 0 else (edge - which[0]) % LINE
+    while begin < count:
+        end = min(end, count)
+        some = which[begin:end]
+        streams = edge >= 0 and end - begin == BLOCK and side_by_side(some)
+        for q in range(end - begin):
+            multiples[q], nearest[q] = U(some[q]) * U(sonars) * GOLDEN, most
+        for k in range(sonars):
+            if not (wanted[k] or ahead[k]):
+                continue
+            listen(squares[begin:end], k, multiples, share, dropout, key, dropout_key, least, most, seen, told)
+            if ahead[k]:
+                for q in range(end - begin):
+                    nearest[q] = min(nearest[q], told[q])
+            if wanted[k]:
+                spread(told, some, sensed, k, streams)
+        if wanted[sonars]:
+            spread(nearest, some, sensed, sonars, streams)
+        begin, end = end, end + BLOCK
+    all_passed()
+
+
+@inlined
+def side_by_side(which):
+    """Whether these are neighbours, one after the other."""
+    apart = 0
+    for q in range(which.shape[0]):
+        apart |= which[q] - which[0] - q
+    return apart == 0
+
+
+@inlined
+def listen(squares, k, multiples, share, dropout, key, dropout_key, least, most, seen, told):
+    """What these robots read of sonar k."""
+    shortest, longest, more = F(least), F(most), U(k) * GOLDEN
+    for q in range(squares.shape[0]):
+        seen[q] = squares[q, k]
+    for q in range(squares.shape[0]):
+        value = disturbed(F(sqrt(seen[q])), multiples[q] + more, share, dropout, longest, key, dropout_key)
+        told[q] = least if value <= shortest else min(float(value), most)
+
+
+@inlined
+def spread(told, which, sensed, row, streams):
+    """Put what these robots are told where they look for it."""
+    if streams:
+        for q in range(0, BLOCK, LINE):
+            pass_by(told, q, sensed, row, which[0] + q)
+    else:
+        for q in range(which.shape[0]):
+            sensed[row, which[q]] = told[q]

@@ -116,15 +116,18 @@ def anybody_near(x, y, px, py, start, reach, inverse, across, up):
 @compiled
 def stop_at_old(
     x, y, way_x, way_y, radii, order, start, size, across, up, solids, listed, items, skin, longest, reach,
-    first_row, last_row, near, free, hit_x, hit_y, out_free, out_x, out_y,
+    first_row, last_row, close, near, free, hit_x, hit_y, out_free, out_x, out_y,
 ):  # fmt: skip
     """The first round of `contact.settle`, in sorted order: ways end at solids and at old places of others. way_x,
-    way_y: by body; longest: of them, m. near: whether any body is within reach; where there is none, this round is the
-    last, and puts the results where they belong."""
+    way_y: by body; longest: of them, m. close: False where it is known that nobody is within reach. near: whether any
+    body is; where there is none, this round is the last, and puts the results where they belong."""
     inverse = 1.0 / size
     for cell in range(U(first_row * across), U(last_row * across)):
         first_item, last_item = U(listed[cell]), U(listed[cell + U(1)])
         for i in range(U(start[cell]), U(start[cell + U(1)])):
+            near[i] = close[i]
+            if not close[i] and first_item == last_item:
+                continue
             px, py, radius = x[i], y[i], radius_of(radii, order, i)
             best, best_x, best_y = 1.0, 0.0, 0.0
             for w in range(first_item, last_item):
@@ -146,7 +149,8 @@ def stop_at_old(
                 stop, hx, hy = touch(px, py, wx, wy, x0, y0, x1, y1, limit)
                 if stop < 1.0 and comes_first(stop, hx, hy, best, best_x, best_y):
                     best, best_x, best_y = stop, hx, hy
-            near[i] = anybody_near(x, y, px, py, start, reach, inverse, across, up)
+            if near[i]:
+                near[i] = anybody_near(x, y, px, py, start, reach, inverse, across, up)
             if near[i]:
                 wx, wy, other, other_x, other_y = way_x[order[i]], way_y[order[i]], best, 0.0, 0.0
                 left, right = lines_near(px, reach + LITTLE, inverse, across)

@@ -14,7 +14,7 @@ import numpy as np
 
 from sleepcast.simulator.compiled import inlined, strict
 from sleepcast.simulator.crosstalk import QUICKEST, SOUND
-from sleepcast.simulator.kernels import F, U, disturbed
+from sleepcast.simulator.kernels import GOLDEN, F, U, disturbed
 from sleepcast.simulator.lanes import LANES, pack
 
 I = np.int32  # noqa: E741  # as short as F
@@ -203,8 +203,8 @@ def fire(field, beam, shots, first_row, last_row):
                             )  # fmt: skip
                     seen = F(found)
                     if noisy:
-                        counter = U(robot) * U(sonars) + U(sonar)
-                        seen = disturbed(seen, counter, share, dropout, nothing, key, dropout_key)
+                        multiple = (U(robot) * U(sonars) + U(sonar)) * GOLDEN
+                        seen = disturbed(seen, multiple, share, dropout, nothing, key, dropout_key)
                     seen = min(max(seen, F(least)), nothing)
                     readings[robot, sonar] = seen
                     due += max(pause + 2.0 * float(seen) / SOUND, QUICKEST)

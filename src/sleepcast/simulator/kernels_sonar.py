@@ -23,7 +23,8 @@ from math import cos, pi, sin, sqrt
 import numpy as np
 
 from sleepcast.simulator.compiled import compiled, inlined
-from sleepcast.simulator.lanes import LANES, fetch_row, keep, pack
+from sleepcast.simulator.formulas import sine_cosine
+from sleepcast.simulator.lanes import LANES, all_passed, keep, pack, pass_by
 from sleepcast.simulator.walls import NEW_DIRECTION, ROUND, SAME_LINE
 
 F = np.float32
@@ -44,6 +45,8 @@ SPAN = 28
 single precision tells of their distance."""
 BATCH = 16
 """Robots whose bodies in reach are looked at together: what they need stays in the nearest cache."""
+BLOCK = 64
+"""Robots whose headings are turned into cosines and sines together: a few vectors."""
 OWNER, OTHER = 26, (1 << 26) - 1
 """In the lists of bodies in reach: the bits from which on the robot's place in its batch is written, and those of the
 body's number."""
@@ -193,12 +196,12 @@ def walls(
 
 @inlined
 def look_again(
-    x, y, cosines, sines, radii, solids, listed, items, news, own, common, most, cosine, sine, graze, grazing, nothing,
-    axis_cos, axis_sin, i, cell, mixed, number, doubtful, begin, end, short, least, lane, wall, cone, out, place,
+    x, y, order, radii, solids, listed, items, news, own, common, most, cosine, sine, graze, grazing, nothing,
+    axis_cos, axis_sin, i, co, si, cell, mixed, number, doubtful, begin, end, short, least, lane, wall, cone, out, row,
 ):  # fmt: skip
-    """Let all cones of robot `i` in `cell` look at its doubtful bodies, those from `begin` up to `end`, and at solids;
-    and put the least ranges into its row of `out`."""
-    own_x, own_y, co, si = x[i], y[i], cosines[i], sines[i]
+    """Let all cones of robot `i` in `cell`, whose heading has this cosine and sine, look at its doubtful bodies, those
+    from `begin` up to `end`, and at solids; and put the least ranges into a row of `out`."""
+    own_x, own_y = x[order[i]], y[order[i]]
     first_piece = listed[cell]
     while first_piece < listed[cell + 1] and news[first_piece] == ROUND:
         first_piece += 1
@@ -210,7 +213,8 @@ def look_again(
         for j in range(begin, end):
             other = U(number[doubtful[j]] & OTHER)
             radius = radii[other] if mixed else common
-            look_closely(lane, x[other] - own_x, y[other] - own_y, radius, own, cosine, sine, graze)
+            dx, dy = x[order[other]] - own_x, y[order[other]] - own_y
+            look_closely(lane, dx, dy, radius, own, cosine, sine, graze)
         for w in range(listed[cell], first_piece):
             s = items[w, 0]
             look_closely(lane, solids[0, s] - own_x, solids[1, s] - own_y, solids[5, s], own, cosine, sine, graze)
@@ -233,7 +237,7 @@ def look_again(
                 for k in range(LANES):
                     lane[FOUND + k] = min(lane[FOUND + k], wall[FOUND + k])
         for k in range(LANES):
-            out[place, block + k] = min(F(lane[FOUND + k]), short[least + k])
+            out[row, block + k] = min(F(lane[FOUND + k]), short[least + k])
 
 
 @inlined
@@ -256,25 +260,39 @@ def longer(values, used, room):
     return found
 
 
+@inlined
+def turn(heading, order, first, last, cosines, sines):
+    """Put cosine and sine of the headings of robots `first` up to `last` where they are looked for."""
+    for i in range(first, last):
+        cosines[i - first] = heading[order[i]]
+    for i in range(last - first):
+        sines[i], cosines[i] = sine_cosine(cosines[i])
+
+
 @compiled
 def see(
-    x, y, fixed_x, fixed_y, cosines, sines, radii, rows, start, size, across, up, solids, listed, items, news,
-    own, common, reach, most, cosine, sine, graze, grazing, lone, unit, mixed, axis_cos, axis_sin,
-    first_row, last_row, out,
+    x, y, heading, order, fixed_x, fixed_y, radii, rows, start, size, across, up, solids, listed, items, news,
+    own, common, reach, most, cosine, sine, graze, grazing, lone, unit, mixed, forward, axis_cos, axis_sin,
+    first_row, last_row, close, out,
 ):  # fmt: skip
     """What robots in the rows of cells from `first_row` up to `last_row` see, squared; see `cones.ranges`.
 
-    x, y, cosines, sines, radii: of all robots, sorted; fixed_x, fixed_y: x and y in units of `unit` m, with LANES more
-    at the end. rows: for each its row in `out`, or -1. size: of a cell, at least the reach. solids, listed, items,
-    news: see `walls.Walls`. own: radius of those who look; common: the usual radius (bodies of others cost more; if
-    there are none, `mixed` says so, and radii is not read); reach: how far a middle may be. lone: beyond this distance
-    a body of the common radius is seen by the two nearest of sixteen sonars only; negative where there are not sixteen.
-    axis_cos, axis_sin: of the cones, as many as a row of `out` is long: a multiple of LANES.
+    x, y, heading: of all robots, whose `order` is that of their cells; all else is sorted. fixed_x, fixed_y: x and y in
+    units of `unit` m, with LANES more at the end. rows: for each its row in `out`, or -1 if nobody asks. size: of a
+    cell, at least the reach. solids, listed, items, news: see `walls.Walls`. own: radius of those who look; common: the
+    usual radius (bodies of others cost more; if there are none, `mixed` says so, and radii is not read); reach: how far
+    a middle may be. lone: beyond this distance a body of the common radius is seen by the two nearest of sixteen sonars
+    only; negative where there are not sixteen. forward: whether nobody asks for cones that look behind. axis_cos,
+    axis_sin: of the cones, as many as a row of `out` is long: a multiple of LANES. close: is made False for those who
+    find nobody within `lone`.
     """
     count = axis_cos.shape[0]
     nothing = F(most * most)
     reach2, lone2 = F(((reach + 1e-4) / unit) ** 2), F(lone * lone if lone >= 0.0 else AWAY)
     half = np.arctan2(sine, cosine)
+    # What a cone that looks aside or ahead meets is at most so far behind, and those who are close count anyhow.
+    aslant = F(sine / cosine)
+    behind = -F(max(common * (1.0 + sine / cosine), lone) + 0.01) if forward else -AWAY
     cos_0, sin_0, cos_1, sin_1 = F(cosine), F(sine), F(cos(pi / 8 - half)), F(sin(pi / 8 - half))
     off_out, off_ahead, radius = F(own * sine), F(own * cosine), F(common)
     barely, past = F(common * graze) - GRAZING, F(common * graze) + PAST
@@ -283,7 +301,9 @@ def see(
     lane, wall = np.zeros(9 * LANES), np.zeros(7 * LANES, F)
     short, cone = np.empty((3 + BATCH) * LANES, F), np.zeros(3 * LANES, I)
     batch, cells = np.empty(BATCH, np.int64), np.empty(BATCH, np.int64)
+    cosines, sines, turned = np.empty(BLOCK), np.empty(BLOCK), np.empty(2 * BATCH)
     held, n, last = 0, U(0), start[last_row * across] - 1
+    ready = block = start[first_row * across]
     for row in range(first_row, last_row):
         below, above = max(row - 1, 0), min(row + 1, up - 1)
         for column in range(across):
@@ -299,20 +319,22 @@ def see(
                 ahead, aside, number = longer(ahead, n, room), longer(aside, n, room), longer(number, n, room)
                 doubtful = np.empty(room, I)
             for i in range(start[cell], start[cell + 1]):
-                place = rows[i]
-                if place >= 0:
-                    fetch_row(out, place)
+                if i == ready:
+                    block, ready = ready, min(ready + BLOCK, last + 1)
+                    turn(heading, order, block, ready, cosines, sines)
+                if rows[i] >= 0:
                     for k in range(LANES):
                         short[LEAST + held * LANES + k] = nothing
-                    turned = F(cosines[i]) * F(unit), F(sines[i]) * F(unit)
+                    co, si = cosines[i - block], sines[i - block]
                     for r in range(below, above + 1):
                         begin, end = U(start[r * across + left]), U(start[r * across + right])
                         for j0 in range(begin, end, U(LANES)):
                             n = keep(
-                                fixed_x, fixed_y, j0, end, U(i), fixed_x[i], fixed_y[i], turned[0], turned[1], reach2,
-                                I(held << OWNER), ahead, aside, number, n,
+                                fixed_x, fixed_y, j0, end, U(i), fixed_x[i], fixed_y[i], F(co) * F(unit),
+                                F(si) * F(unit), reach2, aslant, behind, I(held << OWNER), ahead, aside, number, n,
                             )  # fmt: skip
                     batch[held], cells[held] = i, cell
+                    turned[held], turned[BATCH + held] = co, si
                     held += 1
                 if held < BATCH and i < last:
                     continue
@@ -326,13 +348,14 @@ def see(
                     me, its, mine = batch[b], cells[b], done
                     while done < doubts and number[doubtful[done]] >> OWNER == b:
                         done += U(1)
+                    close[me] = mine != done
                     if mine == done and listed[its] == listed[its + 1] and count == LANES:
-                        for k in range(LANES):
-                            out[rows[me], k] = short[LEAST + b * LANES + k]
+                        pass_by(short, LEAST + b * LANES, out, rows[me], 0)
                     else:
                         look_again(
-                            x, y, cosines, sines, radii, solids, listed, items, news, own, common, most, cosine, sine,
-                            graze, grazing, nothing, axis_cos, axis_sin, me, its, mixed, number, doubtful, mine, done,
-                            short, LEAST + b * LANES, lane, wall, cone, out, rows[me],
+                            x, y, order, radii, solids, listed, items, news, own, common, most, cosine, sine, graze,
+                            grazing, nothing, axis_cos, axis_sin, me, turned[b], turned[BATCH + b], its, mixed, number,
+                            doubtful, mine, done, short, LEAST + b * LANES, lane, wall, cone, out, rows[me],
                         )  # fmt: skip
                 held, n = 0, U(0)
+    all_passed()

@@ -18,16 +18,19 @@ KNOWN_BY = (19, 22)
 
 
 @inlined
-def _keep_one_by_one(x, y, first, last, own, px, py, co, si, limit, mark, ahead, aside, number, n):
+def _keep_one_by_one(x, y, first, last, own, px, py, co, si, limit, aslant, behind, mark, ahead, aside, number, n):
     for j in range(first, min(first + np.uint64(LANES), last)):
         dx, dy = np.float32(np.int32(x[j] - px)), np.float32(np.int32(y[j] - py))
         ahead[n], aside[n], number[n] = dx * co + dy * si, dy * co - dx * si, np.int32(j) + mark
-        n += np.uint64((dx * dx + dy * dy < limit) & (j != own))
+        seen = (dx * dx + dy * dy < limit) & (ahead[n] + aslant * abs(aside[n]) > behind)
+        n += np.uint64(seen & (j != own))
     return n
 
 
 @intrinsic
-def _keep_at_once(typing, x, y, first, last, own, px, py, co, si, limit, mark, ahead, aside, number, n):
+def _keep_at_once(
+    typing, x, y, first, last, own, px, py, co, si, limit, aslant, behind, mark, ahead, aside, number, n
+):  # fmt: skip
     """The same in LLVM's words."""
     single, short = ir.FloatType(), ir.IntType(32)
     singles, shorts = ir.VectorType(single, LANES), ir.VectorType(short, LANES)
@@ -35,7 +38,7 @@ def _keep_at_once(typing, x, y, first, last, own, px, py, co, si, limit, mark, a
     flags = tuple(sorted(FASTMATH))
 
     def generate(context, build, signature, arguments):
-        _, _, first, last, own, px, py, co, si, limit, mark, _, _, _, n = arguments
+        _, _, first, last, own, px, py, co, si, limit, aslant, behind, mark, _, _, _, n = arguments
 
         def place(number, index, vector):
             array = context.make_array(signature.args[number])(context, build, arguments[number])
@@ -58,11 +61,15 @@ def _keep_at_once(typing, x, y, first, last, own, px, py, co, si, limit, mark, a
         square = build.fadd(times(dx, dx), times(dy, dy), flags=flags)
         lane = build.add(every(build.trunc(first, short), shorts), ir.Constant(shorts, list(range(LANES))))
         kept = build.fcmp_ordered("<", square, every(limit, singles), flags=flags)
+        size = "llvm.fabs.v16f32"
+        size = build.module.globals.get(size) or ir.Function(build.module, ir.FunctionType(singles, [singles]), size)
+        forward = build.fadd(along, times(every(aslant, singles), build.call(size, [across])), flags=flags)
+        kept = build.and_(kept, build.fcmp_ordered(">", forward, every(behind, singles), flags=flags))
         kept = build.and_(kept, build.icmp_signed("<", lane, every(build.trunc(last, short), shorts)))
         kept = build.and_(kept, build.icmp_signed("!=", lane, every(build.trunc(own, short), shorts)))
         marked = build.add(lane, every(mark, shorts))
         for target, value, vector, name in (
-            *((11, along, singles, "v16f32"), (12, across, singles, "v16f32"), (13, marked, shorts, "v16i32")),
+            *((13, along, singles, "v16f32"), (14, across, singles, "v16f32"), (15, marked, shorts, "v16i32")),
         ):
             shape = ir.FunctionType(vector, [vector, bits, vector])
             name = f"{COMPRESS}.{name}"
@@ -73,7 +80,7 @@ def _keep_at_once(typing, x, y, first, last, own, px, py, co, si, limit, mark, a
         return build.add(n, build.zext(count, ir.IntType(64)))
 
     long, whole, real = types.uint64, types.int32, types.float32
-    numbers = long, long, long, whole, whole, real, real, real, whole
+    numbers = long, long, long, whole, whole, real, real, real, real, real, whole
     return long(x, y, *numbers, ahead, aside, number, long), generate
 
 
@@ -85,9 +92,11 @@ def at_once() -> bool:
 
 keep = _keep_at_once if at_once() else _keep_one_by_one
 """Take those of LANES points x, y (int32) from `first` on, but not from `last` on and not `own`, that are in reach of
-px, py; put how far they are ahead and aside of a direction, and their number plus `mark`, into `ahead`, `aside`
-(float32) and `number` (int32) from `n` on; gives the new n. co, si: cosine and sine of that direction, times the unit
-that is wanted; limit: the square of the reach. Room for LANES more must be there, and LANES more points."""
+px, py, and ahead, or not too far behind; put how far they are ahead and aside of a direction, and their number plus
+`mark`, into `ahead`, `aside` (float32) and `number` (int32) from `n` on; gives the new n. co, si: cosine and sine of
+that direction, times the unit that is wanted; limit: the square of the reach; aslant, behind: how far one is ahead, and
+`aslant` times how far it is aside, are together more than `behind`. Room for LANES more must be there, and LANES more
+points."""
 
 
 @inlined
@@ -132,18 +141,31 @@ from `n` on; gives the new n. Room for LANES more must be there."""
 
 
 @intrinsic
-def fetch_row(typing, array, row):
-    """Have a row of an array brought near before it is written, so that nothing waits for it then."""
-    byte, short = ir.IntType(8).as_pointer(), ir.IntType(32)
-    shape = ir.FunctionType(ir.VoidType(), [byte, short, short, short])
+def pass_by(typing, values, first, array, row, column):
+    """Write as many `values` as fill a line of the caches, from `first` on, into a row of `array` from `column` on,
+    past the caches, which would have to read from memory what is overwritten. A line must begin there."""
 
     def generate(context, build, signature, arguments):
-        found = context.make_array(signature.args[0])(context, build, arguments[0])
-        way = build.mul(arguments[1], build.extract_value(found.strides, 0))
-        place = build.gep(build.bitcast(found.data, byte), [way])
-        name = "llvm.prefetch.p0"
-        prefetch = build.module.globals.get(name) or ir.Function(build.module, shape, name)
-        build.call(prefetch, [place, short(1), short(3), short(1)])
+        read = context.make_array(signature.args[0])(context, build, arguments[0]).data
+        found = context.make_array(signature.args[2])(context, build, arguments[2])
+        kind = ir.VectorType(read.type.pointee, 512 // signature.args[0].dtype.bitwidth)
+        way = build.mul(arguments[3], build.extract_value(found.strides, 0))
+        place = build.gep(build.bitcast(found.data, ir.IntType(8).as_pointer()), [way])
+        place = build.gep(build.bitcast(place, read.type), [arguments[4]])
+        loaded = build.load(build.bitcast(build.gep(read, [arguments[1]]), kind.as_pointer()), align=4)
+        store = build.store(loaded, build.bitcast(place, kind.as_pointer()), align=64)
+        store.set_metadata("nontemporal", build.module.add_metadata([ir.IntType(32)(1)]))
         return context.get_dummy_value()
 
-    return types.void(array, types.int64), generate
+    return types.void(values, types.int64, array, types.int64, types.int64), generate
+
+
+@intrinsic
+def all_passed(typing):
+    """Everything that was written past the caches has come to memory before anything that is done from here on."""
+
+    def generate(context, build, signature, arguments):
+        build.fence("seq_cst")
+        return context.get_dummy_value()
+
+    return types.void(), generate

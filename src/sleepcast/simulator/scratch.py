@@ -36,6 +36,8 @@ class Scratch:
         """An array that holds anything. Where the block is too small it is memory of its own, this time."""
         size = prod(shape) * np.dtype(sort).itemsize
         start, self._used = self._used, self._used + size + -size % LINE
-        if self._used > len(self._block):
-            return np.empty(shape, sort)
-        return self._block[start : start + size].view(sort).reshape(shape)
+        block = self._block
+        if self._used > len(block):
+            block = np.empty(size + LINE, np.uint8)
+            start = -block.ctypes.data % LINE
+        return block[start : start + size].view(sort).reshape(shape)

@@ -5,7 +5,7 @@ state.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,9 +105,10 @@ class Simulator:
         """The rows of `sensed` that the sonars fill."""
         return range(len(self.bodies.sensors), len(self.model.sensors))
 
-    def sense(self, robots: NDArray[np.intp] | None = None, echoes: bool = True) -> None:
+    def sense(self, robots: NDArray[np.intp] | None = None, echoes: bool | Collection[int] = True) -> None:
         """Bring `sensed` up to date for the robots with these indices (None: all), noise included; asked twice in a
-        tick, it says the same. echoes: whether the sonars as well, which is most of the work. Changes no state."""
+        tick, it says the same. echoes: whether the sonars as well, which is most of the work, or which rows of theirs
+        at least. Changes no state."""
         self.bodies.sense(robots, echoes)
 
     def act(self, actuator: str, robots: NDArray[np.intp] | slice, values: Floats) -> None:

@@ -50,6 +50,14 @@ def test_a_message_comes_in_once() -> None:
     assert (here.passed, here.counts) == (1, {Drop.REPEATED: 2})
 
 
+def test_a_message_comes_in_once_whoever_of_a_keys_owners_says_it() -> None:
+    for sender in ("r1", "r*"):
+        here = door(robot=False)
+        datagram = only(encode(message(sender=sender, kind=Kind.REPORT), "lab", ROBOTS))
+        assert [here.enter(datagram) is not None for _ in range(3)] == [True, False, False]
+        assert here.counts == {Drop.REPEATED: 2}
+
+
 @pytest.mark.parametrize(
     ("reason", "sent", "key", "fleet"),
     [

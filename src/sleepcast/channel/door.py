@@ -228,8 +228,6 @@ class Door:
             return Drop.OTHER_FLEET
         if not key.is_of(piece.sender):
             return Drop.NOT_ALLOWED
-        if piece.sender == key.owner:  # then this was asked before
-            return None
         return Drop.REPEATED if self._knows(part, piece.sender) else None
 
     def _knows(self, part: Part, sender: str) -> bool:

@@ -70,6 +70,11 @@ def test_each_robot_of_a_swarm_decides_for_itself(channel: str, tmp_path: Path) 
         assert "Traceback" not in said
 
 
+def test_names_may_be_as_long_as_any(channel: str) -> None:
+    with swarm(2, channel, "--name-prefix", "a" * 63):
+        assert account(channel, "ask", "id")["n"] == 2
+
+
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [

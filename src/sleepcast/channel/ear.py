@@ -8,14 +8,20 @@ goes through the same ear to its neighbours.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from sleepcast.channel.line import in_time
 from sleepcast.channel.mailbox import Mailbox
-from sleepcast.channel.message import Message
+from sleepcast.channel.message import MAX_NAME, Message
 from sleepcast.channel.order import Skipped
 from sleepcast.channel.trunk import Branch
 from sleepcast.clock import Clock
+
+
+def ear_name(names: Sequence[str]) -> str:
+    """Under which name robots of these names hear: of the first one, if need be cut short, and how many more."""
+    more = f"+{len(names) - 1}"
+    return names[0][: MAX_NAME - len(more)] + more
 
 
 class Ear:

@@ -189,7 +189,7 @@ def lines_for(
     """Lines of robots with these names, and the ear that hears for all of them, on one trunk. store: of these robots.
     Raises what the channel raises."""
     from sleepcast.channel.door import ROBOT_EARS
-    from sleepcast.channel.ear import Ear
+    from sleepcast.channel.ear import Ear, ear_name
     from sleepcast.channel.line import Line
     from sleepcast.channel.transport import open_transport
     from sleepcast.channel.trunk import Trunk
@@ -199,7 +199,7 @@ def lines_for(
     boxes = [_mailbox(air, name, key, trust, store, robot=True) for name in names]
     listening = boxes[0]
     if len(names) > 1:
-        listening = _mailbox(air, f"{names[0]}+{len(names) - 1}", key, trust, store, robot=True)
+        listening = _mailbox(air, ear_name(names), key, trust, store, robot=True)
     if store is not None:
         store.listen(listening)
     trunk, clock = Trunk(open_transport(air.channel)), UnixClock()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -104,8 +103,6 @@ def swarm(
         crew = _crew(stack, Air(channel, fleet, key, trust, folder, skew=skew, rate=rate), wanted, store)
         interrupts.defer()
         _begin(crew, beginning or Beginning(), store)
-        gc.collect()
-        gc.freeze()  # all that is there now stays: to look through it for garbage would take the time of a tick
         announce(f"{names[0]} to {names[-1]} are up: {count} robots; Ctrl-C stops their bodies and ends them")
         clock = crew.clock
         end = None if seconds is None else clock.now() + seconds

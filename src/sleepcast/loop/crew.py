@@ -26,6 +26,7 @@ from sleepcast.channel.order import Skipped
 from sleepcast.channel.roles import Role
 from sleepcast.channel.trunk import Trunk
 from sleepcast.clock import Clock
+from sleepcast.loop.garbage import Sweeper
 from sleepcast.loop.real import Keeper, Watch
 from sleepcast.node.node import Node
 from sleepcast.robot import Setpoint
@@ -70,12 +71,14 @@ class Crew:
         tick = self.simulator.scenario.tick
         due = self.clock.now()
         try:
-            while going():
-                self.listen(due)
-                now = self.clock.now()
-                self.watch.begin(now - due, tick)
-                due = max(due + tick, now)
-                self.step()
+            with Sweeper() as sweeper:
+                while going():
+                    self.listen(due)
+                    now = self.clock.now()
+                    self.watch.begin(now - due, tick)
+                    due = max(due + tick, now)
+                    self.step()
+                    sweeper.sweep()
         finally:
             for member in self.members:
                 self.simulator.robots[member.number].stop()

@@ -147,8 +147,6 @@ class Order:
         """What can be dealt with now that this message has come, in its order."""
         if message.sequence <= stream.done:
             return []
-        if not stream.waiting and self._is_next(stream, message, now):
-            return [message] if self._deal(stream, message) else []
         stream.waiting[message.sequence] = message
         stream.wanted.pop(message.sequence, None)
         if len(stream.waiting) > MAX_WAITING:

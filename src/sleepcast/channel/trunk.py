@@ -27,6 +27,7 @@ class Trunk:
         self.counts: Counter[Drop] = Counter()
         self._transport = transport
         self._branches: list[Branch] = []
+        self._hearing: list[Branch] = []
         self._wanted: frozenset[Kind] = frozenset()
 
     def fileno(self) -> int:
@@ -37,7 +38,9 @@ class Trunk:
         """The transport of one more party, which has ears for these kinds only."""
         found = Branch(self, frozenset(wanted))
         self._branches.append(found)
-        self._want(self._wanted | found.wanted)
+        if found.wanted:  # most of those that only speak want nothing
+            self._hearing.append(found)
+            self._listen()
         return found
 
     def gather(self) -> bool:
@@ -56,12 +59,15 @@ class Trunk:
         """This branch hears nothing any more; with the last one the transport is left."""
         if branch in self._branches:
             self._branches.remove(branch)
-            if self._branches:
-                self._want(frozenset[Kind]().union(*(each.wanted for each in self._branches)))
-            else:
+            if not self._branches:
                 self._transport.close()
+            elif branch in self._hearing:
+                self._hearing.remove(branch)
+                self._listen()
 
-    def _want(self, wanted: frozenset[Kind]) -> None:
+    def _listen(self) -> None:
+        """Let the transport bring what any of the branches wants."""
+        wanted = frozenset[Kind]().union(*(branch.wanted for branch in self._hearing))
         if wanted != self._wanted:
             self._wanted = wanted
             listen_for(self._transport, wanted)
@@ -72,7 +78,7 @@ class Trunk:
             if sender is None:
                 self.counts[Drop.MALFORMED if kind is None else Drop.NOT_FOR_US] += 1
             return
-        for branch in self._branches:
+        for branch in self._hearing:
             if branch is not sender and kind in branch.wanted:
                 branch.waiting.append(datagram)
 

@@ -174,10 +174,7 @@ def _begin(crew: Crew, beginning: Beginning, store: Store | None) -> None:
 
 def _account(crew: Crew) -> str:
     """How it went, in a sentence."""
-    from collections import Counter
+    from sleepcast.cli.told import heard_at
 
-    door = crew.ear.mailbox.door
-    dropped = Counter(map(str, (door.counts + crew.trunk.counts).elements()))
-    told = ", ".join(f"{count} {reason}" for reason, count in sorted(dropped.items()))
-    said = f"{len(crew.members)} robots: {crew.watch}; {door.passed} messages heard"
-    return f"{said}{f', dropped: {told}' if told else ''}; their bodies have been stopped"
+    heard = heard_at(crew.ear.mailbox.door, crew.trunk.counts)
+    return f"{len(crew.members)} robots: {crew.watch}; {heard}; their bodies have been stopped"

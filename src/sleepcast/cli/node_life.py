@@ -13,6 +13,7 @@ from sleepcast.channel.datagrams import Datagrams
 from sleepcast.channel.line import Line
 from sleepcast.cli.node_desk import NOTHING_HEARD, NodeDesk, Typed
 from sleepcast.cli.streams import announce, complain, pieces, read_file
+from sleepcast.cli.told import heard_at
 from sleepcast.clock import Clock, WallClock
 from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.language import List, Symbol, read, read_all, show
@@ -151,8 +152,7 @@ class Life:
         said = f"{self.node.name}: {self.watch}"
         if self.line is not None:
             door = self.line.mailbox.door
-            dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(door.counts.items()))
-            said += f"; {door.passed} messages heard" + (f", dropped: {dropped}" if dropped else "")
+            said += f"; {heard_at(door)}"
             for sender, ahead in door.skews.all(time.time()).items():
                 said += f"; our clock is {abs(ahead):.2f} s {'ahead of' if ahead > 0.0 else 'behind'} that of {sender}"
         if self.ears is not None:

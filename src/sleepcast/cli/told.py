@@ -1,10 +1,12 @@
-"""What an entry of the journal, an answer or a report says, in a few words for a person."""
+"""What an entry of the journal, an answer or a report says, and what was heard, in a few words for a person."""
 
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Callable, Mapping
 
+from sleepcast.channel.door import Door, Drop
 from sleepcast.cli.standard_memory import reported_body
 from sleepcast.language import format_value
 from sleepcast.station.journal import Entry, Event
@@ -33,6 +35,13 @@ def said(body: Mapping[str, object]) -> str:
         return json.dumps({key: value for key, value in body.items() if key not in ("kind", "command")})
     known = f" {format_value(value)}" if isinstance(value, float) and value == value else ""
     return f"{outcome}{known}{f': {fault}' if fault else ''}"
+
+
+def heard_at(door: Door, before: Counter[Drop] | None = None) -> str:
+    """How many messages came in, and what did not, by reason. before: what was dropped before it came to this door."""
+    counts = door.counts + (before or Counter())
+    dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(counts.items()))
+    return f"{door.passed} messages heard{f', dropped: {dropped}' if dropped else ''}"
 
 
 def _sent(entry: Entry) -> str:

@@ -16,6 +16,7 @@ from sleepcast.cli.streams import complain, put
 from sleepcast.errors import SleepcastError, printable
 
 if TYPE_CHECKING:
+    from sleepcast.language.machine import Program
     from sleepcast.station.aired import AirStation
     from sleepcast.station.looking import Looker
 
@@ -84,14 +85,12 @@ def who(text: str, poll: bool, told: bool, air: Air, as_json: bool) -> int:
       sleepcast who --poll '(WHEN (< (SONAR 0) 1m) (ST))'
     """
     with looking_for(air, complain) as (station, looker):
-        asked = f"(WHEN {text} 1)" if _is_test(station, text) else text
-        if poll:
-            found = _polled(station, asked)
-        else:
-            if not told:
-                look_around(station, looker)
-            found = _foreseen(station, asked)
-        for finding in station.check(text).findings:
+        if not (poll or told):
+            look_around(station, looker)
+        checked = station.check(text)
+        asked = f"(WHEN {text} 1)" if _is_test(checked.required()) else text
+        found = _polled(station, asked) if poll else _foreseen(station, asked)
+        for finding in checked.findings:
             complain(finding.render(text))
     if as_json:
         put(json.dumps(found.as_dict(text)))
@@ -101,16 +100,12 @@ def who(text: str, poll: bool, told: bool, air: Air, as_json: bool) -> int:
     return 0
 
 
-def _is_test(station: AirStation, text: str) -> bool:
-    """Whether this is a test and nothing else. Sent as it is, all that hear it would evaluate it, and do nothing.
-    Raises ReadError and CheckError."""
-    from sleepcast.language.functions import FUNCTIONS
-
-    program = station.check(text).required()
+def _is_test(program: Program) -> bool:
+    """Whether this is a test and nothing else. Sent as it is, all that hear it would evaluate it, and do nothing."""
     root = program.root
     if program.test is not None or program.acts:
         return False
-    return root.op in TESTS or (root.op == "pure" and FUNCTIONS[root.name.casefold()].rule in ("compare", "truth"))
+    return root.op in TESTS or (root.op == "pure" and root.function.rule in ("compare", "truth"))
 
 
 def look_around(

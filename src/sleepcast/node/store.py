@@ -141,7 +141,8 @@ class Store:
             self._restore(node, mind, kept.saved)
         if mailbox is not None:
             mailbox.restore(self._heard(kept), kept.since)
-        if self._listening is not None and not self._listening[0].streams:
+        heard = kept if self._listening is None else self._listening[0]
+        if not heard.streams:
             node.recall(self._dealt_with(kept.number))
         for taken in kept.taken:
             message = _shifted(taken.message, -node.zero)
@@ -153,7 +154,7 @@ class Store:
                 node.receive(message)
         node.evaluated.clear()
         robot.fingerprint = fingerprint(node)
-        return mind is not None or bool(kept.streams)
+        return mind is not None or bool(heard.streams)
 
     def _dealt_with(self, number: int) -> list[str]:
         """The latest messages that a robot has evaluated: who hears for it now knows nothing of them, as others were

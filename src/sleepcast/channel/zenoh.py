@@ -17,6 +17,7 @@ import json
 from collections import deque
 from dataclasses import dataclass
 from ipaddress import IPv6Address, ip_address
+from threading import Lock
 
 from sleepcast.channel.address import AddressError, split
 from sleepcast.channel.bell import Bell
@@ -97,7 +98,7 @@ class Zenoh:
         if zenoh is None:
             raise ZenohError(f"{uri}: zenoh is not installed here: pip install 'sleepcast[zenoh]'")
         self.lost = 0
-        self._bell = Bell()
+        self._bell, self._taking = Bell(), Lock()  # else the bell may ring for what has been taken already
         self._heard: deque[bytes] = deque(maxlen=MAX_WAITING)
         try:
             self._session = zenoh.open(_config(site))
@@ -128,10 +129,11 @@ class Zenoh:
 
     def receive(self) -> list[bytes]:
         """What has come in since the last call, in the order in which it came; nothing of our own."""
-        self._bell.quiet()
-        found = [self._heard.popleft() for _ in range(min(len(self._heard), MOST_AT_ONCE))]
-        if self._heard:
-            self._bell.ring()
+        with self._taking:
+            self._bell.quiet()
+            found = [self._heard.popleft() for _ in range(min(len(self._heard), MOST_AT_ONCE))]
+            if self._heard:
+                self._bell.ring()
         return found
 
     def close(self) -> None:
@@ -143,8 +145,10 @@ class Zenoh:
         """In a thread of zenoh's."""
         payload = sample.payload
         if len(payload) <= MAX_DATAGRAM:
-            self._heard.append(payload.to_bytes())
-            self._bell.ring()
+            data = payload.to_bytes()
+            with self._taking:
+                self._heard.append(data)
+                self._bell.ring()
 
 
 def _config(site: Site) -> zenoh.Config:

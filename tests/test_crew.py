@@ -138,7 +138,7 @@ def test_a_datagram_is_verified_once_for_all(field: Field, monkeypatch: pytest.M
     field.say("(DEFVAR a 1)", standing=True)
     field.run(3.0)
     assert field.answers() == ["matched"] * 20
-    assert len(set(verified)) == len(verified), "once, though the command came four times, and for twenty robots"
+    assert len(set(verified)) == len(verified), "once, though the command came five times, and for twenty robots"
     assert len(verified) <= 1 + 20 + 15, "the command, twenty answers, and some digests"
 
 

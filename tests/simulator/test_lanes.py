@@ -1,74 +1,117 @@
-"""Sixteen at a time and one by one: the same comes out."""
+"""Sixteen numbers at a time are what single numbers are, and packed all at once they are what one by one gives."""
 
 from __future__ import annotations
+
+import operator
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 pytest.importorskip("numba")
 
-from sleepcast.simulator import lanes
+from sleepcast.simulator import lanes, vectors
 from sleepcast.simulator.compiled import compiled, strict
 from sleepcast.simulator.scratch import LINE, Scratch
 
-pytestmark = pytest.mark.skipif(not lanes.at_once(), reason="this processor does all one by one anyway")
+ALL_AT_ONCE = pytest.param(True, marks=pytest.mark.skipif(not lanes.at_once(), reason="this processor cannot"))
+SOME = np.array([0.5, -1.25, 3.0, 7.5, -2.0, 1e-3, 9.0, 4.0, 0.75, -6.0, 5.0, 2.5, -0.125, 8.0, 1.0, -3.5])
+OTHERS = np.roll(SOME, 5)
 
 
-def packs(pack: object) -> object:
-    def all_of(flags, into, n):  # type: ignore[no-untyped-def]
-        for first in range(0, flags.shape[0], 16):
-            n = pack(flags[first : first + 16], np.uint64(first), into, n)  # type: ignore[operator]
-        return n
+@pytest.mark.parametrize("sort", [np.float32, np.float64])
+@pytest.mark.parametrize("symbol", ["+", "-", "*", "/"])
+def test_reals_are_calculated_with_number_by_number(symbol: str, sort: type[np.floating]) -> None:
+    work = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv}[symbol]
 
-    return strict(all_of)
+    def both(x, y, one, into):  # type: ignore[no-untyped-def]
+        lanes.put(into, 0, work(lanes.at(x, 0), lanes.at(y, 0)))
+        lanes.put(into, 16, work(lanes.at(x, 0), one))
+        lanes.put(into, 32, work(one, lanes.at(y, 0)))
+
+    x, y, one, into = SOME.astype(sort), OTHERS.astype(sort), sort(1.1), np.zeros(48, sort)
+    compiled(both)(x, y, one, into)  # type: ignore[no-untyped-call]
+    assert into.tobytes() == np.concatenate((work(x, y), work(x, one), work(one, y))).astype(sort).tobytes()
 
 
-def keeps(keep: object) -> object:
-    def all_of(x, y, last, own, turn, limits, ahead, aside, number):  # type: ignore[no-untyped-def]
+@pytest.mark.parametrize("sort", [np.float32, np.float64, np.int32])
+@pytest.mark.parametrize("work", [operator.lt, operator.le, operator.gt, operator.ge, operator.eq, operator.ne])
+def test_numbers_are_compared_one_by_one(work: Callable[..., object], sort: type[np.generic]) -> None:
+    def compare(x, y, into):  # type: ignore[no-untyped-def]
+        truths = work(lanes.at(x, 0), lanes.at(y, 0))
+        lanes.put(into, 0, vectors.either(truths, vectors.every(np.int32(1)), np.int32(0)))
+        return vectors.how_many(truths), vectors.any_of(truths), vectors.any_of(truths ^ truths)
+
+    x, y, into = (SOME * 8).astype(sort), (OTHERS * 8).astype(sort), np.zeros(16, np.int32)
+    y[3:6] = x[3:6]
+    wanted = work(x, y)
+    assert compiled(compare)(x, y, into) == (np.sum(wanted), np.any(wanted), False)  # type: ignore[no-untyped-call]
+    assert into.astype(bool).tolist() == np.asarray(wanted).tolist()
+
+
+def test_whole_numbers_are_calculated_with_one_by_one() -> None:
+    def work(x, into):  # type: ignore[no-untyped-def]
+        its, five = lanes.at(x, 0), np.int32(5)
+        results = (its + five, its - five, its * five, its & five, its | five, its ^ five, its << five, its >> five)
+        lanes.put(into, 0, results[0])
+        lanes.put(into, 16, results[1])
+        lanes.put(into, 32, results[2])
+        lanes.put(into, 48, results[3])
+        lanes.put(into, 64, results[4])
+        lanes.put(into, 80, results[5])
+        lanes.put(into, 96, results[6])
+        lanes.put(into, 112, results[7])
+        lanes.put(into, 128, vectors.places())
+
+    x, into = (SOME * 1000).astype(np.int32), np.zeros(144, np.int32)
+    compiled(work)(x, into)  # type: ignore[no-untyped-call]
+    wanted = [x + 5, x - 5, x * 5, x & 5, x | 5, x ^ 5, x << 5, x >> 5, np.arange(16)]
+    assert into.reshape(9, 16).tolist() == [each.tolist() for each in wanted]
+
+
+def test_functions_of_numbers_work_one_by_one() -> None:
+    def work(x, y, whole, single, double):  # type: ignore[no-untyped-def]
+        a, b = lanes.at(x, 0), lanes.at(y, 0)
+        lanes.put(double, 0, vectors.root_of(vectors.size_of(a)))
+        lanes.put(double, 16, vectors.minus(a))
+        lanes.put(double, 32, vectors.least_of(a, b))
+        lanes.put(double, 48, vectors.most_of(a, 1.5))
+        lanes.put(double, 64, vectors.either(a < b, a, 7.0))
+        lanes.put(double, 80, vectors.like(0.0, a))
+        lanes.put(single, 0, vectors.singles(a / 3.0))
+        lanes.put(single, 16, vectors.like(np.float32(0), a / 3.0))
+        lanes.put(single, 32, vectors.reals(lanes.at(whole, 0)))
+
+    whole = np.arange(16, dtype=np.int32) * 123_456_789
+    double, single = np.zeros(96), np.zeros(48, np.float32)
+    compiled(work)(SOME, OTHERS, whole, single, double)  # type: ignore[no-untyped-call]
+    x, y = SOME, OTHERS
+    wanted = [np.sqrt(abs(x)), -x, np.minimum(x, y), np.maximum(x, 1.5), np.where(x < y, x, 7.0), x]
+    assert double.reshape(6, 16).tolist() == [each.tolist() for each in wanted]
+    third = (x / 3.0).astype(np.float32)
+    assert single.reshape(3, 16).tolist() == [each.tolist() for each in (third, third, whole.astype(np.float32))]
+
+
+@pytest.mark.parametrize("whole", [False, ALL_AT_ONCE])
+@pytest.mark.parametrize("sort", [np.float32, np.int32])
+def test_true_ones_are_packed_one_after_the_other(whole: bool, sort: type[np.generic]) -> None:
+    pack = lanes.packing(whole)
+
+    def all_of(values, into):  # type: ignore[no-untyped-def]
         n = np.uint64(0)
-        for first in range(np.uint64(0), last, np.uint64(16)):
-            n = keep(  # type: ignore[operator]
-                *(x, y, first, last, own, x[own], y[own], turn[0], turn[1], limits[0], limits[1], limits[2]),
-                *(np.int32(5000), ahead, aside, number, n),
-            )
+        for first in range(0, values.shape[0], 16):
+            some = lanes.at(values, first)
+            kept = some > values[0]
+            pack(into, n, some, kept)
+            n += vectors.how_many(kept)
         return n
 
-    return compiled(all_of)
-
-
-def test_marked_numbers_are_packed_the_same_with_and_without_vectors() -> None:
-    flags = np.where(np.random.default_rng(2).random(160) < 0.3, 0.0, 1e9).astype(np.float32)
-    wanted = np.flatnonzero(flags == 0.0)
-    for pack in (lanes._pack_at_once, lanes._pack_one_by_one):
-        into = np.zeros(200, np.int32)
-        count = packs(pack)(flags, into, np.uint64(0))  # type: ignore[operator]
-        assert into[:count].tolist() == wanted.tolist()
-
-
-@pytest.mark.parametrize(("behind", "least"), [(-1e9, 20), (-0.5, 10)], ids=["all round", "not behind"])
-def test_points_in_reach_are_kept_the_same_with_and_without_vectors(behind: float, least: int) -> None:
-    """Among them one where positions begin anew; neither the last points nor the one who looks are kept."""
-    chance = np.random.default_rng(3)
-    far = chance.integers(-(2**27), 2**27, (2, 176))
-    near = (far + 2**31 - 2**20).astype(np.int32)
-    own, last, unit, reach = 70, 150, 2.0**-24, 5.0
-    turn = (np.float32(0.6 * unit), np.float32(0.8 * unit))
-    apart = (far - far[:, [own]]) * unit
-    forward = apart[0] * 0.6 + apart[1] * 0.8 + 0.25 * abs(apart[1] * 0.6 - apart[0] * 0.8)
-    wanted = np.flatnonzero(((apart**2).sum(axis=0) < reach**2) & (forward > behind))
-    wanted = wanted[(wanted < last) & (wanted != own)]
-    assert least < len(wanted) < 120
-    kept = []
-    for keep in (lanes._keep_at_once, lanes._keep_one_by_one):
-        ahead, aside, number = np.zeros(200, np.float32), np.zeros(200, np.float32), np.zeros(200, np.int32)
-        limits = np.float32((reach / unit) ** 2), np.float32(0.25), np.float32(behind)
-        count = keeps(keep)(*near, np.uint64(last), np.uint64(own), turn, limits, ahead, aside, number)  # type: ignore[operator]
-        assert (number[:count] - 5000).tolist() == wanted.tolist()
-        x, y = apart[:, wanted]
-        assert ahead[:count] == pytest.approx(x * 0.6 + y * 0.8, abs=1e-5)
-        assert aside[:count] == pytest.approx(y * 0.6 - x * 0.8, abs=1e-5)
-        kept.append((ahead[:count].tobytes(), aside[:count].tobytes()))
-    assert kept[0] == kept[1]
+    values = np.random.default_rng(2).integers(0, 1_000, 160).astype(sort)
+    values[0] = 700
+    into = np.zeros(200, sort)
+    count = compiled(all_of)(values, into)  # type: ignore[no-untyped-call]
+    assert 30 < count < 70
+    assert into[:count].tolist() == values[values > 700].tolist()
 
 
 @pytest.mark.parametrize(("sort", "many"), [(np.float32, 16), (np.float64, 8)])

@@ -25,7 +25,10 @@ from sleepcast.simulator import driving, formulas
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 FASTMATH = {"nnan", "ninf", "nsz"}
-SOURCES = ("kernels*.py", "compiled.py", "lanes.py", "formulas.py", "driving.py", "noise.py", "crosstalk.py")
+SOURCES = (
+    *("kernels*.py", "compiled.py", "lanes.py", "vectors.py"),
+    *("formulas.py", "driving.py", "noise.py", "crosstalk.py"),
+)
 
 
 def cache_folder() -> Path:

@@ -22,10 +22,10 @@ from sleepcast.simulator.driving import Laws
 from sleepcast.simulator.fields import Fields, Shots, beam_of, one_of_each, shots_of
 from sleepcast.simulator.firing import Firing, Tick
 from sleepcast.simulator.grid import Floats, Grid, Listed, Short, Sorted, Whole
-from sleepcast.simulator.lanes import LANES
 from sleepcast.simulator.noise import Ear, Noise
 from sleepcast.simulator.scratch import LINE, Scratch
 from sleepcast.simulator.steps import Columns, Draws, Proposal
+from sleepcast.simulator.vectors import LANES
 from sleepcast.simulator.walls import Walls, walls_of
 
 Result = TypeVar("Result")

@@ -14,9 +14,9 @@ from sleepcast.simulator.formulas import sine_cosine
 from sleepcast.simulator.grid import Floats, Listed, Short, Whole
 from sleepcast.simulator.kernels import arrange
 from sleepcast.simulator.kernels_firing import AWAY
-from sleepcast.simulator.lanes import LANES
 from sleepcast.simulator.noise import Noise
 from sleepcast.simulator.scratch import Scratch
+from sleepcast.simulator.vectors import LANES
 
 
 class Field(NamedTuple):

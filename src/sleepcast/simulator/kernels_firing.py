@@ -15,13 +15,14 @@ import numpy as np
 from sleepcast.simulator.compiled import inlined, strict
 from sleepcast.simulator.crosstalk import QUICKEST, SOUND
 from sleepcast.simulator.kernels import GOLDEN, F, U, disturbed
-from sleepcast.simulator.lanes import LANES, pack
+from sleepcast.simulator.lanes import at, pack
+from sleepcast.simulator.vectors import LANES, how_many, least_of, minus, most_of, places, size_of
 
 I = np.int32  # noqa: E741  # as short as F
 MARGIN, SHARE = 1e-4, 1e-6
 """By how much a thing may miss a cone and is kept all the same, for rounding: m, and a share of the greatest number."""
-HERE, AWAY = F(0), F(1e9)
-"""What is written beside things that are to be kept, and those that are not."""
+AWAY = F(1e9)
+"""Where there is nothing, m."""
 
 
 @inlined
@@ -64,34 +65,31 @@ def line(across, up, ex, ey, length, ax, ay, own, cosine, sine, grazing, found):
 
 
 @inlined
-def near_bodies(x, y, begin, end, fx, fy, ax, ay, cosine, sine, far, wide, flags, kept, n):
+def near_bodies(x, y, begin, end, fx, fy, ax, ay, cosine, sine, far, wide, kept, n):
     """Keep those of the bodies from `begin` up to `end`, and a few more, that come near a cone at fx, fy."""
-    for j0 in range(U(begin), U(end), U(LANES)):
-        for lane in range(LANES):
-            dx, dy = x[j0 + U(lane)] - fx, y[j0 + U(lane)] - fy
-            along, aside = dx * ax + dy * ay, abs(dy * ax - dx * ay)
-            here = (aside * cosine - along * sine < wide) & (along < far) & (along > -wide)
-            flags[lane] = HERE if here else AWAY
-        n = pack(flags, j0, kept, n)
+    for j in range(U(begin), U(end), U(LANES)):
+        dx, dy = at(x, j) - fx, at(y, j) - fy
+        along, aside = dx * ax + dy * ay, size_of(dy * ax - dx * ay)
+        here = (aside * cosine - along * sine < wide) & (along < far) & (along > -wide)
+        pack(kept, n, places() + I(j), here)
+        n += how_many(here)
     return n
 
 
 @inlined
-def near_solids(x0, y0, x1, y1, breadth, w, fx, fy, ax, ay, cosine, sine, far, flags, kept):
+def near_solids(x0, y0, x1, y1, breadth, w, fx, fy, ax, ay, cosine, sine, far, kept):
     """The same of w solids."""
     n = U(0)
-    for j0 in range(U(0), w, U(LANES)):
-        for lane in range(LANES):
-            j = j0 + U(lane)
-            dx0, dy0, dx1, dy1, wide = x0[j] - fx, y0[j] - fy, x1[j] - fx, y1[j] - fy, breadth[j]
-            along0, aside0 = (dx0 * ax + dy0 * ay), (dy0 * ax - dx0 * ay)
-            along1, aside1 = (dx1 * ax + dy1 * ay), (dy1 * ax - dx1 * ay)
-            left = min(aside0 * cosine - along0 * sine, aside1 * cosine - along1 * sine)
-            right = min(-aside0 * cosine - along0 * sine, -aside1 * cosine - along1 * sine)
-            least, most = min(along0, along1), max(along0, along1)
-            here = (left < wide) & (right < wide) & (least < far + wide) & (most > -wide)
-            flags[lane] = HERE if here else AWAY
-        n = pack(flags, j0, kept, n)
+    for j in range(U(0), w, U(LANES)):
+        dx0, dy0, dx1, dy1, wide = at(x0, j) - fx, at(y0, j) - fy, at(x1, j) - fx, at(y1, j) - fy, at(breadth, j)
+        along0, aside0 = (dx0 * ax + dy0 * ay), (dy0 * ax - dx0 * ay)
+        along1, aside1 = (dx1 * ax + dy1 * ay), (dy1 * ax - dx1 * ay)
+        left = least_of(aside0 * cosine - along0 * sine, aside1 * cosine - along1 * sine)
+        right = least_of(minus(aside0) * cosine - along0 * sine, minus(aside1) * cosine - along1 * sine)
+        here = (left < wide) & (right < wide)
+        here = here & (least_of(along0, along1) < wide + far) & (most_of(along0, along1) > minus(wide))
+        pack(kept, n, places() + I(j), here)
+        n += how_many(here)
     return n
 
 
@@ -114,7 +112,6 @@ def fire(field, beam, shots, first_row, last_row):
     short_cos, short_sin, nothing = F(cosine), F(sine), F(most)
     margin = F(MARGIN + SHARE * (size * max(across, up) + most))
     wide, aside = F(widest) + margin, most * tangent
-    flags = np.empty(LANES, F)
     kept, room = np.empty(len(order) + LANES, I), 1024
     x0, y0, x1, y1 = np.empty(room, F), np.empty(room, F), np.empty(room, F), np.empty(room, F)
     breadth, pieces, kept_pieces = np.empty(room, F), np.empty(room, I), np.empty(room, I)
@@ -138,7 +135,7 @@ def fire(field, beam, shots, first_row, last_row):
                 breadth[w], pieces[w] = F(solids[s, 5]) + margin, s
                 w += U(1)
             for q in range(LANES):
-                x0[w + U(q)], y0[w + U(q)], x1[w + U(q)], y1[w + U(q)], breadth[w + U(q)] = AWAY, AWAY, AWAY, AWAY, HERE
+                x0[w + U(q)], y0[w + U(q)], x1[w + U(q)], y1[w + U(q)], breadth[w + U(q)] = AWAY, AWAY, AWAY, AWAY, F(0)
             for me in range(start[cell], start[cell + 1]):
                 robot = order[me] - first
                 if robot < 0 or robot >= robots:
@@ -178,7 +175,6 @@ def fire(field, beam, shots, first_row, last_row):
                             short_sin,
                             far,
                             wide,
-                            flags,
                             kept,
                             n,
                         )
@@ -188,9 +184,7 @@ def fire(field, beam, shots, first_row, last_row):
                             radius = radii[0 if alike else j]
                             found = disc(px[j] - own_x, py[j] - own_y, ax, ay, radius, own, cosine, sine, graze, found)
                     far = F(found)
-                    n = near_solids(
-                        x0, y0, x1, y1, breadth, w, fx, fy, sx, sy, short_cos, short_sin, far, flags, kept_pieces
-                    )
+                    n = near_solids(x0, y0, x1, y1, breadth, w, fx, fy, sx, sy, short_cos, short_sin, far, kept_pieces)
                     for q in range(n):
                         s = pieces[kept_pieces[q]]
                         dx, dy, radius = solids[s, 0] - own_x, solids[s, 1] - own_y, solids[s, 5]

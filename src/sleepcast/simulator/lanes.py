@@ -1,87 +1,52 @@
-"""Sixteen at a time: `keep` packs the points in reach out of sixteen, and `pack` those that are marked, with one vector
-instruction where the processor has it (AVX-512) and LLVM knows how to say it, else one by one; the outcome is the same.
+"""Sixteen numbers at a time from memory and into it: side by side, packed, and past the caches.
+
+Numbers are packed with one vector instruction where the processor has it (AVX-512) and LLVM knows how to say it, else
+one by one; the outcome is the same.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
+
 from llvmlite import binding, ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from sleepcast.simulator.compiled import FASTMATH, inlined
+from sleepcast.simulator.vectors import LANES, REALS, Lanes, called, vector_of
 
-LANES = 16
 COMPRESS = "llvm.experimental.vector.compress"
 KNOWN_BY = (19, 22)
 """Versions of LLVM, first and last tried, that know COMPRESS."""
+LONG = types.uint64
 
 
-@inlined
-def _keep_one_by_one(x, y, first, last, own, px, py, co, si, limit, aslant, behind, mark, ahead, aside, number, n):
-    for j in range(first, min(first + np.uint64(LANES), last)):
-        dx, dy = np.float32(np.int32(x[j] - px)), np.float32(np.int32(y[j] - py))
-        ahead[n], aside[n], number[n] = dx * co + dy * si, dy * co - dx * si, np.int32(j) + mark
-        seen = (dx * dx + dy * dy < limit) & (ahead[n] + aslant * abs(aside[n]) > behind)
-        n += np.uint64(seen & (j != own))
-    return n
+def _place(context, build, its, array, index, vector):
+    """Where numbers of an array begin, for a vector of them."""
+    data = context.make_array(its)(context, build, array).data
+    return build.bitcast(build.gep(data, [index]), vector.as_pointer())
 
 
 @intrinsic
-def _keep_at_once(
-    typing, x, y, first, last, own, px, py, co, si, limit, aslant, behind, mark, ahead, aside, number, n
-):  # fmt: skip
-    """The same in LLVM's words."""
-    single, short = ir.FloatType(), ir.IntType(32)
-    singles, shorts = ir.VectorType(single, LANES), ir.VectorType(short, LANES)
-    bits = ir.VectorType(ir.IntType(1), LANES)
-    flags = tuple(sorted(FASTMATH))
+def at(typing, array, first):
+    """The LANES numbers of a row of numbers from `first` on."""
 
-    def generate(context, build, signature, arguments):
-        _, _, first, last, own, px, py, co, si, limit, aslant, behind, mark, _, _, _, n = arguments
+    def generate(context, build, signature, given):
+        vector = vector_of(array.dtype)
+        return build.load(_place(context, build, array, *given, vector), align=array.dtype.bitwidth // 8)
 
-        def place(number, index, vector):
-            array = context.make_array(signature.args[number])(context, build, arguments[number])
-            return build.bitcast(build.gep(array.data, [index]), vector.as_pointer())
+    return Lanes(array.dtype)(array, LONG), generate
 
-        def every(value, vector):
-            one = build.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(short, 0))
-            return build.shuffle_vector(one, ir.Constant(vector, ir.Undefined), ir.Constant(shorts, [0] * LANES))
 
-        def off(number, own_place):
-            there = build.load(place(number, first, shorts), align=4)
-            return build.sitofp(build.sub(there, every(own_place, shorts)), singles)
+@intrinsic
+def put(typing, array, first, values):
+    """Write `values` into a row of numbers from `first` on."""
 
-        def times(left, right):
-            return build.fmul(left, right, flags=flags)
+    def generate(context, build, signature, given):
+        into, first, values = given
+        build.store(values, _place(context, build, array, into, first, values.type), align=array.dtype.bitwidth // 8)
+        return context.get_dummy_value()
 
-        dx, dy, co, si = off(0, px), off(1, py), every(co, singles), every(si, singles)
-        along = build.fadd(times(dx, co), times(dy, si), flags=flags)
-        across = build.fsub(times(dy, co), times(dx, si), flags=flags)
-        square = build.fadd(times(dx, dx), times(dy, dy), flags=flags)
-        lane = build.add(every(build.trunc(first, short), shorts), ir.Constant(shorts, list(range(LANES))))
-        kept = build.fcmp_ordered("<", square, every(limit, singles), flags=flags)
-        size = "llvm.fabs.v16f32"
-        size = build.module.globals.get(size) or ir.Function(build.module, ir.FunctionType(singles, [singles]), size)
-        forward = build.fadd(along, times(every(aslant, singles), build.call(size, [across])), flags=flags)
-        kept = build.and_(kept, build.fcmp_ordered(">", forward, every(behind, singles), flags=flags))
-        kept = build.and_(kept, build.icmp_signed("<", lane, every(build.trunc(last, short), shorts)))
-        kept = build.and_(kept, build.icmp_signed("!=", lane, every(build.trunc(own, short), shorts)))
-        marked = build.add(lane, every(mark, shorts))
-        for target, value, vector, name in (
-            *((13, along, singles, "v16f32"), (14, across, singles, "v16f32"), (15, marked, shorts, "v16i32")),
-        ):
-            shape = ir.FunctionType(vector, [vector, bits, vector])
-            name = f"{COMPRESS}.{name}"
-            compress = build.module.globals.get(name) or ir.Function(build.module, shape, name)
-            packed = build.call(compress, [value, kept, ir.Constant(vector, ir.Undefined)])
-            build.store(packed, place(target, n, vector), align=4)
-        count = build.ctpop(build.bitcast(kept, ir.IntType(LANES)))
-        return build.add(n, build.zext(count, ir.IntType(64)))
-
-    long, whole, real = types.uint64, types.int32, types.float32
-    numbers = long, long, long, whole, whole, real, real, real, real, real, whole
-    return long(x, y, *numbers, ahead, aside, number, long), generate
+    return types.void(array, LONG, values), generate
 
 
 def at_once() -> bool:
@@ -90,54 +55,35 @@ def at_once() -> bool:
     return known and bool(binding.get_host_cpu_features().get("avx512f"))
 
 
-keep = _keep_at_once if at_once() else _keep_one_by_one
-"""Take those of LANES points x, y (int32) from `first` on, but not from `last` on and not `own`, that are in reach of
-px, py, and ahead, or not too far behind; put how far they are ahead and aside of a direction, and their number plus
-`mark`, into `ahead`, `aside` (float32) and `number` (int32) from `n` on; gives the new n. co, si: cosine and sine of
-that direction, times the unit that is wanted; limit: the square of the reach; aslant, behind: how far one is ahead, and
-`aslant` times how far it is aside, are together more than `behind`. Room for LANES more must be there, and LANES more
-points."""
+def packing(whole: bool) -> Any:
+    """The function `pack`, for all at once or one by one."""
+
+    def pack(typing, array, n, values, truths):
+        kind = values.kind
+
+        def one_by_one(context, build, signature, given):
+            into, n, values, truths = given
+            data = context.make_array(array)(context, build, into).data
+            for lane in map(ir.IntType(32), range(LANES)):
+                build.store(build.extract_element(values, lane), build.gep(data, [n]))
+                n = build.add(n, build.zext(build.extract_element(truths, lane), n.type))
+            return context.get_dummy_value()
+
+        def all_at_once(context, build, signature, given):
+            into, n, values, truths = given
+            name = f"{COMPRESS}.v{LANES}{'f' if kind in REALS else 'i'}{kind.bitwidth}"
+            packed = called(build, name, values.type, [values, truths, ir.Constant(values.type, ir.Undefined)])
+            build.store(packed, _place(context, build, array, into, n, values.type), align=kind.bitwidth // 8)
+            return context.get_dummy_value()
+
+        return types.void(array, LONG, values, truths), all_at_once if whole else one_by_one
+
+    return intrinsic(pack)
 
 
-@inlined
-def _pack_one_by_one(flags, first, kept, n):
-    for lane in range(LANES):
-        kept[n] = np.int32(first + np.uint64(lane))
-        n += np.uint64(flags[lane] < np.float32(1))
-    return n
-
-
-@intrinsic
-def _pack_at_once(typing, flags, first, kept, n):
-    """The same in LLVM's words."""
-    single, short = ir.FloatType(), ir.IntType(32)
-    singles, shorts = ir.VectorType(single, LANES), ir.VectorType(short, LANES)
-    bits = ir.VectorType(ir.IntType(1), LANES)
-
-    def generate(context, build, signature, arguments):
-        flags, first, kept, n = arguments
-        read = context.make_array(signature.args[0])(context, build, flags).data
-        write = context.make_array(signature.args[2])(context, build, kept).data
-        numbers = build.insert_element(ir.Constant(shorts, ir.Undefined), build.trunc(first, short), short(0))
-        numbers = build.shuffle_vector(numbers, ir.Constant(shorts, ir.Undefined), ir.Constant(shorts, [0] * LANES))
-        numbers = build.add(numbers, ir.Constant(shorts, list(range(LANES))))
-        loaded = build.load(build.bitcast(read, singles.as_pointer()), align=4)
-        there = build.fcmp_ordered("<", loaded, ir.Constant(singles, [1.0] * LANES))
-        shape = ir.FunctionType(shorts, [shorts, bits, shorts])
-        name = f"{COMPRESS}.v16i32"
-        compress = build.module.globals.get(name) or ir.Function(build.module, shape, name)
-        packed = build.call(compress, [numbers, there, ir.Constant(shorts, ir.Undefined)])
-        build.store(packed, build.bitcast(build.gep(write, [n]), shorts.as_pointer()), align=4)
-        count = build.ctpop(build.bitcast(there, ir.IntType(LANES)))
-        return build.add(n, build.zext(count, ir.IntType(64)))
-
-    long = types.uint64
-    return long(flags, long, kept, long), generate
-
-
-pack = _pack_at_once if at_once() else _pack_one_by_one
-"""Put the numbers, from `first` on, of those of sixteen `flags` (float32) that are less than 1 into `kept` (int32),
-from `n` on; gives the new n. Room for LANES more must be there."""
+pack = packing(at_once())
+"""Write those of `values` that are true in `truths`, one after the other, into a row of numbers from `n` on. Room for
+LANES more must be there."""
 
 
 @intrinsic

@@ -1,7 +1,7 @@
 """The machine of compiled kernels: NumPy's arrays in and out, kernels in between, on one or more threads.
 
-Threads share the rows of cells, each with about as many robots, or the robots by number; below `ALONE` robots one does
-everything, because waking another one takes longer.
+Threads share the rows of cells, each with about as many robots, or the robots by number; below `ALONE` robots, or
+`LIGHT` where little is done for each, one does everything, because waking another one takes longer.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ Flags: TypeAlias = NDArray[np.bool_]
 
 ALONE = 5_000
 """Robots up to which one thread is faster than several."""
+LIGHT = 50_000
+"""The same where numbers are only put into another order: some nanoseconds for each robot."""
 STRETCHES = 4
 """Stretches of rows for each thread: when one thread is done early it takes over some of the rest."""
 MOST = 106
@@ -67,7 +69,7 @@ class NumbaMachine:
     def sort(self, grid: Grid, x: Floats, y: Floats) -> Sorted:
         cells, order = np.empty(len(x), np.int32), np.empty(len(x), np.int32)
         start = np.empty(grid.cells + 1, np.int32)
-        borders = self._borders(len(x))
+        borders = self._borders(len(x), LIGHT)
         counts = np.zeros((len(borders) - 1, grid.cells), np.int32)
         places = dict(zip(borders, counts, strict=False))  # by where their stretch begins
 
@@ -110,7 +112,9 @@ class NumbaMachine:
         fixed_x, fixed_y = fixed = scratch.take(np.int32, 2, robots + LANES)
         fixed[:, robots:] = 0
         units = ldexp(1.0, kernels_sonar.SPAN - frexp(grid.size)[1])
-        self._share(robots, lambda first, last: kernels.fix(order, *pose[:2], units, first, last, fixed_x, fixed_y))
+        self._share(
+            robots, lambda first, last: kernels.fix(order, *pose[:2], units, first, last, fixed_x, fixed_y), LIGHT
+        )
         rows = order
         if len(which) < robots:
             place, rows = scratch.take(np.int32, 2, robots)
@@ -202,9 +206,10 @@ class NumbaMachine:
     ) -> None:
         count, (order, start), scratch = len(place[0]), points, self._scratch
         x, y = rows = scratch.take(np.float64, 2, count)
-        longest = sqrt(
-            max(self._share(count, lambda first, last: kernels_contact.gather(order, *place, *way, first, last, rows)))
+        gathered = self._share(
+            count, lambda first, last: kernels_contact.gather(order, *place, *way, first, last, rows), LIGHT
         )
+        longest = sqrt(max(gathered))
         widest, least = float(radii.max(initial=0.0)), float(radii.min(initial=np.inf))
         wide = radii[:1] if widest == least else radii
         reach = 2.0 * widest + SKIN + 2.0 * longest
@@ -236,28 +241,25 @@ class NumbaMachine:
             self.disturb(seen, which, ear.noise)
         kernels.tell(seen, which, ear.least, ear.most, ear.front, ear.wanted, sensed)
 
-    def _share(self, count: int, work: Callable[[int, int], Result]) -> list[Result]:
-        """Let `work` be done for so many things, in stretches of numbers; gives what comes of each."""
-        return self._together(work, self._borders(count))
+    def _share(self, count: int, work: Callable[[int, int], Result], alone: int = ALONE) -> list[Result]:
+        """Let `work` be done for so many things, in stretches of numbers; gives what comes of each. alone: for how many
+        one thread is enough."""
+        return self._together(work, self._borders(count, alone))
 
-    def _borders(self, count: int) -> list[int]:
+    def _borders(self, count: int, alone: int) -> list[int]:
         """Where the stretches of so many things begin, one for each thread that shares the work, and their end."""
-        shares = 1 if self._alone(count) else self.threads
+        shares = 1 if count <= alone else self.threads
         return [count * share // shares for share in range(shares + 1)]
 
     def _share_rows(self, work: Callable[[int, int], None], grid: Grid, start: Short) -> None:
         """Let `work` be done for all rows of cells, in stretches of about as many robots."""
         count = int(start[-1])
-        if self._alone(count):
+        if self.threads == 1 or count <= ALONE:
             work(0, grid.up)
             return
         ends = start[grid.across :: grid.across]  # robots up to and with each row
         shares = np.arange(1, self.threads * STRETCHES) * (count / (self.threads * STRETCHES))
         self._together(work, [0, *(np.searchsorted(ends, shares) + 1).tolist(), grid.up])
-
-    def _alone(self, count: int) -> bool:
-        """Whether one thread does so much sooner by itself."""
-        return self.threads == 1 or count <= ALONE
 
     def _together(self, work: Callable[[int, int], Result], borders: list[int]) -> list[Result]:
         """Let all threads, this one among them, take the next stretch until none is left; this one alone if there is

@@ -7,7 +7,6 @@ Threads share the rows of cells, each with about as many robots, or the robots b
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from math import cos, frexp, ldexp, pi, sin, sqrt
 from typing import NamedTuple, TypeAlias, TypeVar
@@ -26,6 +25,7 @@ from sleepcast.simulator.lanes import LANES
 from sleepcast.simulator.noise import Ear, Noise
 from sleepcast.simulator.scratch import LINE, Scratch
 from sleepcast.simulator.steps import Columns, Draws, Proposal
+from sleepcast.simulator.team import Team
 from sleepcast.simulator.walls import Walls, walls_of
 
 Result = TypeVar("Result")
@@ -61,7 +61,7 @@ class NumbaMachine:
 
     def __init__(self, threads: int) -> None:
         self.threads = threads
-        self._pool: ThreadPoolExecutor | None = None
+        self._team = Team(threads)
         self._scratch = Scratch()
         self._fields = Fields(self._scratch)
         self._around: _Around | None = None
@@ -262,16 +262,7 @@ class NumbaMachine:
         self._together(work, [0, *(np.searchsorted(ends, shares) + 1).tolist(), grid.up])
 
     def _together(self, work: Callable[[int, int], Result], borders: list[int]) -> list[Result]:
-        """Let all threads, this one among them, take the next stretch until none is left; this one alone if there is
-        only one."""
+        """Let all threads do the stretches between these borders; this one alone if there is only one."""
         if len(borders) == 2:
             return [work(*borders)]
-        if self._pool is None:
-            self._pool = ThreadPoolExecutor(self.threads - 1, "kernels")
-        stretches = iter([pair for pair in pairwise(borders) if pair[0] < pair[1]])  # of which each is given out once
-
-        def some() -> list[Result]:
-            return [work(*stretch) for stretch in stretches]
-
-        others = [self._pool.submit(some) for _ in range(self.threads - 1)]
-        return [*some(), *(result for other in others for result in other.result())]
+        return self._team.share(work, [pair for pair in pairwise(borders) if pair[0] < pair[1]])

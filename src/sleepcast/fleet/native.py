@@ -30,7 +30,7 @@ from sleepcast.language.vocabulary import TICK, TIME_SLOT
 
 LANES = 8
 """Robots at a time: what the widest vectors hold; where they are narrower, LLVM takes several."""
-SPLIT = 2_000_000
+SPLIT = 500_000
 """Robots times parts from which on two threads share the work: below, waiting for the other costs more than that."""
 _HELPER = ThreadPoolExecutor(1, "sleepcast-native-half")
 

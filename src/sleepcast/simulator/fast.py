@@ -1,13 +1,12 @@
 """The machine of compiled kernels: NumPy's arrays in and out, kernels in between, on one or more threads.
 
-Threads share the rows of cells, each with about as many robots, or the robots by number; below `ALONE` robots one does
-everything, because waking another one takes longer.
+Threads share the rows of cells, each with about as many robots, or the robots by number; below `ALONE` robots, or
+`LIGHT` where little is done for each, one does everything, because waking another one takes longer.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from math import cos, frexp, ldexp, pi, sin, sqrt
 from typing import NamedTuple, TypeAlias, TypeVar
@@ -25,6 +24,7 @@ from sleepcast.simulator.grid import Floats, Grid, Listed, Short, Sorted, Whole
 from sleepcast.simulator.noise import Ear, Noise
 from sleepcast.simulator.scratch import LINE, Scratch
 from sleepcast.simulator.steps import Columns, Draws, Proposal
+from sleepcast.simulator.team import Team
 from sleepcast.simulator.vectors import LANES
 from sleepcast.simulator.walls import Walls, walls_of
 
@@ -33,6 +33,8 @@ Flags: TypeAlias = NDArray[np.bool_]
 
 ALONE = 5_000
 """Robots up to which one thread is faster than several."""
+LIGHT = 50_000
+"""The same where numbers are only put into another order: some nanoseconds for each robot."""
 STRETCHES = 4
 """Stretches of rows for each thread: when one thread is done early it takes over some of the rest."""
 MOST = 106
@@ -59,7 +61,7 @@ class NumbaMachine:
 
     def __init__(self, threads: int) -> None:
         self.threads = threads
-        self._pool: ThreadPoolExecutor | None = None
+        self._team = Team(threads)
         self._scratch = Scratch()
         self._fields = Fields(self._scratch)
         self._around: _Around | None = None
@@ -67,7 +69,7 @@ class NumbaMachine:
     def sort(self, grid: Grid, x: Floats, y: Floats) -> Sorted:
         cells, order = np.empty(len(x), np.int32), np.empty(len(x), np.int32)
         start = np.empty(grid.cells + 1, np.int32)
-        borders = self._borders(len(x))
+        borders = self._borders(len(x), LIGHT)
         counts = np.zeros((len(borders) - 1, grid.cells), np.int32)
         places = dict(zip(borders, counts, strict=False))  # by where their stretch begins
 
@@ -110,7 +112,9 @@ class NumbaMachine:
         fixed_x, fixed_y = fixed = scratch.take(np.int32, 2, robots + LANES)
         fixed[:, robots:] = 0
         units = ldexp(1.0, kernels_sonar.SPAN - frexp(grid.size)[1])
-        self._share(robots, lambda first, last: kernels.fix(order, *pose[:2], units, first, last, fixed_x, fixed_y))
+        self._share(
+            robots, lambda first, last: kernels.fix(order, *pose[:2], units, first, last, fixed_x, fixed_y), LIGHT
+        )
         rows = order
         if len(which) < robots:
             place, rows = scratch.take(np.int32, 2, robots)
@@ -202,9 +206,10 @@ class NumbaMachine:
     ) -> None:
         count, (order, start), scratch = len(place[0]), points, self._scratch
         x, y = rows = scratch.take(np.float64, 2, count)
-        longest = sqrt(
-            max(self._share(count, lambda first, last: kernels_contact.gather(order, *place, *way, first, last, rows)))
+        gathered = self._share(
+            count, lambda first, last: kernels_contact.gather(order, *place, *way, first, last, rows), LIGHT
         )
+        longest = sqrt(max(gathered))
         widest, least = float(radii.max(initial=0.0)), float(radii.min(initial=np.inf))
         wide = radii[:1] if widest == least else radii
         reach = 2.0 * widest + SKIN + 2.0 * longest
@@ -236,40 +241,28 @@ class NumbaMachine:
             self.disturb(seen, which, ear.noise)
         kernels.tell(seen, which, ear.least, ear.most, ear.front, ear.wanted, sensed)
 
-    def _share(self, count: int, work: Callable[[int, int], Result]) -> list[Result]:
-        """Let `work` be done for so many things, in stretches of numbers; gives what comes of each."""
-        return self._together(work, self._borders(count))
+    def _share(self, count: int, work: Callable[[int, int], Result], alone: int = ALONE) -> list[Result]:
+        """Let `work` be done for so many things, in stretches of numbers; gives what comes of each. alone: for how many
+        one thread is enough."""
+        return self._together(work, self._borders(count, alone))
 
-    def _borders(self, count: int) -> list[int]:
+    def _borders(self, count: int, alone: int) -> list[int]:
         """Where the stretches of so many things begin, one for each thread that shares the work, and their end."""
-        shares = 1 if self._alone(count) else self.threads
+        shares = 1 if count <= alone else self.threads
         return [count * share // shares for share in range(shares + 1)]
 
     def _share_rows(self, work: Callable[[int, int], None], grid: Grid, start: Short) -> None:
         """Let `work` be done for all rows of cells, in stretches of about as many robots."""
         count = int(start[-1])
-        if self._alone(count):
+        if self.threads == 1 or count <= ALONE:
             work(0, grid.up)
             return
         ends = start[grid.across :: grid.across]  # robots up to and with each row
         shares = np.arange(1, self.threads * STRETCHES) * (count / (self.threads * STRETCHES))
         self._together(work, [0, *(np.searchsorted(ends, shares) + 1).tolist(), grid.up])
 
-    def _alone(self, count: int) -> bool:
-        """Whether one thread does so much sooner by itself."""
-        return self.threads == 1 or count <= ALONE
-
     def _together(self, work: Callable[[int, int], Result], borders: list[int]) -> list[Result]:
-        """Let all threads, this one among them, take the next stretch until none is left; this one alone if there is
-        only one."""
+        """Let all threads do the stretches between these borders; this one alone if there is only one."""
         if len(borders) == 2:
             return [work(*borders)]
-        if self._pool is None:
-            self._pool = ThreadPoolExecutor(self.threads - 1, "kernels")
-        stretches = iter([pair for pair in pairwise(borders) if pair[0] < pair[1]])  # of which each is given out once
-
-        def some() -> list[Result]:
-            return [work(*stretch) for stretch in stretches]
-
-        others = [self._pool.submit(some) for _ in range(self.threads - 1)]
-        return [*some(), *(result for other in others for result in other.result())]
+        return self._team.share(work, [pair for pair in pairwise(borders) if pair[0] < pair[1]])

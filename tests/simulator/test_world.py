@@ -68,6 +68,17 @@ class TestRooms:
         walls = rooms(24.0, 12.0, 12.0, 2.0)
         assert walls == [Wall(((12.0, 0.0), (12.0, 5.0))), Wall(((12.0, 7.0), (12.0, 12.0)))]
 
+    def test_walls_go_from_door_to_door(self) -> None:
+        walls = rooms(24.0, 24.0, 12.0, 2.0)
+        assert len(walls) == 6
+        assert Wall(((12.0, 7.0), (12.0, 12.0), (12.0, 17.0))) in walls
+        assert Wall(((7.0, 12.0), (12.0, 12.0), (17.0, 12.0))) in walls
+
+    def test_a_side_too_short_for_its_door_is_left_out(self) -> None:
+        walls = rooms(31.0, 24.0, 12.0, 8.0)
+        assert Wall(((12.0, 10.0), (12.0, 12.0), (12.0, 14.0))) in walls
+        assert all(x <= 24.0 for wall in walls for x, _ in wall.points)
+
     @pytest.mark.parametrize("length", [5.0, 30.0, 31.0, 100.0])
     def test_rooms_fill_the_world(self, length: float) -> None:
         marks = {x for wall in rooms(length, length, 12.0, 2.0) for x, _ in wall.points if x not in (0.0, length)}

@@ -133,7 +133,9 @@ class Bodies:
         self._start()
 
     def _each(self, values: Sequence[float]) -> Floats:
-        """One value for each body, by its sort."""
+        """One value for each body, by its sort; not to be written."""
+        if len(values) == 1:
+            return np.broadcast_to(values[0], self.count)
         found = np.empty(self.count)
         for value, which in zip(values, self.of_each_sort, strict=True):
             found[which] = value

@@ -29,6 +29,8 @@ class Bumpers:
 
     def __init__(self, radii: Floats, reach: float, near: Neighbours, machine: Machine) -> None:
         self.radii = radii
+        alike = radii.min(initial=np.inf) == radii.max(initial=0.0)
+        self._of_each = radii[:1].copy() if alike else radii
         self._near, self._machine, self._reach = near, machine, reach
 
     def settle(self, x: Floats, y: Floats, across: Floats, up: Floats, settled: Settled) -> None:
@@ -36,7 +38,7 @@ class Bumpers:
         near = self._near
         listed = near.solids(self._reach)
         self._machine.settle(
-            near.grid, near.points(x, y), listed, near.world.solids, self.radii, (x, y), (across, up), settled
+            near.grid, near.points(x, y), listed, near.world.solids, self._of_each, (x, y), (across, up), settled
         )
 
     def part(self, x: Floats, y: Floats, anew: Callable[[int], tuple[Floats, Floats]]) -> None:

@@ -40,13 +40,15 @@ def settle(
     way: tuple[Floats, Floats],
     settled: Settled,
 ) -> None:
-    """Put into `settled` how far bodies with these `radii` (m) at `place` (x, y; m) get on their `way` (across, up; m).
+    """Put into `settled` how far bodies with these `radii` (m; each, or one for all) at `place` (x, y; m) get on their
+    `way` (across, up; m).
 
     points: the places, sorted in `grid`. listed: the `solids` that come within the greatest radius and the longest way
     of each of its cells.
     """
     (x, y), (dx, dy) = place, way
     clear(settled)
+    radii = np.broadcast_to(radii, len(x))
     cell = grid.cells_of(x, y)
     i, item = spread(np.arange(len(x)), listed.start[cell], listed.start[cell + 1])
     lines = solids[listed.items[item]]

@@ -210,22 +210,20 @@ class NumbaMachine:
             count, lambda first, last: kernels_contact.gather(order, *place, *way, first, last, rows), LIGHT
         )
         longest = sqrt(max(gathered))
-        widest, least = float(radii.max(initial=0.0)), float(radii.min(initial=np.inf))
-        wide = radii[:1] if widest == least else radii
-        reach = 2.0 * widest + SKIN + 2.0 * longest
+        reach = 2.0 * float(radii.max(initial=0.0)) + SKIN + 2.0 * longest
         close = self._close(points, reach)
         near, stopped = scratch.take(np.bool_, count), Settled(*scratch.take(np.float64, 3, count))
         clear(settled)
 
         def at_old(first: int, last: int) -> None:
             kernels_contact.stop_at_old(
-                *(x, y, *way, wide, order, start, grid.size, grid.across, grid.up, solids, *listed),
+                *(x, y, *way, radii, order, start, grid.size, grid.across, grid.up, solids, *listed),
                 *(SKIN, longest, reach, first, last, close, near, *stopped, *settled),
             )
 
         def at_ways(first: int, last: int) -> None:
             kernels_contact.stop_at_ways(
-                *(x, y, *way, wide, order, start, grid.size, grid.across, grid.up),
+                *(x, y, *way, radii, order, start, grid.size, grid.across, grid.up),
                 *(SKIN, reach, first, last, near, *stopped, *settled),
             )
 

@@ -204,16 +204,13 @@ def edge(width: float, height: float) -> Wall:
 
 def rooms(width: float, height: float, size: float, door: float) -> list[Wall]:
     """Walls that part a rectangle into square rooms of `size` m (the last row and column may be smaller or larger),
-    with a door of `door` m in the middle of each wall. A wall too short for its door is left out."""
+    with a door of `door` m in the middle of each side of a room. A side too short for its door is left out. A wall goes
+    from door to door, with a corner where it crosses another one."""
     across, up = _marks(width, size), _marks(height, size)
-    walls = []
-    pieces = [piece for low, high in pairwise(up) for piece in _beside_door(low, high, door)]
-    for x in across[1:-1]:
-        walls += [Wall(((x, a), (x, b))) for a, b in pieces]
-    pieces = [piece for low, high in pairwise(across) for piece in _beside_door(low, high, door)]
-    for y in up[1:-1]:
-        walls += [Wall(((a, y), (b, y))) for a, b in pieces]
-    return walls
+    pieces = _from_door_to_door(up, door)
+    walls = [Wall(tuple((x, y) for y in piece)) for x in across[1:-1] for piece in pieces]
+    pieces = _from_door_to_door(across, door)
+    return walls + [Wall(tuple((x, y) for x in piece)) for y in up[1:-1] for piece in pieces]
 
 
 def _marks(length: float, size: float) -> list[float]:
@@ -222,8 +219,11 @@ def _marks(length: float, size: float) -> list[float]:
     return [*(number * size for number in range(inner)), length]
 
 
-def _beside_door(low: float, high: float, door: float) -> list[tuple[float, float]]:
-    middle = (low + high) / 2.0
-    if high - low <= door:
-        return []
-    return [(low, middle - door / 2.0), (middle + door / 2.0, high)]
+def _from_door_to_door(marks: list[float], door: float) -> list[list[float]]:
+    """The walls along a line that crosses others at `marks`: where each begins, crosses and ends."""
+    found, piece = [], marks[:1]
+    for low, high in pairwise(marks):
+        middle, fits = (low + high) / 2.0, high - low > door
+        found.append([*piece, middle - door / 2.0] if fits else piece)
+        piece = [middle + door / 2.0, high] if fits else [high]
+    return [piece for piece in (*found, piece) if len(piece) > 1]

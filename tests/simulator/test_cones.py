@@ -80,6 +80,16 @@ def test_readings_are_exact(tmp_path: Path, machine: Machine, robots: int, sonar
         assert worst(sim, list(range(0, robots, 2))) < ERROR
 
 
+@pytest.mark.parametrize("machine", MACHINES)
+def test_many_walls_of_many_directions_are_seen_exactly(tmp_path: Path, machine: Machine) -> None:
+    """A fence of 90 pieces, more than any cell of rooms has."""
+    around = np.arange(91) * (2.0 * pi / 90)
+    corners = [[f"{6.0 + 4.0 * np.cos(a):.9f}m", f"{6.0 + 3.0 * np.sin(a):.9f}m"] for a in around.tolist()]
+    things = ("[robots]\n", f"[[world.walls]]\npoints = {corners}\n{THINGS}\n[robots]\n")
+    sim = scouts(tmp_path, ("count = 1\n", "count = 40\n"), things, machine=machine)
+    assert worst(sim, list(range(0, 40, 2))) < ERROR
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("machine", MACHINES)
 def test_readings_are_exact_in_a_hundred_thousand_poses(tmp_path: Path, machine: Machine) -> None:

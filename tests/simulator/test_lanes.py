@@ -92,6 +92,20 @@ def test_functions_of_numbers_work_one_by_one() -> None:
     assert single.reshape(3, 16).tolist() == [each.tolist() for each in (third, third, whole.astype(np.float32))]
 
 
+def test_pairs_are_kept_and_seen_by_the_lanes_that_are_meant() -> None:
+    def work(x, y, bits, into, seen):  # type: ignore[no-untyped-def]
+        lanes.put_pairs(into, 2, lanes.at(x, 0), lanes.at(y, 0))
+        lanes.put(seen, 0, vectors.either(vectors.truths_of(bits), lanes.pair_at(into, 6), np.float32(9)))
+
+    x, y = SOME.astype(np.float32), OTHERS.astype(np.float32)
+    into, seen = np.zeros(40, np.float32), np.zeros(16, np.float32)
+    compiled(work)(x, y, np.int32(0x5000A), into, seen)  # type: ignore[no-untyped-call]
+    assert into[2:34].reshape(16, 2).tolist() == np.stack((x, y), axis=1).tolist()
+    assert into[:2].tolist() == [0.0] * 2
+    assert into[34:].tolist() == [0.0] * 6
+    assert seen.tolist() == [y[2] if lane in (1, 3) else 9.0 for lane in range(16)]
+
+
 @pytest.mark.parametrize("whole", [False, ALL_AT_ONCE])
 @pytest.mark.parametrize("sort", [np.float32, np.int32])
 def test_true_ones_are_packed_one_after_the_other(whole: bool, sort: type[np.generic]) -> None:

@@ -10,7 +10,20 @@ from __future__ import annotations
 import numpy as np
 
 from sleepcast.simulator.compiled import inlined
-from sleepcast.simulator.vectors import any_of, either, every, least_of, like, minus, most_of, root_of, singles, size_of
+from sleepcast.simulator.lanes import at, put
+from sleepcast.simulator.vectors import (
+    LANES,
+    any_of,
+    either,
+    every,
+    least_of,
+    like,
+    minus,
+    most_of,
+    root_of,
+    singles,
+    size_of,
+)
 from sleepcast.simulator.walls import NEW_DIRECTION, ROUND, SAME_LINE
 
 F = np.float32
@@ -20,6 +33,13 @@ PAST = F(2e-4)
 FAR = 1e9
 NOTHING = 1e18
 """What is not seen, squared metres; finite, because the kernels are compiled for finite numbers."""
+
+
+@inlined
+def axes(axis_cos, axis_sin, first, co, si):
+    """Cosine and sine of the axes of the cones from `first` on of a robot whose heading has this cosine and sine."""
+    axis_x = at(axis_cos, U(first)) * co - at(axis_sin, U(first)) * si
+    return axis_x, at(axis_sin, U(first)) * co + at(axis_cos, U(first)) * si
 
 
 @inlined
@@ -41,14 +61,37 @@ def look_closely(axis_x, axis_y, dx, dy, its, own, cosine, sine, graze):
 
 
 @inlined
-def turn_to(zero, axis_x, axis_y, ex, ey, own, cosine, sine, grazing):
+def list_pieces(solids, items, begin, end, room, pieces):
+    """Put the pieces of walls that are listed from `begin` up to `end`, two in each entry, side by side into runs of
+    `room` numbers of `pieces`: unit vector along their line (x, y), how far that passes the origin, where they begin
+    and end along it."""
+    for w in range(begin, end):
+        first, second = U(items[w, 0]), U(items[w, 1])
+        for run in range(5):
+            place = U(run) * room + U(2) * (w - begin)
+            pieces[place] = solids[run, first]
+            pieces[place + U(1)] = solids[run, second if run > 2 else first]
+
+
+@inlined
+def tell_pieces(zero, pieces, count, room, own_x, own_y, told):
+    """Put into runs of `room` numbers of `told` how far on the left of a robot the lines of `count` pieces pass, and
+    where these begin and end along them. In the precision of `zero`."""
+    for p in range(U(0), count, U(LANES)):
+        ex, ey = at(pieces, p), at(pieces, room + p)
+        origin = ex * own_x + ey * own_y
+        put(told, p, like(zero, at(pieces, U(2) * room + p) - (ex * own_y - ey * own_x)))
+        put(told, room + p, like(zero, at(pieces, U(3) * room + p) - origin))
+        put(told, U(2) * room + p, like(zero, at(pieces, U(4) * room + p) - origin))
+
+
+@inlined
+def turn_to(zero, normal, tangent, own, first, last, low, high, grazing):
     """What all cones make of a direction of walls: how far the transducer is off and along for it, and where the cone
     begins and ends, for each metre to a line on its left or right: how far along the line its edges meet it, no farther
-    than an echo comes back from. In the precision of `zero` and `grazing`."""
-    normal, tangent = axis_y * ex - axis_x * ey, axis_x * ex + axis_y * ey
-    first, last = normal * cosine + tangent * sine, normal * cosine - tangent * sine
-    low = like(zero, (tangent * cosine - normal * sine) / first)
-    high = like(zero, (tangent * cosine + normal * sine) / last)
+    than an echo comes back from. normal, tangent: of the axes to the direction; first, last, low, high: these turned by
+    half the opening. In the precision of `zero` and `grazing`."""
+    low, high = like(zero, low / first), like(zero, high / last)
     first, last = like(zero, first), like(zero, last)
     nothing, none, all_ = type(zero)(NOTHING), every(-grazing), every(grazing)
     low_left = either(first > zero, most_of(low, -grazing), none)
@@ -61,58 +104,81 @@ def turn_to(zero, axis_x, axis_y, ex, ey, own, cosine, sine, grazing):
 
 
 @inlined
-def walls(zero, axis_x, axis_y, solids, items, news, begin, end, own_x, own_y, own, cosine, sine, grazing, nothing):
-    """What all cones see of the listed pieces of walls from `begin` up to `end`, each of which is two pieces of a line,
-    and how barely any of them is met: squared metres and metres. In the precision of `zero`."""
+def look_along(zero, low, high, on, begin, end):
+    """Where all cones see a piece of a line from `begin` to `end`: how far its nearest point is before or behind the
+    foot of the perpendicular, less than 0 for the foot itself, and how barely an edge meets an end."""
+    from_, to = most_of(low, begin - on), least_of(high, end - on)
+    width = to - from_
+    return either(width >= zero, most_of(from_, minus(to)), type(zero)(FAR)), size_of(width)
+
+
+@inlined
+def walls(zero, axis_x, axis_y, pieces, told, room, news, begin, end, own, cosine, sine, grazing, nothing):
+    """What all cones see of pieces of walls, those of the entries from `begin` up to `end`, see `tell_pieces`, and how
+    barely any of them is met: squared metres and metres. In the precision of `zero`."""
     real = type(zero)
     grazing, nothing = real(grazing), real(nothing)
-    ex, ey, origin, height = 0.0, 0.0, 0.0, 0.0
-    found, barely = every(nothing), every(nothing)
-    off, on, low_left, high_left, low_right, high_right = found, found, found, found, found, found
+    # Half the opening adds to the axes' angles or is taken off, which is the same for walls along x and along y.
+    cos_x, sin_x, cos_y, sin_y = axis_x * cosine, axis_x * sine, axis_y * cosine, axis_y * sine
+    sum_y, rest_y, rest_x, sum_x = cos_y + sin_x, cos_y - sin_x, cos_x - sin_y, cos_x + sin_y
+    found, barely, none, far = every(nothing), every(nothing), every(zero), every(real(FAR))
+    off, on, low_left, high_left, low_right, high_right = none, none, none, none, none, none
+    low, high, away, foot = none, none, none, far
     for w in range(begin, end):
-        s, t, new = U(items[w, 0]), U(items[w, 1]), news[w]
+        p, new = U(2) * (w - begin), news[w]
         if new == NEW_DIRECTION:
-            ex, ey = solids[0, s], solids[1, s]
-            origin = own_x * ex + own_y * ey
+            ex, ey = pieces[p], pieces[room + p]
+            normal, tangent, first, last, near, beyond = axis_y, axis_x, sum_y, rest_y, rest_x, sum_x
+            if ex == 0.0:
+                normal, tangent = minus(axis_x), axis_y
+                first, last, near, beyond = minus(rest_x), minus(sum_x), sum_y, rest_y
+            elif ey != 0.0:
+                normal, tangent = axis_y * ex - axis_x * ey, axis_x * ex + axis_y * ey
+                first, last = normal * cosine + tangent * sine, normal * cosine - tangent * sine
+                near, beyond = tangent * cosine - normal * sine, tangent * cosine + normal * sine
             off, on, low_left, high_left, low_right, high_right = turn_to(
-                zero, axis_x, axis_y, ex, ey, own, cosine, sine, grazing
+                zero, normal, tangent, own, first, last, near, beyond, grazing
             )
         if new != SAME_LINE:
-            height = solids[2, s] - (own_y * ex - own_x * ey)
-        away = real(height) - off
-        left, away = away >= zero, size_of(away)
-        low, high = either(left, low_left, low_right) * away, either(left, high_left, high_right) * away
-        low1, high1 = most_of(low, real(solids[3, s] - origin) - on), least_of(high, real(solids[4, s] - origin) - on)
-        low2, high2 = most_of(low, real(solids[3, t] - origin) - on), least_of(high, real(solids[4, t] - origin) - on)
-        at1, at2 = least_of(most_of(low1, zero), high1), least_of(most_of(low2, zero), high2)
-        at1, at2 = either(low1 <= high1, size_of(at1), real(FAR)), either(low2 <= high2, size_of(at2), real(FAR))
-        foot = least_of(at1, at2)
-        found = least_of(found, away * away + foot * foot)
-        barely = least_of(least_of(barely, away), least_of(size_of(high1 - low1), size_of(high2 - low2)))
-    return found, barely
+            foot = most_of(foot, zero)
+            found = least_of(found, away * away + foot * foot)
+            away, foot = told[p] - off, far
+            left, away = away >= zero, size_of(away)
+            low, high = either(left, low_left, low_right) * away, either(left, high_left, high_right) * away
+            barely = least_of(barely, away)
+        for piece in range(p, p + U(2)):
+            its, width = look_along(zero, low, high, on, told[room + piece], told[U(2) * room + piece])
+            foot, barely = least_of(foot, its), least_of(barely, width)
+    foot = most_of(foot, zero)
+    return least_of(found, away * away + foot * foot), barely
 
 
 @inlined
 def look_at_solids(
-    axis_x, axis_y, solids, items, news, begin, end, own_x, own_y, own, cosine, sine, graze, grazing, nothing
-):
-    """What all cones see of the listed solids from `begin` up to `end`, squared metres, in single precision."""
+    axis_x, axis_y, solids, items, pieces, told, again, room, news, begin, end, own_x, own_y, own, cosine, sine, graze,
+    grazing, nothing,
+):  # fmt: skip
+    """What all cones see of the listed solids from `begin` up to `end`, squared metres, in single precision. The walls
+    among them are `pieces`, see `list_pieces`. told, again: scratch memory, in single and double precision."""
     found = every(F(nothing))
     while begin < end and news[begin] == ROUND:
         s = U(items[begin, 0])
-        disc_seen = look_closely(
+        round_ = look_closely(
             axis_x, axis_y, solids[0, s] - own_x, solids[1, s] - own_y, solids[5, s], own, cosine, sine, graze
         )
-        found = least_of(found, singles(disc_seen))
+        found = least_of(found, singles(round_))
         begin += U(1)
     if begin == end:
         return found
+    count = U(2) * (end - begin)
+    tell_pieces(F(0), pieces, count, room, own_x, own_y, told)
     seen, barely = walls(
-        F(0), axis_x, axis_y, solids, items, news, begin, end, own_x, own_y, own, cosine, sine, grazing, nothing
+        F(0), axis_x, axis_y, pieces, told, room, news, begin, end, own, cosine, sine, grazing, nothing
     )
     if any_of(barely < PAST):
-        again, _ = walls(
-            0.0, axis_x, axis_y, solids, items, news, begin, end, own_x, own_y, own, cosine, sine, grazing, nothing
+        tell_pieces(0.0, pieces, count, room, own_x, own_y, again)
+        precise, _ = walls(
+            0.0, axis_x, axis_y, pieces, again, room, news, begin, end, own, cosine, sine, grazing, nothing
         )
-        seen = singles(again)
+        seen = singles(precise)
     return least_of(found, seen)

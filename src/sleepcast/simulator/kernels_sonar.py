@@ -20,8 +20,8 @@ import numpy as np
 
 from sleepcast.simulator.compiled import compiled, inlined
 from sleepcast.simulator.formulas import sine_cosine
-from sleepcast.simulator.kernels_cones import PAST, look_at_solids, look_closely
-from sleepcast.simulator.lanes import all_passed, at, pack, pass_by, put
+from sleepcast.simulator.kernels_cones import PAST, axes, list_pieces, look_at_solids, look_closely
+from sleepcast.simulator.lanes import all_passed, at, pack, pair_at, pass_by, put, put_pairs
 from sleepcast.simulator.vectors import (
     LANES,
     either,
@@ -34,7 +34,9 @@ from sleepcast.simulator.vectors import (
     root_of,
     singles,
     size_of,
+    truths_of,
 )
+from sleepcast.simulator.walls import ROUND
 
 F = np.float32
 I = np.int32  # noqa: E741  # as short as F
@@ -58,8 +60,6 @@ OWNER, OTHER = 26, (1 << 26) - 1
 body's number."""
 COS_225, SIN_225 = F(cos(pi / 8)), F(sin(pi / 8))
 ROOT_HALF = F(sqrt(0.5))
-EVEN, ODD = 0, LANES
-"""Where in scratch memory the even and the odd one of the two cones beside a body are told of."""
 
 
 @inlined
@@ -75,10 +75,11 @@ def edge(outside, forward, radius, least, most, nothing):
 @inlined
 def look_around(
     list_ahead, list_aside, number, n, lone2, cos_0, sin_0, cos_1, sin_1, off_out, off_ahead, radius, barely, past,
-    nothing, least, seen, cone, doubtful,
+    nothing, pairs, whose, doubtful,
 ):  # fmt: skip
     """Let the two cones beside each of `n` bodies look at it in single precision, and put the places of those that are
-    doubtful into `doubtful`; gives how many."""
+    doubtful into `doubtful`; gives how many. For each body, into `pairs` what the even and the odd one see, squared,
+    and into `whose` which two they are, as bits, and above these whose."""
     found = U(0)
     for j0 in range(U(0), n, U(LANES)):
         ahead, aside = at(list_ahead, j0), at(list_aside, j0)
@@ -97,21 +98,26 @@ def look_around(
         seen1, doubt1 = edge(
             a * sin_1 - b * cos_1 + off_out, a * cos_1 + b * sin_1 - off_ahead, radius, barely, past, nothing
         )
-        put(seen, U(EVEN), either(alone, seen0, nothing))
-        put(seen, U(ODD), either(alone, seen1, nothing))
-        put(cone, U(EVEN), (sector + I(1)) & I(14))
-        put(cone, U(ODD), sector | I(1))
-        doubt = either(alone, every(I(0)), I(1)) > I(0)
-        doubt = doubt | doubt0 | doubt1
+        put_pairs(pairs, U(2) * j0, either(alone, seen0, nothing), either(alone, seen1, nothing))
+        beside = (every(I(1)) << ((sector + I(1)) & I(14))) | (every(I(1)) << (sector | I(1)))
+        put(whose, j0, beside | (at(number, j0) >> I(OWNER) << I(LANES)))
+        doubt = (either(alone, every(I(0)), I(1)) > I(0)) | doubt0 | doubt1
         pack(doubtful, found, places() + I(j0), doubt)
         found += how_many(doubt)
-        for j in range(LANES):
-            row = U(number[j0 + U(j)] >> I(OWNER)) * U(LANES)
-            so_far = at(least, row)
-            so_far = either(places() == cone[EVEN + j], least_of(so_far, seen[EVEN + j]), so_far)
-            so_far = either(places() == cone[ODD + j], least_of(so_far, seen[ODD + j]), so_far)
-            put(least, row, so_far)
     return found
+
+
+@inlined
+def put_together(pairs, whose, n, nothing, least):
+    """Keep the least of what the cones of each robot see of `n` bodies. They are taken from sixteen places in turn, so
+    that the same robot's seldom follow each other, for whom one would have to wait for the other."""
+    vectors = (n + U(LANES - 1)) // U(LANES)
+    for step in range(vectors):
+        for place in range(LANES):
+            j = U(place) * vectors + U(step)
+            its = whose[j]
+            row = U(its >> I(LANES)) * U(LANES)
+            put(least, row, least_of(at(least, row), either(truths_of(its), pair_at(pairs, U(2) * j), nothing)))
 
 
 @inlined
@@ -203,11 +209,12 @@ def see(
     cos_0, sin_0, cos_1, sin_1 = F(cosine), F(sine), F(cos(pi / 8 - half)), F(sin(pi / 8 - half))
     off_out, off_ahead, radius = F(own * sine), F(own * cosine), F(common)
     barely, past = F(common * graze) - GRAZING, F(common * graze) + PAST
-    room, near_room = 1024, 256
+    room, near_room, pieces_room = 1024, 256, 4 * LANES
     ahead, aside, number, doubtful = np.empty(room, F), np.empty(room, F), np.empty(room, I), np.empty(room, I)
     far_x, far_y = np.empty(room), np.empty(room)
     near_x, near_y, near_number = np.empty(near_room, I), np.empty(near_room, I), np.empty(near_room, I)
-    least, seen, cone = np.empty(BATCH * count, F), np.empty(2 * LANES, F), np.empty(2 * LANES, I)
+    least, pairs, whose = np.empty(BATCH * count, F), np.empty(2 * room, F), np.empty(room, I)
+    pieces, told, again = np.zeros(5 * pieces_room), np.empty(3 * pieces_room, F), np.empty(3 * pieces_room)
     batch = np.empty(BATCH, np.int64)
     cosines, sines, turned = np.empty(BLOCK), np.empty(BLOCK), np.empty(2 * BATCH)
     own_x, own_y = np.empty(BLOCK), np.empty(BLOCK)
@@ -221,7 +228,7 @@ def see(
             if start[cell] == start[cell + 1]:
                 continue
             left, right = max(column - 1, 0), min(column + 1, across - 1) + 1
-            total, near = 0, U(0)
+            total, near, walls_from, walls_to = 0, U(0), U(listed[cell]), U(listed[cell + 1])
             for r in range(below, above + 1):
                 total += start[r * across + right] - start[r * across + left]
             if total + 2 * LANES > near_room:
@@ -231,6 +238,19 @@ def see(
                 room = 2 * (np.int64(n) + BATCH * total + LANES)
                 ahead, aside, number = longer(ahead, n, room), longer(aside, n, room), longer(number, n, room)
                 doubtful, far_x, far_y = np.empty(room, I), np.empty(room), np.empty(room)
+                pairs, whose = np.empty(2 * room, F), np.empty(room, I)
+            if walls_from < walls_to:
+                first_wall = walls_from
+                while first_wall < walls_to and news[first_wall] == ROUND:
+                    first_wall += U(1)
+                if U(2) * (walls_to - first_wall) > U(pieces_room):
+                    pieces_room = (np.int64(walls_to - first_wall) // LANES + 1) * 2 * LANES
+                    pieces, told, again = (
+                        np.zeros(5 * pieces_room),
+                        np.empty(3 * pieces_room, F),
+                        np.empty(3 * pieces_room),
+                    )
+                list_pieces(solids, items, first_wall, walls_to, U(pieces_room), pieces)
             for i in range(start[cell], start[cell + 1]):
                 if i == ready:
                     block, ready = ready, min(ready + BLOCK, last + 1)
@@ -244,12 +264,12 @@ def see(
                     co, si = cosines[i - block], sines[i - block]
                     for k in range(0, count, LANES):
                         seen_solids = every(nothing)
-                        if listed[cell] < listed[cell + 1]:
-                            axis_x = at(axis_cos, U(k)) * co - at(axis_sin, U(k)) * si
-                            axis_y = at(axis_sin, U(k)) * co + at(axis_cos, U(k)) * si
+                        if walls_from < walls_to:
+                            axis_x, axis_y = axes(axis_cos, axis_sin, k, co, si)
                             seen_solids = look_at_solids(
-                                axis_x, axis_y, solids, items, news, U(listed[cell]), U(listed[cell + 1]),
-                                own_x[i - block], own_y[i - block], own, cosine, sine, graze, grazing, most * most,
+                                axis_x, axis_y, solids, items, pieces, told, again, U(pieces_room), news, walls_from,
+                                walls_to, own_x[i - block], own_y[i - block], own, cosine, sine, graze, grazing,
+                                most * most,
                             )  # fmt: skip
                         put(least, U(held * count + k), seen_solids)
                     if near == U(0):
@@ -270,29 +290,26 @@ def see(
                 stop_list(ahead, aside, number, n, radii, common, mixed)
                 doubts = look_around(
                     ahead, aside, number, n, lone2, cos_0, sin_0, cos_1, sin_1, off_out, off_ahead,
-                    radius, barely, past, nothing, least, seen, cone, doubtful,
+                    radius, barely, past, nothing, pairs, whose, doubtful,
                 )  # fmt: skip
+                put_together(pairs, whose, n, nothing, least)
+                for b in range(held):
+                    close[batch[b]] = False
                 for d in range(doubts):
                     its = number[doubtful[d]]
                     o, other = order[batch[its >> OWNER]], order[its & OTHER]
                     far_x[d], far_y[d] = x[other] - x[o], y[other] - y[o]
-                done = U(0)
-                for b in range(held):
-                    me, mine = batch[b], done
-                    while done < doubts and number[doubtful[done]] >> OWNER == b:
-                        done += U(1)
-                    close[me] = mine != done
+                for d in range(doubts):
+                    its = number[doubtful[d]]
+                    b, wide = its >> OWNER, radii[its & OTHER] if mixed else common
+                    close[batch[b]] = True
                     for k in range(0, count, LANES):
-                        if mine != done:
-                            co, si = turned[b], turned[BATCH + b]
-                            axis_x = at(axis_cos, U(k)) * co - at(axis_sin, U(k)) * si
-                            axis_y = at(axis_sin, U(k)) * co + at(axis_cos, U(k)) * si
-                            found = at(least, U(b * count + k))
-                            for d in range(mine, done):
-                                its = radii[number[doubtful[d]] & OTHER] if mixed else common
-                                again = look_closely(axis_x, axis_y, far_x[d], far_y[d], its, own, cosine, sine, graze)
-                                found = least_of(found, singles(again))
-                            put(least, U(b * count + k), found)
-                        pass_by(least, b * count + k, out, rows[me], k)
+                        axis_x, axis_y = axes(axis_cos, axis_sin, k, turned[b], turned[BATCH + b])
+                        found = look_closely(axis_x, axis_y, far_x[d], far_y[d], wide, own, cosine, sine, graze)
+                        place = U(b * count + k)
+                        put(least, place, least_of(at(least, place), singles(found)))
+                for b in range(held):
+                    for k in range(0, count, LANES):
+                        pass_by(least, b * count + k, out, rows[batch[b]], k)
                 held, n = 0, U(0)
     all_passed()

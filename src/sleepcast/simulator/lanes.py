@@ -12,7 +12,7 @@ from llvmlite import binding, ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from sleepcast.simulator.vectors import LANES, REALS, Lanes, called, vector_of
+from sleepcast.simulator.vectors import LANES, REALS, Lanes, called, filled, vector_of
 
 COMPRESS = "llvm.experimental.vector.compress"
 KNOWN_BY = (19, 22)
@@ -47,6 +47,34 @@ def put(typing, array, first, values):
         return context.get_dummy_value()
 
     return types.void(array, LONG, values), generate
+
+
+@intrinsic
+def put_pairs(typing, array, first, evens, odds):
+    """Write pairs of each of `evens` and the one of `odds` beside it into a row of numbers from `first` on."""
+
+    def generate(context, build, signature, given):
+        into, first, evens, odds = given
+        order = [number for lane in range(LANES) for number in (lane, LANES + lane)]
+        pairs = build.shuffle_vector(evens, odds, ir.Constant(ir.VectorType(ir.IntType(32), 2 * LANES), order))
+        build.store(pairs, _place(context, build, array, into, first, pairs.type), align=array.dtype.bitwidth // 8)
+        return context.get_dummy_value()
+
+    return types.void(array, LONG, evens, odds), generate
+
+
+@intrinsic
+def pair_at(typing, array, first):
+    """The two numbers of a row of numbers (float32) from `first` on, again and again."""
+
+    def generate(context, build, signature, given):
+        data = context.make_array(array)(context, build, given[0]).data
+        both = ir.DoubleType().as_pointer()
+        pair = build.load(build.bitcast(build.gep(data, [given[1]]), both), align=4)
+        half = ir.VectorType(pair.type, LANES // 2)
+        return build.bitcast(filled(build, pair, half), vector_of(types.float32))
+
+    return Lanes(types.float32)(array, LONG), generate
 
 
 def at_once() -> bool:

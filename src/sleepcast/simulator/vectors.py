@@ -44,19 +44,19 @@ def vector_of(kind: Any) -> ir.VectorType:
     return ir.VectorType(KINDS[kind], LANES)
 
 
-def filled(build: Any, value: Any) -> Any:
-    """A vector of this value."""
-    vector = ir.VectorType(value.type, LANES)
+def filled(build: Any, value: Any, vector: Any = None) -> Any:
+    """A vector of this value, and of this type if it has others than LANES."""
+    vector = vector or ir.VectorType(value.type, LANES)
     one = build.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
-    whole = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+    whole = ir.Constant(ir.VectorType(ir.IntType(32), vector.count), [0] * vector.count)
     return build.shuffle_vector(one, ir.Constant(vector, ir.Undefined), whole)
 
 
-def called(build: Any, name: str, result: Any, arguments: list[Any]) -> Any:
+def called(build: Any, name: str, result: Any, arguments: list[Any], flags: tuple[str, ...] = ()) -> Any:
     """What LLVM's own function of this name gives."""
     shape = ir.FunctionType(result, [argument.type for argument in arguments])
     function = build.module.globals.get(name) or ir.Function(build.module, shape, name)
-    return build.call(function, arguments)
+    return build.call(function, arguments, fastmath=flags)
 
 
 def bits_of(build: Any, truths: Any) -> Any:
@@ -196,24 +196,25 @@ def like(typing, number, values):
     return Lanes(kind)(kind, values), generate
 
 
-def _extreme(sign: str, text: str) -> Any:
+def _extreme(name: str) -> Any:
+    """LLVM's own function of this name, of numbers that are known. Said with a comparison and a choice, the lesser of
+    what is kept and something new becomes a store of some lanes only, for which the next load has to wait."""
+
     def typed(typing: Any, left: Any, right: Any) -> Any:
         kind = _pair(left, right)
         if kind not in REALS:
             return None
 
         def generate(context: Any, build: Any, signature: Any, given: Any) -> Any:
-            left, right = (_whole(build, *each) for each in zip(signature.args, given, strict=True))
-            return build.select(build.fcmp_ordered(sign, left, right), left, right)
+            both = [_whole(build, *each) for each in zip(signature.args, given, strict=True)]
+            return called(build, f"llvm.{name}.v{LANES}f{kind.bitwidth}", vector_of(kind), both, ("nnan", "nsz"))
 
         return Lanes(kind)(_plain(left), _plain(right)), generate
 
-    typed.__doc__ = text
     return intrinsic(typed)
 
 
-least_of = _extreme("<", "The lesser of two numbers.")
-most_of = _extreme(">", "The greater of two numbers.")
+least_of, most_of = _extreme("minnum"), _extreme("maxnum")
 
 
 @intrinsic
@@ -234,3 +235,13 @@ def how_many(typing, truths):
         return build.zext(build.ctpop(bits_of(build, given[0])), ir.IntType(64))
 
     return types.uint64(truths), generate
+
+
+@intrinsic
+def truths_of(typing, bits):
+    """The lower bits of a whole number, the lowest for lane 0."""
+
+    def generate(context, build, signature, given):
+        return build.bitcast(build.trunc(given[0], ir.IntType(LANES)), vector_of(TRUTH))
+
+    return Lanes(TRUTH)(types.unliteral(bits)), generate

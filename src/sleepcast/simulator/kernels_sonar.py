@@ -21,7 +21,7 @@ import numpy as np
 from sleepcast.simulator.compiled import compiled, inlined
 from sleepcast.simulator.formulas import sine_cosine
 from sleepcast.simulator.kernels_cones import PAST, axes, list_pieces, look_at_solids, look_closely
-from sleepcast.simulator.lanes import all_passed, at, pack, pair_at, pass_by, put, put_pairs
+from sleepcast.simulator.lanes import all_passed, at, foresee, pack, pair_at, pass_by, put, put_pairs
 from sleepcast.simulator.vectors import (
     LANES,
     either,
@@ -143,9 +143,12 @@ def longer(values, used, room):
 
 @inlined
 def turn(values, order, first, last, into):
-    """Put those of `values` that robots `first` up to `last` have where they are looked for."""
+    """Put those of `values` that robots `first` up to `last` have where they are looked for, and foresee what as many
+    of the next ones have."""
     for i in range(first, last):
         into[i - first] = values[order[i]]
+    for i in range(last, min(last + BLOCK, order.shape[0])):
+        foresee(values, order[i])
 
 
 @inlined
@@ -292,6 +295,11 @@ def see(
                     ahead, aside, number, n, lone2, cos_0, sin_0, cos_1, sin_1, off_out, off_ahead,
                     radius, barely, past, nothing, pairs, whose, doubtful,
                 )  # fmt: skip
+                for d in range(doubts):
+                    its = number[doubtful[d]]
+                    for place in (order[batch[its >> OWNER]], order[its & OTHER]):
+                        foresee(x, place)
+                        foresee(y, place)
                 put_together(pairs, whose, n, nothing, least)
                 for b in range(held):
                     close[batch[b]] = False

@@ -143,3 +143,17 @@ def all_passed(typing):
         return context.get_dummy_value()
 
     return types.void(), generate
+
+
+@intrinsic
+def foresee(typing, array, place):
+    """Have this number of an array brought into the nearest cache, without waiting for it."""
+
+    def generate(context, build, signature, given):
+        data = context.make_array(array)(context, build, given[0]).data
+        byte = build.bitcast(build.gep(data, [given[1]]), ir.IntType(8).as_pointer())
+        reading, all_caches, its_data = (ir.IntType(32)(number) for number in (0, 3, 1))
+        called(build, "llvm.prefetch.p0", ir.VoidType(), [byte, reading, all_caches, its_data])
+        return context.get_dummy_value()
+
+    return types.void(array, LONG), generate

@@ -50,6 +50,22 @@ def test_a_rule_is_stored_by_those_only_for_whom_the_test_holds() -> None:
     both.compare()
 
 
+def test_it_knows_when_all_have_learned_the_same() -> None:
+    both = twins()
+    state = both.fleet.state
+    for text, same in (
+        ("(RULE a (SETQ lamp x))", True),
+        ("(WHEN (> x 2) (RULE b (SETQ lamp (* 2 x))))", False),
+        ("(WHEN (<= x 2) (RULE b (SETQ lamp (* 2 x))))", True),
+        ("(WHEN (= x 1) (RULE a (SETQ lamp 1)))", False),
+        ("(RULE a (SETQ lamp 2))", True),
+    ):
+        both.do(text)
+        both.think()
+        assert (state.one_mind == state.mind[0]) == bool((state.mind == state.mind[0]).all()) == same
+        both.compare()
+
+
 def test_rules_that_arrived_in_another_order_run_in_that_order() -> None:
     both = twins()
     both.do("(WHEN (> x 2) (RULE a (SETQ lamp 1)))")

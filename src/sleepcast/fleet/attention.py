@@ -32,13 +32,14 @@ class Attention:
         """The slots that any active rule may read, or any waiting message, each given with its robots."""
         memory = self._memory
         found: set[int] = set()
-        for number in distinct(memory.state.mind)[0].tolist():
+        one = memory.state.one_mind
+        for number in distinct(memory.state.mind)[0].tolist() if one is None else [one]:
             looked_at = self._by_rules(memory.minds[number])
             if looked_at is None:
                 return None
             found |= looked_at
         for message, robots in waiting:
-            for number in distinct(memory.state.mind[robots])[0].tolist():
+            for number in distinct(memory.state.mind[robots])[0].tolist() if one is None else [one]:
                 slots = self._by_message(message, memory.minds[number])
                 if slots is None:
                     return None

@@ -59,6 +59,8 @@ class Embodied:
     def resting(self, rows: Rows) -> Mask | None:
         """Which of these robots sleep or are frozen, None if none of them."""
         asleep, frozen = self._state.read(SLEEPING, rows), self._state.read(FROZEN, rows)
+        if isinstance(asleep, float) and isinstance(frozen, float) and not (asleep > 0.0 or frozen > 0.0):
+            return None  # one number for all, as nearly always
         found = np.greater(asleep, 0.0) | np.greater(frozen, 0.0)
         return np.broadcast_to(found, rows.size) if found.any() else None
 

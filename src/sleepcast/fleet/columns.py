@@ -136,7 +136,9 @@ class FleetState:
         self.draws = np.zeros(count, np.int32)
         """Random numbers drawn in this tick."""
         self.mind = np.zeros(count, np.int32)
-        """What each robot has learned: a number in the table of minds."""
+        """What each robot has learned: a number in the table of minds. Changed by `turn`."""
+        self._one_mind: list[int] = [0]
+        """The mind that all robots have, if it is known that they have one."""
         self.proven = np.zeros(count, np.int32)
         """The mind whose rules ROLLBACK brings back."""
         self.unproven_since = np.zeros(count, np.int64)
@@ -190,6 +192,19 @@ class FleetState:
         if column is None:
             column = self._columns[slot] = np.full(self.count, self._same[slot])
         return column
+
+    @property
+    def one_mind(self) -> int | None:
+        """The mind that all robots have; None if they may have different ones."""
+        return self._one_mind[0] if self._one_mind else None
+
+    def turn(self, rows: Rows, mind: int) -> None:
+        """Give these robots a mind."""
+        self.mind[rows.index] = mind
+        if rows.size == self.count:
+            self._one_mind[:] = [mind]
+        elif self._one_mind != [mind]:
+            self._one_mind.clear()
 
     def share(self, slot: int, column: Column) -> None:
         """Let a variable be read from a column that somebody else keeps, as it is at that moment."""
@@ -267,6 +282,7 @@ class FleetState:
         """Be as that state was. Raises ParcelError if it is of another fleet."""
         self.refill(parcel.values)
         put_back(parcel.arrays, self._arrays())
+        self._one_mind.clear()
         if not all(0 <= slot < len(self._same) for slot in parcel.actuated):
             raise ParcelError("an actuator that is no variable")
         self.actuated = {

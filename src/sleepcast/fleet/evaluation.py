@@ -161,9 +161,14 @@ class Evaluation:
         """The rows by what `sort` says of the number of their mind, each sort with where it is (None: everywhere)."""
         if rows.size == 0:
             return []
+        if (one := self.state.one_mind) is not None:
+            return [(sort(one), rows, None)]
         numbers = self.state.mind[rows.index]
         if (numbers == numbers[0]).all():
-            return [(sort(int(numbers[0])), rows, None)]
+            one = int(numbers[0])
+            if rows.size == self.state.count:
+                self.state.turn(rows, one)  # to remember it
+            return [(sort(one), rows, None)]
         unique, which = distinct(numbers)
         sorts: dict[Sort, int] = {}
         codes = np.array([sorts.setdefault(sort(number), len(sorts)) for number in unique.tolist()])[which]
@@ -198,7 +203,7 @@ class Evaluation:
 
     def turn(self, rows: Rows, draft: Draft) -> None:
         """Give these robots the mind of the draft."""
-        self.state.mind[rows.index] = self.minds.settle(draft)
+        self.state.turn(rows, self.minds.settle(draft))
         self.tallies.carry_out(draft.effects, rows)
 
     def changing(self, rows: Rows) -> None:

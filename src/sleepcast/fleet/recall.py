@@ -164,7 +164,7 @@ def recollect(memo: Memo, robot: int, vocabulary: Vocabulary, keys: NDArray[np.u
     for key, members in memo.groups.items():
         state.group(key)[0] = members[place]
     minds = Minds(vocabulary)
-    state.mind[0] = minds.add(memo.minds[int(memo.mind[place])])
+    state.turn(alone, minds.add(memo.minds[int(memo.mind[place])]))
     if memo.proven is not None and memo.unproven_since is not None:
         state.proven[0] = minds.add(memo.minds[int(memo.proven[place])])
         state.unproven_since[0] = memo.unproven_since[place]

@@ -222,7 +222,8 @@ def _heard(swarm: Swarm) -> bool | Collection[int]:
     asked = swarm.sonars & swarm.fleet.reads()
     if asked and swarm.desk is not None and _is_sampled(swarm):
         return True
-    return [slot - swarm.vocabulary.first_sensor for slot in asked]
+    first = swarm.vocabulary.first_sensor
+    return [slot - first for slot in asked]
 
 
 def _is_sampled(swarm: Swarm) -> bool:

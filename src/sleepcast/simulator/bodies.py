@@ -17,6 +17,7 @@ from dataclasses import replace
 from enum import IntEnum
 from hashlib import sha256
 from math import pi
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -53,6 +54,9 @@ ROW = 20.0
 """Metres from row to row, where robots are numbered along rows: those whom sonars see are in the same or the next."""
 
 
+_COLUMNS = attrgetter(*Columns._fields)
+
+
 class Mode(IntEnum):
     """What moves a body."""
 
@@ -80,7 +84,7 @@ class Bodies:
     what it touches, m, or 0. stores: shape (stores, count). mode: a
     `Mode`; wanted_speed, wanted_turn: what DRIVE asked for, m/s and rad/s; target_x, target_y: where GOTO
     leads, m. stopped, held: latched by STOP, kept still. swing: rad of a tumble that are still to be turned.
-    roaming: the turn rate of a wandering body, rad/s.
+    roaming: the turn rate of a wandering body, rad/s. uses: how much of each store a metre takes, shape (stores,).
     """
 
     def __init__(self, scenario: Scenario, seed: int, machine: Machine) -> None:
@@ -112,6 +116,7 @@ class Bodies:
         self.speed: Floats = self.known[3]
         self.stores: Floats = self.known[4 : 4 + len(robots.stores)]
         self.store_names = tuple(store.name.casefold() for store in robots.stores)
+        self.uses = self._uses()
         self.left, self.right = np.zeros(self.count), np.zeros(self.count)
         self.hit_x, self.hit_y = np.zeros(self.count), np.zeros(self.count)
         names = [sensor.name for sensor in self.sensors]
@@ -150,6 +155,7 @@ class Bodies:
         part.count, part.parts = which.stop - which.start, [part]
         part.scenario = replace(self.scenario, robots=replace(sort, count=part.count), sorts=())
         part.limits, part.geometry, part.laws = sort.limits, sort.geometry, laws_of(part.scenario)
+        part.uses = part._uses()
         return part
 
     def part_of(self, number: int) -> Bodies:
@@ -193,9 +199,12 @@ class Bodies:
     @property
     def columns(self) -> Columns:
         """The state that motion changes."""
-        own = {name: getattr(self, name) for name in Columns._fields if name != "uses"}
+        return Columns(*_COLUMNS(self))
+
+    def _uses(self) -> Floats:
+        """How much of each store a metre takes."""
         uses = {store.name.casefold(): store.full / store.reach for store in self.scenario.robots.stores}
-        return Columns(**own, uses=np.array([uses.get(name, 0.0) for name in self.store_names]))
+        return np.array([uses.get(name, 0.0) for name in self.store_names])
 
     def forget(self) -> None:
         """Bodies have moved: what is known of who is near whom, and what was heard, is no longer so."""

@@ -7,6 +7,7 @@ Threads share the rows of cells, each with about as many robots, or the robots b
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from itertools import pairwise
 from math import cos, frexp, ldexp, pi, sin, sqrt
 from typing import NamedTuple, TypeAlias, TypeVar
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.simulator import kernels, kernels_contact, kernels_firing, kernels_motion, kernels_sonar, steps
-from sleepcast.simulator.cones import Ranges, View
+from sleepcast.simulator.cones import Cones, Ranges, View
 from sleepcast.simulator.contact import SKIN, Settled, clear
 from sleepcast.simulator.driving import Laws
 from sleepcast.simulator.fields import Fields, Shots, beam_of, one_of_each, shots_of
@@ -52,6 +53,29 @@ class _Around(NamedTuple):
     order: Short
     reach: float
     close: Flags
+
+
+class _Ring(NamedTuple):
+    """Cones as the kernel wants them. axis_cos, axis_sin: of their axes, as many as fill whole LANES; rear: which of
+    them look behind; lone: see `Cones.lone`; measures: radii of those who look and of others, reach, most, cosine and
+    sine of half an opening, what is grazed in both forms."""
+
+    axis_cos: Floats
+    axis_sin: Floats
+    rear: Flags
+    lone: float
+    measures: tuple[float, float, float, float, float, float, float, float]
+
+
+@lru_cache(maxsize=16)
+def _ring_of(cones: Cones) -> _Ring:
+    axes = np.append(cones.axes, np.zeros(-cones.count % LANES))
+    graze = sin(cones.incidence) if cones.incidence < pi / 2 else 1.0
+    return _Ring(
+        *(np.cos(axes), np.sin(axes), np.cos(cones.axes) < -1e-9),
+        cones.lone(2.0 * pi / cones.count) if cones.count == FOLDED else np.inf,
+        (cones.radius, cones.radius, cones.reach, cones.most, cos(cones.half), sin(cones.half), graze, cones.grazing),
+    )
 
 
 class NumbaMachine:
@@ -91,8 +115,7 @@ class NumbaMachine:
         return seen
 
     def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats) -> None:
-        rear = np.cos(view.cones.axes) < -1e-9
-        squares = self._squares(view, which, forward=not ear.wanted[:-1][rear].any())
+        squares = self._squares(view, which, forward=not ear.wanted[:-1][_ring_of(view.cones).rear].any())
         noise = ear.noise or Noise(0.0, 0.0, 0.0, 0, 0)
         noises = noise.share, noise.dropout, np.uint64(noise.key), np.uint64(noise.dropout_key)
         edge = -1 if sensed.strides[0] % LINE else -sensed.ctypes.data % LINE // sensed.itemsize
@@ -121,25 +144,18 @@ class NumbaMachine:
             place.fill(-1)
             place[which] = np.arange(len(which))
             kernels.enlist(order, place, rows)
-        axes = np.append(cones.axes, np.zeros(-cones.count % LANES))
-        squares = scratch.take(np.float32, len(which), len(axes))
-        lone = cones.lone(2.0 * pi / cones.count) if cones.count == FOLDED else np.inf
-        graze = sin(cones.incidence) if cones.incidence < pi / 2 else 1.0
+        ring = _ring_of(cones)
+        squares = scratch.take(np.float32, len(which), len(ring.axis_cos))
         mixed = radii is not None and bool((radii != cones.radius).any())
         wide = radii[order] if radii is not None and mixed else np.empty(0)
         walls = listed if isinstance(listed, Walls) else walls_of(listed, solids)
-        close = self._looked_around(points, min(lone, cones.reach))
-
-        def see(first: int, last: int) -> None:
-            kernels_sonar.see(
-                *(*pose, order, fixed_x, fixed_y, wide, rows, points.start, grid.size, grid.across, grid.up),
-                *(walls.solids, walls.start, walls.items, walls.news),
-                *(cones.radius, cones.radius, cones.reach, cones.most, cos(cones.half), sin(cones.half)),
-                *(graze, cones.grazing, lone if lone < np.inf else -1.0, 1.0 / units, mixed, forward),
-                *(np.cos(axes), np.sin(axes), first, last, close, squares),
-            )
-
-        self._share_rows(see, grid, points.start)
+        close = self._looked_around(points, min(ring.lone, cones.reach))
+        seen = (
+            *(*pose, order, fixed_x, fixed_y, wide, rows, points.start, grid.size, grid.across, grid.up),
+            *(walls.solids, walls.start, walls.items, walls.news, *ring.measures),
+            *(ring.lone if ring.lone < np.inf else -1.0, 1.0 / units, mixed, forward, ring.axis_cos, ring.axis_sin),
+        )
+        self._share_rows(lambda first, last: kernels_sonar.see(*seen, first, last, close, squares), grid, points.start)
         return squares
 
     def _looked_around(self, points: Sorted, reach: float) -> Flags:

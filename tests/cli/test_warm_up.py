@@ -1,14 +1,17 @@
-"""A warm-up leaves nothing to be compiled in a tick."""
+"""A warm-up leaves nothing to be compiled in a tick, and the first one of all compiles in two processes."""
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from sleepcast.cli.headless import warm_up
-from sleepcast.simulator.engine import choose
+from sleepcast.simulator.engine import choose, cores
 from small_worlds import scouts
 
 SONARS = {"all at once": 'noise = "3%"', "in order": 'noise = "3%"\npause = "4ms"'}
@@ -29,12 +32,13 @@ def test_what_a_tick_takes_is_compiled_beforehand(tmp_path: Path, monkeypatch: p
 
         return call
 
+    rooms = ("[robots]\n", '[world.rooms]\nsize = "6m"\ndoor = "1.5m"\n\n[robots]\n')
+    sim = scouts(tmp_path, ("count = 1\n", "count = 40\n"), rooms, more=sonar, machine=choose("numba", 1))
+    warm_up(sim.scenario, 1)  # nothing can be compiled once there is a listener in the place of a kernel
     for module in (kernels, kernels_contact, kernels_firing, kernels_motion, kernels_sonar):
         for name, kernel in vars(module).items():
             if hasattr(kernel, "signatures") and kernel.__module__ == module.__name__:
                 monkeypatch.setattr(module, name, listen(name, kernel))
-    rooms = ("[robots]\n", '[world.rooms]\nsize = "6m"\ndoor = "1.5m"\n\n[robots]\n')
-    sim = scouts(tmp_path, ("count = 1\n", "count = 40\n"), rooms, more=sonar, machine=choose("numba", 1))
     warm_up(sim.scenario, 1)
     prepared = set(called)
     called.clear()
@@ -42,3 +46,33 @@ def test_what_a_tick_takes_is_compiled_beforehand(tmp_path: Path, monkeypatch: p
     sim.sense()
     assert len(called) >= 8
     assert called <= prepared
+
+
+COLD = """
+import sys
+from sleepcast.cli.headless import warm_up
+from sleepcast.simulator import find_scenario
+
+warm_up(find_scenario("crowd"), 1)
+for name, module in sorted(sys.modules.items()):
+    if name.startswith("sleepcast.simulator.kernels"):
+        for kernel in vars(module).values():
+            if hasattr(kernel, "stats") and kernel.__module__ == name:
+                print(name, kernel.__name__, sum(kernel.stats.cache_misses.values()))
+"""
+
+
+def test_the_first_start_compiles_in_two_processes(tmp_path: Path) -> None:
+    """Each kernel once: what sonars need elsewhere, what motion needs here."""
+    pytest.importorskip("numba")
+    if cores() < 2:
+        pytest.skip("one core compiles alone")
+    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    environment["XDG_CACHE_HOME"] = str(tmp_path)
+    ran = subprocess.run([sys.executable, "-c", COLD], env=environment, capture_output=True, text=True, check=True)
+    rows = [row.split() for row in ran.stdout.splitlines()]
+    compiled = {(module.rpartition(".")[2], kernel): int(times) for module, kernel, times in rows}
+    assert compiled["kernels_motion", "propose"] == compiled["kernels_contact", "stop_at_old"] == 1
+    assert compiled["kernels_sonar", "see"] == compiled["kernels", "hear"] == 0
+    kept = {file.name.partition("-")[0] for file in tmp_path.rglob("*.nbi")}
+    assert kept >= {"kernels_motion.propose", "kernels_sonar.see", "kernels.hear"}

@@ -16,7 +16,7 @@ from sleepcast.cli.snapshots import Keeping
 from sleepcast.cli.streams import complain
 from sleepcast.errors import MisuseError
 from sleepcast.loop import Swarm, load, resume
-from sleepcast.simulator import Scenario, Simulator
+from sleepcast.simulator import Scenario, Simulator, rehearse
 from sleepcast.station import Journal, Station
 
 if TYPE_CHECKING:
@@ -60,8 +60,9 @@ def desk_of(swarm: Swarm, journal: Journal | None = None) -> Station:
 
 def warm_up(scenario: Scenario, threads: int | None) -> None:
     """Load and compile all that a tick of `scenario` needs, by letting a few robots live in it for a moment."""
-    few = replace(scenario.robots, count=min(scenario.robots.count, FEW))
-    swarm, _ = assemble(replace(scenario, robots=few), None, mission=False, threads=threads)
+    few = replace(scenario, robots=replace(scenario.robots, count=min(scenario.robots.count, FEW)))
+    rehearse(few)
+    swarm, _ = assemble(few, None, mission=False, threads=threads)
     for _ in range(WARM_TICKS):
         swarm.step()
         swarm.simulator.readings()

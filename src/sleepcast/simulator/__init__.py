@@ -6,7 +6,7 @@ parts of them, `mission` the scripts, `gallery` finds them. `maze` draws walls; 
 what lies inside, `bodies` have the robots' state.
 `motion` moves them by `wheels` or without, until `bumpers` touch; `echoes` are their sonars, `senses` see lights and
 hear pings. The heavy work is done by a machine of `engine`: `cones`, `contact` and `grid` in NumPy, or `fast` with its
-compiled `kernels`. `simulation` puts everything together.
+compiled `kernels`. `simulation` puts everything together. `rehearsal` compiles before anybody waits for a tick.
 
 `nomads` drives such bodies axis by axis, as a server of robots does: with `motors`, in worlds of `sites`, built as
 `setups` say.
@@ -19,6 +19,7 @@ from sleepcast.simulator.engine import Machine, choose
 from sleepcast.simulator.gallery import find_scenario, scenario_names
 from sleepcast.simulator.guard import Guard, limited, read_limits
 from sleepcast.simulator.mission import MissionError, Order, parse_mission, read_mission
+from sleepcast.simulator.rehearsal import rehearse
 from sleepcast.simulator.robot_settings import Store
 from sleepcast.simulator.scenario import Place, ReadyCommand, Scenario, load
 from sleepcast.simulator.settings import SettingsError
@@ -54,5 +55,6 @@ __all__ = [
     "parse_mission",
     "read_limits",
     "read_mission",
+    "rehearse",
     "scenario_names",
 ]

@@ -64,6 +64,11 @@ if not _settings.CACHE_DIR:  # the person who set NUMBA_CACHE_DIR knows better
     _settings.CACHE_DIR = str(cache_folder())
 
 
+def anything_kept() -> bool:
+    """Whether any kernel has ever been compiled by these sources."""
+    return any(Path(_settings.CACHE_DIR).rglob("*.nbi"))
+
+
 def compiled(function: Kernel) -> Kernel:
     """A kernel; compiled when it is first called, and kept."""
     return _made(function, fastmath=FASTMATH)

@@ -96,7 +96,7 @@ class NumPyMachine:
         return listed
 
     def room(self, count: int) -> tuple[Proposal, Floats]:
-        return Proposal(*np.empty((6, count))), np.empty(count)
+        return Proposal(*np.empty((3, count))), np.empty(count)
 
     def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats) -> None:
         noise.tell(cones.ranges(view, which), which, ear, sensed)

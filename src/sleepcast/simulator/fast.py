@@ -187,8 +187,8 @@ class NumbaMachine:
 
     def room(self, count: int) -> tuple[Proposal, Floats]:
         self._scratch.begin(MOST * count)
-        rows = self._scratch.take(np.float64, 7, count)
-        return Proposal(*rows[:6]), rows[6]
+        rows = self._scratch.take(np.float64, 4, count)
+        return Proposal(*rows[:3]), rows[3]
 
     def propose(self, bodies: Columns, laws: Laws, draws: Draws, proposal: Proposal) -> None:
         if not laws.track:  # crafts without wheels are few

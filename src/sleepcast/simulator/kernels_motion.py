@@ -53,18 +53,17 @@ def deviate(counter, draw):
 def propose(bodies, laws, roam, draw_left, draw_right, proposal, first, last):
     """See `steps.propose`: the bodies from `first` up to `last`."""
     numbers, x, y, heading, _, _, encoder_heading, wheel_mean, wheel_left, wheel_right = bodies[9:19]
-    out_across, out_up, out_turn, seen_across, seen_up, seen_turn = proposal
+    out_across, out_up, out_turn = proposal
     slips = laws.slip_left != 0.0 or laws.slip_right != 0.0 or laws.slip_noise != 0.0
+    towards = heading if slips else encoder_heading
     room = np.zeros(8 * BLOCK)
     for begin in range(first, last, BLOCK):
         end = min(begin + BLOCK, last)
         want(bodies, laws, roam, room, begin, end)
-        roll(
-            laws, room, wheel_left[begin:end], wheel_right[begin:end], wheel_mean[begin:end], encoder_heading[begin:end]
-        )
-        give(room, seen_across[begin:end], seen_up[begin:end], seen_turn[begin:end])
+        roll(laws, room, wheel_left[begin:end], wheel_right[begin:end], wheel_mean[begin:end])
         if slips:
-            slide(laws, room, numbers[begin:end], draw_left, draw_right, heading[begin:end])
+            slide(laws, room, numbers[begin:end], draw_left, draw_right)
+        lead(laws, room, towards[begin:end])
         stay(laws, room, x[begin:end], y[begin:end])
         give(room, out_across[begin:end], out_up[begin:end], out_turn[begin:end])
 
@@ -98,36 +97,44 @@ def want(bodies, laws, roam, room, begin, end):
 
 
 @part
-def roll(laws, room, wheel_left, wheel_right, wheel_mean, heading):
-    """Let wheels follow what is wanted, and put into `room` where that leads, as the encoders see it."""
-    size = heading.shape[0]
+def roll(laws, room, wheel_left, wheel_right, wheel_mean):
+    """Let wheels follow what is wanted, and put into `room` how far they get."""
+    size = wheel_mean.shape[0]
     for q in range(size):
-        room[LEFT + q], room[RIGHT + q], room[HEADING + q] = wheel_left[q], wheel_right[q], heading[q]
+        room[LEFT + q], room[RIGHT + q] = wheel_left[q], wheel_right[q]
     for q in range(size):
         left, right = room[LEFT + q], room[RIGHT + q]
         left, right = wheels_follow(laws, left, right, room[SPEED + q], room[TURN + q])
         room[LEFT + q], room[RIGHT + q], room[SPEED + q] = left, right, (left + right) / 2.0
-        across, up, turn = arc(laws, left * laws.tick, right * laws.tick, room[HEADING + q])
-        room[ACROSS + q], room[UP + q], room[TURN + q] = across, up, turn
     for q in range(size):
         wheel_left[q], wheel_right[q], wheel_mean[q] = room[LEFT + q], room[RIGHT + q], room[SPEED + q]
+    for q in range(size):
+        room[LEFT + q] *= laws.tick
+        room[RIGHT + q] *= laws.tick
 
 
 @part
-def slide(laws, room, numbers, draw_left, draw_right, heading):
-    """Put into `room` where wheels that slip really lead."""
-    size = heading.shape[0]
+def slide(laws, room, numbers, draw_left, draw_right):
+    """Put into `room` how far wheels that slip really get."""
+    size = numbers.shape[0]
     if laws.slip_noise != 0.0:
         for q in range(size):
             room[SPEED + q] = deviate(numbers[q], draw_left)
         for q in range(size):
             room[SLIP + q] = deviate(numbers[q], draw_right)
     for q in range(size):
+        room[LEFT + q] = slipped(laws, room[LEFT + q], laws.slip_left, room[SPEED + q])
+        room[RIGHT + q] = slipped(laws, room[RIGHT + q], laws.slip_right, room[SLIP + q])
+
+
+@part
+def lead(laws, room, heading):
+    """Put into `room` where wheels lead that get so far, from these headings."""
+    size = heading.shape[0]
+    for q in range(size):
         room[HEADING + q] = heading[q]
     for q in range(size):
-        left = slipped(laws, room[LEFT + q] * laws.tick, laws.slip_left, room[SPEED + q])
-        right = slipped(laws, room[RIGHT + q] * laws.tick, laws.slip_right, room[SLIP + q])
-        across, up, turn = arc(laws, left, right, room[HEADING + q])
+        across, up, turn = arc(laws, room[LEFT + q], room[RIGHT + q], room[HEADING + q])
         room[ACROSS + q], room[UP + q], room[TURN + q] = across, up, turn
 
 
@@ -151,24 +158,49 @@ def give(room, across, up, turn):
 def commit(bodies, laws, proposal, free, across, up, first, last):
     """See `steps.commit`: the bodies from `first` up to `last`."""
     x, y, heading, encoder_x, encoder_y, encoder_heading, speed, left, right, bumper, stores, uses = bodies[10:]
-    way_across, way_up, turn, seen_across, seen_up, seen_turn = proposal
-    for i in range(first, last):
-        if laws.parts != 0.0:
-            bumper[i] = touched_part(laws, across[i], up[i], heading[i]) if free[i] < 1.0 else 0.0
+    way_across, way_up, turn = proposal
+    room = np.zeros(8 * BLOCK)
+    for begin in range(first, last, BLOCK):
+        end = min(begin + BLOCK, last)
+        spend(laws, stores, uses, speed, free, begin, end)
+        turned_wheels(laws, room, left[begin:end], right[begin:end])
+        lead(laws, room, encoder_heading[begin:end])
+        trust(room, free[begin:end], encoder_x[begin:end], encoder_y[begin:end], encoder_heading[begin:end])
+        for i in range(begin, end):
+            if free[i] < 1.0:
+                if laws.parts != 0.0:
+                    bumper[i] = touched_part(laws, across[i], up[i], heading[i])
+                speed[i], left[i], right[i] = 0.0, 0.0, 0.0
+            elif laws.parts != 0.0 and bumper[i] != 0.0:
+                bumper[i] = 0.0
+        for i in range(begin, end):
+            x[i] += free[i] * way_across[i]
+            y[i] += free[i] * way_up[i]
+            heading[i] = wrap(heading[i] + turn[i])
+
+
+@part
+def spend(laws, stores, uses, speed, free, begin, end):
+    """Take out of the stores what the way of each body takes."""
     for store in range(uses.shape[0]):
         use = uses[store]
         if use != 0.0:
-            for i in range(first, last):
+            for i in range(begin, end):
                 rest = stores[store, i] - np.abs(speed[i]) * laws.tick * free[i] * use
                 stores[store, i] = either(rest < 0.0, 0.0, rest)
-    for i in range(first, last):
-        x[i] += free[i] * way_across[i]
-        y[i] += free[i] * way_up[i]
-        heading[i] = wrap(heading[i] + turn[i])
-    for i in range(first, last):
-        encoder_x[i] += free[i] * seen_across[i]
-        encoder_y[i] += free[i] * seen_up[i]
-        encoder_heading[i] = wrap(encoder_heading[i] + seen_turn[i])
-    for i in range(first, last):
-        if free[i] < 1.0:
-            speed[i], left[i], right[i] = 0.0, 0.0, 0.0
+
+
+@part
+def turned_wheels(laws, room, wheel_left, wheel_right):
+    """Put into `room` how far the wheels have turned."""
+    for q in range(wheel_left.shape[0]):
+        room[LEFT + q], room[RIGHT + q] = wheel_left[q] * laws.tick, wheel_right[q] * laws.tick
+
+
+@part
+def trust(room, free, x, y, heading):
+    """Let bodies believe that they get where `room` leads, as far as they are free to."""
+    for q in range(free.shape[0]):
+        x[q] += free[q] * room[ACROSS + q]
+        y[q] += free[q] * room[UP + q]
+        heading[q] = wrap(heading[q] + room[TURN + q])

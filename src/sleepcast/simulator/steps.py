@@ -64,15 +64,11 @@ class Columns(NamedTuple):
 
 
 class Proposal(NamedTuple):
-    """Where bodies are going in this tick, if they are free to: across and up, m, and round, rad, in the world and as
-    the encoders see it. Shape (count,)."""
+    """Where bodies are going in this tick, if they are free to: across and up, m, and round, rad. Shape (count,)."""
 
     across: Floats
     up: Floats
     turn: Floats
-    seen_across: Floats
-    seen_up: Floats
-    seen_turn: Floats
 
     def of(self, which: slice) -> Proposal:
         """Of some of the bodies."""
@@ -119,15 +115,17 @@ def commit(bodies: Columns, laws: Laws, proposal: Proposal, settled: Settled) ->
     bodies.y[:] += free * proposal.up
     bodies.heading[:] = wrap(bodies.heading + proposal.turn)
     if laws.track:
-        bodies.encoder_x[:] += free * proposal.seen_across
-        bodies.encoder_y[:] += free * proposal.seen_up
-        bodies.encoder_heading[:] = wrap(bodies.encoder_heading + proposal.seen_turn)
+        left, right = bodies.left * laws.tick, bodies.right * laws.tick
+        seen_across, seen_up, seen_turn = arc(laws, left, right, bodies.encoder_heading)
+        bodies.encoder_x[:] += free * seen_across
+        bodies.encoder_y[:] += free * seen_up
+        bodies.encoder_heading[:] = wrap(bodies.encoder_heading + seen_turn)
     for speed in (bodies.speed, bodies.left, bodies.right):
         speed[touched] = 0.0
     for row, use in zip(bodies.stores, bodies.uses, strict=True):
         if use:
-            left = row - used * use
-            row[:] = np.where(left < 0.0, 0.0, left)
+            rest = row - used * use
+            row[:] = np.where(rest < 0.0, 0.0, rest)
 
 
 def _wanted(bodies: Columns, laws: Laws, draws: Draws) -> tuple[Floats, Floats]:
@@ -164,18 +162,17 @@ def _swing(bodies: Columns, laws: Laws, moves: NDArray[np.bool_], turn: Floats) 
 
 
 def _roll(bodies: Columns, laws: Laws, draws: Draws, speed: Floats, turn: Floats, proposal: Proposal) -> None:
-    """The steps of bodies on wheels: as their encoders see them, and as they are."""
+    """The steps of bodies on wheels; what their encoders make of them is worked out where they are gone."""
     bodies.left[:], bodies.right[:] = wheels_follow(laws, bodies.left, bodies.right, speed, turn)
     bodies.speed[:] = (bodies.left + bodies.right) / 2.0
     left, right = bodies.left * laws.tick, bodies.right * laws.tick
-    proposal.seen_across[:], proposal.seen_up[:], proposal.seen_turn[:] = arc(laws, left, right, bodies.encoder_heading)
+    towards = bodies.encoder_heading
     if laws.slips:
         drawn = [deviates(mix(bodies.numbers * np.uint64(GOLDEN) + np.uint64(draw))) for draw in draws[1:]]
         left = slipped(laws, left, laws.slip_left, drawn[0])
         right = slipped(laws, right, laws.slip_right, drawn[1])
-        proposal.across[:], proposal.up[:], proposal.turn[:] = arc(laws, left, right, bodies.heading)
-    else:
-        proposal.across[:], proposal.up[:], proposal.turn[:] = proposal[3:]
+        towards = bodies.heading
+    proposal.across[:], proposal.up[:], proposal.turn[:] = arc(laws, left, right, towards)
 
 
 def _glide(bodies: Columns, laws: Laws, speed: Floats, turn: Floats, proposal: Proposal) -> None:

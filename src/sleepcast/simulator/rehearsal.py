@@ -45,8 +45,8 @@ def rehearse(scenario: Scenario) -> None:
 @contextmanager
 def _looking_around(scenario: Scenario) -> Iterator[subprocess.Popen[bytes]]:
     """The other process, as long as it is wanted."""
-    quiet = subprocess.DEVNULL
-    with subprocess.Popen([sys.executable, "-c", OTHER], stdin=subprocess.PIPE, stdout=quiet, stderr=quiet) as other:
+    command, quiet = [sys.executable, "-P", "-c", OTHER], subprocess.DEVNULL  # -P: nothing of the folder we are in
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet) as other:
         try:
             assert other.stdin
             other.stdin.write(pack(scenario))

@@ -25,7 +25,7 @@ from sleepcast.simulator.neighbours import Neighbours
 from sleepcast.simulator.noise import Ear, Noise
 from sleepcast.simulator.robot_settings import Ring
 
-AT_ONCE = 8_192
+AT_ONCE = 65_536
 """Robots that are told what their sonars have kept at a time: what is needed for a moment stays small."""
 FRONT = pi / 2
 """Sonars whose axis is at most this far from the heading count as front sonars, rad."""
@@ -126,7 +126,10 @@ class Echoes:
             old, kept = old[at_once], old[~at_once]
             for begin in range(0, len(kept), AT_ONCE):
                 some = kept[begin : begin + AT_ONCE]
-                self._machine.tell(self.readings[some], some, self._ear(None), self.sensed)
+                their: slice | Whole = some
+                if (np.diff(some) == 1).all():  # side by side: nothing need be copied
+                    their = slice(int(some[0]), int(some[-1]) + 1)
+                self._machine.tell(self.readings[their], some, self._ear(None), self.sensed)
         if not len(old):
             return
         ear = self._ear(self._noise(tick))

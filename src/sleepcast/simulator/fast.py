@@ -180,7 +180,7 @@ class NumbaMachine:
         self._shoot(tick.view, shots_of(firing, tick))
 
     def _shoot(self, view: View, shots: Shots) -> None:
-        field, beam = self._fields.of(view), beam_of(view.cones)
+        field, beam = self._fields.of(view, self._share), beam_of(view.cones)
         self._share_rows(
             lambda first, last: kernels_firing.fire(field, beam, shots, first, last), view.grid, field.start
         )
@@ -253,7 +253,12 @@ class NumbaMachine:
     def tell(self, seen: Ranges, which: Whole, ear: Ear, sensed: Floats) -> None:
         if ear.noise is not None:
             self.disturb(seen, which, ear.noise)
-        kernels.tell(seen, which, ear.least, ear.most, ear.front, ear.wanted, sensed)
+
+        def work(first: int, last: int) -> None:
+            some = seen[first:last], which[first:last]
+            kernels.tell(*some, ear.least, ear.most, ear.front, ear.wanted, sensed)
+
+        self._share(len(which), work)
 
     def _share(self, count: int, work: Callable[[int, int], Result], alone: int = ALONE) -> list[Result]:
         """Let `work` be done for so many things, in stretches of numbers; gives what comes of each. alone: for how many

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import cos, pi, sin, tan
 from typing import NamedTuple
 
@@ -99,17 +100,23 @@ class Fields:
         self._known: Floats | None = None
         self._solids: Floats = np.empty((0, 6))
 
-    def of(self, view: View) -> Field:
-        """What lies around, for all cones. view: with what is `inside` the cells."""
+    def of(self, view: View, share: Callable[[int, Callable[[int, int], None]], object]) -> Field:
+        """What lies around, for all cones. view: with what is `inside` the cells. share: lets threads share so much
+        work."""
         assert isinstance(view.listed, Listed)
         if self._known is not view.solids:
             self._known, self._solids = view.solids, solid_columns(view.solids)
         order, start = view.points
         self._scratch.begin()
         places = self._scratch.take(np.float64, 4, len(order))
-        arrange(order, *view.pose, 0, len(order), places)
         short = self._scratch.take(np.float32, 2, len(order) + LANES)
-        short[:, : len(order)], short[:, len(order) :] = places[:2], AWAY
+        short[:, len(order) :] = AWAY
+
+        def work(first: int, last: int) -> None:
+            arrange(order, *view.pose, first, last, places)
+            short[:, first:last] = places[:2, first:last]
+
+        share(len(order), work)
         radii = np.array([view.cones.radius]) if view.radii is None else view.radii[order]
         listed, grid = view.listed, view.grid
         x, y, cosines, sines = places

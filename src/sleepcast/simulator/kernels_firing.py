@@ -30,15 +30,14 @@ def disc(across, up, ax, ay, radius, own, cosine, sine, graze, found):
     """Range of a disc in a cone, or `found` if that is less; see `cones.disc_range`."""
     along = across * ax + up * ay - own
     aside = abs(up * ax - across * ay)
-    outside = aside * cosine - along * sine
-    seen = found
-    if outside <= 0.0:
-        seen = sqrt(along * along + aside * aside) - radius
-    elif outside < radius * graze:
-        forward = along * cosine + aside * sine
-        if forward > 0.0:
-            seen = forward - sqrt(max(radius * radius - outside * outside, 0.0))
-    return min(found, max(seen, 0.0))
+    outside, forward = aside * cosine - along * sine, along * cosine + aside * sine
+    within = outside <= 0.0
+    # Which of them holds nobody can foresee: both are worked out, so that nothing has to be taken back.
+    inside, cut = along * along + aside * aside, max(radius * radius - outside * outside, 0.0)
+    root = sqrt(inside if within else cut)
+    seen = max(root - radius if within else forward - root, 0.0)
+    met = within | ((outside < radius * graze) & (forward > 0.0))
+    return min(found, seen) if met else found
 
 
 @inlined

@@ -72,8 +72,10 @@ def test_machines_agree_between_walls_and_without_bumpers(tmp_path: Path) -> Non
         assert len({went(busy(tmp_path, machine, WHEELS["noisy"], change), 80) for machine in ALL}) == 1
 
 
-def test_threads_do_not_matter(tmp_path: Path) -> None:
+def test_threads_do_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("numba")
+    for few in ("LIGHT", "CROWDED"):  # whatever threads may share, they do
+        monkeypatch.setattr(f"sleepcast.simulator.fast.{few}", 0)
     hashes = set()
     for threads in (1, 2, 3):
         crowd = ("count = 300\n", "count = 6000\n"), ('"40m"\nheight = "30m"', '"100m"\nheight = "90m"')
@@ -97,8 +99,9 @@ def test_a_body_that_only_drives_does_not_roam(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(len(ALL) == 1, reason="only NumPy is installed")
 @pytest.mark.parametrize("threads", [1, 2, 3])
-def test_bodies_are_sorted_alike_on_any_number_of_threads(threads: int) -> None:
+def test_bodies_are_sorted_alike_on_any_number_of_threads(threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """More than one thread does alone, some of them outside of the world."""
+    monkeypatch.setattr("sleepcast.simulator.fast.LIGHT", 0)
     world = grid_over(300.0, 200.0, 7.0, 8_000)
     x, y = np.random.default_rng(9).uniform(((-5.0,), (-5.0,)), ((305.0,), (205.0,)), (2, 8_000))
     wanted, found = sort(world, x, y), choose("numba", threads).sort(world, x, y)

@@ -36,8 +36,11 @@ ALONE = 5_000
 """Robots up to which one thread is faster than several."""
 LIGHT = 50_000
 """The same where numbers are only put into another order: some nanoseconds for each robot."""
-STRETCHES = 4
-"""Stretches of rows for each thread: when one thread is done early it takes over some of the rest."""
+CROWDED = 1_000
+"""The same of robots that are within reach of each other: what they do to each other takes longer."""
+STRETCHES = 3, 3, 1, 1
+"""How large the stretches of rows for each thread are: who is done early takes over some of the rest, and the last ones
+are small, so that all are done at about the same time."""
 MOST = 106
 """Bytes for each robot that most tasks get by with."""
 ROUNDING = 1e-3
@@ -244,7 +247,7 @@ class NumbaMachine:
             )
 
         self._share_rows(at_old, grid, start)
-        self._share_rows(at_ways, grid, start)
+        self._share_rows(at_ways, grid, start, int(np.count_nonzero(near)), CROWDED)
 
     def disturb(self, seen: Ranges, which: Whole, noise: Noise) -> None:
         keys = np.uint64(noise.key), np.uint64(noise.dropout_key)
@@ -270,14 +273,18 @@ class NumbaMachine:
         shares = 1 if count <= alone else self.threads
         return [count * share // shares for share in range(shares + 1)]
 
-    def _share_rows(self, work: Callable[[int, int], None], grid: Grid, start: Short) -> None:
-        """Let `work` be done for all rows of cells, in stretches of about as many robots."""
+    def _share_rows(
+        self, work: Callable[[int, int], None], grid: Grid, start: Short, busy: int | None = None, alone: int = ALONE
+    ) -> None:
+        """Let `work` be done for all rows of cells, in stretches of about as many robots. busy: how many there is
+        something to do for, if not all; alone: for how many one thread is enough."""
         count = int(start[-1])
-        if self.threads == 1 or count <= ALONE:
+        if self.threads == 1 or (count if busy is None else busy) <= alone:
             work(0, grid.up)
             return
         ends = start[grid.across :: grid.across]  # robots up to and with each row
-        shares = np.arange(1, self.threads * STRETCHES) * (count / (self.threads * STRETCHES))
+        parts = np.cumsum(np.repeat(STRETCHES, self.threads))
+        shares = parts[:-1] * (count / parts[-1])
         self._together(work, [0, *(np.searchsorted(ends, shares) + 1).tolist(), grid.up])
 
     def _together(self, work: Callable[[int, int], Result], borders: list[int]) -> list[Result]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sleepcast.simulator import kernels, kernels_contact, kernels_firing, kernels_motion, kernels_sonar, steps
 from sleepcast.simulator.cones import Cones, Ranges, View
-from sleepcast.simulator.contact import SKIN, Settled, clear
+from sleepcast.simulator.contact import SKIN, Settled, boxes_of, clear
 from sleepcast.simulator.driving import Laws
 from sleepcast.simulator.fields import Fields, Shots, beam_of, one_of_each, shots_of
 from sleepcast.simulator.firing import Firing, Tick
@@ -89,6 +89,8 @@ class NumbaMachine:
         self._scratch = Scratch()
         self._fields = Fields(self._scratch)
         self._around: _Around | None = None
+        self._boxed: tuple[Floats, Floats] | None = None
+        """Solids, and the boxes round them."""
 
     def sort(self, grid: Grid, x: Floats, y: Floats) -> Sorted:
         cells, order = np.empty(len(x), np.int32), np.empty(len(x), np.int32)
@@ -230,10 +232,13 @@ class NumbaMachine:
         close = self._close(points, reach)
         near, stopped = scratch.take(np.bool_, count), Settled(*scratch.take(np.float64, 3, count))
         clear(settled)
+        if self._boxed is None or self._boxed[0] is not solids:
+            self._boxed = solids, boxes_of(solids)
+        boxes = self._boxed[1]
 
         def at_old(first: int, last: int) -> None:
             kernels_contact.stop_at_old(
-                *(x, y, *way, radii, order, start, grid.size, grid.across, grid.up, solids, *listed),
+                *(x, y, *way, radii, order, start, grid.size, grid.across, grid.up, solids, boxes, *listed),
                 *(SKIN, longest, reach, first, last, close, near, *stopped, *settled),
             )
 

@@ -64,6 +64,13 @@ def settle(
     _meet(settled, i, j, place, (left_x, left_y), (dx, dy), apart)
 
 
+def boxes_of(solids: Floats) -> Floats:
+    """The least box round each of the `solids`: left, right, bottom and top, m, shape (solids, 4)."""
+    x0, y0, x1, y1, radius = solids.T
+    left, right, bottom, top = np.minimum(x0, x1), np.maximum(x0, x1), np.minimum(y0, y1), np.maximum(y0, y1)
+    return np.ascontiguousarray(np.stack((left - radius, right + radius, bottom - radius, top + radius), axis=1))
+
+
 def clear(settled: Settled) -> None:
     """Let nothing be in anybody's way."""
     settled.free.fill(1.0)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sleepcast.simulator import kernels, kernels_contact, kernels_firing, kernels_motion, kernels_sonar, steps
 from sleepcast.simulator.cones import Cones, Ranges, View
-from sleepcast.simulator.contact import SKIN, Settled, clear
+from sleepcast.simulator.contact import SKIN, Settled, boxes_of, clear
 from sleepcast.simulator.driving import Laws
 from sleepcast.simulator.fields import Fields, Shots, beam_of, one_of_each, shots_of
 from sleepcast.simulator.firing import Firing, Tick
@@ -45,6 +45,8 @@ MOST = 106
 """Bytes for each robot that most tasks get by with."""
 ROUNDING = 1e-3
 """Metres, much more than single precision errs by in the distance of two bodies in reach of each other."""
+AGAIN = 1.1
+"""How much farther than this time contact may want to know next time who is there: the fastest body may be faster."""
 FOLDED = 16
 """Sonars of a ring whose bearings the kernel can fold."""
 
@@ -92,6 +94,10 @@ class NumbaMachine:
         self._scratch = Scratch()
         self._fields = Fields(self._scratch)
         self._around: _Around | None = None
+        self._beside = np.inf
+        """Metres within which others matter to contact, as far as is known."""
+        self._boxed: tuple[Floats, Floats] | None = None
+        """Solids, and the boxes round them."""
 
     def sort(self, grid: Grid, x: Floats, y: Floats) -> Sorted:
         cells, order = np.empty(len(x), np.int32), np.empty(len(x), np.int32)
@@ -152,13 +158,18 @@ class NumbaMachine:
         mixed = radii is not None and bool((radii != cones.radius).any())
         wide = radii[order] if radii is not None and mixed else np.empty(0)
         walls = listed if isinstance(listed, Walls) else walls_of(listed, solids)
-        close = self._looked_around(points, min(ring.lone, cones.reach))
+        beside = min(ring.lone, cones.reach, self._beside)
+        close = self._looked_around(points, beside)
         seen = (
             *(*pose, order, fixed_x, fixed_y, wide, rows, points.start, grid.size, grid.across, grid.up),
             *(walls.solids, walls.start, walls.items, walls.news, *ring.measures),
             *(ring.lone if ring.lone < np.inf else -1.0, 1.0 / units, mixed, forward, ring.axis_cos, ring.axis_sin),
         )
-        self._share_rows(lambda first, last: kernels_sonar.see(*seen, first, last, close, squares), grid, points.start)
+
+        def see(first: int, last: int) -> None:
+            kernels_sonar.see(*seen, first, last, beside, close, squares)
+
+        self._share_rows(see, grid, points.start)
         return squares
 
     def _looked_around(self, points: Sorted, reach: float) -> Flags:
@@ -230,13 +241,16 @@ class NumbaMachine:
         )
         longest = sqrt(max(gathered))
         reach = 2.0 * float(radii.max(initial=0.0)) + SKIN + 2.0 * longest
-        close = self._close(points, reach)
+        close, self._beside = self._close(points, reach), AGAIN * reach + ROUNDING
         near, stopped = scratch.take(np.bool_, count), Settled(*scratch.take(np.float64, 3, count))
         clear(settled)
+        if self._boxed is None or self._boxed[0] is not solids:
+            self._boxed = solids, boxes_of(solids)
+        boxes = self._boxed[1]
 
         def at_old(first: int, last: int) -> None:
             kernels_contact.stop_at_old(
-                *(x, y, *way, radii, order, start, grid.size, grid.across, grid.up, solids, *listed),
+                *(x, y, *way, radii, order, start, grid.size, grid.across, grid.up, solids, boxes, *listed),
                 *(SKIN, longest, reach, first, last, close, near, *stopped, *settled),
             )
 

@@ -94,10 +94,14 @@ def lines_near(x, reach, inverse, most):
 
 
 @inlined
-def misses(px, py, x0, y0, x1, y1, far):
-    """Whether the box round a line, made larger by `far`, misses a point."""
-    beside = (px < min(x0, x1) - far) | (px > max(x0, x1) + far)
-    return beside | (py < min(y0, y1) - far) | (py > max(y0, y1) + far)
+def any_box_near(boxes, items, first, last, px, py, far):
+    """Whether any of the boxes of listed solids, from the `first` up to the `last`, comes within `far` of a point."""
+    left, right, below, above = px - far, px + far, py - far, py + far
+    found = False
+    for w in range(first, last):
+        s = U(items[w])
+        found |= (right >= boxes[s, 0]) & (left <= boxes[s, 1]) & (above >= boxes[s, 2]) & (below <= boxes[s, 3])
+    return found
 
 
 @inlined
@@ -115,12 +119,13 @@ def anybody_near(x, y, px, py, start, reach, inverse, across, up):
 
 @compiled
 def stop_at_old(
-    x, y, way_x, way_y, radii, order, start, size, across, up, solids, listed, items, skin, longest, reach,
+    x, y, way_x, way_y, radii, order, start, size, across, up, solids, boxes, listed, items, skin, longest, reach,
     first_row, last_row, close, near, free, hit_x, hit_y, out_free, out_x, out_y,
 ):  # fmt: skip
     """The first round of `contact.settle`, in sorted order: ways end at solids and at old places of others. way_x,
-    way_y: by body; longest: of them, m. close: False where it is known that nobody is within reach. near: whether any
-    body is; where there is none, this round is the last, and puts the results where they belong."""
+    way_y: by body; longest: of them, m. boxes: round the solids, see `contact.boxes_of`. close: False where it is known
+    that nobody is within reach. near: whether any body is; where there is none, this round is the last, and puts the
+    results where they belong."""
     inverse = 1.0 / size
     for cell in range(U(first_row * across), U(last_row * across)):
         first_item, last_item = U(listed[cell]), U(listed[cell + U(1)])
@@ -130,7 +135,10 @@ def stop_at_old(
                 continue
             px, py, radius = x[i], y[i], radius_of(radii, order, i)
             best, best_x, best_y = 1.0, 0.0, 0.0
-            for w in range(first_item, last_item):
+            beside = any_box_near(boxes, items, first_item, last_item, px, py, radius + skin + longest + LITTLE)
+            if not beside and not near[i]:
+                continue
+            for w in range(first_item, last_item if beside else first_item):
                 s = U(items[w])
                 x0, y0, x1, y1, limit = (
                     solids[s, 0],
@@ -139,8 +147,6 @@ def stop_at_old(
                     solids[s, 3],
                     radius + solids[s, 4] + skin,
                 )
-                if misses(px, py, x0, y0, x1, y1, limit + longest + LITTLE):
-                    continue
                 wx, wy = way_x[order[i]], way_y[order[i]]
                 way = sqrt(wx * wx + wy * wy) + skin
                 ox, oy = off(px, py, x0, y0, x1, y1)

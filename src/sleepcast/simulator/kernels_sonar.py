@@ -190,7 +190,7 @@ def keep_near(
 def see(
     x, y, heading, order, fixed_x, fixed_y, radii, rows, start, size, across, up, solids, listed, items, news,
     own, common, reach, most, cosine, sine, graze, grazing, lone, unit, mixed, forward, axis_cos, axis_sin,
-    first_row, last_row, close, out,
+    first_row, last_row, beside, close, out,
 ):  # fmt: skip
     """What robots in the rows of cells from `first_row` up to `last_row` see, squared; see `cones.ranges`.
 
@@ -201,7 +201,7 @@ def see(
     a middle may be. lone: beyond this distance a body of the common radius is seen by the two nearest of sixteen sonars
     only; negative where there are not sixteen. forward: whether nobody asks for cones that look behind. axis_cos,
     axis_sin: of the cones, as many as a row of `out` is long: a multiple of LANES. close: is made False for those who
-    find nobody within `lone`.
+    find nobody within `beside` m, which is at most `lone`.
     """
     count = axis_cos.shape[0]
     nothing = F(most * most)
@@ -310,7 +310,7 @@ def see(
                 for d in range(doubts):
                     its = number[doubtful[d]]
                     b, wide = its >> OWNER, radii[its & OTHER] if mixed else common
-                    close[batch[b]] = True
+                    close[batch[b]] |= far_x[d] * far_x[d] + far_y[d] * far_y[d] < beside * beside
                     for k in range(0, count, LANES):
                         axis_x, axis_y = axes(axis_cos, axis_sin, k, turned[b], turned[BATCH + b])
                         found = look_closely(axis_x, axis_y, far_x[d], far_y[d], wide, own, cosine, sine, graze)

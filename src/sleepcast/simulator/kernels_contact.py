@@ -14,6 +14,8 @@ import numpy as np
 from sleepcast.simulator.compiled import compiled, inlined
 
 U = np.uint64
+FAR = 1e9
+"""Metres to nothing."""
 LITTLE = 1e-6
 """Metres by which is looked farther than needed, so that rounding never hides anything."""
 
@@ -94,14 +96,15 @@ def lines_near(x, reach, inverse, most):
 
 
 @inlined
-def any_box_near(boxes, items, first, last, px, py, far):
-    """Whether any of the boxes of listed solids, from the `first` up to the `last`, comes within `far` of a point."""
-    left, right, below, above = px - far, px + far, py - far, py + far
-    found = False
+def from_boxes(boxes, items, first, last, px, py):
+    """How far a point is, across or up, from the nearest of the boxes of listed solids, from the `first` up to the
+    `last`; a negative number within one."""
+    least = FAR
     for w in range(first, last):
         s = U(items[w])
-        found |= (right >= boxes[s, 0]) & (left <= boxes[s, 1]) & (above >= boxes[s, 2]) & (below <= boxes[s, 3])
-    return found
+        across, up = max(boxes[s, 0] - px, px - boxes[s, 1]), max(boxes[s, 2] - py, py - boxes[s, 3])
+        least = min(least, max(across, up))
+    return least
 
 
 @inlined
@@ -135,7 +138,8 @@ def stop_at_old(
                 continue
             px, py, radius = x[i], y[i], radius_of(radii, order, i)
             best, best_x, best_y = 1.0, 0.0, 0.0
-            beside = any_box_near(boxes, items, first_item, last_item, px, py, radius + skin + longest + LITTLE)
+            far = radius + skin + longest + LITTLE
+            beside = from_boxes(boxes, items, first_item, last_item, px, py) <= far
             if not beside and not near[i]:
                 continue
             for w in range(first_item, last_item if beside else first_item):

@@ -59,13 +59,14 @@ class Tally:
 
     def used(self, steps: NDArray[np.int32] | int, rows: Rows) -> None:
         """These robots have used so many steps, each or all alike."""
-        if isinstance(steps, int) and isinstance(self._steps, int):
-            if self._steps == steps:
-                return
-            if rows.size == len(self._fresh):
-                self._steps = steps
-                return
-        self._own_steps()[rows.index] = steps
+        if isinstance(steps, int) and rows.size == len(self._fresh):
+            self._steps = steps
+            if self._sink.steps is not None:
+                self._sink = self._sink._replace(steps=None)
+        elif isinstance(steps, int) and isinstance(self._steps, int) and self._steps == steps:
+            return
+        else:
+            self._own_steps()[rows.index] = steps
 
     def _own_steps(self) -> NDArray[np.uint16]:
         if isinstance(self._steps, int):

@@ -228,16 +228,13 @@ class Bodies:
         wanted = {"drive_speed": self.wanted_speed, "drive_turn": self.wanted_turn}
         if actuator not in wanted:
             raise MisuseError(f'no actuator "{actuator}"{did_you_mean(actuator, wanted)}: wanted {" or ".join(wanted)}')
-        if isinstance(which, slice) and not self.stopped[which].any() and not np.isnan(values.min(initial=0.0)):
-            self.mode[which], wanted[actuator][which] = Mode.DRIVE.value, values  # as nearly always
+        if isinstance(which, slice):
+            stopped, mode, wish = self.stopped[which], self.mode[which], wanted[actuator][which]
+            self.machine.share(values.size, lambda i, j: _drive(stopped[i:j], mode[i:j], wish[i:j], values[i:j]))
             return
         free, named = ~self.stopped[which], ~np.isnan(values)
-        if isinstance(which, slice):
-            np.putmask(self.mode[which], free, Mode.DRIVE.value)
-            np.putmask(wanted[actuator][which], free & named, values)
-        else:
-            self.mode[which[free]] = Mode.DRIVE
-            wanted[actuator][which[free & named]] = values[free & named]
+        self.mode[which[free]] = Mode.DRIVE
+        wanted[actuator][which[free & named]] = values[free & named]
 
     def sense(self, which: Whole | None = None, echoes: bool | Collection[int] = True) -> None:
         """Bring the table up to date for the robots with these indices (None: all): noise, and what their sonars hear
@@ -379,3 +376,12 @@ class Bodies:
 
 def _spread(ends: tuple[float, float], drawn: Floats) -> Floats:
     return ends[0] + (ends[1] - ends[0]) * drawn
+
+
+def _drive(stopped: NDArray[np.bool_], mode: NDArray[np.int8], wanted: Floats, values: Floats) -> None:
+    """Let these bodies, but for those that are stopped, drive with the `values` that are known."""
+    if not stopped.any() and not np.isnan(values.min(initial=0.0)):
+        mode[:], wanted[:] = Mode.DRIVE.value, values  # as nearly always
+        return
+    np.putmask(mode, ~stopped, Mode.DRIVE.value)
+    np.putmask(wanted, ~(stopped | np.isnan(values)), values)

@@ -8,6 +8,7 @@ computes never depends on its number of threads.
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Protocol
 
@@ -78,6 +79,10 @@ class Machine(Protocol):
 
     def tell(self, seen: Ranges, which: Whole, ear: Ear, sensed: Floats, /) -> None: ...
 
+    def share(self, count: int, work: Callable[[int, int], object], /) -> None:
+        """Let `work`, which is little for each, be done for so many things, in stretches from a number up to another
+        one, by all threads."""
+
 
 class NumPyMachine:
     """Everything in NumPy, on one thread."""
@@ -103,6 +108,9 @@ class NumPyMachine:
 
     def fire(self, firing: Firing, tick: Tick) -> None:
         fire(firing, tick, cones.look)
+
+    def share(self, count: int, work: Callable[[int, int], object]) -> None:
+        work(0, count)
 
 
 def choose(name: str | None = None, threads: int | None = None) -> Machine:

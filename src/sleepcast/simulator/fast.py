@@ -243,7 +243,7 @@ class NumbaMachine:
         reach = 2.0 * float(radii.max(initial=0.0)) + SKIN + 2.0 * longest
         close, self._beside = self._close(points, reach), AGAIN * reach + ROUNDING
         near, stopped = scratch.take(np.bool_, count), Settled(*scratch.take(np.float64, 3, count))
-        clear(settled)
+        self.share(count, lambda first, last: clear(Settled(*(column[first:last] for column in settled))))
         if self._boxed is None or self._boxed[0] is not solids:
             self._boxed = solids, boxes_of(solids)
         boxes = self._boxed[1]
@@ -276,6 +276,9 @@ class NumbaMachine:
             kernels.tell(*some, ear.least, ear.most, ear.front, ear.wanted, sensed)
 
         self._share(len(which), work)
+
+    def share(self, count: int, work: Callable[[int, int], object]) -> None:
+        self._share(count, work, LIGHT)
 
     def _share(self, count: int, work: Callable[[int, int], Result], alone: int = ALONE) -> list[Result]:
         """Let `work` be done for so many things, in stretches of numbers; gives what comes of each. alone: for how many

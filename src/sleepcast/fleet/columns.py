@@ -138,7 +138,7 @@ class FleetState:
         self.mind = np.zeros(count, np.int32)
         """What each robot has learned: a number in the table of minds. Changed by `turn`."""
         self._one_mind: list[int] = [0]
-        """The mind that all robots have, if it is known that they have one."""
+        """The mind that all robots have, if it is known that they have one; in a list, because shadows share it."""
         self.proven = np.zeros(count, np.int32)
         """The mind whose rules ROLLBACK brings back."""
         self.unproven_since = np.zeros(count, np.int64)

@@ -63,9 +63,7 @@ class Tally:
             self._steps = steps
             if self._sink.steps is not None:
                 self._sink = self._sink._replace(steps=None)
-        elif isinstance(steps, int) and isinstance(self._steps, int) and self._steps == steps:
-            return
-        else:
+        elif not (isinstance(steps, int) and isinstance(self._steps, int) and self._steps == steps):
             self._own_steps()[rows.index] = steps
 
     def _own_steps(self) -> NDArray[np.uint16]:

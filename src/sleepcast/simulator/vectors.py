@@ -153,7 +153,6 @@ root_of = _of_each(_library("sqrt"), REALS)
 minus = _of_each(lambda build, value: build.fsub(ir.Constant(value.type, [-0.0] * LANES), value), REALS)
 reals = _of_each(lambda build, value: build.sitofp(value, vector_of(SINGLE)), (SHORT,), SINGLE)
 singles = _of_each(lambda build, value: build.fptrunc(value, vector_of(SINGLE)), (DOUBLE,), SINGLE)
-doubles = _of_each(lambda build, value: build.fpext(value, vector_of(DOUBLE)), (SINGLE,), DOUBLE)
 
 
 @intrinsic

@@ -41,11 +41,12 @@ def room(rooms: str = "", libraries: str = "", late: str = "") -> Room:
     return Room(frozenset(rooms.split()), frozenset(libraries.split()), frozenset(late.split()))
 
 
-GROUND = frozenset({"errors", "clock", "units", "parcel", "files"})  # everybody may import these
+GROUND = frozenset({"errors", "clock", "units", "arrays", "parcel", "files"})  # everybody may import these
 HOUSE = {
     "errors": room(),
     "clock": room(),
     "units": room(),
+    "arrays": room(libraries="numpy"),
     "parcel": room(libraries="msgspec", late="numpy"),
     "files": room(),
     "language": room(),

@@ -14,6 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.arrays import filled
 from sleepcast.fleet.chance import streams
 from sleepcast.fleet.parcels import StateParcel, ValuesParcel
 from sleepcast.language.vocabulary import (
@@ -131,9 +132,10 @@ class FleetState:
         self._shared: set[int] = set()
         """Slots of variables whose columns somebody else keeps."""
         self._columns[ID] = np.array(numbers, dtype=np.float64)
-        self.keys = streams(seed, np.array(numbers, dtype=np.int64))
+        self.keys = filled(0, np.uint64, count)
+        self.keys[:] = streams(seed, np.array(numbers, dtype=np.int64))
         """The stream of each robot's chance."""
-        self.draws = np.zeros(count, np.int32)
+        self.draws = filled(0, np.int32, count)
         """Random numbers drawn in this tick."""
         self.mind = np.zeros(count, np.int32)
         """What each robot has learned: a number in the table of minds. Changed by `turn`."""
@@ -190,7 +192,7 @@ class FleetState:
             self._columns.append(None)
         column = self._columns[slot]
         if column is None:
-            column = self._columns[slot] = np.full(self.count, self._same[slot])
+            column = self._columns[slot] = filled(self._same[slot], np.float64, self.count)
         return column
 
     @property
@@ -252,7 +254,7 @@ class FleetState:
         """Who is in a group; a group that nobody has heard of is made."""
         found = self.groups.get(key)
         if found is None:
-            found = self.groups[key] = np.zeros(self.count, np.bool_)
+            found = self.groups[key] = filled(0, np.bool_, self.count)
         return found
 
     def groups_of(self, robot: int) -> frozenset[str]:
@@ -263,7 +265,7 @@ class FleetState:
         """Who has assigned an actuator."""
         found = self.actuated.get(slot)
         if found is None:
-            found = self.actuated[slot] = np.zeros(self.count, np.bool_)
+            found = self.actuated[slot] = filled(0, np.bool_, self.count)
         return found
 
     # ---- kept and made again

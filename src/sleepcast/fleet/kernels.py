@@ -17,6 +17,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.arrays import filled
 from sleepcast.fleet.columns import Column, FleetState, Rows
 from sleepcast.fleet.evaluation import Evaluation
 from sleepcast.fleet.meanings import Name, Size, meaning, name_of
@@ -154,7 +155,7 @@ class Kernels:
     ) -> Rows:
         """Let native code evaluate its programs on these robots at a `moment`; gives those that have to be walked."""
         if len(self._part) != state.count:
-            self._part = np.zeros(state.count, np.uint8)
+            self._part = filled(0, np.uint8, state.count)
         part, index = self._part, rows.index
         if isinstance(index, slice):
             start, stop = index.start, index.stop

@@ -8,6 +8,7 @@ from math import inf, nan
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.arrays import filled
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.minds import Effect
 from sleepcast.fleet.native import Sink
@@ -28,14 +29,14 @@ class Tally:
     """
 
     def __init__(self, count: int) -> None:
-        self.last_value: Column = np.full(count, nan)
+        self.last_value: Column = filled(nan, np.float64, count)
         self.most_steps = 0
         """No robot has used more steps in an evaluation."""
         self._steps: NDArray[np.uint16] | int = 0
-        self._firings: NDArray[np.uint16 | np.uint32] = np.zeros(count, np.uint16)
+        self._firings: NDArray[np.uint16 | np.uint32] = filled(0, np.uint16, count)
         self._fired = 0
         """No robot has fired more often."""
-        self._fresh: NDArray[np.uint8] = np.zeros(count, np.uint8)
+        self._fresh: NDArray[np.uint8] = filled(0, np.uint8, count)
         self._counted = 0
         self._in_row: NDArray[np.int8] | None = None
         """Made by the first fault."""
@@ -68,7 +69,7 @@ class Tally:
 
     def _own_steps(self) -> NDArray[np.uint16]:
         if isinstance(self._steps, int):
-            self._steps = np.full(len(self._fresh), self._steps, np.uint16)
+            self._steps = filled(self._steps, np.uint16, len(self._fresh))
         return self._steps
 
     # ---- firings

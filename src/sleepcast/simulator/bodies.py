@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.arrays import filled
 from sleepcast.channel.chance import GOLDEN, key, mix, uniform
 from sleepcast.errors import MisuseError, did_you_mean
 from sleepcast.simulator.areas import inside
@@ -101,15 +102,15 @@ class Bodies:
         self.sensors = sensors_of(scenario)
         ring = robots.ring
         own, all_ = len(self.sensors), len(self.sensors) + (ring.count + 1 if ring else 0)
-        self.sensed: Floats = np.full((all_, self.count), np.nan)
-        self.known: Floats = np.full((own, self.count), np.nan) if scenario.noise else self.sensed[:own]
+        self.sensed: Floats = filled(np.nan, np.float64, all_, self.count)
+        self.known: Floats = filled(np.nan, np.float64, own, self.count) if scenario.noise else self.sensed[:own]
         self.numbers = np.arange(self.count, dtype=np.uint64)
         self.chance = mix(self.numbers * np.uint64(GOLDEN) + np.uint64(key(seed, "bodies")))
         """A key for each robot, uint64."""
         self.encoder_x: Floats = self.known[0]
         self.encoder_y: Floats = self.known[1]
         self.encoder_heading: Floats = self.known[2]
-        apart = np.empty((3, self.count)) if robots.wheels else self.known
+        apart = filled(0.0, np.float64, 3, self.count) if robots.wheels else self.known
         self.x: Floats = apart[0]
         self.y: Floats = apart[1]
         self.heading: Floats = apart[2]
@@ -117,12 +118,11 @@ class Bodies:
         self.stores: Floats = self.known[4 : 4 + len(robots.stores)]
         self.store_names = tuple(store.name.casefold() for store in robots.stores)
         self.uses = self._uses()
-        self.left, self.right = np.zeros(self.count), np.zeros(self.count)
+        self.left, self.right, self.wanted_speed, self.wanted_turn = filled(0.0, np.float64, 4, self.count)
         self.hit_x, self.hit_y = np.zeros(self.count), np.zeros(self.count)
         names = [sensor.name for sensor in self.sensors]
         self.bumper: Floats = self.known[names.index("bumper")] if robots.bumpers else np.zeros(self.count)
         self.mode = np.zeros(self.count, np.int8)
-        self.wanted_speed, self.wanted_turn = np.zeros(self.count), np.zeros(self.count)
         self.target_x, self.target_y = np.zeros(self.count), np.zeros(self.count)
         self.swing, self.roaming = np.zeros(self.count), np.zeros(self.count)
         self.stopped, self.held = np.zeros(self.count, bool), np.zeros(self.count, bool)

@@ -15,6 +15,7 @@ from typing import NamedTuple, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.arrays import LINE
 from sleepcast.simulator import kernels, kernels_contact, kernels_firing, kernels_motion, kernels_sonar, steps
 from sleepcast.simulator.cones import Cones, Ranges, View
 from sleepcast.simulator.contact import SKIN, Settled, boxes_of, clear
@@ -23,7 +24,7 @@ from sleepcast.simulator.fields import Fields, Shots, beam_of, one_of_each, shot
 from sleepcast.simulator.firing import Firing, Tick
 from sleepcast.simulator.grid import Floats, Grid, Listed, Short, Sorted, Whole
 from sleepcast.simulator.noise import Ear, Noise
-from sleepcast.simulator.scratch import LINE, Scratch
+from sleepcast.simulator.scratch import Scratch
 from sleepcast.simulator.steps import Columns, Draws, Proposal
 from sleepcast.simulator.team import Team
 from sleepcast.simulator.vectors import LANES

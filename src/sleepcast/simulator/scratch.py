@@ -1,5 +1,5 @@
 """Scratch memory: the same for every task of every tick. Fresh memory costs more than the work that is done in it, and
-what one task needs another one can do with.
+what one task needs another one can do with. Every array begins with a line of the caches.
 """
 
 from __future__ import annotations
@@ -10,8 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-LINE = 64
-"""Bytes of a line of the processor's caches; every array begins with one."""
+from sleepcast.arrays import LINE
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 

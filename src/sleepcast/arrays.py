@@ -1,0 +1,40 @@
+"""Arrays of one number a robot, laid out in memory as the processor's caches want them.
+
+Code that serves many robots at a time goes through fifty such arrays side by side. Each begins with a line of the
+caches, so that what is read at once lies in one line and not in two. And they begin at different places of their pages:
+where a line may lie in the nearest cache depends on its place in the page, and arrays that all begin at the same one
+would put each other out.
+"""
+
+from __future__ import annotations
+
+from itertools import count
+from math import prod
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+LINE = 64
+"""Bytes of a line of the processor's caches."""
+PAGE = 4096
+"""Bytes of a page of memory, after which places in the nearest cache come round again. Arrays that are smaller than
+this lie as they come."""
+STEP = 5 * LINE
+"""Bytes from the place of one array in its page to that of the next; by and by each place is used."""
+
+Scalar = TypeVar("Scalar", bound=np.generic)
+
+_places = count(0, STEP)
+
+
+def filled(value: float, sort: type[Scalar], *shape: int) -> NDArray[Scalar]:
+    """An array of this shape, full of this value."""
+    size = prod(shape) * np.dtype(sort).itemsize
+    if size < PAGE:
+        return np.full(shape, value, sort)
+    block = np.empty(size + 2 * PAGE, np.uint8)
+    first = -block.ctypes.data % PAGE + next(_places) % PAGE
+    found = block[first : first + size].view(sort).reshape(shape)
+    found[...] = value
+    return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from random import Random
 from unittest.mock import patch
 
@@ -16,6 +17,7 @@ from language.cases import SENSORS
 from sleepcast.fleet import columns, kernels, native, tallies
 from sleepcast.fleet.formulas import FORMULAS
 from sleepcast.fleet.kernels import Kernels, available, translatable
+from sleepcast.team import Team
 
 pytestmark = pytest.mark.skipif(not available(), reason="native code needs llvmlite, the extra `fast`")
 
@@ -76,9 +78,9 @@ def sensed(chance: Random, robots: int = ROBOTS) -> list[list[float]]:
     return [[chance.choice(SENSED) for _ in SENSORS] for _ in range(robots)]
 
 
-def forced(twins: Twins) -> Kernels:
+def forced(twins: Twins, threads: int = 2) -> Kernels:
     """Let the fleet of the twins make native code of everything at once."""
-    made = twins.fleet.kernels = twins.fleet.memory.kernels = Kernels(hot=0)
+    made = twins.fleet.kernels = twins.fleet.memory.kernels = Kernels(hot=0, team=Team(threads))
     return made
 
 
@@ -158,6 +160,21 @@ def test_every_form_gives_the_same_and_draws_as_often(lanes: int) -> None:
             assert any(
                 leg.kernel for leg in twins.fleet.memory.kernels.plan(twins.views[0]._mind, twins.fleet.state).legs
             )
+
+
+@pytest.mark.parametrize("some", [None, range(5, 200, 2)])
+def test_threads_share_robots_and_none_is_evaluated_twice(some: Sequence[int] | None) -> None:
+    chance = Random(5)
+    robots = 3 * native.GRAIN + 11
+    twins = Twins(robots, seed=4)
+    forced(twins, threads=3)
+    twins.do("(PROGN (DEFVAR v1 0) (DEFVAR v2 0))")
+    twins.do("(RULE r (PROGN (SETQ v1 (+ v1 1)) (WHEN (> x 0) (SETQ v2 (RANDOM 0 1)) (SETQ lamp (/ v2 (- y 1))))))")
+    with patch.object(native, "SPLIT", 1):
+        for _ in range(20):
+            twins.sense([[chance.choice((1.0, chance.uniform(-1, 2))) for _ in SENSORS] for _ in range(robots)])
+            twins.think(robots=some)
+    twins.compare()
 
 
 def test_what_people_write_becomes_native_code_and_is_used() -> None:

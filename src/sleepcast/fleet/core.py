@@ -25,7 +25,7 @@ from sleepcast.fleet.bodies import Embodied
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.evaluation import Noted, fault_text
 from sleepcast.fleet.inbox import Inbox
-from sleepcast.fleet.kernels import MOST_THREADS, Kernels, available
+from sleepcast.fleet.kernels import Kernels, available
 from sleepcast.fleet.limits import SPARE_MINDS
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory
@@ -39,6 +39,7 @@ from sleepcast.language.form import show
 from sleepcast.language.machine import Program
 from sleepcast.language.reader import read
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Vocabulary, buffer_number
+from sleepcast.team import Team
 
 
 class FleetError(MisuseError):
@@ -68,7 +69,7 @@ class Core:
     names: of the robots. numbers: their `id` in expressions and in their chance, 1 upwards if none are given. seed:
     of the run. bodies: what the functions of the vocabulary are called on; those that are a `Robot` are stopped,
     released and held still as well, all at once if they are `ManyBodies`. native: whether rules that stay may become
-    native code, where llvmlite is installed; it makes no difference but in speed. threads: that native code may use.
+    native code, where llvmlite is installed; it makes no difference but in speed. team: the threads that it may use.
     sensed: where the bodies' sensor values lie, if they lie side by side: SI, NaN for unknown, shape (sensors, robots),
     C order; they are read there and never copied, but for sensors with a freshness limit (see `look`). Raises
     FleetError for a vocabulary with linked variables: what lies in a host's own memory is no column.
@@ -83,7 +84,7 @@ class Core:
         seed: int = 0,
         bodies: Sequence[object | None] | None = None,
         native: bool = True,
-        threads: int = MOST_THREADS,
+        team: Team | None = None,
         sensed: NDArray[np.float64] | None = None,
     ) -> None:
         if vocabulary.linked:
@@ -103,7 +104,7 @@ class Core:
         self.state = FleetState(vocabulary, numbers, seed)
         self.minds = Minds(vocabulary)
         self.speech = Speech(self.state, self.names)
-        self.kernels = Kernels(threads=threads) if native and available() else None
+        self.kernels = Kernels(team=team) if native and available() else None
         self.memory = FleetMemory(self.state, self.minds, self.speech, ACTS, bodies, self.kernels)
         self.recall = Recall(self.memory)
         self.rounds = Rounds(self.memory)

@@ -25,9 +25,10 @@ from sleepcast.fleet.minds import Mind
 from sleepcast.fleet.native import LANES, THERE, TROUBLED, Kernel, Sink, moment
 from sleepcast.language.machine import MAX_STEPS, Program
 from sleepcast.language.parts import walk
+from sleepcast.team import Team
 
-MOST_THREADS = 2
-"""Threads that share the work of one piece of native code."""
+THREADS = 2
+"""Threads that share the work of one piece of native code, where nobody says which."""
 HOT = 4
 """Walks of the same programs before native code is made of them: a command is heard once, a rule stays."""
 MAX_KERNELS = 512
@@ -79,12 +80,12 @@ class Plan:
 class Kernels:
     """The native code of a fleet's programs.
 
-    hot: see `HOT`; with 0 nothing is ever walked that could be native, because all wait for the code. threads: that
-    share the work where there is much of it; more than `MOST_THREADS` are as many.
+    hot: see `HOT`; with 0 nothing is ever walked that could be native, because all wait for the code. team: the threads
+    that share the work where there is much of it.
     """
 
-    def __init__(self, hot: int = HOT, threads: int = MOST_THREADS) -> None:
-        self._hot, self._threads = hot, min(threads, MOST_THREADS)
+    def __init__(self, hot: int = HOT, team: Team | None = None) -> None:
+        self._hot, self._team = hot, team or Team(THREADS)
         self._plans: dict[tuple[tuple[str, ...], tuple[Rule, ...]], Plan] = {}
         self._of_mind: WeakKeyDictionary[Mind, Plan] = WeakKeyDictionary()
         self._rules: dict[tuple[Rule, ...], Future[Kernel]] = {}
@@ -163,7 +164,7 @@ class Kernels:
             start, stop = int(index[0]), int(index[-1]) + 1
             part[start:stop] = 0
         part[index] = THERE
-        if not kernel.run(state, part, range(start, stop), when, sinks, self._threads):
+        if not kernel.run(state, part, range(start, stop), when, sinks, self._team):
             return Rows.run(start, start)
         return Rows.of(np.flatnonzero(part[start:stop] == TROUBLED) + start)
 

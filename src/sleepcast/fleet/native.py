@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from operator import is_
 from threading import Lock
 from typing import NamedTuple, TypeAlias
@@ -27,12 +26,14 @@ from sleepcast.language.machine import Program
 from sleepcast.language.parts import walk
 from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.vocabulary import TICK, TIME_SLOT
+from sleepcast.team import Team, borders
 
 LANES = 8
 """Robots at a time: what the widest vectors hold; where they are narrower, LLVM takes several."""
 SPLIT = 500_000
-"""Robots times parts from which on two threads share the work: below, waiting for the other costs more than that."""
-_HELPER = ThreadPoolExecutor(1, "sleepcast-native-half")
+"""Robots times parts from which on threads share the work: below, waiting for others costs more than that."""
+GRAIN = 64
+"""Robots whose numbers of a byte each fill a line of the processor's caches, which two threads had better not share."""
 
 ABSENT, THERE, TROUBLED = range(3)
 """What a byte of `part` says of a robot: it takes no part, it does, it did not because it has to be walked."""
@@ -221,7 +222,7 @@ class Kernel:
         where: range,
         when: tuple[float, float] | None,
         sinks: Sequence[Sink],
-        threads: int,
+        team: Team,
     ) -> bool:
         """Evaluate the programs on those of the robots `where` for which `part` says `THERE`.
 
@@ -239,12 +240,13 @@ class Kernel:
                 reals[number] = when[what == TIME_SLOT]
             elif sort == "tick":
                 self._table[number] = int(when[0])
-        size = stop - start
-        if threads == 1 or size * self.parts < SPLIT:
+        if (stop - start) * self.parts < SPLIT:
             return bool(self._call(start, stop, state.count, self._address))
-        middle = start + size // 2 // self.lanes * self.lanes
-        other = _HELPER.submit(self._call, middle, stop, state.count, self._address)
-        return bool(self._call(start, middle, state.count, self._address) | other.result())
+
+        def work(first: int, last: int) -> int:
+            return self._call(start + first, start + last, state.count, self._address)
+
+        return any(team.share(work, borders(stop - start, team.threads, GRAIN)))
 
     def _bind(self, state: FleetState, part: NDArray[np.uint8], sinks: Sequence[Sink]) -> bool:
         """Let the table hold the addresses of the columns as they are now; False if one is not as it should be."""

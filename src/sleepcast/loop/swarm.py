@@ -100,7 +100,7 @@ class Swarm:
             simulator.names,
             self.vocabulary,
             seed=simulator.seed,
-            threads=simulator.threads,
+            team=simulator.team,
             bodies=simulator.robots,
             sensed=simulator.sensed,
         )

@@ -23,6 +23,7 @@ from sleepcast.simulator.firing import Firing, Tick, fire
 from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole
 from sleepcast.simulator.noise import Ear, Noise
 from sleepcast.simulator.steps import Columns, Draws, Proposal
+from sleepcast.team import Team
 
 MAX_THREADS = 64
 """Threads of one machine: more cores than this share one memory badly."""
@@ -39,6 +40,10 @@ class Machine(Protocol):
 
     @property
     def name(self) -> str: ...
+
+    @property
+    def team(self) -> Team | None:
+        """The threads that it works with, if there are any."""
 
     def sort(self, grid: Grid, x: Floats, y: Floats, /) -> Sorted: ...
 
@@ -88,6 +93,7 @@ class NumPyMachine:
     """Everything in NumPy, on one thread."""
 
     name = "numpy"
+    team = None
     sort = staticmethod(grid.sort)
     ranges = staticmethod(cones.ranges)
     look = staticmethod(cones.look)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from itertools import pairwise
 from math import cos, frexp, ldexp, pi, sin, sqrt
 from typing import NamedTuple, TypeAlias, TypeVar
 
@@ -23,12 +22,13 @@ from sleepcast.simulator.driving import Laws
 from sleepcast.simulator.fields import Fields, Shots, beam_of, one_of_each, shots_of
 from sleepcast.simulator.firing import Firing, Tick
 from sleepcast.simulator.grid import Floats, Grid, Listed, Short, Sorted, Whole
+from sleepcast.simulator.kernels_wait import wait
 from sleepcast.simulator.noise import Ear, Noise
 from sleepcast.simulator.scratch import Scratch
 from sleepcast.simulator.steps import Columns, Draws, Proposal
-from sleepcast.simulator.team import Team
 from sleepcast.simulator.vectors import LANES
 from sleepcast.simulator.walls import Walls, walls_of
+from sleepcast.team import Team, borders
 
 Result = TypeVar("Result")
 Flags: TypeAlias = NDArray[np.bool_]
@@ -39,9 +39,6 @@ LIGHT = 50_000
 """The same where numbers are only put into another order: some nanoseconds for each robot."""
 CROWDED = 1_000
 """The same of robots that are within reach of each other: what they do to each other takes longer."""
-STRETCHES = 3, 3, 1, 1
-"""How large the stretches of rows for each thread are: who is done early takes over some of the rest, and the last ones
-are small, so that all are done at about the same time."""
 MOST = 106
 """Bytes for each robot that most tasks get by with."""
 ROUNDING = 1e-3
@@ -90,8 +87,7 @@ class NumbaMachine:
     name = "numba"
 
     def __init__(self, threads: int) -> None:
-        self.threads = threads
-        self._team = Team(threads)
+        self.team = Team(threads, wait)
         self._scratch = Scratch()
         self._fields = Fields(self._scratch)
         self._around: _Around | None = None
@@ -103,16 +99,17 @@ class NumbaMachine:
     def sort(self, grid: Grid, x: Floats, y: Floats) -> Sorted:
         cells, order = np.empty(len(x), np.int32), np.empty(len(x), np.int32)
         start = np.empty(grid.cells + 1, np.int32)
-        borders = self._borders(len(x), LIGHT)
-        counts = np.zeros((len(borders) - 1, grid.cells), np.int32)
-        places = dict(zip(borders, counts, strict=False))  # by where their stretch begins
+        shares = 1 if len(x) <= LIGHT else self.team.threads  # each needs counts of its own
+        ends = [len(x) * share // shares for share in range(shares + 1)]
+        counts = np.zeros((shares, grid.cells), np.int32)
+        places = dict(zip(ends, counts, strict=False))  # by where their stretch begins
 
         def count(first: int, last: int) -> None:
             kernels.count(x, y, grid.size, grid.across, grid.up, first, last, cells, places[first])
 
-        self._together(count, borders)
+        self.team.share(count, ends)
         kernels.begin(counts, start)
-        self._together(lambda first, last: kernels.place(cells, first, last, places[first], order), borders)
+        self.team.share(lambda first, last: kernels.place(cells, first, last, places[first], order), ends)
         return Sorted(order, start)
 
     def in_sight(self, listed: Listed, solids: Floats) -> Walls:
@@ -284,12 +281,9 @@ class NumbaMachine:
     def _share(self, count: int, work: Callable[[int, int], Result], alone: int = ALONE) -> list[Result]:
         """Let `work` be done for so many things, in stretches of numbers; gives what comes of each. alone: for how many
         one thread is enough."""
-        return self._together(work, self._borders(count, alone))
-
-    def _borders(self, count: int, alone: int) -> list[int]:
-        """Where the stretches of so many things begin, one for each thread that shares the work, and their end."""
-        shares = 1 if count <= alone else self.threads
-        return [count * share // shares for share in range(shares + 1)]
+        if count <= alone:
+            return [work(0, count)]
+        return self.team.share(work, borders(count, self.team.threads))
 
     def _share_rows(
         self, work: Callable[[int, int], None], grid: Grid, start: Short, busy: int | None = None, alone: int = ALONE
@@ -297,16 +291,9 @@ class NumbaMachine:
         """Let `work` be done for all rows of cells, in stretches of about as many robots. busy: how many there is
         something to do for, if not all; alone: for how many one thread is enough."""
         count = int(start[-1])
-        if self.threads == 1 or (count if busy is None else busy) <= alone:
+        if self.team.threads == 1 or (count if busy is None else busy) <= alone:
             work(0, grid.up)
             return
         ends = start[grid.across :: grid.across]  # robots up to and with each row
-        parts = np.cumsum(np.repeat(STRETCHES, self.threads))
-        shares = parts[:-1] * (count / parts[-1])
-        self._together(work, [0, *(np.searchsorted(ends, shares) + 1).tolist(), grid.up])
-
-    def _together(self, work: Callable[[int, int], Result], borders: list[int]) -> list[Result]:
-        """Let all threads do the stretches between these borders; this one alone if there is only one."""
-        if len(borders) == 2:
-            return [work(*borders)]
-        return self._team.share(work, [pair for pair in pairwise(borders) if pair[0] < pair[1]])
+        shares = borders(count, self.team.threads)[1:-1]
+        self.team.share(work, [0, *(np.searchsorted(ends, shares) + 1).tolist(), grid.up])

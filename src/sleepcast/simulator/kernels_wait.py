@@ -1,5 +1,5 @@
 """A compiled kernel that waits, without giving the core away, for a word that another thread writes: to sleep and be
-woken takes longer than most of what threads wait for here. `team` calls it.
+woken takes longer than most of what threads wait for here. teams call it.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from sleepcast.simulator.compiled import compiled
 
 PAUSE = "llvm.x86.sse2.pause"
 """What LLVM calls the instruction that lets a core rest for some dozen cycles, where there is one."""
+MOMENT = 150
+"""Looks in which another thread comes from a word that it has changed to where it lets others run: some microseconds."""
 
 
 @intrinsic
@@ -31,8 +33,11 @@ def _look(typing, words):
 
 
 @compiled
-def wait(words, most):
-    """Look at the first of these words (int64) until it is not 0, `most` times."""
+def wait(words, known, most):
+    """Look at the first of these words (int64) until it is not `known` any more, `most` times; then wait a moment, as
+    whoever has changed it still holds the interpreter."""
     for _ in range(most):
-        if _look(words):
+        if _look(words) != known:
+            for _ in range(MOMENT):
+                _look(words)
             break

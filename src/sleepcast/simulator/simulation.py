@@ -20,6 +20,7 @@ from sleepcast.simulator.robot_types import names_of
 from sleepcast.simulator.robots import Robots
 from sleepcast.simulator.scenario import Scenario
 from sleepcast.simulator.senses import Senses
+from sleepcast.team import Team
 
 MOST_CASTE = 254
 """What a byte tells apart besides silence; a higher caste is shown as this one."""
@@ -45,11 +46,11 @@ class Simulator:
     ) -> None:
         self.scenario = scenario
         self.seed = scenario.seed if seed is None else seed
-        self.threads = threads or cores()
-        """Threads that may work at once."""
         if machine is None:
             light = scenario.robots.ring is None and not scenario.robots.bumpers
-            machine = choose("numpy" if light else None, self.threads)
+            machine = choose("numpy" if light else None, threads)
+        self.team = machine.team or Team(threads or cores())
+        """The threads that may work at once."""
         self.bodies = Bodies(scenario, self.seed, machine)
         self.world = self.bodies.world
         """The solid things, which may be changed between ticks."""

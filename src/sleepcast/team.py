@@ -1,0 +1,147 @@
+"""A team of threads that do a job together, the one that asks among them: whoever is free takes the next stretch.
+
+Nobody waits for a thread that has not begun: if it wakes up too late, the others have done its part. Waking up takes
+longer than most of what is done here, so whoever has nothing to do looks out for more before going to sleep, and for
+the end of the last stretch as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from itertools import accumulate, chain, pairwise, repeat
+from queue import Empty, SimpleQueue
+from threading import Thread
+from typing import Generic, TypeAlias, TypeVar
+from weakref import finalize
+
+import numpy as np
+from numpy.typing import NDArray
+
+Result = TypeVar("Result")
+Calls: TypeAlias = SimpleQueue[Callable[[], None] | None]
+Words: TypeAlias = NDArray[np.int64]
+Look: TypeAlias = Callable[[Words, int, int], object]
+"""Looks at the first word until it is another number than this, so many times at most, and lets other threads run."""
+
+LOOKS = 4_000
+"""How often is looked before going to sleep: for about a tenth of a millisecond."""
+SIZES = 3, 3, 1, 1
+"""How large the stretches for each thread are: who is done early takes over some of the rest, and the last ones are
+small, so that all are done at about the same time."""
+
+
+def borders(count: int, threads: int, grain: int = 1) -> list[int]:
+    """Where the stretches of so many things begin, at multiples of `grain`, and their end; none that has anything in it
+    is shorter than that, unless all are."""
+    parts = list(accumulate(chain.from_iterable(repeat(size, threads) for size in SIZES), initial=0))
+    return [*(count // grain * part // parts[-1] * grain for part in parts[:-1]), count]
+
+
+class Job(Generic[Result]):
+    """Work that is done in stretches, each from a number up to another one."""
+
+    def __init__(
+        self, work: Callable[[int, int], Result], stretches: Sequence[tuple[int, int]], look: Look | None
+    ) -> None:
+        self._work, self._count, self._look = work, len(stretches), look
+        self._left = list(reversed(stretches))
+        self._done: list[Result] = []
+        self._errors: list[BaseException] = []
+        self._ended, self._bell = np.zeros(1, np.int64), SimpleQueue[None]()
+
+    def help(self) -> None:
+        """Do the next stretch until none is left."""
+        while self._left:
+            try:
+                stretch = self._left.pop()
+            except IndexError:  # another thread was faster
+                break
+            try:
+                self._done.append(self._work(*stretch))
+            except BaseException as error:
+                self._errors.append(error)
+        if self._over():
+            self._ended[0] = 1
+            self._bell.put(None)
+
+    def finish(self) -> list[Result]:
+        """Do what is left, wait for the others, and give what has come of the stretches, in any order. Raises what the
+        work has raised."""
+        self.help()
+        if self._look is not None and not self._over():
+            self._look(self._ended, 0, LOOKS)
+        if not self._over():
+            self._bell.get()
+        if self._errors:
+            raise self._errors[0]
+        return self._done
+
+    def _over(self) -> bool:
+        return len(self._done) + len(self._errors) == self._count
+
+
+class Team:
+    """So many threads, that of whoever asks among them; the others are started when there is something to do.
+
+    look: how they look out; without one they go to sleep at once.
+    """
+
+    def __init__(self, threads: int, look: Look | None = None) -> None:
+        self.threads = threads
+        self._look = look
+        self._calls: Calls | None = None
+        self._posted: Words = np.zeros(1, np.int64)
+        """How many jobs there have been."""
+
+    def share(self, work: Callable[[int, int], Result], borders: Sequence[int]) -> list[Result]:
+        """Let all threads do this work between these borders; gives what has come of each stretch, in any order. This
+        one alone does it if there is only one."""
+        stretches = [pair for pair in pairwise(borders) if pair[0] < pair[1]]
+        if self.threads == 1 or len(stretches) < 2:
+            return [work(*stretch) for stretch in stretches]
+        if self._calls is None:
+            self._calls = self._start()
+        job = Job(work, stretches, self._look)
+        for _ in range(self.threads - 1):
+            self._calls.put(job.help)
+        self._posted[0] += 1
+        try:
+            return job.finish()
+        finally:
+            while not self._calls.empty():  # of threads that have not come
+                with suppress(Empty):
+                    self._calls.get_nowait()
+
+    def _start(self) -> Calls:
+        """Start the other threads; they end when nobody needs this team any more."""
+        calls: Calls = SimpleQueue()
+        for number in range(self.threads - 1):
+            Thread(target=_serve, args=(calls, self._posted, self._look), name=f"kernels_{number}", daemon=True).start()
+        finalize(self, _dismiss, calls, self.threads - 1)
+        return calls
+
+
+def _serve(calls: Calls, posted: Words, look: Look | None) -> None:
+    """What another thread does: whatever it is called for."""
+    while call := _next(calls, posted, look):
+        call()
+        del call  # it would keep the work's arrays
+
+
+def _next(calls: Calls, posted: Words, look: Look | None) -> Callable[[], None] | None:
+    """What there is to do next: look out for it, as long as jobs come one after the other, and then sleep."""
+    while look is not None:
+        known = int(posted[0])
+        with suppress(Empty):
+            return calls.get_nowait()
+        look(posted, known, LOOKS)
+        if posted[0] == known:
+            break
+    return calls.get()
+
+
+def _dismiss(calls: Calls, threads: int) -> None:
+    """Let so many threads end."""
+    for _ in range(threads):
+        calls.put(None)

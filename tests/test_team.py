@@ -48,14 +48,16 @@ def test_every_stretch_is_done_once(threads: int, look: Look | None) -> None:
 def test_stretches_begin_at_multiples_and_are_no_shorter(count: int, threads: int, grain: int) -> None:
     ends = borders(count, threads, grain)
     sizes = [last - first for first, last in pairwise(ends)]
-    assert ends[0] == 0 and ends[-1] == count
+    assert (ends[0], ends[-1]) == (0, count)
     assert all(end % grain == 0 for end in ends[:-1])
     assert all(size == 0 or size >= min(grain, count) for size in sizes)
 
 
 def test_stretches_are_several_for_each_thread_and_small_at_the_end() -> None:
     sizes = [last - first for first, last in pairwise(borders(16_000, 2))]
-    assert len(sizes) > 2 and sizes == sorted(sizes, reverse=True) and 4 * sizes[-1] < 16_000 / 2
+    assert len(sizes) > 2
+    assert sizes == sorted(sizes, reverse=True)
+    assert 4 * sizes[-1] < 16_000 / 2
 
 
 @pytest.mark.parametrize("ends", [[], [0], [3, 3]])

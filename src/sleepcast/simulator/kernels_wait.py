@@ -15,7 +15,7 @@ from sleepcast.simulator.compiled import compiled
 PAUSE = "llvm.x86.sse2.pause"
 """What LLVM calls the instruction that lets a core rest for some dozen cycles, where there is one."""
 MOMENT = 150
-"""Looks in which another thread comes from a word that it has changed to where it lets others run: some microseconds."""
+"""Looks in which another thread comes from where it changes a word to where it lets others run: some microseconds."""
 
 
 @intrinsic

@@ -46,7 +46,7 @@ def test_every_stretch_is_done_once(threads: int, look: Look | None) -> None:
 
 @given(count=st.integers(0, 10_000), threads=st.integers(1, 64), grain=st.integers(1, 64))
 def test_stretches_begin_at_multiples_and_are_no_shorter(count: int, threads: int, grain: int) -> None:
-    ends = borders(count, threads, grain)
+    ends = borders(count, threads, grain=grain)
     sizes = [last - first for first, last in pairwise(ends)]
     assert (ends[0], ends[-1]) == (0, count)
     assert all(end % grain == 0 for end in ends[:-1])

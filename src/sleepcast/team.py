@@ -21,20 +21,26 @@ from numpy.typing import NDArray
 Result = TypeVar("Result")
 Calls: TypeAlias = SimpleQueue[Callable[[], None] | None]
 Words: TypeAlias = NDArray[np.int64]
-Look: TypeAlias = Callable[[Words, int, int], object]
-"""Looks at the first word until it is another number than this, so many times at most, and lets other threads run."""
+Look: TypeAlias = Callable[[Words, int, int, int], object]
+"""Looks at the first word until it is another number than this, so many times at most, and then some times more; lets
+other threads run."""
 
 LOOKS = 4_000
 """How often is looked before going to sleep: for about a tenth of a millisecond."""
+BEGUN, ENDED = 350, 120
+"""How often is looked after a job has begun or ended: whoever says so holds the interpreter for some microseconds more,
+and who asks for it meanwhile is put to sleep."""
 SIZES = 3, 3, 1, 1
 """How large the stretches for each thread are: who is done early takes over some of the rest, and the last ones are
 small, so that all are done at about the same time."""
+FEW = 2, 1
+"""The same of a job that is done soon, since each stretch takes some microseconds to begin."""
 
 
-def borders(count: int, threads: int, grain: int = 1) -> list[int]:
+def borders(count: int, threads: int, sizes: Sequence[int] = SIZES, grain: int = 1) -> list[int]:
     """Where the stretches of so many things begin, at multiples of `grain`, and their end; none that has anything in it
-    is shorter than that, unless all are."""
-    parts = list(accumulate(chain.from_iterable(repeat(size, threads) for size in SIZES), initial=0))
+    is shorter than that, unless all are. sizes: of those for each thread, in proportion."""
+    parts = list(accumulate(chain.from_iterable(repeat(size, threads) for size in sizes), initial=0))
     return [*(count // grain * part // parts[-1] * grain for part in parts[:-1]), count]
 
 
@@ -70,7 +76,7 @@ class Job(Generic[Result]):
         work has raised."""
         self.help()
         if self._look is not None and not self._over():
-            self._look(self._ended, 0, LOOKS)
+            self._look(self._ended, 0, LOOKS, ENDED)
         if not self._over():
             self._bell.get()
         if self._errors:
@@ -135,7 +141,7 @@ def _next(calls: Calls, posted: Words, look: Look | None) -> Callable[[], None] 
         known = int(posted[0])
         with suppress(Empty):
             return calls.get_nowait()
-        look(posted, known, LOOKS)
+        look(posted, known, LOOKS, BEGUN)
         if posted[0] == known:
             break
     return calls.get()

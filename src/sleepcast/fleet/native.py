@@ -246,7 +246,7 @@ class Kernel:
         def work(first: int, last: int) -> int:
             return self._call(start + first, start + last, state.count, self._address)
 
-        return any(team.share(work, borders(stop - start, team.threads, GRAIN)))
+        return any(team.share(work, borders(stop - start, team.threads, grain=GRAIN)))
 
     def _bind(self, state: FleetState, part: NDArray[np.uint8], sinks: Sequence[Sink]) -> bool:
         """Let the table hold the addresses of the columns as they are now; False if one is not as it should be."""

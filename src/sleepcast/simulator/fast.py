@@ -1,7 +1,8 @@
 """The machine of compiled kernels: NumPy's arrays in and out, kernels in between, on one or more threads.
 
-Threads share the rows of cells, each with about as many robots, or the robots by number; below `ALONE` robots, or
-`LIGHT` where little is done for each, one does everything, because waking another one takes longer.
+Threads share the rows of cells, each with about as many robots, or the robots by number; below `ALONE` robots, `LIGHT`
+where little is done for each, or `WATCHFUL` where much is, one does everything, because calling another one takes
+longer.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from sleepcast.simulator.scratch import Scratch
 from sleepcast.simulator.steps import Columns, Draws, Proposal
 from sleepcast.simulator.vectors import LANES
 from sleepcast.simulator.walls import Walls, walls_of
-from sleepcast.team import Team, borders
+from sleepcast.team import FEW, SIZES, Team, borders
 
 Result = TypeVar("Result")
 Flags: TypeAlias = NDArray[np.bool_]
@@ -37,8 +38,12 @@ ALONE = 5_000
 """Robots up to which one thread is faster than several."""
 LIGHT = 50_000
 """The same where numbers are only put into another order: some nanoseconds for each robot."""
+WATCHFUL = 500
+"""The same of robots that look around with all their sonars: some tenths of a microsecond for each."""
 CROWDED = 1_000
 """The same of robots that are within reach of each other: what they do to each other takes longer."""
+MANY = 50_000
+"""Robots from which on even the smallest stretches take much longer than to begin them."""
 MOST = 106
 """Bytes for each robot that most tasks get by with."""
 ROUNDING = 1e-3
@@ -167,7 +172,7 @@ class NumbaMachine:
         def see(first: int, last: int) -> None:
             kernels_sonar.see(*seen, first, last, beside, close, squares)
 
-        self._share_rows(see, grid, points.start)
+        self._share_rows(see, grid, points.start, alone=WATCHFUL)
         return squares
 
     def _looked_around(self, points: Sorted, reach: float) -> Flags:
@@ -283,7 +288,7 @@ class NumbaMachine:
         one thread is enough."""
         if count <= alone:
             return [work(0, count)]
-        return self.team.share(work, borders(count, self.team.threads))
+        return self.team.share(work, self._borders(count))
 
     def _share_rows(
         self, work: Callable[[int, int], None], grid: Grid, start: Short, busy: int | None = None, alone: int = ALONE
@@ -295,5 +300,7 @@ class NumbaMachine:
             work(0, grid.up)
             return
         ends = start[grid.across :: grid.across]  # robots up to and with each row
-        shares = borders(count, self.team.threads)[1:-1]
-        self.team.share(work, [0, *(np.searchsorted(ends, shares) + 1).tolist(), grid.up])
+        self.team.share(work, [0, *(np.searchsorted(ends, self._borders(count)[1:-1]) + 1).tolist(), grid.up])
+
+    def _borders(self, count: int) -> list[int]:
+        return borders(count, self.team.threads, FEW if count < MANY else SIZES)

@@ -14,9 +14,6 @@ from sleepcast.simulator.compiled import compiled
 
 PAUSE = "llvm.x86.sse2.pause"
 """What LLVM calls the instruction that lets a core rest for some dozen cycles, where there is one."""
-MOMENT = 150
-"""Looks in which another thread comes from where it changes a word to where it lets others run: some microseconds."""
-
 
 @intrinsic
 def _look(typing, words):
@@ -33,11 +30,11 @@ def _look(typing, words):
 
 
 @compiled
-def wait(words, known, most):
-    """Look at the first of these words (int64) until it is not `known` any more, `most` times; then wait a moment, as
-    whoever has changed it still holds the interpreter."""
+def wait(words, known, most, moment):
+    """Look at the first of these words (int64) until it is not `known` any more, `most` times, and then `moment` times
+    more."""
     for _ in range(most):
         if _look(words) != known:
-            for _ in range(MOMENT):
+            for _ in range(moment):
                 _look(words)
             break

@@ -72,6 +72,7 @@ class Echoes:
             else None
         )
         self._version = -1
+        self._everybody: Whole = np.arange(count)
         self._fresh = np.zeros(count, bool)
         """Whose readings are up to date, of the `_wanted` rows."""
         self._wanted = np.ones(ring.count + 1, bool)
@@ -144,7 +145,7 @@ class Echoes:
         wanted[list(rows or ())] = True
         if not self._fresh.any():
             self._wanted = wanted
-            return np.arange(len(self._fresh)) if own is None else own
+            return self._everybody if own is None else own
         if (wanted & ~self._wanted).any():
             self._wanted = wanted | self._wanted
             self._fresh[:] = False

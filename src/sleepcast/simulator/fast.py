@@ -38,7 +38,7 @@ ALONE = 5_000
 """Robots up to which one thread is faster than several."""
 LIGHT = 50_000
 """The same where numbers are only put into another order: some nanoseconds for each robot."""
-WATCHFUL = 500
+WATCHFUL = 2_000
 """The same of robots that look around with all their sonars: some tenths of a microsecond for each."""
 CROWDED = 1_000
 """The same of robots that are within reach of each other: what they do to each other takes longer."""
@@ -303,4 +303,5 @@ class NumbaMachine:
         self.team.share(work, [0, *(np.searchsorted(ends, self._borders(count)[1:-1]) + 1).tolist(), grid.up])
 
     def _borders(self, count: int) -> list[int]:
-        return borders(count, self.team.threads, FEW if count < MANY else SIZES)
+        """Where stretches of so many robots begin, and their end."""
+        return borders(count, self.team.threads, FEW if count < MANY else SIZES, LANES)

@@ -15,6 +15,7 @@ from sleepcast.simulator.compiled import compiled
 PAUSE = "llvm.x86.sse2.pause"
 """What LLVM calls the instruction that lets a core rest for some dozen cycles, where there is one."""
 
+
 @intrinsic
 def _look(typing, words):
     """The first of these words (int64) as it is now, after a moment's rest."""

@@ -111,6 +111,29 @@ def tell_pieces(zero, pieces, count, room, own_x, own_y, far, told, kept):
 
 
 @inlined
+def turn_to(zero, normal, first, last, near, beyond, own, cosine, grazing):
+    """What all cones make of a direction of walls: how far the transducer is off and along for it; how far along a line
+    each edge of the cone meets it, for each metre to the line on the left, no farther than an echo comes back from; and
+    whether it does so on the left, not on the right. normal: of the axes to the direction; first, last, near, beyond:
+    of the edges to it and along it. In the precision of `zero`, but for `normal`."""
+    real = type(zero)
+    on = (near + beyond) * real(own / (2.0 * cosine))  # the axis is in the middle of its edges
+    first, last = first + real(NEXT_TO_NOTHING), last + real(NEXT_TO_NOTHING)
+    near, beyond = most_of(near / first, -grazing), least_of(beyond / last, grazing)
+    return normal * own, on, near, beyond, first > zero, last > zero
+
+
+@inlined
+def meet(zero, away, near, beyond, before, after, grazing):
+    """From where to where all cones see a line so far on the left of their transducers, and whether they do at all. See
+    `turn_to`; where an edge does not meet it, as far as an echo comes back from."""
+    right = away < zero
+    before, after = before ^ right, after ^ right
+    low, high = either(before, near, -grazing) * away, either(after, beyond, grazing) * away
+    return either(right, high, low), either(right, low, high), before | after
+
+
+@inlined
 def look_along(zero, low, high, met, on, begin, end):
     """Where all cones, those that have `met` a line between `low` and `high`, see a piece of it from `begin` to `end`:
     how far its nearest point is before or behind the foot of the perpendicular, less than 0 for the foot itself, and
@@ -125,12 +148,7 @@ def walls(
     zero, axis_x, axis_y, pieces, told, kept, belongs, room, count, own, cosine, sine, grazing, nothing
 ):  # fmt: skip
     """What all cones see of the `count` pieces of walls that are `kept`, see `tell_pieces`, and how barely any of them
-    is met: squared metres and metres. In the precision of `zero`.
-
-    For each direction: how far along a line a cone's edges meet it (`near`, `beyond`) for each metre that the line is
-    away, no farther than an echo comes back from, and whether they do so on the left (`before`, `after`); else they do
-    so on the right. A cone sees a line as far as its edges meet it, or else as far as an echo comes back from.
-    """
+    is met: squared metres and metres. In the precision of `zero`."""
     real = type(zero)
     grazing, nothing = real(grazing), real(nothing)
     # Half the opening adds to the axes' angles or is taken off, which is the same for walls along x and along y.
@@ -143,32 +161,27 @@ def walls(
     line = direction = I(-1)
     for k in range(count):
         p = U(kept[k])
+        if belongs[room + p] != direction:
+            direction = belongs[room + p]
+            ex, ey = pieces[p], pieces[room + p]
+            normal, first, last, near, beyond = axis_y, sum_y, rest_y, rest_x, sum_x
+            if ex == 0.0:
+                normal, first, last, near, beyond = minus(axis_x), minus(rest_x), minus(sum_x), sum_y, rest_y
+            elif ey != 0.0:
+                normal, tangent = axis_y * ex - axis_x * ey, axis_x * ex + axis_y * ey
+                first = like(zero, normal * cosine + tangent * sine)
+                last = like(zero, normal * cosine - tangent * sine)
+                near = like(zero, tangent * cosine - normal * sine)
+                beyond = like(zero, tangent * cosine + normal * sine)
+            off, on, near, beyond, before, after = turn_to(
+                zero, normal, first, last, near, beyond, own, cosine, grazing
+            )
         if belongs[p] != line:
             line = belongs[p]
-            if belongs[room + p] != direction:
-                direction = belongs[room + p]
-                ex, ey = pieces[p], pieces[room + p]
-                normal, tangent, first, last, near, beyond = axis_y, axis_x, sum_y, rest_y, rest_x, sum_x
-                if ex == 0.0:
-                    normal, tangent = minus(axis_x), axis_y
-                    first, last, near, beyond = minus(rest_x), minus(sum_x), sum_y, rest_y
-                elif ey != 0.0:
-                    normal, tangent = axis_y * ex - axis_x * ey, axis_x * ex + axis_y * ey
-                    first = like(zero, normal * cosine + tangent * sine)
-                    last = like(zero, normal * cosine - tangent * sine)
-                    near = like(zero, tangent * cosine - normal * sine)
-                    beyond = like(zero, tangent * cosine + normal * sine)
-                off, on = normal * own, like(zero, tangent * own)
-                first, last = first + real(NEXT_TO_NOTHING), last + real(NEXT_TO_NOTHING)
-                near, beyond = most_of(near / first, -grazing), least_of(beyond / last, grazing)
-                before, after = first > zero, last > zero
             foot = most_of(foot, zero)
             found = least_of(found, away * away + foot * foot)
             away, foot = like(zero, pieces[U(5) * room + p] - off), far
-            right = away < zero
-            one, other = before ^ right, after ^ right
-            low, high = either(one, near, -grazing) * away, either(other, beyond, grazing) * away
-            low, high, met = either(right, high, low), either(right, low, high), one | other
+            low, high, met = meet(zero, away, near, beyond, before, after, grazing)
         its, width = look_along(zero, low, high, met, on, told[p], told[room + p])
         foot, barely = least_of(foot, its), least_of(barely, width)
     foot = most_of(foot, zero)

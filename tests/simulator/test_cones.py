@@ -90,6 +90,19 @@ def test_many_walls_of_many_directions_are_seen_exactly(tmp_path: Path, machine:
     assert worst(sim, list(range(0, 40, 2))) < ERROR
 
 
+@pytest.mark.parametrize("machine", MACHINES)
+def test_edges_of_cones_may_be_parallel_to_walls(tmp_path: Path, machine: Machine) -> None:
+    """Robots that look along walls, and whose cones are as wide as what lies between two: every edge is parallel to
+    some wall, and some are so to the last bit."""
+    things = ("[robots]\n", THINGS + "\n[robots]\n")
+    for incidence in ("90deg", "60deg"):
+        more = f'beam = "45deg"\nincidence = "{incidence}"'
+        sim = scouts(tmp_path, ("count = 1\n", "count = 48\n"), things, more=more, machine=machine)
+        for number in range(48):
+            sim.place(number, float(sim.bodies.x[number]), float(sim.bodies.y[number]), pi / 8 * (number % 16))
+        assert worst(sim, list(range(48))) < ERROR
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("machine", MACHINES)
 def test_readings_are_exact_in_a_hundred_thousand_poses(tmp_path: Path, machine: Machine) -> None:

@@ -4,6 +4,9 @@ written to.
 Contractions to fused multiply-adds are not allowed (they would differ between processors), nor, but for `strict` ones,
 may numbers be infinite or unknown. Each function says which it is, as one that did not would take it from whoever
 happened to be the first to call it. Compiled functions let other threads run.
+
+Only kernels make arrays, not their parts: then numba need not count, at every call, who holds which array. It does that
+with instructions that lock memory, and a part may be called some times for each robot.
 """
 
 from __future__ import annotations
@@ -81,12 +84,12 @@ def strict(function: Kernel) -> Kernel:
 
 def inlined(function: Kernel) -> Kernel:
     """A small function that becomes part of the kernels that call it, and can be called by nobody else."""
-    return _made(function, fastmath=FASTMATH, forceinline=True, no_cpython_wrapper=True)
+    return _made(function, fastmath=FASTMATH, forceinline=True, no_cpython_wrapper=True, _nrt=False)
 
 
 def part(function: Kernel) -> Kernel:
-    """A part of `strict` kernels, by itself so that it is compiled by itself, which can be called by nobody else."""
-    return _made(function, fastmath=False, no_cpython_wrapper=True)
+    """A part of kernels, as `strict` as these, that is compiled by itself and can be called by nobody else."""
+    return _made(function, fastmath=False, no_cpython_wrapper=True, _nrt=False)
 
 
 def _made(function: Kernel, **options: Any) -> Kernel:

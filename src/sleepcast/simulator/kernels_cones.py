@@ -1,25 +1,29 @@
 """What all cones of a ring, sixteen at a time, see of discs and walls: parts of the kernels of the sonars.
 
 Discs are looked at in double precision. What a cone sees of a line depends on the line's direction alone but for its
-distance, so walls are taken by direction, and each costs a few operations, in single precision; where an end of a wall
-is barely met by the edge of a cone, all are looked at again in double precision.
+distance, so walls are taken by direction, and each costs a few operations. Who stands where, and where the edges of
+cones point, is worked out in double precision; the rest in single precision, which then errs by some millionths of the
+range. So a reading is off by no more than that, unless an end of a wall is barely met by the edge of a cone: then all
+walls are looked at again in double precision. Pieces that no echo can come back from are looked at by nobody.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from sleepcast.simulator.compiled import inlined
-from sleepcast.simulator.lanes import at, put
+from sleepcast.simulator.compiled import inlined, part
+from sleepcast.simulator.lanes import at, pack, put
 from sleepcast.simulator.vectors import (
     LANES,
     any_of,
     either,
     every,
+    how_many,
     least_of,
     like,
     minus,
     most_of,
+    places,
     root_of,
     singles,
     size_of,
@@ -27,9 +31,17 @@ from sleepcast.simulator.vectors import (
 from sleepcast.simulator.walls import NEW_DIRECTION, ROUND, SAME_LINE
 
 F = np.float32
+I = np.int32  # noqa: E741  # as short as F
 U = np.uint64
 PAST = F(2e-4)
-"""Metres beyond a rim, or an end of a wall, within which single precision cannot tell whether it is met."""
+"""Metres beyond a rim within which single precision cannot tell whether it is met."""
+BARELY = 1e-6
+"""The share of the reach within which single precision cannot tell whether an end of a wall is met: what is compared
+there comes of about eight roundings, of a 2^24th each."""
+ROUNDING = 1.0001
+"""Times the reach, a piece of a wall is looked at: more than roundings need."""
+NEXT_TO_NOTHING = 1e-30
+"""What an edge that is parallel to a line turns away from it by, so that the two meet, far away."""
 FAR = 1e9
 NOTHING = 1e18
 """What is not seen, squared metres; finite, because the kernels are compiled for finite numbers."""
@@ -61,124 +73,164 @@ def look_closely(axis_x, axis_y, dx, dy, its, own, cosine, sine, graze):
 
 
 @inlined
-def list_pieces(solids, items, begin, end, room, pieces):
-    """Put the pieces of walls that are listed from `begin` up to `end`, two in each entry, side by side into runs of
-    `room` numbers of `pieces`: unit vector along their line (x, y), how far that passes the origin, where they begin
-    and end along it."""
+def list_pieces(solids, items, news, begin, end, room, pieces, belongs):
+    """Put the pieces of walls that are listed from `begin` up to `end` side by side into runs of `room` numbers of
+    `pieces`: unit vector along their line (x, y), how far that passes the origin, where they begin and end along it.
+    Into runs of `belongs`, which one is the first of their line, and of their direction."""
+    line = direction = I(0)
     for w in range(begin, end):
-        first, second = U(items[w, 0]), U(items[w, 1])
+        piece, place = U(items[w]), w - begin
         for run in range(5):
-            place = U(run) * room + U(2) * (w - begin)
-            pieces[place] = solids[run, first]
-            pieces[place + U(1)] = solids[run, second if run > 2 else first]
+            pieces[U(run) * room + place] = solids[run, piece]
+        line = line if news[w] == SAME_LINE else I(place)
+        direction = I(place) if news[w] == NEW_DIRECTION else direction
+        belongs[place], belongs[room + place] = line, direction
 
 
 @inlined
-def tell_pieces(zero, pieces, count, room, own_x, own_y, told):
-    """Put into runs of `room` numbers of `told` how far on the left of a robot the lines of `count` pieces pass, and
-    where these begin and end along them. In the precision of `zero`."""
+def tell_pieces(zero, pieces, count, room, own_x, own_y, far, told, kept):
+    """Put into a sixth run of `pieces` how far on the left of a robot the lines of `count` pieces pass, and into runs
+    of `room` numbers of `told` where these begin and end along them, in the precision of `zero`. Into `kept`, the
+    places of those of which anything is less than `far` m away; gives how many."""
+    found = U(0)
     for p in range(U(0), count, U(LANES)):
         ex, ey = at(pieces, p), at(pieces, room + p)
         origin = ex * own_x + ey * own_y
-        put(told, p, like(zero, at(pieces, U(2) * room + p) - (ex * own_y - ey * own_x)))
-        put(told, room + p, like(zero, at(pieces, U(3) * room + p) - origin))
-        put(told, U(2) * room + p, like(zero, at(pieces, U(4) * room + p) - origin))
+        height = at(pieces, U(2) * room + p) - (ex * own_y - ey * own_x)
+        begin = like(zero, at(pieces, U(3) * room + p) - origin)
+        end = like(zero, at(pieces, U(4) * room + p) - origin)
+        put(pieces, U(5) * room + p, height)
+        put(told, p, begin)
+        put(told, room + p, end)
+        away, foot = like(zero, height), most_of(most_of(begin, minus(end)), zero)
+        place = places() + I(p)
+        near = (away * away + foot * foot < type(zero)(far * far)) & (place < I(count))
+        pack(kept, found, place, near)
+        found += how_many(near)
+    return found
 
 
 @inlined
-def turn_to(zero, normal, tangent, own, first, last, low, high, grazing):
-    """What all cones make of a direction of walls: how far the transducer is off and along for it, and where the cone
-    begins and ends, for each metre to a line on its left or right: how far along the line its edges meet it, no farther
-    than an echo comes back from. normal, tangent: of the axes to the direction; first, last, low, high: these turned by
-    half the opening. In the precision of `zero` and `grazing`."""
-    low, high = like(zero, low / first), like(zero, high / last)
-    first, last = like(zero, first), like(zero, last)
-    nothing, none, all_ = type(zero)(NOTHING), every(-grazing), every(grazing)
-    low_left = either(first > zero, most_of(low, -grazing), none)
-    low_left = either((first > zero) | (last > zero), low_left, nothing)
-    high_left = either(last > zero, least_of(high, grazing), all_)
-    low_right = either(last < zero, most_of(minus(high), -grazing), none)
-    low_right = either((first < zero) | (last < zero), low_right, nothing)
-    high_right = either(first < zero, least_of(minus(low), grazing), all_)
-    return like(zero, normal * own), like(zero, tangent * own), low_left, high_left, low_right, high_right
+def turn_to(zero, normal, first, last, near, beyond, own, cosine, grazing):
+    """What all cones make of a direction of walls: how far the transducer is off and along for it; how far along a line
+    each edge of the cone meets it, for each metre to the line on the left, no farther than an echo comes back from; and
+    whether it does so on the left, not on the right. normal: of the axes to the direction; first, last, near, beyond:
+    of the edges to it and along it. In the precision of `zero`, but for `normal`."""
+    real = type(zero)
+    on = (near + beyond) * real(own / (2.0 * cosine))  # the axis is in the middle of its edges
+    first, last = first + real(NEXT_TO_NOTHING), last + real(NEXT_TO_NOTHING)
+    near, beyond = most_of(near / first, -grazing), least_of(beyond / last, grazing)
+    return normal * own, on, near, beyond, first > zero, last > zero
 
 
 @inlined
-def look_along(zero, low, high, on, begin, end):
-    """Where all cones see a piece of a line from `begin` to `end`: how far its nearest point is before or behind the
-    foot of the perpendicular, less than 0 for the foot itself, and how barely an edge meets an end."""
+def meet(zero, away, near, beyond, before, after, grazing):
+    """From where to where all cones see a line so far on the left of their transducers, and whether they do at all. See
+    `turn_to`; where an edge does not meet it, as far as an echo comes back from."""
+    right = away < zero
+    before, after = before ^ right, after ^ right
+    low, high = either(before, near, -grazing) * away, either(after, beyond, grazing) * away
+    return either(right, high, low), either(right, low, high), before | after
+
+
+@inlined
+def look_along(zero, low, high, met, on, begin, end):
+    """Where all cones, those that have `met` a line between `low` and `high`, see a piece of it from `begin` to `end`:
+    how far its nearest point is before or behind the foot of the perpendicular, less than 0 for the foot itself, and
+    how barely an edge meets an end."""
     from_, to = most_of(low, begin - on), least_of(high, end - on)
     width = to - from_
-    return either(width >= zero, most_of(from_, minus(to)), type(zero)(FAR)), size_of(width)
+    return either((width >= zero) & met, most_of(from_, minus(to)), type(zero)(FAR)), size_of(width)
 
 
 @inlined
-def walls(zero, axis_x, axis_y, pieces, told, room, news, begin, end, own, cosine, sine, grazing, nothing):
-    """What all cones see of pieces of walls, those of the entries from `begin` up to `end`, see `tell_pieces`, and how
-    barely any of them is met: squared metres and metres. In the precision of `zero`."""
+def walls(
+    zero, axis_x, axis_y, pieces, told, kept, belongs, room, count, own, cosine, sine, grazing, nothing
+):  # fmt: skip
+    """What all cones see of the `count` pieces of walls that are `kept`, see `tell_pieces`, and how barely any of them
+    is met: squared metres and metres. In the precision of `zero`."""
     real = type(zero)
     grazing, nothing = real(grazing), real(nothing)
     # Half the opening adds to the axes' angles or is taken off, which is the same for walls along x and along y.
     cos_x, sin_x, cos_y, sin_y = axis_x * cosine, axis_x * sine, axis_y * cosine, axis_y * sine
-    sum_y, rest_y, rest_x, sum_x = cos_y + sin_x, cos_y - sin_x, cos_x - sin_y, cos_x + sin_y
+    sum_y, rest_y = like(zero, cos_y + sin_x), like(zero, cos_y - sin_x)
+    rest_x, sum_x = like(zero, cos_x - sin_y), like(zero, cos_x + sin_y)
     found, barely, none, far = every(nothing), every(nothing), every(zero), every(real(FAR))
-    off, on, low_left, high_left, low_right, high_right = none, none, none, none, none, none
-    low, high, away, foot = none, none, none, far
-    for w in range(begin, end):
-        p, new = U(2) * (w - begin), news[w]
-        if new == NEW_DIRECTION:
+    off, on, near, beyond, before, after = axis_x, none, none, none, none > zero, none > zero
+    low, high, met, away, foot = none, none, before, none, far
+    line = direction = I(-1)
+    for k in range(count):
+        p = U(kept[k])
+        if belongs[room + p] != direction:
+            direction = belongs[room + p]
             ex, ey = pieces[p], pieces[room + p]
-            normal, tangent, first, last, near, beyond = axis_y, axis_x, sum_y, rest_y, rest_x, sum_x
+            normal, first, last, near, beyond = axis_y, sum_y, rest_y, rest_x, sum_x
             if ex == 0.0:
-                normal, tangent = minus(axis_x), axis_y
-                first, last, near, beyond = minus(rest_x), minus(sum_x), sum_y, rest_y
+                normal, first, last, near, beyond = minus(axis_x), minus(rest_x), minus(sum_x), sum_y, rest_y
             elif ey != 0.0:
                 normal, tangent = axis_y * ex - axis_x * ey, axis_x * ex + axis_y * ey
-                first, last = normal * cosine + tangent * sine, normal * cosine - tangent * sine
-                near, beyond = tangent * cosine - normal * sine, tangent * cosine + normal * sine
-            off, on, low_left, high_left, low_right, high_right = turn_to(
-                zero, normal, tangent, own, first, last, near, beyond, grazing
+                first = like(zero, normal * cosine + tangent * sine)
+                last = like(zero, normal * cosine - tangent * sine)
+                near = like(zero, tangent * cosine - normal * sine)
+                beyond = like(zero, tangent * cosine + normal * sine)
+            off, on, near, beyond, before, after = turn_to(
+                zero, normal, first, last, near, beyond, own, cosine, grazing
             )
-        if new != SAME_LINE:
+        if belongs[p] != line:
+            line = belongs[p]
             foot = most_of(foot, zero)
             found = least_of(found, away * away + foot * foot)
-            away, foot = told[p] - off, far
-            left, away = away >= zero, size_of(away)
-            low, high = either(left, low_left, low_right) * away, either(left, high_left, high_right) * away
-            barely = least_of(barely, away)
-        for piece in range(p, p + U(2)):
-            its, width = look_along(zero, low, high, on, told[room + piece], told[U(2) * room + piece])
-            foot, barely = least_of(foot, its), least_of(barely, width)
+            away, foot = like(zero, pieces[U(5) * room + p] - off), far
+            low, high, met = meet(zero, away, near, beyond, before, after, grazing)
+        its, width = look_along(zero, low, high, met, on, told[p], told[room + p])
+        foot, barely = least_of(foot, its), least_of(barely, width)
     foot = most_of(foot, zero)
     return least_of(found, away * away + foot * foot), barely
 
 
+@part
+def look_precisely(
+    axis_cos, axis_sin, first, co, si, pieces, told, kept, belongs, room, count, own_x, own_y, far, own, cosine, sine,
+    grazing, nothing, seen, place,
+):  # fmt: skip
+    """Put into `seen`, from `place` on, what sixteen cones from `first` on see of walls, in double precision."""
+    axis_x, axis_y = axes(axis_cos, axis_sin, first, co, si)
+    count = tell_pieces(0.0, pieces, count, room, own_x, own_y, far, told, kept)
+    precise, _ = walls(
+        0.0, axis_x, axis_y, pieces, told, kept, belongs, room, count, own, cosine, sine, grazing, nothing
+    )
+    put(seen, place, singles(precise))
+
+
 @inlined
 def look_at_solids(
-    axis_x, axis_y, solids, items, pieces, told, again, room, news, begin, end, own_x, own_y, own, cosine, sine, graze,
-    grazing, nothing,
+    axis_cos, axis_sin, first, co, si, solids, items, pieces, told, again, kept, belongs, room, news, begin, end, own_x,
+    own_y, own, cosine, sine, graze, grazing, most, seen, place,
 ):  # fmt: skip
-    """What all cones see of the listed solids from `begin` up to `end`, squared metres, in single precision. The walls
-    among them are `pieces`, see `list_pieces`. told, again: scratch memory, in single and double precision."""
+    """Put into `seen`, from `place` on, what sixteen cones from `first` on see of the listed solids from `begin` up to
+    `end`, squared metres, in single precision. The walls among them are `pieces`, which have room for a sixth run, and
+    `belongs`, see `list_pieces`. told, again, kept: scratch memory."""
+    nothing = most * most
+    axis_x, axis_y = axes(axis_cos, axis_sin, first, co, si)
     found = every(F(nothing))
     while begin < end and news[begin] == ROUND:
-        s = U(items[begin, 0])
+        s = U(items[begin])
         round_ = look_closely(
             axis_x, axis_y, solids[0, s] - own_x, solids[1, s] - own_y, solids[5, s], own, cosine, sine, graze
         )
         found = least_of(found, singles(round_))
         begin += U(1)
-    if begin == end:
-        return found
-    count = U(2) * (end - begin)
-    tell_pieces(F(0), pieces, count, room, own_x, own_y, told)
-    seen, barely = walls(
-        F(0), axis_x, axis_y, pieces, told, room, news, begin, end, own, cosine, sine, grazing, nothing
-    )
-    if any_of(barely < PAST):
-        tell_pieces(0.0, pieces, count, room, own_x, own_y, again)
-        precise, _ = walls(
-            0.0, axis_x, axis_y, pieces, again, room, news, begin, end, own, cosine, sine, grazing, nothing
+    if begin < end:
+        far, count = ROUNDING * (own + most), end - begin
+        near = tell_pieces(F(0), pieces, count, room, own_x, own_y, far, told, kept)
+        lines, barely = walls(
+            F(0), axis_x, axis_y, pieces, told, kept, belongs, room, near, own, cosine, sine, grazing, nothing
         )
-        seen = singles(precise)
-    return least_of(found, seen)
+        if any_of(barely < F(BARELY * far)):
+            look_precisely(
+                axis_cos, axis_sin, first, co, si, pieces, again, kept, belongs, room, count, own_x, own_y, far, own,
+                cosine, sine, grazing, nothing, seen, place,
+            )  # fmt: skip
+            lines = at(seen, place)
+        found = least_of(found, lines)
+    put(seen, place, found)

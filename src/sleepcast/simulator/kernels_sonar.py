@@ -133,12 +133,10 @@ def stop_list(ahead, aside, number, n, radii, common, mixed):
 
 
 @inlined
-def longer(values, used, room):
-    """An array of so much room with the `used` first values of this one."""
-    found = np.empty(room, values.dtype)
+def copy(values, used, into):
+    """Put the first `used` ones of some values where there is more room."""
     for j in range(used):
-        found[j] = values[j]
-    return found
+        into[j] = values[j]
 
 
 @inlined
@@ -217,7 +215,8 @@ def see(
     far_x, far_y = np.empty(room), np.empty(room)
     near_x, near_y, near_number = np.empty(near_room, I), np.empty(near_room, I), np.empty(near_room, I)
     least, pairs, whose = np.empty(BATCH * count, F), np.empty(2 * room, F), np.empty(room, I)
-    pieces, told, again = np.zeros(5 * pieces_room), np.empty(3 * pieces_room, F), np.empty(3 * pieces_room)
+    pieces, told, again = np.zeros(6 * pieces_room), np.empty(2 * pieces_room, F), np.empty(2 * pieces_room)
+    kept, belongs = np.empty(pieces_room + LANES, I), np.empty(2 * pieces_room, I)
     batch = np.empty(BATCH, np.int64)
     cosines, sines, turned = np.empty(BLOCK), np.empty(BLOCK), np.empty(2 * BATCH)
     own_x, own_y = np.empty(BLOCK), np.empty(BLOCK)
@@ -239,21 +238,26 @@ def see(
                 near_x, near_y, near_number = np.empty(near_room, I), np.empty(near_room, I), np.empty(near_room, I)
             if np.int64(n) + BATCH * total + 2 * LANES > room:
                 room = 2 * (np.int64(n) + BATCH * total + LANES)
-                ahead, aside, number = longer(ahead, n, room), longer(aside, n, room), longer(number, n, room)
+                narrow = ahead, aside, number
+                ahead, aside, number = np.empty(room, F), np.empty(room, F), np.empty(room, I)
+                copy(narrow[0], n, ahead)
+                copy(narrow[1], n, aside)
+                copy(narrow[2], n, number)
                 doubtful, far_x, far_y = np.empty(room, I), np.empty(room), np.empty(room)
                 pairs, whose = np.empty(2 * room, F), np.empty(room, I)
             if walls_from < walls_to:
                 first_wall = walls_from
                 while first_wall < walls_to and news[first_wall] == ROUND:
                     first_wall += U(1)
-                if U(2) * (walls_to - first_wall) > U(pieces_room):
+                if walls_to - first_wall > U(pieces_room):
                     pieces_room = (np.int64(walls_to - first_wall) // LANES + 1) * 2 * LANES
                     pieces, told, again = (
-                        np.zeros(5 * pieces_room),
-                        np.empty(3 * pieces_room, F),
-                        np.empty(3 * pieces_room),
+                        np.zeros(6 * pieces_room),
+                        np.empty(2 * pieces_room, F),
+                        np.empty(2 * pieces_room),
                     )
-                list_pieces(solids, items, first_wall, walls_to, U(pieces_room), pieces)
+                    kept, belongs = np.empty(pieces_room + LANES, I), np.empty(2 * pieces_room, I)
+                list_pieces(solids, items, news, first_wall, walls_to, U(pieces_room), pieces, belongs)
             for i in range(start[cell], start[cell + 1]):
                 if i == ready:
                     block, ready = ready, min(ready + BLOCK, last + 1)
@@ -266,15 +270,15 @@ def see(
                 if rows[i] >= 0:
                     co, si = cosines[i - block], sines[i - block]
                     for k in range(0, count, LANES):
-                        seen_solids = every(nothing)
+                        place = U(held * count + k)
                         if walls_from < walls_to:
-                            axis_x, axis_y = axes(axis_cos, axis_sin, k, co, si)
-                            seen_solids = look_at_solids(
-                                axis_x, axis_y, solids, items, pieces, told, again, U(pieces_room), news, walls_from,
-                                walls_to, own_x[i - block], own_y[i - block], own, cosine, sine, graze, grazing,
-                                most * most,
+                            look_at_solids(
+                                axis_cos, axis_sin, k, co, si, solids, items, pieces, told, again, kept,
+                                belongs, U(pieces_room), news, walls_from, walls_to, own_x[i - block], own_y[i - block],
+                                own, cosine, sine, graze, grazing, most, least, place,
                             )  # fmt: skip
-                        put(least, U(held * count + k), seen_solids)
+                        else:
+                            put(least, place, every(nothing))
                     if near == U(0):
                         near = list_near(
                             fixed_x, fixed_y, start, across, below, above, left, right, near_x, near_y, near_number

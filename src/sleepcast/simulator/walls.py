@@ -15,15 +15,17 @@ SAME_LINE, NEW_LINE, NEW_DIRECTION, ROUND = 0, 1, 2, 3
 """What listed solids have in common with those before them."""
 SAME_ANGLE, SAME_HEIGHT = 1e-9, 1e-7
 """rad and m by which pieces may differ that are taken as parts of one line."""
+TOUCHING = 1e-9
+"""m by which pieces of one line may be apart that are taken as one piece."""
 
 News = NDArray[np.int8]
 
 
 class Walls(NamedTuple):
     """solids: as columns unit vector along the line (x, y), how far the line passes the origin on its right, where the
-    piece begins and ends along it, radius; of round ones x, y, 0, 0, 0, radius; the last is a piece of nothing. m,
-    shape (6, n + 1). start: where each cell's entries begin, shape (cells + 1,). items: the one or two solids of each
-    entry, shape (entries, 2). news: SAME_LINE and so on for each entry."""
+    piece begins and ends along it, radius; of round ones x, y, 0, 0, 0, radius. m, shape (6, n). start: where each
+    cell's entries begin, shape (cells + 1,). items: the solid of each entry, shape (entries,). news: SAME_LINE and so
+    on for each entry."""
 
     solids: Floats
     start: Short
@@ -34,9 +36,11 @@ class Walls(NamedTuple):
 def walls_of(listed: Listed, solids: Floats) -> Walls:
     """The `listed` rows of `solids` (see `world.World.solids`)."""
     columns, direction, line = _columns(solids)
+    columns, direction, line, part = _joined(columns, direction, line)
     cells = len(listed.start) - 1
     pieces = [
-        _entries(listed, direction, line, first, min(first + AT_ONCE, cells)) for first in range(0, cells, AT_ONCE)
+        _entries(listed, part, direction, line, first, min(first + AT_ONCE, cells))
+        for first in range(0, cells, AT_ONCE)
     ]
     start = np.zeros(cells + 1, np.int32)
     np.cumsum(np.concatenate([counts for counts, _, _ in pieces]), dtype=np.int32, out=start[1:])
@@ -44,26 +48,45 @@ def walls_of(listed: Listed, solids: Floats) -> Walls:
     return Walls(columns, start, items, news)
 
 
-def _entries(listed: Listed, direction: Whole, line: Whole, first: int, last: int) -> tuple[Whole, Short, News]:
-    """How many entries each cell from `first` up to `last` has, and all their `items` and `news`."""
-    nothing = len(direction)
+def _entries(
+    listed: Listed, part: Whole, direction: Whole, line: Whole, first: int, last: int
+) -> tuple[Whole, Short, News]:
+    """How many entries each cell from `first` up to `last` has, and all their `items` and `news`. part: of which joined
+    piece each solid is one."""
     start = listed.start[first : last + 1]
-    cell, items = np.repeat(np.arange(last - first), np.diff(start)), listed.items[start[0] : start[-1]]
-    items = items[np.lexsort((items, line[items], direction[items], cell))]
+    cell, items = np.repeat(np.arange(last - first), np.diff(start)), part[listed.items[start[0] : start[-1]]]
     if not len(items):
-        return np.zeros(last - first, np.int64), np.empty((0, 2), np.int32), np.empty(0, np.int8)
-    other_cell = _changes(cell)
-    other_direction = other_cell | _changes(direction[items])
-    other_line = other_direction | _changes(line[items]) | (direction[items] < 0)
-    # Every second piece of a run on one line goes with the one before it.
-    places = np.arange(len(items))
-    leads = (places - np.maximum.accumulate(np.where(other_line, places, 0))) % 2 == 0
-    paired = np.append(~leads[1:], False)[leads]
-    following = np.append(items[1:], 0)[leads]
-    news = np.where(other_direction, NEW_DIRECTION, np.where(other_line, NEW_LINE, SAME_LINE))[leads]
-    news[direction[items[leads]] < 0] = ROUND
-    entries = np.stack((items[leads], np.where(paired, following, nothing)), axis=1)
-    return np.bincount(cell[leads], minlength=last - first), entries.astype(np.int32), news.astype(np.int8)
+        return np.zeros(last - first, np.int64), np.empty(0, np.int32), np.empty(0, np.int8)
+    order = np.lexsort((items, line[items], direction[items], cell))
+    cell, items = cell[order], items[order]
+    once = _changes(cell) | _changes(items)
+    cell, items = cell[once], items[once]
+    other_direction = _changes(cell) | _changes(direction[items])
+    other_line = other_direction | _changes(line[items])
+    news = np.where(other_direction, NEW_DIRECTION, np.where(other_line, NEW_LINE, SAME_LINE))
+    news[direction[items] < 0] = ROUND
+    return np.bincount(cell, minlength=last - first), items.astype(np.int32), news.astype(np.int8)
+
+
+def _joined(columns: Floats, direction: Whole, line: Whole) -> tuple[Floats, Whole, Whole, Whole]:
+    """The same with pieces of one line that touch or overlap joined to one; and of which one each solid is part."""
+    begin, end = columns[3:5]
+    round_ = direction < 0
+    order = np.lexsort((begin, line, round_))
+    # Ends by rank, lines first, so that the farthest one on the same line before each piece is the greatest before it.
+    by_end = np.lexsort((end, line, round_))
+    rank = np.empty(len(order), np.int64)
+    rank[by_end] = np.arange(len(order))
+    farthest = np.maximum.accumulate(rank[order])
+    apart = _changes(line[order]) | round_[order]
+    apart[1:] |= begin[order][1:] > end[by_end[farthest[:-1]]] + TOUCHING
+    part = np.empty(len(order), np.int64)
+    part[order] = np.cumsum(apart) - 1
+    leads = np.flatnonzero(apart)
+    joined = columns[:, order[leads]]
+    if len(leads):
+        joined[4] = np.maximum.reduceat(end[order], leads)
+    return joined, direction[order[leads]], line[order[leads]], part
 
 
 def _columns(solids: Floats) -> tuple[Floats, Whole, Whole]:
@@ -85,8 +108,7 @@ def _columns(solids: Floats) -> tuple[Floats, Whole, Whole]:
     _, line = np.unique(np.stack((direction, np.round(height / SAME_HEIGHT))), axis=1, return_inverse=True)
     columns = np.stack((ex, ey, height, np.minimum(begin, end), np.maximum(begin, end), radius))
     columns[:, round_] = np.stack((x0, y0, 0.0 * x0, 0.0 * x0, 0.0 * x0, radius))[:, round_]
-    nothing = np.array([[1.0, 0.0, 0.0, 1e8, -1e8, 0.0]]).T
-    return np.concatenate((columns, nothing), axis=1), direction, line.reshape(-1)
+    return columns, direction, line.reshape(-1)
 
 
 def _changes(values: Whole) -> NDArray[np.bool_]:

@@ -9,15 +9,14 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import binding, ir
-from numba.core import types
+from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from sleepcast.simulator.vectors import LANES, REALS, Lanes, called, filled, vector_of
+from sleepcast.simulator.vectors import LANES, LONG, REALS, Lanes, called, filled, vector_of
 
 COMPRESS = "llvm.experimental.vector.compress"
 KNOWN_BY = (19, 22)
 """Versions of LLVM, first and last tried, that know COMPRESS."""
-LONG = types.uint64
 
 
 def _place(context, build, its, array, index, vector):
@@ -35,6 +34,38 @@ def at(typing, array, first):
         return build.load(_place(context, build, array, *given, vector), align=array.dtype.bitwidth // 8)
 
     return Lanes(array.dtype)(array, LONG), generate
+
+
+@intrinsic
+def some(typing, array, first, most):
+    """The numbers of a row of numbers from `first` on, at most so many (None: LANES), and 0 for others."""
+
+    def generate(context, build, signature, given):
+        vector, size = vector_of(array.dtype), array.dtype.bitwidth // 8
+        place = _place(context, build, array, *given[:2], vector)
+        if most == types.none:
+            return build.load(place, align=size)
+        room = cgutils.alloca_once_value(build, ir.Constant(vector, [0] * LANES))
+        cgutils.raw_memcpy(build, room, place, given[2], size)
+        return build.load(room)
+
+    return Lanes(array.dtype)(array, LONG, most), generate
+
+
+@intrinsic
+def put_some(typing, array, first, values, most):
+    """Write `values`, at most so many (None: all), into a row of numbers from `first` on."""
+
+    def generate(context, build, signature, given):
+        into, first, values, _ = given
+        place, size = _place(context, build, array, into, first, values.type), array.dtype.bitwidth // 8
+        if most == types.none:
+            build.store(values, place, align=size)
+        else:
+            cgutils.raw_memcpy(build, place, cgutils.alloca_once_value(build, values), given[3], size)
+        return context.get_dummy_value()
+
+    return types.void(array, LONG, values, most), generate
 
 
 @intrinsic

@@ -24,11 +24,10 @@ from sleepcast.simulator.driving import (
 )
 from sleepcast.simulator.formulas import TURN as FULL
 from sleepcast.simulator.formulas import either, sine_cosine, sine_of_rest, wrap
-from sleepcast.simulator.kernels import GOLDEN, U
+from sleepcast.simulator.kernels import GOLDEN, U, deviate, mixed
 from sleepcast.simulator.lanes import at, put, put_some, some
-from sleepcast.simulator.noise import MIDDLE, SCALE
 from sleepcast.simulator.steps import UNIT, UNIT_SPREAD
-from sleepcast.simulator.vectors import LANES, any_of, counted, upwards
+from sleepcast.simulator.vectors import LANES, any_of, upwards
 
 BLOCK = 256
 """Bodies whose numbers stay in the nearest cache."""
@@ -36,21 +35,6 @@ SPEED, TURN = 0, BLOCK
 """Where these lie in the scratch room of a block."""
 SMALL = 0.7
 """rad of an angle that is nearer to 0 than to a quarter of a turn."""
-
-
-@woven
-def scrambled(bits):
-    """See `chance.mix`."""
-    bits = (bits ^ (bits >> U(30))) * U(0xBF58476D1CE4E5B9)
-    bits = (bits ^ (bits >> U(27))) * U(0x94D049BB133111EB)
-    return bits ^ (bits >> U(31))
-
-
-@woven
-def deviate(bits):
-    """See `noise.deviates`."""
-    pairs = (bits & U(0xFFFF0000FFFF)) + ((bits >> U(16)) & U(0xFFFF0000FFFF))
-    return (counted((pairs & U(0xFFFFFFFF)) + (pairs >> U(32))) - float(MIDDLE)) * SCALE
 
 
 @woven
@@ -151,7 +135,7 @@ def want(bodies, laws, roam, room, begin, first, last):
             across, up = target_x[i] - encoder_x[i], target_y[i] - encoder_y[i]
             speed, turn = approach(laws, across, up, encoder_heading[i])
         elif mode[i] != DRIVE:
-            drawn = float(scrambled(chance[i] + roam) >> U(11)) * UNIT - 0.5
+            drawn = float(mixed(chance[i], roam) >> U(11)) * UNIT - 0.5
             roaming[i] = roaming[i] * laws.kept + drawn * (UNIT_SPREAD * laws.strayed)
             speed, turn = laws.roam_speed, roaming[i]
         moves = not held[i]
@@ -199,8 +183,8 @@ def set_some_out(
     left, right = left * laws.tick, right * laws.tick
     if slips:
         multiples = upwards(multiple + U(i - begin) * GOLDEN, GOLDEN)
-        left = slipped(laws, left, laws.slip_left, deviate(scrambled(multiples + draw_left)))
-        right = slipped(laws, right, laws.slip_right, deviate(scrambled(multiples + draw_right)))
+        left = slipped(laws, left, laws.slip_left, deviate(mixed(multiples, draw_left)))
+        right = slipped(laws, right, laws.slip_right, deviate(mixed(multiples, draw_right)))
     across, up, turned = short_arc(laws, left, right, some(towards, i, most))
     own_x, own_y = some(x, i, most), some(y, i, most)
     put_some(out_across, i, bounded(own_x + across, laws.left, laws.right) - own_x, most)

@@ -108,6 +108,61 @@ def pair_at(typing, array, first):
     return Lanes(types.float32)(array, LONG), generate
 
 
+@intrinsic
+def put_turned(typing, table, row, column, last, into, first, step):
+    """Write LANES rows of LANES numbers each of a table into a row of numbers, columns as rows: the first column from
+    `first` on, each other one `step` further. Behind the `last` row of the table that one comes again."""
+
+    def generate(context, build, signature, given):
+        read = context.make_array(table)(context, build, given[0])
+        row, column, last, array, first, step = given[1:]
+        bytes_ = build.bitcast(read.data, ir.IntType(8).as_pointer())
+        vector, size = vector_of(table.dtype), table.dtype.bitwidth // 8
+        found, way = [], build.extract_value(read.strides, 0)
+        bytes_, rest = build.gep(bytes_, [build.mul(row, way)]), build.sub(last, row)
+        for lane in map(row.type, range(LANES)):
+            there = build.icmp_signed("<", lane, rest)
+            place = build.gep(bytes_, [build.select(there, build.mul(lane, way), build.mul(rest, way))])
+            place = build.gep(build.bitcast(place, read.data.type), [column])
+            found.append(build.load(build.bitcast(place, vector.as_pointer()), align=size))
+        for lane, values in zip(map(row.type, range(LANES)), _turned_over(build, found), strict=True):
+            place = _place(context, build, into, array, build.add(first, build.mul(lane, step)), vector)
+            build.store(values, place, align=size)
+        return context.get_dummy_value()
+
+    whole = types.int64
+    return types.void(table, whole, whole, whole, into, whole, whole), generate
+
+
+def _turned_over(build, rows):
+    """The columns of LANES rows: first within quarters of vectors, which every processor can, then whole quarters."""
+
+    def shuffled(one, other, order):
+        return build.shuffle_vector(one, other, ir.Constant(ir.VectorType(ir.IntType(32), LANES), order))
+
+    def picked(one, other, pattern):
+        """In each quarter the numbers of this pattern, from 4 on those of the other one's quarter."""
+        return shuffled(one, other, [4 * q + n % 4 + LANES * (n // 4) for q in range(4) for n in pattern])
+
+    def quarters(one, other, pattern):
+        """The quarters of this pattern, from 4 on those of the other one."""
+        return shuffled(one, other, [4 * q + n for q in pattern for n in range(4)])
+
+    low, high, pairs = (0, 4, 1, 5), (2, 6, 3, 7), ((0, 1, 4, 5), (2, 3, 6, 7))
+    fours = []  # of each four rows: in quarter L of the j-th one their column 4 L + j
+    for a, b, c, d in zip(*(rows[n::4] for n in range(4)), strict=True):
+        halves = [(picked(a, b, half), picked(c, d, half)) for half in (low, high)]
+        fours.append([picked(*half, pattern) for half in halves for pattern in pairs])
+    columns = [None] * LANES
+    for j in range(4):
+        a, b, c, d = (four[j] for four in fours)
+        for part, pattern in enumerate(pairs):
+            left, right = quarters(a, b, pattern), quarters(c, d, pattern)
+            columns[8 * part + j] = quarters(left, right, (0, 2, 4, 6))
+            columns[8 * part + 4 + j] = quarters(left, right, (1, 3, 5, 7))
+    return columns
+
+
 def at_once() -> bool:
     """Whether this processor and this LLVM can."""
     known = KNOWN_BY[0] <= binding.llvm_version_info[0] <= KNOWN_BY[1]
@@ -163,6 +218,25 @@ def pass_by(typing, values, first, array, row, column):
         return context.get_dummy_value()
 
     return types.void(values, types.int64, array, types.int64, types.int64), generate
+
+
+@intrinsic
+def put_by(typing, array, row, column, values):
+    """Write `values` into a row of `array` from `column` on, past the caches; see `pass_by`. A line must begin there."""
+
+    def generate(context, build, signature, arguments):
+        into, row, column, values = arguments
+        found = context.make_array(array)(context, build, into)
+        place = build.gep(
+            build.bitcast(found.data, ir.IntType(8).as_pointer()),
+            [build.mul(row, build.extract_value(found.strides, 0))],
+        )
+        place = build.bitcast(build.gep(build.bitcast(place, found.data.type), [column]), values.type.as_pointer())
+        store = build.store(values, place, align=64)
+        store.set_metadata("nontemporal", build.module.add_metadata([ir.IntType(32)(1)]))
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64, types.int64, values), generate
 
 
 @intrinsic

@@ -133,9 +133,8 @@ for _symbol, _sign in (
     _define(_symbol, (*REALS, *WHOLE), TRUTH, _comparison(_sign))
 for _symbol, _short in ((operator.and_, "and_"), (operator.or_, "or_"), (operator.xor, "xor")):
     _define(_symbol, (*WHOLE, TRUTH), None, _by_kind("", _short))
-for _kind, _right in ((SHORT, "ashr"), (LONG, "lshr")):
-    for _symbol, _short in ((operator.lshift, "shl"), (operator.rshift, _right)):
-        _define(_symbol, (_kind,), None, _by_kind("", _short))
+_define(operator.lshift, WHOLE, None, _by_kind("", "shl"))
+_define(operator.rshift, WHOLE, None, lambda build, kind, *both: getattr(build, "ashr" if kind == SHORT else "lshr")(*both))
 
 
 def _of_each(make: Callable[..., Any], kinds: tuple[Any, ...], result: Any = None) -> Any:

@@ -27,7 +27,7 @@ from sleepcast.simulator.formulas import either, sine_cosine, sine_of_rest, wrap
 from sleepcast.simulator.kernels import GOLDEN, U, deviate, mixed
 from sleepcast.simulator.lanes import at, put, put_some, some
 from sleepcast.simulator.steps import UNIT, UNIT_SPREAD
-from sleepcast.simulator.vectors import LANES, any_of, upwards
+from sleepcast.simulator.vectors import LANES, any_of
 
 BLOCK = 256
 """Bodies whose numbers stay in the nearest cache."""
@@ -84,7 +84,7 @@ def propose(bodies, laws, roam, draw_left, draw_right, proposal, first, last):
         if some_first < some_last:
             want(bodies, laws, roam, room, begin, some_first, some_last)
         set_out(
-            *(laws, slips, numbers[begin] * GOLDEN, draw_left, draw_right, room, x, y, towards),
+            *(laws, slips, numbers, draw_left, draw_right, room, x, y, towards),
             *(wheel_mean, wheel_left, wheel_right, out_across, out_up, out_turn, begin, end),
         )
 
@@ -153,26 +153,26 @@ def want(bodies, laws, roam, room, begin, first, last):
 
 @part
 def set_out(
-    laws, slips, multiple, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right,
+    laws, slips, numbers, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right,
     out_across, out_up, out_turn, begin, end,
 ):  # fmt: skip
     """Let wheels follow what is wanted, and propose where they lead."""
     whole = end - (end - begin) % LANES
     for i in range(begin, whole, LANES):
         set_some_out(
-            *(laws, slips, multiple, draw_left, draw_right, room, x, y, towards),
+            *(laws, slips, numbers, draw_left, draw_right, room, x, y, towards),
             *(wheel_mean, wheel_left, wheel_right, out_across, out_up, out_turn, begin, i, None),
         )
     if whole < end:
         set_some_out(
-            *(laws, slips, multiple, draw_left, draw_right, room, x, y, towards),
+            *(laws, slips, numbers, draw_left, draw_right, room, x, y, towards),
             *(wheel_mean, wheel_left, wheel_right, out_across, out_up, out_turn, begin, whole, end - whole),
         )
 
 
 @woven
 def set_some_out(
-    laws, slips, multiple, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right,
+    laws, slips, numbers, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right,
     out_across, out_up, out_turn, begin, i, most,
 ):  # fmt: skip
     speed, turn = at(room, SPEED + i - begin), at(room, TURN + i - begin)
@@ -182,7 +182,7 @@ def set_some_out(
     put_some(wheel_mean, i, (left + right) / 2.0, most)
     left, right = left * laws.tick, right * laws.tick
     if slips:
-        multiples = upwards(multiple + U(i - begin) * GOLDEN, GOLDEN)
+        multiples = some(numbers, i, most) * GOLDEN
         left = slipped(laws, left, laws.slip_left, deviate(mixed(multiples, draw_left)))
         right = slipped(laws, right, laws.slip_right, deviate(mixed(multiples, draw_right)))
     across, up, turned = short_arc(laws, left, right, some(towards, i, most))

@@ -254,17 +254,6 @@ def any_of(typing, truths):
 
 
 @intrinsic
-def upwards(typing, first, step):
-    """`first`, and `step` more from lane to lane: uint64."""
-
-    def generate(context, build, signature, given):
-        first, step = (filled(build, each) for each in given)
-        return build.add(first, build.mul(step, ir.Constant(vector_of(LONG), list(range(LANES)))))
-
-    return Lanes(LONG)(LONG, LONG), generate
-
-
-@intrinsic
 def how_many(typing, truths):
     """How many are true, uint64."""
 

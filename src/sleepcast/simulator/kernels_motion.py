@@ -180,9 +180,8 @@ def set_some_out(
     put_some(wheel_left, i, left, most)
     put_some(wheel_right, i, right, most)
     put_some(wheel_mean, i, (left + right) / 2.0, most)
-    left, right = left * laws.tick, right * laws.tick
+    left, right, multiples = left * laws.tick, right * laws.tick, some(numbers, i, most) * GOLDEN
     if slips:
-        multiples = some(numbers, i, most) * GOLDEN
         left = slipped(laws, left, laws.slip_left, deviate(mixed(multiples, draw_left)))
         right = slipped(laws, right, laws.slip_right, deviate(mixed(multiples, draw_right)))
     across, up, turned = short_arc(laws, left, right, some(towards, i, most))

@@ -1,8 +1,11 @@
 """Compiled kernels of motion for bodies on wheels; see `steps` for the form in NumPy, with which they agree to the last
 bit. `fast` calls them.
 
-A block of bodies at a time: first what each wants, which may take decisions for one after the other, then the arcs of
-sixteen at a time. Formulas are the same for sixteen numbers and for one, so what is left over goes one by one.
+A block of bodies at a time: first what each wants, which takes decisions for those who do anything but drive, then the
+arcs, of LANES bodies at a time; at the end of a stretch of bodies there may be fewer (`most`, else None).
+
+Loops get arrays one by one, and look at them before any branch: numba would count references to what is taken out of a
+tuple, or used on one side only, and that costs more than all the rest.
 """
 
 from __future__ import annotations
@@ -14,7 +17,6 @@ from sleepcast.simulator.driving import (
     DRIVE,
     GOTO,
     approach,
-    arc,
     bounded,
     outside,
     slipped,
@@ -39,7 +41,7 @@ SMALL = 0.7
 
 @woven
 def wrapped(angle):
-    """See `formulas.wrap`: without a division where angles are out by less than a turn."""
+    """See `formulas.wrap`; without a division where all angles are out by less than a turn."""
     past = angle + np.pi
     if any_of((past < -FULL) | (past >= 2.0 * FULL)):
         return wrap(angle)
@@ -48,21 +50,15 @@ def wrapped(angle):
 
 @woven
 def short_arc(laws, left, right, heading):
-    """See `driving.arc`: where turns are small, their sine is so without a look at what quarter they lie in."""
+    """See `driving.arc`; without asking what quarter half a turn lies in where all are small."""
     turn = (right - left) / laws.track
     half = turn / 2.0
+    still, aside = half == 0.0, sine_of_rest(half)
     if any_of(np.abs(half) > SMALL):
-        return long_arc(laws, left, right, heading)
-    still = half == 0.0
-    chord = (left + right) / 2.0 * either(still, 1.0, sine_of_rest(half) / either(still, 1.0, half))
+        aside = sine_cosine(half)[0]
+    chord = (left + right) / 2.0 * either(still, 1.0, aside / either(still, 1.0, half))
     sine, cosine = sine_cosine(heading + half)
     return chord * cosine, chord * sine, turn
-
-
-@part
-def long_arc(laws, left, right, heading):
-    """See `driving.arc`."""
-    return arc(laws, left, right, heading)
 
 
 @strict
@@ -76,16 +72,14 @@ def propose(bodies, laws, roam, draw_left, draw_right, proposal, first, last):
     room = np.zeros(2 * BLOCK)
     for begin in range(first, last, BLOCK):
         end = min(begin + BLOCK, last)
-        some_first, some_last = begin, end
+        others, ends = begin, end
         if drives(mode, held, begin, end):
-            some_first, some_last = drive(
-                laws, wanted_speed, wanted_turn, swing, x, y, stores, uses, room, begin, end
-            )
-        if some_first < some_last:
-            want(bodies, laws, roam, room, begin, some_first, some_last)
+            others, ends = drive(laws, wanted_speed, wanted_turn, swing, x, y, stores, uses, room, begin, end)
+        if others < ends:
+            want(bodies, laws, roam, room, begin, others, ends)
         set_out(
-            *(laws, slips, numbers, draw_left, draw_right, room, x, y, towards),
-            *(wheel_mean, wheel_left, wheel_right, out_across, out_up, out_turn, begin, end),
+            *(laws, slips, numbers, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right),
+            *(out_across, out_up, out_turn, begin, end),
         )
 
 
@@ -100,10 +94,10 @@ def drives(mode, held, first, last):
 
 @part
 def drive(laws, wanted_speed, wanted_turn, swing, x, y, stores, uses, room, first, last):
-    """Put into `room` what bodies want that drive, and may have, of as many LANES as there are. Gives from where to
-    where there are any who may want something else."""
+    """Put into `room` what bodies want that drive, and may have. Gives from where to where there are all those who may
+    want something else, or are too few at the end."""
     whole = last - (last - first) % LANES
-    some_first, some_last = last, first
+    others, ends = (whole, last) if whole < last else (last, first)
     for i in range(first, whole, LANES):
         special = at(swing, i) != 0.0
         if laws.margin >= 0.0:
@@ -111,7 +105,7 @@ def drive(laws, wanted_speed, wanted_turn, swing, x, y, stores, uses, room, firs
         put(room, SPEED + i - first, at(wanted_speed, i))
         put(room, TURN + i - first, at(wanted_turn, i))
         if any_of(special):
-            some_first, some_last = min(some_first, i), i + LANES
+            others, ends = min(others, i), max(ends, i + LANES)
     for store in range(uses.shape[0]):
         if uses[store] != 0.0:
             row = stores[store]
@@ -119,7 +113,7 @@ def drive(laws, wanted_speed, wanted_turn, swing, x, y, stores, uses, room, firs
                 empty, q = at(row, i) <= 0.0, i - first
                 put(room, SPEED + q, either(empty, 0.0, at(room, SPEED + q)))
                 put(room, TURN + q, either(empty, 0.0, at(room, TURN + q)))
-    return (some_first, some_last) if whole == last else (min(some_first, whole), last)
+    return others, ends
 
 
 @part
@@ -159,22 +153,23 @@ def set_out(
     """Let wheels follow what is wanted, and propose where they lead."""
     whole = end - (end - begin) % LANES
     for i in range(begin, whole, LANES):
-        set_some_out(
-            *(laws, slips, numbers, draw_left, draw_right, room, x, y, towards),
-            *(wheel_mean, wheel_left, wheel_right, out_across, out_up, out_turn, begin, i, None),
+        some_set_out(
+            *(laws, slips, numbers, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right),
+            *(out_across, out_up, out_turn, begin, i, None),
         )
     if whole < end:
-        set_some_out(
-            *(laws, slips, numbers, draw_left, draw_right, room, x, y, towards),
-            *(wheel_mean, wheel_left, wheel_right, out_across, out_up, out_turn, begin, whole, end - whole),
+        some_set_out(
+            *(laws, slips, numbers, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right),
+            *(out_across, out_up, out_turn, begin, whole, end - whole),
         )
 
 
 @woven
-def set_some_out(
+def some_set_out(
     laws, slips, numbers, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right,
     out_across, out_up, out_turn, begin, i, most,
 ):  # fmt: skip
+    """The same for bodies from `i` on."""
     speed, turn = at(room, SPEED + i - begin), at(room, TURN + i - begin)
     left, right = wheels_follow(laws, some(wheel_left, i, most), some(wheel_right, i, most), speed, turn)
     put_some(wheel_left, i, left, most)
@@ -198,7 +193,6 @@ def commit(bodies, laws, proposal, free, across, up, first, last):
     way_across, way_up, turn = proposal
     for begin in range(first, last, BLOCK):
         end = min(begin + BLOCK, last)
-        whole = end - (end - begin) % LANES
         for store in range(uses.shape[0]):
             if uses[store] != 0.0:
                 spend(laws, left, right, free, uses[store], stores[store], begin, end)
@@ -212,13 +206,14 @@ def spend(laws, left, right, free, use, store, first, last):
     """Take out of a store what the way of each body takes."""
     whole = last - (last - first) % LANES
     for i in range(first, whole, LANES):
-        spend_some(laws, left, right, free, use, store, i, None)
+        some_spend(laws, left, right, free, use, store, i, None)
     if whole < last:
-        spend_some(laws, left, right, free, use, store, whole, last - whole)
+        some_spend(laws, left, right, free, use, store, whole, last - whole)
 
 
 @woven
-def spend_some(laws, left, right, free, use, store, i, most):
+def some_spend(laws, left, right, free, use, store, i, most):
+    """The same of bodies from `i` on."""
     speed, share = (some(left, i, most) + some(right, i, most)) / 2.0, some(free, i, most)
     rest = some(store, i, most) - np.abs(speed) * laws.tick * share * use
     put_some(store, i, either(rest < 0.0, 0.0, rest), most)
@@ -236,6 +231,7 @@ def believe(laws, x, y, heading, left, right, free, first, last):
 
 @woven
 def some_believe(laws, x, y, heading, left, right, free, i, most):
+    """The same of bodies from `i` on."""
     share, towards = some(free, i, most), some(heading, i, most)
     wheel_left, wheel_right = some(left, i, most) * laws.tick, some(right, i, most) * laws.tick
     across, up, turn = short_arc(laws, wheel_left, wheel_right, towards)
@@ -247,17 +243,18 @@ def some_believe(laws, x, y, heading, left, right, free, i, most):
 @part
 def feel(laws, heading, speed, left, right, bumper, free, across, up, first, last):
     """Let bodies feel what stopped them, if anything did."""
+    feels = laws.parts != 0.0
     touched = False
     for i in range(first, last):
-        touched |= (free[i] < 1.0) | (bumper[i] != 0.0)
-    if not touched:
+        touched |= (free[i] < 1.0) | (feels & (bumper[i] != 0.0))
+    if not touched:  # as nearly always
         return
     for i in range(first, last):
         if free[i] < 1.0:
-            if laws.parts != 0.0:
+            if feels:
                 bumper[i] = touched_part(laws, across[i], up[i], heading[i])
             speed[i], left[i], right[i] = 0.0, 0.0, 0.0
-        elif laws.parts != 0.0 and bumper[i] != 0.0:
+        elif feels and bumper[i] != 0.0:
             bumper[i] = 0.0
 
 
@@ -273,6 +270,7 @@ def arrive(x, y, heading, across, up, turn, free, first, last):
 
 @woven
 def some_arrive(x, y, heading, across, up, turn, free, i, most):
+    """The same of bodies from `i` on."""
     share = some(free, i, most)
     put_some(x, i, some(x, i, most) + share * some(across, i, most), most)
     put_some(y, i, some(y, i, most) + share * some(up, i, most), most)

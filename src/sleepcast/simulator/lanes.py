@@ -37,6 +37,18 @@ def at(typing, array, first):
 
 
 @intrinsic
+def put(typing, array, first, values):
+    """Write `values` into a row of numbers from `first` on."""
+
+    def generate(context, build, signature, given):
+        into, first, values = given
+        build.store(values, _place(context, build, array, into, first, values.type), align=array.dtype.bitwidth // 8)
+        return context.get_dummy_value()
+
+    return types.void(array, LONG, values), generate
+
+
+@intrinsic
 def some(typing, array, first, most):
     """The numbers of a row of numbers from `first` on, at most so many (None: LANES), and 0 for others."""
 
@@ -66,18 +78,6 @@ def put_some(typing, array, first, values, most):
         return context.get_dummy_value()
 
     return types.void(array, LONG, values, most), generate
-
-
-@intrinsic
-def put(typing, array, first, values):
-    """Write `values` into a row of numbers from `first` on."""
-
-    def generate(context, build, signature, given):
-        into, first, values = given
-        build.store(values, _place(context, build, array, into, first, values.type), align=array.dtype.bitwidth // 8)
-        return context.get_dummy_value()
-
-    return types.void(array, LONG, values), generate
 
 
 @intrinsic
@@ -114,19 +114,18 @@ def put_turned(typing, table, row, column, last, into, first, step):
     `first` on, each other one `step` further. Behind the `last` row of the table that one comes again."""
 
     def generate(context, build, signature, given):
-        read = context.make_array(table)(context, build, given[0])
-        row, column, last, array, first, step = given[1:]
-        bytes_ = build.bitcast(read.data, ir.IntType(8).as_pointer())
-        vector, size = vector_of(table.dtype), table.dtype.bitwidth // 8
-        found, way = [], build.extract_value(read.strides, 0)
-        bytes_, rest = build.gep(bytes_, [build.mul(row, way)]), build.sub(last, row)
-        for lane in map(row.type, range(LANES)):
+        table_, row, column, last, into_, first, step = given
+        read, lanes = context.make_array(table)(context, build, table_), list(map(row.type, range(LANES)))
+        way, vector, size = build.extract_value(read.strides, 0), vector_of(table.dtype), table.dtype.bitwidth // 8
+        begin = build.gep(build.bitcast(read.data, ir.IntType(8).as_pointer()), [build.mul(row, way)])
+        rest, rows = build.sub(last, row), []
+        for lane in lanes:
             there = build.icmp_signed("<", lane, rest)
-            place = build.gep(bytes_, [build.select(there, build.mul(lane, way), build.mul(rest, way))])
+            place = build.gep(begin, [build.select(there, build.mul(lane, way), build.mul(rest, way))])
             place = build.gep(build.bitcast(place, read.data.type), [column])
-            found.append(build.load(build.bitcast(place, vector.as_pointer()), align=size))
-        for lane, values in zip(map(row.type, range(LANES)), _turned_over(build, found), strict=True):
-            place = _place(context, build, into, array, build.add(first, build.mul(lane, step)), vector)
+            rows.append(build.load(build.bitcast(place, vector.as_pointer()), align=size))
+        for lane, values in zip(lanes, _turned_over(build, rows), strict=True):
+            place = _place(context, build, into, into_, build.add(first, build.mul(lane, step)), vector)
             build.store(values, place, align=size)
         return context.get_dummy_value()
 
@@ -149,7 +148,7 @@ def _turned_over(build, rows):
         return shuffled(one, other, [4 * q + n for q in pattern for n in range(4)])
 
     low, high, pairs = (0, 4, 1, 5), (2, 6, 3, 7), ((0, 1, 4, 5), (2, 3, 6, 7))
-    fours = []  # of each four rows: in quarter L of the j-th one their column 4 L + j
+    fours = []  # for each four rows: in the q-th quarter of the j-th vector their column 4 q + j
     for a, b, c, d in zip(*(rows[n::4] for n in range(4)), strict=True):
         halves = [(picked(a, b, half), picked(c, d, half)) for half in (low, high)]
         fours.append([picked(*half, pattern) for half in halves for pattern in pairs])
@@ -200,6 +199,16 @@ pack = packing(at_once())
 LANES more must be there."""
 
 
+def _pass(build, context, its, array, row, column, values):
+    """Write `values` into a row of an array from a column on, past the caches."""
+    found = context.make_array(its)(context, build, array)
+    way = build.mul(row, build.extract_value(found.strides, 0))
+    place = build.gep(build.bitcast(found.data, ir.IntType(8).as_pointer()), [way])
+    place = build.gep(build.bitcast(place, found.data.type), [column])
+    store = build.store(values, build.bitcast(place, values.type.as_pointer()), align=64)
+    store.set_metadata("nontemporal", build.module.add_metadata([ir.IntType(32)(1)]))
+
+
 @intrinsic
 def pass_by(typing, values, first, array, row, column):
     """Write as many `values` as fill a line of the caches, from `first` on, into a row of `array` from `column` on,
@@ -207,14 +216,9 @@ def pass_by(typing, values, first, array, row, column):
 
     def generate(context, build, signature, arguments):
         read = context.make_array(signature.args[0])(context, build, arguments[0]).data
-        found = context.make_array(signature.args[2])(context, build, arguments[2])
         kind = ir.VectorType(read.type.pointee, 512 // signature.args[0].dtype.bitwidth)
-        way = build.mul(arguments[3], build.extract_value(found.strides, 0))
-        place = build.gep(build.bitcast(found.data, ir.IntType(8).as_pointer()), [way])
-        place = build.gep(build.bitcast(place, read.type), [arguments[4]])
         loaded = build.load(build.bitcast(build.gep(read, [arguments[1]]), kind.as_pointer()), align=4)
-        store = build.store(loaded, build.bitcast(place, kind.as_pointer()), align=64)
-        store.set_metadata("nontemporal", build.module.add_metadata([ir.IntType(32)(1)]))
+        _pass(build, context, signature.args[2], *arguments[2:], loaded)
         return context.get_dummy_value()
 
     return types.void(values, types.int64, array, types.int64, types.int64), generate
@@ -222,18 +226,10 @@ def pass_by(typing, values, first, array, row, column):
 
 @intrinsic
 def put_by(typing, array, row, column, values):
-    """Write `values` into a row of `array` from `column` on, past the caches; see `pass_by`. A line must begin there."""
+    """Write `values` into a row of `array` from `column` on, past the caches; see `pass_by`."""
 
-    def generate(context, build, signature, arguments):
-        into, row, column, values = arguments
-        found = context.make_array(array)(context, build, into)
-        place = build.gep(
-            build.bitcast(found.data, ir.IntType(8).as_pointer()),
-            [build.mul(row, build.extract_value(found.strides, 0))],
-        )
-        place = build.bitcast(build.gep(build.bitcast(place, found.data.type), [column]), values.type.as_pointer())
-        store = build.store(values, place, align=64)
-        store.set_metadata("nontemporal", build.module.add_metadata([ir.IntType(32)(1)]))
+    def generate(context, build, signature, given):
+        _pass(build, context, array, *given)
         return context.get_dummy_value()
 
     return types.void(array, types.int64, types.int64, values), generate

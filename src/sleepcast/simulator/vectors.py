@@ -26,8 +26,11 @@ LANES = 16
 
 SINGLE, DOUBLE, SHORT, LONG, TRUTH = types.float32, types.float64, types.int32, types.uint64, types.boolean
 KINDS = {
-    **{SINGLE: ir.FloatType(), DOUBLE: ir.DoubleType()},
-    **{SHORT: ir.IntType(32), LONG: ir.IntType(64), TRUTH: ir.IntType(1)},
+    SINGLE: ir.FloatType(),
+    DOUBLE: ir.DoubleType(),
+    SHORT: ir.IntType(32),
+    LONG: ir.IntType(64),
+    TRUTH: ir.IntType(1),
 }
 REALS, WHOLE = (SINGLE, DOUBLE), (SHORT, LONG)
 
@@ -134,7 +137,9 @@ for _symbol, _sign in (
 for _symbol, _short in ((operator.and_, "and_"), (operator.or_, "or_"), (operator.xor, "xor")):
     _define(_symbol, (*WHOLE, TRUTH), None, _by_kind("", _short))
 _define(operator.lshift, WHOLE, None, _by_kind("", "shl"))
-_define(operator.rshift, WHOLE, None, lambda build, kind, *both: getattr(build, "ashr" if kind == SHORT else "lshr")(*both))
+_define(
+    operator.rshift, WHOLE, None, lambda build, kind, *both: getattr(build, "ashr" if kind == SHORT else "lshr")(*both)
+)
 
 
 def _of_each(make: Callable[..., Any], kinds: tuple[Any, ...], result: Any = None) -> Any:
@@ -277,7 +282,7 @@ def _of_lanes(function: Any, form: Any) -> None:
     """Let lanes, too, be given to a function of real numbers, or to an operator; `form` is theirs."""
 
     @overload(function)
-    def chosen(values):  # type: ignore[no-untyped-def]  # numba wants it without types
+    def chosen(values):
         return (lambda values: form(values)) if isinstance(values, Lanes) else None
 
 
@@ -287,5 +292,5 @@ for _function, _form in ((np.abs, size_of), (np.floor, _rounded), (np.sqrt, root
 
 
 @overload(formulas.either)
-def _either_of_lanes(condition, yes, no):  # type: ignore[no-untyped-def]
+def _either_of_lanes(condition, yes, no):
     return (lambda condition, yes, no: either(condition, yes, no)) if isinstance(condition, Lanes) else None

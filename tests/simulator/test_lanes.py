@@ -133,7 +133,7 @@ def test_rows_are_written_as_columns() -> None:
 
 
 def test_functions_of_numbers_work_one_by_one() -> None:
-    def work(x, y, whole, single, double):  # type: ignore[no-untyped-def]
+    def work(x, y, whole, single, double, short):  # type: ignore[no-untyped-def]
         a, b = lanes.at(x, 0), lanes.at(y, 0)
         lanes.put(double, 0, vectors.root_of(vectors.size_of(a)))
         lanes.put(double, 16, vectors.minus(a))
@@ -144,13 +144,15 @@ def test_functions_of_numbers_work_one_by_one() -> None:
         lanes.put(single, 0, vectors.singles(a / 3.0))
         lanes.put(single, 16, vectors.like(np.float32(0), a / 3.0))
         lanes.put(single, 32, vectors.reals(lanes.at(whole, 0)))
+        lanes.put(short, 0, vectors.shorts(a * 10.0))
 
     whole = np.arange(16, dtype=np.int32) * 123_456_789
-    double, single = np.zeros(96), np.zeros(48, np.float32)
-    compiled(work)(SOME, OTHERS, whole, single, double)  # type: ignore[no-untyped-call]
+    double, single, short = np.zeros(96), np.zeros(48, np.float32), np.zeros(16, np.int32)
+    compiled(work)(SOME, OTHERS, whole, single, double, short)  # type: ignore[no-untyped-call]
     x, y = SOME, OTHERS
     wanted = [np.sqrt(abs(x)), -x, np.minimum(x, y), np.maximum(x, 1.5), np.where(x < y, x, 7.0), x]
     assert double.reshape(6, 16).tolist() == [each.tolist() for each in wanted]
+    assert short.tolist() == (x * 10.0).astype(np.int32).tolist()
     third = (x / 3.0).astype(np.float32)
     assert single.reshape(3, 16).tolist() == [each.tolist() for each in (third, third, whole.astype(np.float32))]
 

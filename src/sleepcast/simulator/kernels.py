@@ -9,11 +9,12 @@ import numpy as np
 from sleepcast.channel import chance
 from sleepcast.simulator.compiled import compiled, inlined, strict, woven
 from sleepcast.simulator.formulas import either, sine_cosine
-from sleepcast.simulator.lanes import all_passed, at, put, put_by, put_turned
+from sleepcast.simulator.lanes import all_passed, at, put, put_by, put_some, put_turned, some
 from sleepcast.simulator.noise import MIDDLE, SCALE
-from sleepcast.simulator.vectors import LANES, counted, doubles, every, least_of, root_of, singles
+from sleepcast.simulator.vectors import LANES, counted, doubles, every, least_of, most_of, root_of, shorts, singles
 
 F = np.float32
+I = np.int32  # noqa: E741  # as short as F
 U = np.uint64
 GOLDEN = U(chance.GOLDEN)
 
@@ -27,11 +28,21 @@ LINE = 8
 def count(x, y, size, across, up, first, last, cells, counts):
     """The first step of a counting sort by cell, see `grid.sort`: the cells of the points from `first` up to `last`,
     and in `counts`, which is 0, how many of them lie in each."""
-    for i in range(first, last):
-        column = min(max(int(x[i] / size), 0), across - 1)
-        row = min(max(int(y[i] / size), 0), up - 1)
-        cells[i] = row * across + column
-        counts[cells[i]] += 1
+    whole = last - (last - first) % LANES
+    for i in range(first, whole, LANES):
+        count_some(x, y, size, across, up, i, None, cells, counts)
+    if whole < last:
+        count_some(x, y, size, across, up, whole, last - whole, cells, counts)
+
+
+@inlined
+def count_some(x, y, size, across, up, first, most, cells, counts):
+    """The same for LANES points, or at most so many."""
+    columns = most_of(least_of(some(x, first, most) / size, across - 1.0), 0.0)
+    rows = most_of(least_of(some(y, first, most) / size, up - 1.0), 0.0)
+    put_some(cells, first, shorts(rows) * I(across) + shorts(columns), most)
+    for i in range(first, first + (LANES if most is None else most)):
+        counts[U(cells[i])] += 1
 
 
 @compiled
@@ -52,15 +63,16 @@ def begin(counts, start):
 def place(cells, first, last, places, order):
     """The third step: the order. places: where the points of this stretch begin in each cell; changed."""
     for i in range(first, last):
-        order[places[cells[i]]] = i
-        places[cells[i]] += 1
+        cell = U(cells[i])
+        order[U(places[cell])] = i
+        places[cell] += 1
 
 
 @compiled
 def arrange(order, x, y, heading, first, last, into):
     """Put positions, and cosine and sine of the headings, into the rows of `into`, in the order of the cells."""
     for i in range(first, last):
-        o = order[i]
+        o = U(order[i])
         into[0, i], into[1, i], into[2, i] = x[o], y[o], heading[o]
     for i in range(first, last):
         into[3, i], into[2, i] = sine_cosine(into[2, i])
@@ -71,7 +83,7 @@ def fix(order, x, y, units, first, last, fixed_x, fixed_y):
     """Put positions (m) in the order of the cells, as whole numbers of `units` in a metre, into `fixed_x` and `fixed_y`
     (int32); beyond 32 bits they begin anew, which does not matter to their differences."""
     for i in range(first, last):
-        o = order[i]
+        o = U(order[i])
         fixed_x[i], fixed_y[i] = np.int32(np.int64(x[o] * units)), np.int32(np.int64(y[o] * units))
 
 

@@ -185,6 +185,7 @@ reals = _turned("sitofp", (SHORT,), SINGLE)
 singles = _turned("fptrunc", (DOUBLE,), SINGLE)
 doubles = _turned("fpext", (SINGLE,), DOUBLE)
 counted = _turned("uitofp", (LONG,), DOUBLE)
+shorts = _turned("fptosi", (DOUBLE,), SHORT)
 
 
 @intrinsic

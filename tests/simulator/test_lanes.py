@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("numba")
 
-from sleepcast.simulator import lanes, vectors
+from sleepcast.simulator import formulas, lanes, vectors
 from sleepcast.simulator.compiled import compiled, strict
 from sleepcast.simulator.scratch import LINE, Scratch
 
@@ -69,8 +69,71 @@ def test_whole_numbers_are_calculated_with_one_by_one() -> None:
     assert into.reshape(9, 16).tolist() == [each.tolist() for each in wanted]
 
 
+def test_long_whole_numbers_are_calculated_with_without_signs() -> None:
+    def work(x, y, into, real):  # type: ignore[no-untyped-def]
+        its, other, seven = lanes.at(x, 0), lanes.at(y, 0), np.uint64(7)
+        lanes.put(into, 0, its * other)
+        lanes.put(into, 16, its + seven)
+        lanes.put(into, 32, (its ^ other) - (its & seven))
+        lanes.put(into, 48, (its >> seven) | (other << seven))
+        lanes.put(real, 0, vectors.counted(its >> np.uint64(11)))
+        lanes.put(real, 16, vectors.either(its < other, vectors.every(1.0), 0.0))
+
+    x, y = np.random.default_rng(3).integers(0, 2**64, (2, 16), np.uint64)
+    into, real = np.zeros(64, np.uint64), np.zeros(32)
+    compiled(work)(x, y, into, real)  # type: ignore[no-untyped-call]
+    seven = np.uint64(7)
+    wanted = [x * y, x + seven, (x ^ y) - (x & seven), (x >> seven) | (y << seven)]
+    assert into.reshape(4, 16).tolist() == [each.tolist() for each in wanted]
+    assert real.reshape(2, 16).tolist() == [(x >> np.uint64(11)).astype(float).tolist(), (x < y).astype(float).tolist()]
+    assert 0 < real[16:].sum() < 16
+
+
+def test_formulas_for_arrays_hold_for_lanes() -> None:
+    def work(x, single, into):  # type: ignore[no-untyped-def]
+        a = lanes.at(x, 0)
+        lanes.put(into, 0, formulas.either(a < 0.0, -a, np.floor(a)))
+        lanes.put(into, 16, np.sqrt(np.abs(a)))
+        lanes.put(into, 32, vectors.doubles(lanes.at(single, 0)))
+        lanes.put(into, 48, vectors.either(a != a, vectors.every(1.0), 0.0))
+        return vectors.singles(into[0] / 3.0), vectors.doubles(single[1]), vectors.counted(np.uint64(2**53))
+
+    x, into = SOME.copy(), np.zeros(64)
+    x[3] = np.nan
+    single = x.astype(np.float32)
+    alone = strict(work)(x, single, into)  # type: ignore[no-untyped-call]
+    wanted = np.stack((np.where(x < 0.0, -x, np.floor(x)), np.sqrt(np.abs(x)), single.astype(float), np.isnan(x)))
+    assert np.array_equal(into.reshape(4, 16), wanted, equal_nan=True)
+    assert alone == (np.float32(into[0] / 3.0), float(single[1]), 2.0**53)
+
+
+@pytest.mark.parametrize("sort", [np.float64, np.uint64])
+def test_at_the_end_of_a_row_there_may_be_fewer_numbers(sort: type[np.generic]) -> None:
+    def work(x, into, more, most):  # type: ignore[no-untyped-def]
+        lanes.put_some(into, 2, lanes.some(x, 3, most), most)
+        lanes.put(more, 0, lanes.some(x, 3, most))
+        lanes.put_some(more, 16, lanes.some(x, 3, None), None)
+
+    x, into, more = np.arange(1, 24).astype(sort), np.full(10, 99, sort), np.zeros(32, sort)
+    compiled(work)(x, into, more, 5)  # type: ignore[no-untyped-call]
+    assert into.tolist() == [99, 99, 4, 5, 6, 7, 8, 99, 99, 99]
+    assert more.tolist() == [4, 5, 6, 7, 8, *([0] * 11), *range(4, 20)]
+
+
+def test_rows_are_written_as_columns() -> None:
+    def work(table, into):  # type: ignore[no-untyped-def]
+        lanes.put_turned(table, 1, 16, 100, into, 5, 20)
+        lanes.put_turned(table, 12, 0, 19, into, 500, 16)
+
+    table, into = np.arange(20 * 32, dtype=np.float32).reshape(20, 32), np.zeros(800, np.float32)
+    compiled(work)(table, into)  # type: ignore[no-untyped-call]
+    for k in range(16):
+        assert into[5 + 20 * k : 21 + 20 * k].tolist() == table[1:17, 16 + k].tolist()
+        assert into[500 + 16 * k : 516 + 16 * k].tolist() == [*table[12:20, k], *([table[19, k]] * 8)]
+
+
 def test_functions_of_numbers_work_one_by_one() -> None:
-    def work(x, y, whole, single, double):  # type: ignore[no-untyped-def]
+    def work(x, y, whole, single, double, short):  # type: ignore[no-untyped-def]
         a, b = lanes.at(x, 0), lanes.at(y, 0)
         lanes.put(double, 0, vectors.root_of(vectors.size_of(a)))
         lanes.put(double, 16, vectors.minus(a))
@@ -81,13 +144,15 @@ def test_functions_of_numbers_work_one_by_one() -> None:
         lanes.put(single, 0, vectors.singles(a / 3.0))
         lanes.put(single, 16, vectors.like(np.float32(0), a / 3.0))
         lanes.put(single, 32, vectors.reals(lanes.at(whole, 0)))
+        lanes.put(short, 0, vectors.shorts(a * 10.0))
 
     whole = np.arange(16, dtype=np.int32) * 123_456_789
-    double, single = np.zeros(96), np.zeros(48, np.float32)
-    compiled(work)(SOME, OTHERS, whole, single, double)  # type: ignore[no-untyped-call]
+    double, single, short = np.zeros(96), np.zeros(48, np.float32), np.zeros(16, np.int32)
+    compiled(work)(SOME, OTHERS, whole, single, double, short)  # type: ignore[no-untyped-call]
     x, y = SOME, OTHERS
     wanted = [np.sqrt(abs(x)), -x, np.minimum(x, y), np.maximum(x, 1.5), np.where(x < y, x, 7.0), x]
     assert double.reshape(6, 16).tolist() == [each.tolist() for each in wanted]
+    assert short.tolist() == (x * 10.0).astype(np.int32).tolist()
     third = (x / 3.0).astype(np.float32)
     assert single.reshape(3, 16).tolist() == [each.tolist() for each in (third, third, whole.astype(np.float32))]
 
@@ -142,6 +207,20 @@ def test_a_line_of_the_caches_is_written_where_it_belongs(sort: type[np.generic]
     strict(write)(values, array, 1, 2 * many)  # type: ignore[operator]
     assert array[1, 2 * many : 3 * many].tolist() == values[3 : 3 + many].tolist()
     assert (array == 7).sum() == 12 * many - many + (values[3 : 3 + many] == 7).sum()
+
+
+def test_lanes_are_written_past_the_caches_where_they_belong() -> None:
+    def write(values, array, row, column):  # type: ignore[no-untyped-def]
+        lanes.put_by(array, row, column, lanes.at(values, 0))
+        lanes.all_passed()
+
+    scratch = Scratch()
+    scratch.begin()
+    array = scratch.take(np.float64, 3, 32)
+    array[:] = 99.0
+    strict(write)(SOME, array, 1, 8)  # type: ignore[no-untyped-call]
+    assert array[1, 8:24].tolist() == SOME.tolist()
+    assert (array == 99.0).sum() == 96 - 16
 
 
 def test_scratch_memory_begins_with_a_line_of_the_caches_also_where_there_is_none_left() -> None:

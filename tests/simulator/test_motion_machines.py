@@ -10,7 +10,9 @@ import pytest
 from machines import ALL
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.bodies import Mode
+from sleepcast.simulator.driving import arc
 from sleepcast.simulator.engine import Machine, choose
+from sleepcast.simulator.formulas import wrap
 from sleepcast.simulator.grid import grid_over, sort
 from small_worlds import scouts
 
@@ -66,6 +68,29 @@ def test_machines_agree_to_the_last_bit(tmp_path: Path, slip: str) -> None:
     assert (bodies.swing != 0.0).any() or (bodies.heading != 0.0).all()
 
 
+@pytest.mark.parametrize("count", [1, 15, 16, 275, 530])
+def test_machines_agree_on_bodies_that_only_drive(tmp_path: Path, count: int) -> None:
+    """But for a few that tumble, are near the fence, or have run dry; also where they fill no vector."""
+    hashes = set()
+    for machine in ALL:
+        many = MANY[0], f"count = {count}\n"
+        wheels = ("[robots.sonar]", f"{WHEELS['noisy']}\n[robots.sonar]")
+        sim = scouts(tmp_path, many, ROOMY, wheels, more=STORES, seed=4, machine=machine)
+        draw = np.random.default_rng(6)
+        for body in sim.robots:
+            body.drive(*draw.uniform((-1.2, -4.0), (1.2, 4.0)))
+        for tick in range(60):
+            if tick % 3 == 0:
+                sim.robots[7 * tick % count].tumble()
+            sim.step()
+        hashes.add(sim.state_hash())
+        if count > 100:
+            assert (sim.bodies.stores[0] == 0.0).any()
+            assert (sim.bodies.stores[0] > 0.0).any()
+            assert (sim.bodies.bumper > 0.0).any()
+    assert len(hashes) == 1
+
+
 def test_machines_agree_between_walls_and_without_bumpers(tmp_path: Path) -> None:
     walls = ('width = "40m"\nheight = "30m"', 'width = "40m"\nheight = "30m"\nedge = "wall"')
     for change in (walls, ("bumpers = 8\n", "")):
@@ -107,3 +132,32 @@ def test_bodies_are_sorted_alike_on_any_number_of_threads(threads: int, monkeypa
     wanted, found = sort(world, x, y), choose("numba", threads).sort(world, x, y)
     assert found.order.tolist() == wanted.order.tolist()
     assert found.start.tolist() == wanted.start.tolist()
+
+
+def test_what_is_quick_for_small_turns_is_the_same_for_any(tmp_path: Path) -> None:
+    pytest.importorskip("numba")
+    from sleepcast.simulator import lanes
+    from sleepcast.simulator.compiled import strict
+    from sleepcast.simulator.kernels_motion import short_arc, wrapped
+
+    def all_of(laws, angle, left, right, into):  # type: ignore[no-untyped-def]
+        for i in range(0, angle.shape[0], 16):
+            lanes.put(into[0], i, wrapped(lanes.at(angle, i)))
+            across, up, turn = short_arc(laws, lanes.at(left, i), lanes.at(right, i), lanes.at(angle, i))
+            lanes.put(into[1], i, across)
+            lanes.put(into[2], i, up)
+            lanes.put(into[3], i, turn)
+
+    draw = np.random.default_rng(9)
+    bounds = np.nextafter(np.outer((-3.0, -1.0, 1.0, 3.0), (np.pi,) * 3), (-9.0, 0.0, 9.0))
+    ends = np.concatenate((bounds.ravel(), [-np.pi, np.pi, 0.0, -0.0], draw.uniform(-3.1, 3.1, 16), np.full(16, 50.0)))
+    angle = np.concatenate((ends, draw.uniform(-12.0, 12.0, 3_200), draw.uniform(-9.4, 9.4, 320)))
+    sizes = draw.choice([0.01, 0.1, 1.0], len(angle) // 16).repeat(16)
+    left = draw.normal(0.0, sizes)
+    right = left + np.where(draw.random(len(angle)) < 0.2, 0.0, draw.normal(0.0, sizes))
+    laws = scouts(tmp_path).bodies.laws
+    into = np.zeros((4, len(angle)))
+    strict(all_of)(laws, angle, left, right, into)  # type: ignore[no-untyped-call]
+    assert into.tobytes() == np.stack((wrap(angle), *arc(laws, left, right, angle))).tobytes()
+    small = np.abs(into[3].reshape(-1, 16)).max(axis=1) < 1.4
+    assert 0.2 < small.mean() < 0.95

@@ -21,6 +21,7 @@ from stat import S_ISDIR
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core import types
 from numba.extending import overload, register_jitable
 
 from sleepcast.simulator import driving, formulas
@@ -92,6 +93,11 @@ def part(function: Kernel) -> Kernel:
     return _made(function, fastmath=False, no_cpython_wrapper=True, _nrt=False)
 
 
+def woven(function: Kernel) -> Kernel:
+    """A part of `strict` kernels that becomes part of those that call it."""
+    return _made(function, fastmath=False, forceinline=True, no_cpython_wrapper=True)
+
+
 def _made(function: Kernel, **options: Any) -> Kernel:
     options |= {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
     return cast(Kernel, numba.njit(**options)(function))
@@ -99,8 +105,8 @@ def _made(function: Kernel, **options: Any) -> Kernel:
 
 @overload(formulas.either)
 def _either_of_numbers(condition, yes, no):  # type: ignore[no-untyped-def]  # numba wants it without types
-    return lambda condition, yes, no: yes if condition else no
+    return (lambda condition, yes, no: yes if condition else no) if condition == types.boolean else None
 
 
-for formula in (formulas.sine_cosine, formulas.arc_tangent, formulas.wrap, *driving.FORMULAS):
+for formula in (formulas.sine_of_rest, formulas.sine_cosine, formulas.arc_tangent, formulas.wrap, *driving.FORMULAS):
     register_jitable(forceinline=True, fastmath=False, error_model="numpy")(formula)

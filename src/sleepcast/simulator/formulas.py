@@ -26,11 +26,7 @@ def sine_cosine(angle: Floats) -> tuple[Floats, Floats]:
     half a quarter; Taylor's polynomials with their last terms adjusted, as in the libraries of C)."""
     quarters = np.floor(angle * (2.0 / np.pi) + 0.5)
     r = (angle - quarters * _QUARTER) - quarters * _REST
-    z = r * r
-    high = -1.98412698298579493134e-04 + z * (
-        2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
-    )
-    s = r + r * z * (-1.66666666666666324348e-01 + z * (8.33333333332248946124e-03 + z * high))
+    z, s = r * r, sine_of_rest(r)
     high = 2.48015872894767294178e-05 + z * (
         -2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)
     )
@@ -39,6 +35,15 @@ def sine_cosine(angle: Floats) -> tuple[Floats, Floats]:
     odd = (place == 1.0) | (place == 3.0)
     sine, cosine = either(odd, c, s), either(odd, s, c)
     return either(place >= 2.0, -sine, sine), either((place == 1.0) | (place == 2.0), -cosine, cosine)
+
+
+def sine_of_rest(r: Floats) -> Floats:
+    """Sine of an angle of half a quarter at most, either way."""
+    z = r * r
+    high = -1.98412698298579493134e-04 + z * (
+        2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
+    )
+    return r + r * z * (-1.66666666666666324348e-01 + z * (8.33333333332248946124e-03 + z * high))
 
 
 def arc_tangent(up: Floats, across: Floats) -> Floats:

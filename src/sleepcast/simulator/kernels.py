@@ -7,12 +7,14 @@ from math import sqrt
 import numpy as np
 
 from sleepcast.channel import chance
-from sleepcast.simulator.compiled import compiled, inlined, strict
-from sleepcast.simulator.formulas import sine_cosine
-from sleepcast.simulator.lanes import all_passed, pass_by
+from sleepcast.simulator.compiled import compiled, inlined, strict, woven
+from sleepcast.simulator.formulas import either, sine_cosine
+from sleepcast.simulator.lanes import all_passed, at, put, put_by, put_some, put_turned, some
 from sleepcast.simulator.noise import MIDDLE, SCALE
+from sleepcast.simulator.vectors import LANES, counted, doubles, every, least_of, most_of, root_of, shorts, singles
 
 F = np.float32
+I = np.int32  # noqa: E741  # as short as F
 U = np.uint64
 GOLDEN = U(chance.GOLDEN)
 
@@ -26,11 +28,21 @@ LINE = 8
 def count(x, y, size, across, up, first, last, cells, counts):
     """The first step of a counting sort by cell, see `grid.sort`: the cells of the points from `first` up to `last`,
     and in `counts`, which is 0, how many of them lie in each."""
-    for i in range(first, last):
-        column = min(max(int(x[i] / size), 0), across - 1)
-        row = min(max(int(y[i] / size), 0), up - 1)
-        cells[i] = row * across + column
-        counts[cells[i]] += 1
+    whole = last - (last - first) % LANES
+    for i in range(first, whole, LANES):
+        count_some(x, y, size, across, up, i, None, cells, counts)
+    if whole < last:
+        count_some(x, y, size, across, up, whole, last - whole, cells, counts)
+
+
+@inlined
+def count_some(x, y, size, across, up, first, most, cells, counts):
+    """The same for LANES points, or at most so many."""
+    columns = most_of(least_of(some(x, first, most) / size, across - 1.0), 0.0)
+    rows = most_of(least_of(some(y, first, most) / size, up - 1.0), 0.0)
+    put_some(cells, first, shorts(rows) * I(across) + shorts(columns), most)
+    for i in range(first, first + (LANES if most is None else most)):
+        counts[U(cells[i])] += 1
 
 
 @compiled
@@ -51,15 +63,16 @@ def begin(counts, start):
 def place(cells, first, last, places, order):
     """The third step: the order. places: where the points of this stretch begin in each cell; changed."""
     for i in range(first, last):
-        order[places[cells[i]]] = i
-        places[cells[i]] += 1
+        cell = U(cells[i])
+        order[U(places[cell])] = i
+        places[cell] += 1
 
 
 @compiled
 def arrange(order, x, y, heading, first, last, into):
     """Put positions, and cosine and sine of the headings, into the rows of `into`, in the order of the cells."""
     for i in range(first, last):
-        o = order[i]
+        o = U(order[i])
         into[0, i], into[1, i], into[2, i] = x[o], y[o], heading[o]
     for i in range(first, last):
         into[3, i], into[2, i] = sine_cosine(into[2, i])
@@ -70,7 +83,7 @@ def fix(order, x, y, units, first, last, fixed_x, fixed_y):
     """Put positions (m) in the order of the cells, as whole numbers of `units` in a metre, into `fixed_x` and `fixed_y`
     (int32); beyond 32 bits they begin anew, which does not matter to their differences."""
     for i in range(first, last):
-        o = order[i]
+        o = U(order[i])
         fixed_x[i], fixed_y[i] = np.int32(np.int64(x[o] * units)), np.int32(np.int64(y[o] * units))
 
 
@@ -81,27 +94,31 @@ def enlist(order, place, rows):
         rows[i] = place[order[i]]
 
 
-@inlined
+@woven
 def mixed(multiple, key):
-    """See `chance.mix`. multiple: of the counter, by `GOLDEN`."""
+    """See `chance.mix`. multiple: of the counter, by `GOLDEN`. Of one or of LANES."""
     bits = multiple + key
     bits = (bits ^ (bits >> U(30))) * U(0xBF58476D1CE4E5B9)
     bits = (bits ^ (bits >> U(27))) * U(0x94D049BB133111EB)
     return bits ^ (bits >> U(31))
 
 
-@inlined
+@woven
+def deviate(bits):
+    """See `noise.deviates`."""
+    pairs = (bits & U(0xFFFF0000FFFF)) + ((bits >> U(16)) & U(0xFFFF0000FFFF))
+    return (counted((pairs & U(0xFFFFFFFF)) + (pairs >> U(32))) - float(MIDDLE)) * SCALE
+
+
+@woven
 def disturbed(seen, multiple, share, dropout, most, key, dropout_key):
-    """A range with noise; see `noise.disturb`."""
+    """Ranges with noise, one or LANES; see `noise.disturb`."""
     lost = seen >= most
     if share > 0.0:
-        bits = mixed(multiple, key)
-        total = (bits & U(0xFFFF)) + ((bits >> U(16)) & U(0xFFFF)) + ((bits >> U(32)) & U(0xFFFF)) + (bits >> U(48))
-        seen *= F(1.0 + share * (float(np.int64(total) - MIDDLE) * SCALE))
+        seen = seen * singles(1.0 + share * deviate(mixed(multiple, key)))
     if dropout > 0.0:
-        bits = mixed(multiple, dropout_key)
-        lost |= float(bits >> U(11)) * 2.0**-53 < dropout
-    return most if lost else seen
+        lost = lost | (counted(mixed(multiple, dropout_key) >> U(11)) * 2.0**-53 < dropout)
+    return either(lost, most, seen)
 
 
 @compiled
@@ -149,7 +166,9 @@ def hear(squares, which, noise, least, most, front, wanted, sensed, edge):
     robots. noise: share, dropout and their keys. edge: for which robot, of LINE, a line of the caches begins in all
     rows of `sensed`, or -1."""
     (share, dropout, key, dropout_key), sonars, count = noise, sensed.shape[0] - 1, which.shape[0]
-    seen, multiples, told, nearest = np.empty(BLOCK, F), np.empty(BLOCK, U), np.empty(BLOCK), np.empty(BLOCK)
+    room, multiples = np.empty(squares.shape[1] * BLOCK + 2 * LINE, F), np.zeros(BLOCK, U)
+    turned = room[-room.ctypes.data % 64 // 4 :]
+    told, nearest = np.empty(LANES), np.full(LANES, most)
     ahead = np.zeros(sonars, np.bool_)
     for k in front:
         ahead[k] = wanted[sonars]
@@ -159,20 +178,34 @@ def hear(squares, which, noise, least, most, front, wanted, sensed, edge):
         some = which[begin:end]
         streams = edge >= 0 and end - begin == BLOCK and side_by_side(some)
         for q in range(end - begin):
-            multiples[q], nearest[q] = U(some[q]) * U(sonars) * GOLDEN, most
-        for k in range(sonars):
-            if not (wanted[k] or ahead[k]):
-                continue
-            listen(squares[begin:end], k, multiples, share, dropout, key, dropout_key, least, most, seen, told)
-            if ahead[k]:
-                for q in range(end - begin):
-                    nearest[q] = min(nearest[q], told[q])
-            if wanted[k]:
-                spread(told, some, sensed, k, streams)
-        if wanted[sonars]:
-            spread(nearest, some, sensed, sonars, streams)
+            multiples[q] = U(some[q]) * U(sonars) * GOLDEN
+        turn_over(squares, begin, end, turned)
+        for q in range(0, end - begin, LANES):
+            for k in range(sonars):
+                if not (wanted[k] or ahead[k]):
+                    continue
+                more = U(k) * GOLDEN
+                value = listen(
+                    *(at(turned, k * BLOCK + q), at(multiples, q), share, dropout, key + more, dropout_key + more),
+                    *(least, most),
+                )
+                if ahead[k]:
+                    put(nearest, 0, least_of(at(nearest, 0), value))
+                if wanted[k]:
+                    spread(value, some, q, sensed, k, streams, told)
+            if wanted[sonars]:
+                spread(at(nearest, 0), some, q, sensed, sonars, streams, told)
+                put(nearest, 0, every(most))
         begin, end = end, end + BLOCK
     all_passed()
+
+
+@inlined
+def turn_over(squares, begin, end, turned):
+    """Bring squared ranges of a block of robots into an order by sonars, LANES at a time."""
+    for q in range(0, end - begin, LANES):
+        for k in range(0, squares.shape[1], LANES):
+            put_turned(squares, begin + q, k, end - 1, turned, k * BLOCK + q, BLOCK)
 
 
 @inlined
@@ -185,22 +218,18 @@ def side_by_side(which):
 
 
 @inlined
-def listen(squares, k, multiples, share, dropout, key, dropout_key, least, most, seen, told):
-    """What these robots read of sonar k."""
-    shortest, longest, more = F(least), F(most), U(k) * GOLDEN
-    for q in range(squares.shape[0]):
-        seen[q] = squares[q, k]
-    for q in range(squares.shape[0]):
-        value = disturbed(F(sqrt(seen[q])), multiples[q] + more, share, dropout, longest, key, dropout_key)
-        told[q] = least if value <= shortest else min(float(value), most)
+def listen(squared, multiple, share, dropout, key, dropout_key, least, most):
+    """What robots read of one sonar, of LANES robots."""
+    value = disturbed(root_of(squared), multiple, share, dropout, F(most), key, dropout_key)
+    return either(value <= F(least), least, least_of(doubles(value), most))
 
 
 @inlined
-def spread(told, which, sensed, row, streams):
-    """Put what these robots are told where they look for it."""
+def spread(values, which, first, sensed, row, streams, told):
+    """Put what robots, from the `first` of these on, are told where they look for it."""
     if streams:
-        for q in range(0, BLOCK, LINE):
-            pass_by(told, q, sensed, row, which[0] + q)
-    else:
-        for q in range(which.shape[0]):
-            sensed[row, which[q]] = told[q]
+        put_by(sensed, row, which[0] + first, values)
+        return
+    put(told, 0, values)
+    for q in range(min(which.shape[0] - first, LANES)):
+        sensed[row, which[first + q]] = told[q]

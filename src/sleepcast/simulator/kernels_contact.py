@@ -72,7 +72,7 @@ def gather(order, x, y, way_x, way_y, first, last, into):
     for i in range(first, last):
         longest = max(longest, way_x[i] * way_x[i] + way_y[i] * way_y[i])
     for i in range(first, last):
-        o = order[i]
+        o = U(order[i])
         into[0, i], into[1, i] = x[o], y[o]
     return longest
 

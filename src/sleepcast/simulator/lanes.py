@@ -9,15 +9,14 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import binding, ir
-from numba.core import types
+from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from sleepcast.simulator.vectors import LANES, REALS, Lanes, called, filled, vector_of
+from sleepcast.simulator.vectors import LANES, LONG, REALS, Lanes, called, filled, vector_of
 
 COMPRESS = "llvm.experimental.vector.compress"
 KNOWN_BY = (19, 22)
 """Versions of LLVM, first and last tried, that know COMPRESS."""
-LONG = types.uint64
 
 
 def _place(context, build, its, array, index, vector):
@@ -50,6 +49,38 @@ def put(typing, array, first, values):
 
 
 @intrinsic
+def some(typing, array, first, most):
+    """The numbers of a row of numbers from `first` on, at most so many (None: LANES), and 0 for others."""
+
+    def generate(context, build, signature, given):
+        vector, size = vector_of(array.dtype), array.dtype.bitwidth // 8
+        place = _place(context, build, array, *given[:2], vector)
+        if most == types.none:
+            return build.load(place, align=size)
+        room = cgutils.alloca_once_value(build, ir.Constant(vector, [0] * LANES))
+        cgutils.raw_memcpy(build, room, place, given[2], size)
+        return build.load(room)
+
+    return Lanes(array.dtype)(array, LONG, most), generate
+
+
+@intrinsic
+def put_some(typing, array, first, values, most):
+    """Write `values`, at most so many (None: all), into a row of numbers from `first` on."""
+
+    def generate(context, build, signature, given):
+        into, first, values, _ = given
+        place, size = _place(context, build, array, into, first, values.type), array.dtype.bitwidth // 8
+        if most == types.none:
+            build.store(values, place, align=size)
+        else:
+            cgutils.raw_memcpy(build, place, cgutils.alloca_once_value(build, values), given[3], size)
+        return context.get_dummy_value()
+
+    return types.void(array, LONG, values, most), generate
+
+
+@intrinsic
 def put_pairs(typing, array, first, evens, odds):
     """Write pairs of each of `evens` and the one of `odds` beside it into a row of numbers from `first` on."""
 
@@ -75,6 +106,60 @@ def pair_at(typing, array, first):
         return build.bitcast(filled(build, pair, half), vector_of(types.float32))
 
     return Lanes(types.float32)(array, LONG), generate
+
+
+@intrinsic
+def put_turned(typing, table, row, column, last, into, first, step):
+    """Write LANES rows of LANES numbers each of a table into a row of numbers, columns as rows: the first column from
+    `first` on, each other one `step` further. Behind the `last` row of the table that one comes again."""
+
+    def generate(context, build, signature, given):
+        table_, row, column, last, into_, first, step = given
+        read, lanes = context.make_array(table)(context, build, table_), list(map(row.type, range(LANES)))
+        way, vector, size = build.extract_value(read.strides, 0), vector_of(table.dtype), table.dtype.bitwidth // 8
+        begin = build.gep(build.bitcast(read.data, ir.IntType(8).as_pointer()), [build.mul(row, way)])
+        rest, rows = build.sub(last, row), []
+        for lane in lanes:
+            there = build.icmp_signed("<", lane, rest)
+            place = build.gep(begin, [build.select(there, build.mul(lane, way), build.mul(rest, way))])
+            place = build.gep(build.bitcast(place, read.data.type), [column])
+            rows.append(build.load(build.bitcast(place, vector.as_pointer()), align=size))
+        for lane, values in zip(lanes, _turned_over(build, rows), strict=True):
+            place = _place(context, build, into, into_, build.add(first, build.mul(lane, step)), vector)
+            build.store(values, place, align=size)
+        return context.get_dummy_value()
+
+    whole = types.int64
+    return types.void(table, whole, whole, whole, into, whole, whole), generate
+
+
+def _turned_over(build, rows):
+    """The columns of LANES rows: first within quarters of vectors, which every processor can, then whole quarters."""
+
+    def shuffled(one, other, order):
+        return build.shuffle_vector(one, other, ir.Constant(ir.VectorType(ir.IntType(32), LANES), order))
+
+    def picked(one, other, pattern):
+        """In each quarter the numbers of this pattern, from 4 on those of the other one's quarter."""
+        return shuffled(one, other, [4 * q + n % 4 + LANES * (n // 4) for q in range(4) for n in pattern])
+
+    def quarters(one, other, pattern):
+        """The quarters of this pattern, from 4 on those of the other one."""
+        return shuffled(one, other, [4 * q + n for q in pattern for n in range(4)])
+
+    low, high, pairs = (0, 4, 1, 5), (2, 6, 3, 7), ((0, 1, 4, 5), (2, 3, 6, 7))
+    fours = []  # for each four rows: in the q-th quarter of the j-th vector their column 4 q + j
+    for a, b, c, d in zip(*(rows[n::4] for n in range(4)), strict=True):
+        halves = [(picked(a, b, half), picked(c, d, half)) for half in (low, high)]
+        fours.append([picked(*half, pattern) for half in halves for pattern in pairs])
+    columns = [None] * LANES
+    for j in range(4):
+        a, b, c, d = (four[j] for four in fours)
+        for part, pattern in enumerate(pairs):
+            left, right = quarters(a, b, pattern), quarters(c, d, pattern)
+            columns[8 * part + j] = quarters(left, right, (0, 2, 4, 6))
+            columns[8 * part + 4 + j] = quarters(left, right, (1, 3, 5, 7))
+    return columns
 
 
 def at_once() -> bool:
@@ -114,6 +199,16 @@ pack = packing(at_once())
 LANES more must be there."""
 
 
+def _pass(build, context, its, array, row, column, values):
+    """Write `values` into a row of an array from a column on, past the caches."""
+    found = context.make_array(its)(context, build, array)
+    way = build.mul(row, build.extract_value(found.strides, 0))
+    place = build.gep(build.bitcast(found.data, ir.IntType(8).as_pointer()), [way])
+    place = build.gep(build.bitcast(place, found.data.type), [column])
+    store = build.store(values, build.bitcast(place, values.type.as_pointer()), align=64)
+    store.set_metadata("nontemporal", build.module.add_metadata([ir.IntType(32)(1)]))
+
+
 @intrinsic
 def pass_by(typing, values, first, array, row, column):
     """Write as many `values` as fill a line of the caches, from `first` on, into a row of `array` from `column` on,
@@ -121,17 +216,23 @@ def pass_by(typing, values, first, array, row, column):
 
     def generate(context, build, signature, arguments):
         read = context.make_array(signature.args[0])(context, build, arguments[0]).data
-        found = context.make_array(signature.args[2])(context, build, arguments[2])
         kind = ir.VectorType(read.type.pointee, 512 // signature.args[0].dtype.bitwidth)
-        way = build.mul(arguments[3], build.extract_value(found.strides, 0))
-        place = build.gep(build.bitcast(found.data, ir.IntType(8).as_pointer()), [way])
-        place = build.gep(build.bitcast(place, read.type), [arguments[4]])
         loaded = build.load(build.bitcast(build.gep(read, [arguments[1]]), kind.as_pointer()), align=4)
-        store = build.store(loaded, build.bitcast(place, kind.as_pointer()), align=64)
-        store.set_metadata("nontemporal", build.module.add_metadata([ir.IntType(32)(1)]))
+        _pass(build, context, signature.args[2], *arguments[2:], loaded)
         return context.get_dummy_value()
 
     return types.void(values, types.int64, array, types.int64, types.int64), generate
+
+
+@intrinsic
+def put_by(typing, array, row, column, values):
+    """Write `values` into a row of `array` from `column` on, past the caches; see `pass_by`."""
+
+    def generate(context, build, signature, given):
+        _pass(build, context, array, *given)
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64, types.int64, values), generate
 
 
 @intrinsic

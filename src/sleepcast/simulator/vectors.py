@@ -1,9 +1,10 @@
 """Sixteen numbers as one value that kernels calculate with, a vector of LLVM's: what is written so becomes vector
 instructions on every processor, and the numbers stay in registers.
 
-`Lanes` are of float32, float64, int32, or of truths. `+ - * / < <= > >= == !=` work number by number, also with a
-single number of the same type for all, `& | ^` on truths and int32, `<< >>` on int32. What else there is are functions,
-here for what is calculated and in `lanes` for what goes to memory and comes from there.
+`Lanes` are of float32, float64, int32, uint64, or of truths. `+ - * / < <= > >= == !=` work number by number, also with
+a single number of the same type for all, `& | ^` on truths and whole numbers, `<< >>` on whole numbers, and on reals
+`-`, `np.abs`, `np.floor`, `np.sqrt` and `formulas.either`, so that formulas for arrays hold for lanes too. What else
+there is are functions, here for what is calculated and in `lanes` for what goes to memory and comes from there.
 
 No operation joins others, so that results are those of the same formula for single numbers.
 """
@@ -14,15 +15,24 @@ import operator
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba.core import types
-from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
+from numba.extending import intrinsic, lower_builtin, models, overload, register_model, type_callable
+
+from sleepcast.simulator import formulas
 
 LANES = 16
 
-SINGLE, DOUBLE, SHORT, TRUTH = types.float32, types.float64, types.int32, types.boolean
-KINDS = {SINGLE: ir.FloatType(), DOUBLE: ir.DoubleType(), SHORT: ir.IntType(32), TRUTH: ir.IntType(1)}
-REALS = (SINGLE, DOUBLE)
+SINGLE, DOUBLE, SHORT, LONG, TRUTH = types.float32, types.float64, types.int32, types.uint64, types.boolean
+KINDS = {
+    SINGLE: ir.FloatType(),
+    DOUBLE: ir.DoubleType(),
+    SHORT: ir.IntType(32),
+    LONG: ir.IntType(64),
+    TRUTH: ir.IntType(1),
+}
+REALS, WHOLE = (SINGLE, DOUBLE), (SHORT, LONG)
 
 
 class Lanes(types.Type):
@@ -106,25 +116,30 @@ def _by_kind(real: str, short: str) -> Callable[[Any, Any, Any, Any], Any]:
 
 
 def _comparison(sign: str) -> Callable[[Any, Any, Any, Any], Any]:
-    return lambda build, kind, left, right: (
-        build.fcmp_ordered(sign, left, right) if kind in REALS else build.icmp_signed(sign, left, right)
-    )
+    def compare(build: Any, kind: Any, left: Any, right: Any) -> Any:
+        if kind in REALS:  # what is no number differs from all
+            return (build.fcmp_unordered if sign == "!=" else build.fcmp_ordered)(sign, left, right)
+        return (build.icmp_signed if kind == SHORT else build.icmp_unsigned)(sign, left, right)
+
+    return compare
 
 
 for _symbol, _real, _short in (
     *((operator.add, "fadd", "add"), (operator.sub, "fsub", "sub"), (operator.mul, "fmul", "mul")),
 ):
-    _define(_symbol, (*REALS, SHORT), None, _by_kind(_real, _short))
+    _define(_symbol, (*REALS, *WHOLE), None, _by_kind(_real, _short))
 _define(operator.truediv, REALS, None, _by_kind("fdiv", ""))
 for _symbol, _sign in (
     *((operator.lt, "<"), (operator.le, "<="), (operator.gt, ">"), (operator.ge, ">=")),
     *((operator.eq, "=="), (operator.ne, "!=")),
 ):
-    _define(_symbol, (*REALS, SHORT), TRUTH, _comparison(_sign))
+    _define(_symbol, (*REALS, *WHOLE), TRUTH, _comparison(_sign))
 for _symbol, _short in ((operator.and_, "and_"), (operator.or_, "or_"), (operator.xor, "xor")):
-    _define(_symbol, (SHORT, TRUTH), None, _by_kind("", _short))
-for _symbol, _short in ((operator.lshift, "shl"), (operator.rshift, "ashr")):
-    _define(_symbol, (SHORT,), None, _by_kind("", _short))
+    _define(_symbol, (*WHOLE, TRUTH), None, _by_kind("", _short))
+_define(operator.lshift, WHOLE, None, _by_kind("", "shl"))
+_define(
+    operator.rshift, WHOLE, None, lambda build, kind, *both: getattr(build, "ashr" if kind == SHORT else "lshr")(*both)
+)
 
 
 def _of_each(make: Callable[..., Any], kinds: tuple[Any, ...], result: Any = None) -> Any:
@@ -134,6 +149,21 @@ def _of_each(make: Callable[..., Any], kinds: tuple[Any, ...], result: Any = Non
         if not isinstance(values, Lanes) or values.kind not in kinds:
             return None
         return Lanes(result or values.kind)(values), lambda context, build, signature, given: make(build, *given)
+
+    return intrinsic(typed)
+
+
+def _turned(name: str, kinds: tuple[Any, ...], result: Any) -> Any:
+    """A function that turns lanes of these kinds, or one number, into those of another, with an instruction of
+    LLVM's."""
+
+    def typed(typing: Any, values: Any) -> Any:
+        kind = values.kind if isinstance(values, Lanes) else values
+        wanted = Lanes(result) if isinstance(values, Lanes) else result
+        into = vector_of(result) if isinstance(values, Lanes) else KINDS[result]
+        if kind not in kinds:
+            return None
+        return wanted(values), lambda context, build, signature, given: getattr(build, name)(*given, into)
 
     return intrinsic(typed)
 
@@ -151,8 +181,11 @@ def _library(name: str) -> Callable[[Any, Any], Any]:
 size_of = _of_each(_library("fabs"), REALS)
 root_of = _of_each(_library("sqrt"), REALS)
 minus = _of_each(lambda build, value: build.fsub(ir.Constant(value.type, [-0.0] * LANES), value), REALS)
-reals = _of_each(lambda build, value: build.sitofp(value, vector_of(SINGLE)), (SHORT,), SINGLE)
-singles = _of_each(lambda build, value: build.fptrunc(value, vector_of(SINGLE)), (DOUBLE,), SINGLE)
+reals = _turned("sitofp", (SHORT,), SINGLE)
+singles = _turned("fptrunc", (DOUBLE,), SINGLE)
+doubles = _turned("fpext", (SINGLE,), DOUBLE)
+counted = _turned("uitofp", (LONG,), DOUBLE)
+shorts = _turned("fptosi", (DOUBLE,), SHORT)
 
 
 @intrinsic
@@ -244,3 +277,21 @@ def truths_of(typing, bits):
         return build.bitcast(build.trunc(given[0], ir.IntType(LANES)), vector_of(TRUTH))
 
     return Lanes(TRUTH)(types.unliteral(bits)), generate
+
+
+def _of_lanes(function: Any, form: Any) -> None:
+    """Let lanes, too, be given to a function of real numbers, or to an operator; `form` is theirs."""
+
+    @overload(function)
+    def chosen(values):
+        return (lambda values: form(values)) if isinstance(values, Lanes) else None
+
+
+_rounded = _of_each(_library("floor"), REALS)
+for _function, _form in ((np.abs, size_of), (np.floor, _rounded), (np.sqrt, root_of), (operator.neg, minus)):
+    _of_lanes(_function, _form)
+
+
+@overload(formulas.either)
+def _either_of_lanes(condition, yes, no):
+    return (lambda condition, yes, no: either(condition, yes, no)) if isinstance(condition, Lanes) else None

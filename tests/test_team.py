@@ -88,7 +88,6 @@ def test_one_who_is_done_waits_for_a_long_stretch_of_another(look: Look | None) 
 
 @pytest.mark.parametrize("pause", [0.0, 0.2])
 def test_others_come_again_after_a_pause(pause: float, look: Look | None) -> None:
-    """Whether they still look out or have gone to sleep."""
     team, together = Team(2, look), threading.Barrier(2)
     for _ in range(5):
         assert len(set(team.share(lambda first, last: together.wait(LONG), ENDS[:3]))) == 2

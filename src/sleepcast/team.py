@@ -1,8 +1,7 @@
 """A team of threads that do a job together, the one that asks among them: whoever is free takes the next stretch.
 
-Nobody waits for a thread that has not begun: if it wakes up too late, the others have done its part. Waking up takes
-longer than most of what is done here, so whoever has nothing to do looks out for more before going to sleep, and for
-the end of the last stretch as well.
+Nobody waits for a thread that has not begun: if it wakes up too late, the others have done its part. Who is done first
+looks out for the end of the last stretch before going to sleep, because waking up takes longer than most of that.
 """
 
 from __future__ import annotations
@@ -20,16 +19,15 @@ from numpy.typing import NDArray
 
 Result = TypeVar("Result")
 Calls: TypeAlias = SimpleQueue[Callable[[], None] | None]
-Words: TypeAlias = NDArray[np.int64]
-Look: TypeAlias = Callable[[Words, int, int, int], object]
-"""Looks at the first word until it is another number than this, so many times at most, and then some times more; lets
-other threads run."""
+Look: TypeAlias = Callable[[NDArray[np.int64], int, int], object]
+"""Looks at the first number until it is not 0, so many times at most, and then some times more; lets other threads
+run."""
 
 LOOKS = 4_000
 """How often is looked before going to sleep: for about a tenth of a millisecond."""
-BEGUN, ENDED = 350, 120
-"""How often is looked after a job has begun or ended: whoever says so holds the interpreter for some microseconds more,
-and who asks for it meanwhile is put to sleep."""
+ENDED = 120
+"""How often is looked after the end: whoever has said so holds the interpreter for some microseconds more, and who asks
+for it meanwhile is put to sleep."""
 SIZES = 3, 3, 1, 1
 """How large the stretches for each thread are: who is done early takes over some of the rest, and the last ones are
 small, so that all are done at about the same time."""
@@ -76,7 +74,7 @@ class Job(Generic[Result]):
         work has raised."""
         self.help()
         if self._look is not None and not self._over():
-            self._look(self._ended, 0, LOOKS, ENDED)
+            self._look(self._ended, LOOKS, ENDED)
         if not self._over():
             self._bell.get()
         if self._errors:
@@ -90,15 +88,13 @@ class Job(Generic[Result]):
 class Team:
     """So many threads, that of whoever asks among them; the others are started when there is something to do.
 
-    look: how they look out; without one they go to sleep at once.
+    look: how one looks out for the end of a job; without it one goes to sleep at once.
     """
 
     def __init__(self, threads: int, look: Look | None = None) -> None:
         self.threads = threads
         self._look = look
         self._calls: Calls | None = None
-        self._posted: Words = np.zeros(1, np.int64)
-        """How many jobs there have been."""
 
     def share(self, work: Callable[[int, int], Result], borders: Sequence[int]) -> list[Result]:
         """Let all threads do this work between these borders; gives what has come of each stretch, in any order. This
@@ -111,7 +107,6 @@ class Team:
         job = Job(work, stretches, self._look)
         for _ in range(self.threads - 1):
             self._calls.put(job.help)
-        self._posted[0] += 1
         try:
             return job.finish()
         finally:
@@ -123,28 +118,16 @@ class Team:
         """Start the other threads; they end when nobody needs this team any more."""
         calls: Calls = SimpleQueue()
         for number in range(self.threads - 1):
-            Thread(target=_serve, args=(calls, self._posted, self._look), name=f"kernels_{number}", daemon=True).start()
+            Thread(target=_serve, args=(calls,), name=f"kernels_{number}", daemon=True).start()
         finalize(self, _dismiss, calls, self.threads - 1)
         return calls
 
 
-def _serve(calls: Calls, posted: Words, look: Look | None) -> None:
+def _serve(calls: Calls) -> None:
     """What another thread does: whatever it is called for."""
-    while call := _next(calls, posted, look):
+    while call := calls.get():
         call()
         del call  # it would keep the work's arrays
-
-
-def _next(calls: Calls, posted: Words, look: Look | None) -> Callable[[], None] | None:
-    """What there is to do next: look out for it, as long as jobs come one after the other, and then sleep."""
-    while look is not None:
-        known = int(posted[0])
-        with suppress(Empty):
-            return calls.get_nowait()
-        look(posted, known, LOOKS, BEGUN)
-        if posted[0] == known:
-            break
-    return calls.get()
 
 
 def _dismiss(calls: Calls, threads: int) -> None:

@@ -1,5 +1,5 @@
 """A compiled kernel that waits, without giving the core away, for a word that another thread writes: to sleep and be
-woken takes longer than most of what threads wait for here. teams call it.
+woken takes longer than most of what threads wait for here. `team` calls it.
 """
 
 from __future__ import annotations
@@ -31,11 +31,10 @@ def _look(typing, words):
 
 
 @compiled
-def wait(words, known, most, moment):
-    """Look at the first of these words (int64) until it is not `known` any more, `most` times, and then `moment` times
-    more."""
+def wait(words, most, moment):
+    """Look at the first of these words (int64) until it is not 0, `most` times, and then `moment` times more."""
     for _ in range(most):
-        if _look(words) != known:
+        if _look(words):
             for _ in range(moment):
                 _look(words)
             break

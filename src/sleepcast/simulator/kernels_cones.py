@@ -4,7 +4,7 @@ Discs are looked at in double precision. What a cone sees of a line depends on t
 distance, so walls are taken by direction, and each costs a few operations. Who stands where, and where the edges of
 cones point, is worked out in double precision; the rest in single precision, which then errs by some millionths of the
 range. So a reading is off by no more than that, unless an end of a wall is barely met by the edge of a cone: then all
-walls are looked at again in double precision. Pieces that no echo can come back from are looked at by nobody.
+walls are looked at again in double precision.
 """
 
 from __future__ import annotations
@@ -12,18 +12,16 @@ from __future__ import annotations
 import numpy as np
 
 from sleepcast.simulator.compiled import inlined, part
-from sleepcast.simulator.lanes import at, pack, put
+from sleepcast.simulator.lanes import at, put
 from sleepcast.simulator.vectors import (
     LANES,
     any_of,
     either,
     every,
-    how_many,
     least_of,
     like,
     minus,
     most_of,
-    places,
     root_of,
     singles,
     size_of,
@@ -31,15 +29,12 @@ from sleepcast.simulator.vectors import (
 from sleepcast.simulator.walls import NEW_DIRECTION, ROUND, SAME_LINE
 
 F = np.float32
-I = np.int32  # noqa: E741  # as short as F
 U = np.uint64
 PAST = F(2e-4)
 """Metres beyond a rim within which single precision cannot tell whether it is met."""
 BARELY = 1e-6
 """The share of the reach within which single precision cannot tell whether an end of a wall is met: what is compared
 there comes of about eight roundings, of a 2^24th each."""
-ROUNDING = 1.0001
-"""Times the reach, a piece of a wall is looked at: more than roundings need."""
 NEXT_TO_NOTHING = 1e-30
 """What an edge that is parallel to a line turns away from it by, so that the two meet, far away."""
 FAR = 1e9
@@ -73,41 +68,25 @@ def look_closely(axis_x, axis_y, dx, dy, its, own, cosine, sine, graze):
 
 
 @inlined
-def list_pieces(solids, items, news, begin, end, room, pieces, belongs):
+def list_pieces(solids, items, begin, end, room, pieces):
     """Put the pieces of walls that are listed from `begin` up to `end` side by side into runs of `room` numbers of
-    `pieces`: unit vector along their line (x, y), how far that passes the origin, where they begin and end along it.
-    Into runs of `belongs`, which one is the first of their line, and of their direction."""
-    line = direction = I(0)
+    `pieces`: unit vector along their line (x, y), how far that passes the origin, where they begin and end along it."""
     for w in range(begin, end):
         piece, place = U(items[w]), w - begin
         for run in range(5):
             pieces[U(run) * room + place] = solids[run, piece]
-        line = line if news[w] == SAME_LINE else I(place)
-        direction = I(place) if news[w] == NEW_DIRECTION else direction
-        belongs[place], belongs[room + place] = line, direction
 
 
 @inlined
-def tell_pieces(zero, pieces, count, room, own_x, own_y, far, told, kept):
+def tell_pieces(zero, pieces, count, room, own_x, own_y, told):
     """Put into a sixth run of `pieces` how far on the left of a robot the lines of `count` pieces pass, and into runs
-    of `room` numbers of `told` where these begin and end along them, in the precision of `zero`. Into `kept`, the
-    places of those of which anything is less than `far` m away; gives how many."""
-    found = U(0)
+    of `room` numbers of `told` where these begin and end along them, in the precision of `zero`."""
     for p in range(U(0), count, U(LANES)):
         ex, ey = at(pieces, p), at(pieces, room + p)
         origin = ex * own_x + ey * own_y
-        height = at(pieces, U(2) * room + p) - (ex * own_y - ey * own_x)
-        begin = like(zero, at(pieces, U(3) * room + p) - origin)
-        end = like(zero, at(pieces, U(4) * room + p) - origin)
-        put(pieces, U(5) * room + p, height)
-        put(told, p, begin)
-        put(told, room + p, end)
-        away, foot = like(zero, height), most_of(most_of(begin, minus(end)), zero)
-        place = places() + I(p)
-        near = (away * away + foot * foot < type(zero)(far * far)) & (place < I(count))
-        pack(kept, found, place, near)
-        found += how_many(near)
-    return found
+        put(pieces, U(5) * room + p, at(pieces, U(2) * room + p) - (ex * own_y - ey * own_x))
+        put(told, p, like(zero, at(pieces, U(3) * room + p) - origin))
+        put(told, room + p, like(zero, at(pieces, U(4) * room + p) - origin))
 
 
 @inlined
@@ -144,11 +123,9 @@ def look_along(zero, low, high, met, on, begin, end):
 
 
 @inlined
-def walls(
-    zero, axis_x, axis_y, pieces, told, kept, belongs, room, count, own, cosine, sine, grazing, nothing
-):  # fmt: skip
-    """What all cones see of the `count` pieces of walls that are `kept`, see `tell_pieces`, and how barely any of them
-    is met: squared metres and metres. In the precision of `zero`."""
+def walls(zero, axis_x, axis_y, pieces, told, room, news, begin, count, own, cosine, sine, grazing, nothing):
+    """What all cones see of `count` pieces of walls, see `tell_pieces`, those of the entries from `begin` on, and how
+    barely any of them is met: squared metres and metres. In the precision of `zero`."""
     real = type(zero)
     grazing, nothing = real(grazing), real(nothing)
     # Half the opening adds to the axes' angles or is taken off, which is the same for walls along x and along y.
@@ -158,11 +135,9 @@ def walls(
     found, barely, none, far = every(nothing), every(nothing), every(zero), every(real(FAR))
     off, on, near, beyond, before, after = axis_x, none, none, none, none > zero, none > zero
     low, high, met, away, foot = none, none, before, none, far
-    line = direction = I(-1)
-    for k in range(count):
-        p = U(kept[k])
-        if belongs[room + p] != direction:
-            direction = belongs[room + p]
+    for p in range(U(0), count):
+        new = news[begin + p]
+        if new == NEW_DIRECTION:
             ex, ey = pieces[p], pieces[room + p]
             normal, first, last, near, beyond = axis_y, sum_y, rest_y, rest_x, sum_x
             if ex == 0.0:
@@ -176,8 +151,7 @@ def walls(
             off, on, near, beyond, before, after = turn_to(
                 zero, normal, first, last, near, beyond, own, cosine, grazing
             )
-        if belongs[p] != line:
-            line = belongs[p]
+        if new != SAME_LINE:
             foot = most_of(foot, zero)
             found = least_of(found, away * away + foot * foot)
             away, foot = like(zero, pieces[U(5) * room + p] - off), far
@@ -190,26 +164,24 @@ def walls(
 
 @part
 def look_precisely(
-    axis_cos, axis_sin, first, co, si, pieces, told, kept, belongs, room, count, own_x, own_y, far, own, cosine, sine,
-    grazing, nothing, seen, place,
+    axis_cos, axis_sin, first, co, si, pieces, told, room, news, begin, count, own_x, own_y, own, cosine, sine, grazing,
+    nothing, seen, place,
 ):  # fmt: skip
     """Put into `seen`, from `place` on, what sixteen cones from `first` on see of walls, in double precision."""
     axis_x, axis_y = axes(axis_cos, axis_sin, first, co, si)
-    count = tell_pieces(0.0, pieces, count, room, own_x, own_y, far, told, kept)
-    precise, _ = walls(
-        0.0, axis_x, axis_y, pieces, told, kept, belongs, room, count, own, cosine, sine, grazing, nothing
-    )
+    tell_pieces(0.0, pieces, count, room, own_x, own_y, told)
+    precise, _ = walls(0.0, axis_x, axis_y, pieces, told, room, news, begin, count, own, cosine, sine, grazing, nothing)
     put(seen, place, singles(precise))
 
 
 @inlined
 def look_at_solids(
-    axis_cos, axis_sin, first, co, si, solids, items, pieces, told, again, kept, belongs, room, news, begin, end, own_x,
-    own_y, own, cosine, sine, graze, grazing, most, seen, place,
+    axis_cos, axis_sin, first, co, si, solids, items, pieces, told, again, room, news, begin, end, own_x, own_y, own,
+    cosine, sine, graze, grazing, most, seen, place,
 ):  # fmt: skip
     """Put into `seen`, from `place` on, what sixteen cones from `first` on see of the listed solids from `begin` up to
-    `end`, squared metres, in single precision. The walls among them are `pieces`, which have room for a sixth run, and
-    `belongs`, see `list_pieces`. told, again, kept: scratch memory."""
+    `end`, squared metres, in single precision. The walls among them are `pieces`, which have room for a sixth run, see
+    `list_pieces`. told, again: scratch memory."""
     nothing = most * most
     axis_x, axis_y = axes(axis_cos, axis_sin, first, co, si)
     found = every(F(nothing))
@@ -221,15 +193,15 @@ def look_at_solids(
         found = least_of(found, singles(round_))
         begin += U(1)
     if begin < end:
-        far, count = ROUNDING * (own + most), end - begin
-        near = tell_pieces(F(0), pieces, count, room, own_x, own_y, far, told, kept)
+        count = end - begin
+        tell_pieces(F(0), pieces, count, room, own_x, own_y, told)
         lines, barely = walls(
-            F(0), axis_x, axis_y, pieces, told, kept, belongs, room, near, own, cosine, sine, grazing, nothing
+            F(0), axis_x, axis_y, pieces, told, room, news, begin, count, own, cosine, sine, grazing, nothing
         )
-        if any_of(barely < F(BARELY * far)):
+        if any_of(barely < F(BARELY * (own + most))):
             look_precisely(
-                axis_cos, axis_sin, first, co, si, pieces, again, kept, belongs, room, count, own_x, own_y, far, own,
-                cosine, sine, grazing, nothing, seen, place,
+                axis_cos, axis_sin, first, co, si, pieces, again, room, news, begin, count, own_x, own_y, own, cosine,
+                sine, grazing, nothing, seen, place,
             )  # fmt: skip
             lines = at(seen, place)
         found = least_of(found, lines)

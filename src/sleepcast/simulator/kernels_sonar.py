@@ -216,7 +216,6 @@ def see(
     near_x, near_y, near_number = np.empty(near_room, I), np.empty(near_room, I), np.empty(near_room, I)
     least, pairs, whose = np.empty(BATCH * count, F), np.empty(2 * room, F), np.empty(room, I)
     pieces, told, again = np.zeros(6 * pieces_room), np.empty(2 * pieces_room, F), np.empty(2 * pieces_room)
-    kept, belongs = np.empty(pieces_room + LANES, I), np.empty(2 * pieces_room, I)
     batch = np.empty(BATCH, np.int64)
     cosines, sines, turned = np.empty(BLOCK), np.empty(BLOCK), np.empty(2 * BATCH)
     own_x, own_y = np.empty(BLOCK), np.empty(BLOCK)
@@ -256,8 +255,7 @@ def see(
                         np.empty(2 * pieces_room, F),
                         np.empty(2 * pieces_room),
                     )
-                    kept, belongs = np.empty(pieces_room + LANES, I), np.empty(2 * pieces_room, I)
-                list_pieces(solids, items, news, first_wall, walls_to, U(pieces_room), pieces, belongs)
+                list_pieces(solids, items, first_wall, walls_to, U(pieces_room), pieces)
             for i in range(start[cell], start[cell + 1]):
                 if i == ready:
                     block, ready = ready, min(ready + BLOCK, last + 1)
@@ -273,8 +271,8 @@ def see(
                         place = U(held * count + k)
                         if walls_from < walls_to:
                             look_at_solids(
-                                axis_cos, axis_sin, k, co, si, solids, items, pieces, told, again, kept,
-                                belongs, U(pieces_room), news, walls_from, walls_to, own_x[i - block], own_y[i - block],
+                                axis_cos, axis_sin, k, co, si, solids, items, pieces, told, again,
+                                U(pieces_room), news, walls_from, walls_to, own_x[i - block], own_y[i - block],
                                 own, cosine, sine, graze, grazing, most, least, place,
                             )  # fmt: skip
                         else:

@@ -25,12 +25,13 @@ from numba.core import types
 from numba.extending import overload, register_jitable
 
 from sleepcast.simulator import driving, formulas
+from sleepcast.simulator.parts import PART
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 FASTMATH = {"nnan", "ninf", "nsz"}
 SOURCES = (
-    *("kernels*.py", "compiled.py", "lanes.py", "vectors.py"),
+    *("kernels*.py", "compiled.py", "parts.py", "lanes.py", "vectors.py"),
     *("formulas.py", "driving.py", "noise.py", "crosstalk.py"),
 )
 
@@ -85,28 +86,28 @@ def strict(function: Kernel) -> Kernel:
 
 def inlined(function: Kernel) -> Kernel:
     """A small function that becomes part of the kernels that call it, and can be called by nobody else."""
-    return _made(function, fastmath=FASTMATH, forceinline=True, no_cpython_wrapper=True, _nrt=False)
+    return _made(function, fastmath=FASTMATH, forceinline=True, **PART)
 
 
 def part(function: Kernel) -> Kernel:
     """A part of kernels, as `strict` as these, that is compiled by itself and can be called by nobody else."""
-    return _made(function, fastmath=False, no_cpython_wrapper=True, _nrt=False)
+    return _made(function, fastmath=False, **PART)
 
 
 def woven(function: Kernel) -> Kernel:
     """A part of `strict` kernels that becomes part of those that call it."""
-    return _made(function, fastmath=False, forceinline=True, no_cpython_wrapper=True)
+    return _made(function, fastmath=False, forceinline=True, **PART)
 
 
 def _made(function: Kernel, **options: Any) -> Kernel:
-    options |= {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-    return cast(Kernel, numba.njit(**options)(function))
+    usual: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+    return cast(Kernel, numba.njit(**usual | options)(function))
 
 
-@overload(formulas.either)
+@overload(formulas.either, jit_options=PART)
 def _either_of_numbers(condition, yes, no):  # type: ignore[no-untyped-def]  # numba wants it without types
     return (lambda condition, yes, no: yes if condition else no) if condition == types.boolean else None
 
 
 for formula in (formulas.sine_of_rest, formulas.sine_cosine, formulas.arc_tangent, formulas.wrap, *driving.FORMULAS):
-    register_jitable(forceinline=True, fastmath=False, error_model="numpy")(formula)
+    register_jitable(forceinline=True, fastmath=False, error_model="numpy", **PART)(formula)

@@ -1,13 +1,14 @@
 """The first start of all: kernels are compiled by two processes at once.
 
 Compiling is Python's work as much as LLVM's, and numba does it under one lock, so a second thread would not help. A
-second process lets a few robots look around, and this one lets them move; each finds what the other has compiled where
-kernels are kept. Whatever goes wrong there, nothing is lost but time: what nobody has compiled is compiled when it is
-needed.
+second process lets a few robots look around, and this one lets them move and make readings of what they might have
+seen, which takes about as long; each finds what the other has compiled where kernels are kept. Whatever goes wrong
+there, nothing is lost but time: what nobody has compiled is compiled when it is needed.
 """
 
 from __future__ import annotations
 
+import gc
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -26,24 +27,40 @@ PATIENCE = 60.0
 
 
 def rehearse(scenario: Scenario) -> None:
-    """Compile what the robots of a scenario need, if no kernel has ever been compiled and there are two cores for it.
+    """Compile what the robots of a scenario need, if no kernel has ever been compiled.
     scenario: one with few robots."""
-    machine = choose()
-    if machine.name == "numpy" or cores() < 2 or not any(sort.ring for sort in scenario.each_sort):
+    if choose().name == "numpy" or not any(sort.ring for sort in scenario.each_sort):
         return
     from sleepcast.simulator.compiled import anything_kept
 
     if anything_kept():
         return
     empty = replace(scenario, shapes=(), absent=(), events=())
-    blind = [replace(sort, ring=None) for sort in (empty.robots, *empty.sorts)]
-    with suppress(OSError, subprocess.TimeoutExpired), _looking_around(empty) as other:
-        Simulator(replace(empty, robots=blind[0], sorts=tuple(blind[1:])), machine=machine).step()
-        other.wait(PATIENCE)
+    with _garbage_kept():
+        if cores() < 2:
+            move(empty)
+            look_around(empty)
+            return
+        with suppress(OSError, subprocess.TimeoutExpired), _other_process(empty) as other:
+            move(empty)
+            other.wait(PATIENCE)
 
 
 @contextmanager
-def _looking_around(scenario: Scenario) -> Iterator[subprocess.Popen[bytes]]:
+def _garbage_kept() -> Iterator[None]:
+    """Nobody looks for garbage. Compiling makes a million objects that last, and Python would look through them again
+    and again, which takes a tenth of the time."""
+    by_itself = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if by_itself:
+            gc.enable()
+
+
+@contextmanager
+def _other_process(scenario: Scenario) -> Iterator[subprocess.Popen[bytes]]:
     """The other process, as long as it is wanted."""
     command, quiet = [sys.executable, "-P", "-c", OTHER], subprocess.DEVNULL  # -P: nothing of the folder we are in
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet) as other:
@@ -59,7 +76,24 @@ def _looking_around(scenario: Scenario) -> Iterator[subprocess.Popen[bytes]]:
 def attend() -> None:
     """What the other process does: let the robots of the scenario that comes in by the door look around."""
     scenario = unpack(Scenario, sys.stdin.buffer.read())
-    simulator = Simulator(scenario)
+    with _garbage_kept():
+        look_around(scenario)
+
+
+def move(scenario: Scenario) -> None:
+    """Let robots move, and make readings of nothing."""
+    from sleepcast.simulator.halves import Sightless
+
+    simulator = Simulator(scenario, machine=Sightless(threads=1))
+    simulator.step()
+    simulator.readings()
+
+
+def look_around(scenario: Scenario) -> None:
+    """Let robots look around, and fire their sonars. They are brought into order first, which the others need later."""
+    from sleepcast.simulator.halves import Deaf
+
+    simulator = Simulator(scenario, machine=Deaf(threads=1))
     simulator.readings()
     bodies = simulator.bodies
     if bodies.echoes:

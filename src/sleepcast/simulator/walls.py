@@ -83,7 +83,7 @@ def _joined(columns: Floats, direction: Whole, line: Whole) -> tuple[Floats, Who
     part = np.empty(len(order), np.int64)
     part[order] = np.cumsum(apart) - 1
     leads = np.flatnonzero(apart)
-    joined = columns[:, order[leads]]
+    joined = columns.take(order[leads], axis=1)  # in rows, as kernels always get them: brackets give columns
     if len(leads):
         joined[4] = np.maximum.reduceat(end[order], leads)
     return joined, direction[order[leads]], line[order[leads]], part

@@ -25,13 +25,14 @@ from numba.core import types
 from numba.extending import overload, register_jitable
 
 from sleepcast.simulator import driving, formulas
-from sleepcast.simulator.parts import PART
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 FASTMATH = {"nnan", "ninf", "nsz"}
+PART: dict[str, Any] = {"no_cpython_wrapper": True, "_nrt": False}
+"""Of functions that only kernels call: Python cannot, and who holds arrays is not counted."""
 SOURCES = (
-    *("kernels*.py", "compiled.py", "parts.py", "lanes.py", "vectors.py"),
+    *("kernels*.py", "compiled.py", "lanes.py", "vectors.py"),
     *("formulas.py", "driving.py", "noise.py", "crosstalk.py"),
 )
 
@@ -100,14 +101,14 @@ def woven(function: Kernel) -> Kernel:
 
 
 def _made(function: Kernel, **options: Any) -> Kernel:
-    usual: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-    return cast(Kernel, numba.njit(**usual | options)(function))
+    options |= {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+    return cast(Kernel, numba.njit(**options)(function))
 
 
-@overload(formulas.either, jit_options=PART)
+@overload(formulas.either)
 def _either_of_numbers(condition, yes, no):  # type: ignore[no-untyped-def]  # numba wants it without types
     return (lambda condition, yes, no: yes if condition else no) if condition == types.boolean else None
 
 
 for formula in (formulas.sine_of_rest, formulas.sine_cosine, formulas.arc_tangent, formulas.wrap, *driving.FORMULAS):
-    register_jitable(forceinline=True, fastmath=False, error_model="numpy", **PART)(formula)
+    register_jitable(forceinline=True, fastmath=False, error_model="numpy")(formula)

@@ -1,14 +1,15 @@
 """The first start of all: kernels are compiled by two processes at once.
 
 Compiling is Python's work as much as LLVM's, and numba does it under one lock, so a second thread would not help. A
-second process lets a few robots look around, and this one lets them move and make readings of what they might have
-seen, which takes about as long; each finds what the other has compiled where kernels are kept. Whatever goes wrong
-there, nothing is lost but time: what nobody has compiled is compiled when it is needed.
+second process lets a few robots look around, and this one lets them move, which takes about as long; each finds what
+the other has compiled where kernels are kept. Whatever goes wrong there, nothing is lost but time: what nobody has
+compiled is compiled when it is needed.
 """
 
 from __future__ import annotations
 
 import gc
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -78,22 +79,18 @@ def attend() -> None:
     scenario = unpack(Scenario, sys.stdin.buffer.read())
     with _garbage_kept():
         look_around(scenario)
+    os._exit(0)  # kernels are kept, and to give back all that compiling has made takes a second
 
 
 def move(scenario: Scenario) -> None:
-    """Let robots move, and make readings of nothing."""
-    from sleepcast.simulator.halves import Sightless
-
-    simulator = Simulator(scenario, machine=Sightless(threads=1))
-    simulator.step()
-    simulator.readings()
+    """Let robots move that cannot look around."""
+    blind = [replace(sort, ring=None) for sort in (scenario.robots, *scenario.sorts)]
+    Simulator(replace(scenario, robots=blind[0], sorts=tuple(blind[1:])), machine=choose(threads=1)).step()
 
 
 def look_around(scenario: Scenario) -> None:
     """Let robots look around, and fire their sonars. They are brought into order first, which the others need later."""
-    from sleepcast.simulator.halves import Deaf
-
-    simulator = Simulator(scenario, machine=Deaf(threads=1))
+    simulator = Simulator(scenario, threads=1)
     simulator.readings()
     bodies = simulator.bodies
     if bodies.echoes:

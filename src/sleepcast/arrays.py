@@ -28,13 +28,18 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 _places = count(0, STEP)
 
 
+def block(size: int, place: int = 0) -> NDArray[np.uint8]:
+    """So many bytes that hold anything, beginning at this place, a multiple of LINE, of a page."""
+    found = np.empty(size + 2 * PAGE, np.uint8)
+    first = -found.ctypes.data % PAGE + place
+    return found[first : first + size]
+
+
 def filled(value: float, sort: type[Scalar], *shape: int) -> NDArray[Scalar]:
     """An array of this shape, full of this value."""
     size = prod(shape) * np.dtype(sort).itemsize
     if size < PAGE:
         return np.full(shape, value, sort)
-    block = np.empty(size + 2 * PAGE, np.uint8)
-    first = -block.ctypes.data % PAGE + next(_places) % PAGE
-    found = block[first : first + size].view(sort).reshape(shape)
+    found = block(size, next(_places) % PAGE).view(sort).reshape(shape)
     found[...] = value
     return found

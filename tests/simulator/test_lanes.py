@@ -193,10 +193,10 @@ def test_true_ones_are_packed_one_after_the_other(whole: bool, sort: type[np.gen
     assert into[:count].tolist() == values[values > 700].tolist()
 
 
-@pytest.mark.parametrize(("sort", "many"), [(np.float32, 16), (np.float64, 8)])
+@pytest.mark.parametrize(("sort", "many"), [(np.float32, 16), (np.float64, 16)])
 def test_a_line_of_the_caches_is_written_where_it_belongs(sort: type[np.generic], many: int) -> None:
     def write(values, array, row, column):  # type: ignore[no-untyped-def]
-        lanes.pass_by(values, 3, array, row, column)
+        lanes.put_by(array, row, column, lanes.at(values, 3))
         lanes.all_passed()
 
     scratch = Scratch()

@@ -21,7 +21,7 @@ import numpy as np
 from sleepcast.simulator.compiled import compiled, inlined
 from sleepcast.simulator.formulas import sine_cosine
 from sleepcast.simulator.kernels_cones import PAST, axes, list_pieces, look_at_solids, look_closely
-from sleepcast.simulator.lanes import all_passed, at, foresee, pack, pair_at, pass_by, put, put_pairs
+from sleepcast.simulator.lanes import all_passed, at, foresee, pack, pair_at, put, put_by, put_pairs
 from sleepcast.simulator.vectors import (
     LANES,
     either,
@@ -320,6 +320,6 @@ def see(
                         put(least, place, least_of(at(least, place), singles(found)))
                 for b in range(held):
                     for k in range(0, count, LANES):
-                        pass_by(least, b * count + k, out, rows[batch[b]], k)
+                        put_by(out, rows[batch[b]], k, at(least, U(b * count + k)))
                 held, n = 0, U(0)
     all_passed()

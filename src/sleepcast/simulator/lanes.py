@@ -199,37 +199,19 @@ pack = packing(at_once())
 LANES more must be there."""
 
 
-def _pass(build, context, its, array, row, column, values):
-    """Write `values` into a row of an array from a column on, past the caches."""
-    found = context.make_array(its)(context, build, array)
-    way = build.mul(row, build.extract_value(found.strides, 0))
-    place = build.gep(build.bitcast(found.data, ir.IntType(8).as_pointer()), [way])
-    place = build.gep(build.bitcast(place, found.data.type), [column])
-    store = build.store(values, build.bitcast(place, values.type.as_pointer()), align=64)
-    store.set_metadata("nontemporal", build.module.add_metadata([ir.IntType(32)(1)]))
-
-
-@intrinsic
-def pass_by(typing, values, first, array, row, column):
-    """Write as many `values` as fill a line of the caches, from `first` on, into a row of `array` from `column` on,
-    past the caches, which would have to read from memory what is overwritten. A line must begin there."""
-
-    def generate(context, build, signature, arguments):
-        read = context.make_array(signature.args[0])(context, build, arguments[0]).data
-        kind = ir.VectorType(read.type.pointee, 512 // signature.args[0].dtype.bitwidth)
-        loaded = build.load(build.bitcast(build.gep(read, [arguments[1]]), kind.as_pointer()), align=4)
-        _pass(build, context, signature.args[2], *arguments[2:], loaded)
-        return context.get_dummy_value()
-
-    return types.void(values, types.int64, array, types.int64, types.int64), generate
-
-
 @intrinsic
 def put_by(typing, array, row, column, values):
-    """Write `values` into a row of `array` from `column` on, past the caches; see `pass_by`."""
+    """Write `values` into a row of `array` from `column` on, past the caches, which would have to read from memory what
+    is overwritten. A line of theirs must begin there."""
 
     def generate(context, build, signature, given):
-        _pass(build, context, array, *given)
+        its, row, column, values = given
+        found = context.make_array(array)(context, build, its)
+        way = build.mul(row, build.extract_value(found.strides, 0))
+        place = build.gep(build.bitcast(found.data, ir.IntType(8).as_pointer()), [way])
+        place = build.gep(build.bitcast(place, found.data.type), [column])
+        store = build.store(values, build.bitcast(place, values.type.as_pointer()), align=64)
+        store.set_metadata("nontemporal", build.module.add_metadata([ir.IntType(32)(1)]))
         return context.get_dummy_value()
 
     return types.void(array, types.int64, types.int64, values), generate

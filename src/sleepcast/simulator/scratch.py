@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.arrays import LINE
+from sleepcast.arrays import LINE, block
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
@@ -19,24 +19,20 @@ class Scratch:
     """One block of memory, given out from its beginning and taken back as a whole."""
 
     def __init__(self) -> None:
-        self._block: NDArray[np.uint8] = np.empty(0, np.uint8)
-        self._first = self._used = 0
+        self._block = block(0)
+        self._used = 0
 
     def begin(self, most: int = 0) -> None:
         """A task begins: what was given out to the one before is free. The block is as large as any has needed, and has
         at least `most` bytes."""
         if max(self._used, most) > len(self._block):
-            self._block = np.empty(0, np.uint8)
-            self._block = np.empty(max(self._used, most) + LINE, np.uint8)
-            self._first = -self._block.ctypes.data % LINE
-        self._used = self._first
+            self._block = block(0)
+            self._block = block(max(self._used, most))
+        self._used = 0
 
     def take(self, sort: type[Scalar], *shape: int) -> NDArray[Scalar]:
         """An array that holds anything. Where the block is too small it is memory of its own, this time."""
         size = prod(shape) * np.dtype(sort).itemsize
         start, self._used = self._used, self._used + size + -size % LINE
-        block = self._block
-        if self._used > len(block):
-            block = np.empty(size + LINE, np.uint8)
-            start = -block.ctypes.data % LINE
-        return block[start : start + size].view(sort).reshape(shape)
+        found = self._block[start : start + size] if self._used <= len(self._block) else block(size)
+        return found.view(sort).reshape(shape)

@@ -366,7 +366,13 @@ def test_a_standing_command_says_so_and_one_that_cannot_stand_is_refused(rovers:
     type_in(rovers, "(WHEN (> battery 60%) (JOIN crew))")
     rovers.locator("#sort").select_option("standing")
     rovers.locator("#text").press("Enter")
-    expect(rovers.locator("#findings")).to_contain_text("send it as a one-shot command")
+    findings = rovers.locator("#findings")
+    expect(findings).to_contain_text("send it as a one-shot command")
+    rovers.wait_for_timeout(2500)  # the preview is renewed every second
+    expect(findings).to_contain_text("send it as a one-shot command", timeout=1)
+    rovers.locator("#sort").select_option("once")
+    expect(findings).to_be_hidden()  # why it cannot stand is not said of what need not
+    rovers.locator("#sort").select_option("standing")
     type_in(rovers, "(WHEN (> battery 60%) (RULE watch (WHEN (< battery 1%) (ST))))")
     row = send(rovers)
     expect(row.locator(".sort")).to_have_text("standing")

@@ -25,6 +25,7 @@ export class Prompt extends EventTarget {
     this.completions = new Listbox(this.find("completions"), this.editor.area);
     this.found = new Listbox(this.find("search-found"), this.find("search-text"));
     this.preview = null; // what the station said of the text that stands there now
+    this.refused = []; // why the station would not send it: until the text, or its sort, is another
     this.sending = false;
     this.ready = [];
     this.sent = new Set(); // texts of commands that went out
@@ -109,6 +110,7 @@ export class Prompt extends EventTarget {
 
   // Another sort was chosen: a question changes nothing, so there is nobody who would obey.
   sorted() {
+    this.refuse("");
     this.find("sort").dataset.sort = this.sort;
     this.find("send-text").textContent = this.sort === "ask" ? "Ask" : "Send";
     this.find("preview").classList.toggle("asking", this.sort === "ask");
@@ -125,6 +127,7 @@ export class Prompt extends EventTarget {
 
   changed() {
     this.preview = null;
+    this.refused = []; // and leaves the screen with the findings, when there is more to say
     this.askCount("");
     this.showPreview();
     this.showSend();
@@ -137,7 +140,7 @@ export class Prompt extends EventTarget {
   async ask() {
     const { text } = this.editor;
     if (!text.trim()) {
-      this.showFindings([]);
+      this.showFindings();
       this.dispatchEvent(new CustomEvent("preview", { detail: null }));
       return;
     }
@@ -150,7 +153,7 @@ export class Prompt extends EventTarget {
     if (text !== this.editor.text) return; // typed on meanwhile
     this.preview = answer;
     this.editor.mark(isUnfinished(this.editor.tokens) ? [] : answer.findings);
-    this.showFindings(answer.findings);
+    this.showFindings();
     this.showPreview();
     this.showSend();
     this.tellPreview();
@@ -175,7 +178,9 @@ export class Prompt extends EventTarget {
     }
   }
 
-  showFindings(findings) {
+  // What is wrong with the text: why it was refused, which no later preview takes away, and what checking found.
+  showFindings() {
+    const findings = [...this.refused, ...(this.preview?.findings ?? [])];
     const key = JSON.stringify(findings);
     if (key === this.shownFindings) return; // a screen reader would say them again
     this.shownFindings = key;
@@ -208,6 +213,7 @@ export class Prompt extends EventTarget {
       return;
     }
     this.sending = true;
+    this.refuse("");
     this.showSend();
     try {
       const typed = this.find("meant").hidden ? NaN : this.find("meant-count").valueAsNumber;
@@ -221,11 +227,16 @@ export class Prompt extends EventTarget {
     } catch (refusal) {
       if (!(refusal instanceof Refusal)) throw refusal;
       if (refusal.count) this.askCount(refusal.message);
-      else this.showFindings([{ severity: "error", shown: refusal.message, message: refusal.message }]);
+      else this.refuse(refusal.message);
     } finally {
       this.sending = false;
       this.showSend();
     }
+  }
+
+  refuse(reason) {
+    this.refused = reason ? [{ severity: "error", shown: reason, message: reason }] : [];
+    this.showFindings();
   }
 
   // Whoever means many types how many they are; a sentence says why, an empty one that nobody has to.

@@ -37,6 +37,8 @@ def readings(
 def disc(cones: Cones, face: Point, axis: float, target: tuple[float, float, float]) -> float:
     across, up, radius = target[0] - face[0], target[1] - face[1], target[2]
     away = hypot(across, up)
+    if away < radius:
+        return 0.0
     if abs(remainder(atan2(up, across) - axis, 2.0 * pi)) <= cones.half:
         return away - radius
     nearest = inf

@@ -347,6 +347,15 @@ class TestReadings:
         later = np.array(sim.readings())[:, 1] - sim.y
         assert abs(np.corrcoef(error[inner], later[inner])[0, 1]) < 0.1
 
+    def test_noise_of_the_heading_goes_on_round_the_circle(self, tmp_path: Path) -> None:
+        sim = simulator(tmp_path, ("count = 20", "count = 4000"), more='\n[noise]\nheading = "20deg"\n')
+        sim.bodies.heading[:] = 3.0
+        read = np.array(sim.readings())[:, 2]
+        error = (read - 3.0 + pi) % (2.0 * pi) - pi
+        assert np.abs(read).max() <= pi
+        assert isclose(error.std(), radians(20), rel_tol=0.05)
+        assert abs(error.mean()) < 0.02
+
     def test_what_is_said_aloud_is_kept(self, tmp_path: Path) -> None:
         sim = simulator(tmp_path)
         run(sim, 1)

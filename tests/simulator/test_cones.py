@@ -13,6 +13,7 @@ from simulator.sonar_reference import readings
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.cones import Cones
 from sleepcast.simulator.engine import Machine, choose
+from sleepcast.simulator.world import Circle
 from small_worlds import scouts
 
 ERROR = 1e-5
@@ -135,6 +136,43 @@ def test_a_mirror_is_seen_only_from_before_it(tmp_path: Path, machine: Machine) 
     assert seen[1] < 6.0
     assert seen[15] < 6.0
     assert seen[2] == seen[14] == pytest.approx(255 * 0.0254)
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize("sonar", ["", "count = 24", 'incidence = "30deg"'])
+def test_who_is_in_something_solid_sees_it_all_round(tmp_path: Path, machine: Machine, sonar: str) -> None:
+    """A disc is put over some robots, and robots without bumpers stand in each other."""
+    crowded = ("count = 1\n", "count = 150\n"), ("bumpers = 8\n", ""), ('"12m"\nheight = "12m"', '"4m"\nheight = "4m"')
+    sim = scouts(tmp_path, *crowded, more=sonar, machine=machine)
+    sim.world.add(Circle(1.0, 1.0, 0.9))
+    within = np.flatnonzero(np.hypot(sim.x - 1.0, sim.y - 1.0) < 0.7).tolist()
+    assert len(within) > 5
+    assert (sim.bodies.echo(within) == 6 * 0.0254).all()
+    assert worst(sim, list(range(150))) < ERROR
+    ring = sim.bodies.rings[0]
+    view = ring._view((sim.x, sim.y, sim.bodies.heading), alone=True)
+    seen = machine.look(view, np.arange(150), np.arange(150) % ring.cones.count)
+    every = machine.ranges(ring._view((sim.x, sim.y, sim.bodies.heading)), np.arange(150))
+    assert seen == pytest.approx(every[np.arange(150), np.arange(150) % ring.cones.count], abs=ERROR)
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+def test_a_wide_world_with_few_robots_costs_no_precision(tmp_path: Path, machine: Machine) -> None:
+    """Its cells are far larger than what sonars reach."""
+    wide = ("count = 1\n", 'count = 40\nx = ["9km", "9.012km"]\ny = ["7km", "7.012km"]\n')
+    for sonar in ("", "count = 24"):
+        size = ('"12m"\nheight = "12m"', '"9000km"\nheight = "9000km"')
+        assert worst(scouts(tmp_path, wide, size, more=sonar, machine=machine), list(range(40))) < ERROR
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize("count", [7, 16, 24])
+def test_sonars_of_any_reach_see_what_is_there(tmp_path: Path, machine: Machine, count: int) -> None:
+    """To what single precision tells of such a range."""
+    size, many = ('"12m"\nheight = "12m"', '"200km"\nheight = "200km"'), ("count = 1\n", "count = 40\n")
+    large = ('radius = "0.17m"', 'radius = "10m"')
+    sim = scouts(tmp_path, size, many, large, more=f'count = {count}\nrange = "100km"', machine=machine)
+    assert worst(sim, list(range(40))) < 1e5 * 3e-7
 
 
 def test_the_grid_does_not_matter(tmp_path: Path) -> None:

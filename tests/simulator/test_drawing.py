@@ -112,6 +112,20 @@ class TestElements:
         found = shapes(tmp_path, f'{sheet}<rect class="x b" width="5" height="5"/><rect width="5" height="5"/>')
         assert [type(shape) for shape in found] == [Wall, Area]
 
+    @pytest.mark.parametrize("around", ["%s", "<defs>%s</defs>", "<defs><g>%s</g></defs>"])
+    def test_style_sheets_are_read_wherever_they_stand(self, tmp_path: Path, around: str) -> None:
+        """Drawing programs put them among the definitions."""
+        sheet = "<style>/* a /* b */.w{fill:none}@media print{.x, .y {fill: none}}/* </style>"
+        found = shapes(tmp_path, around % sheet + "".join(f'<path class="{c}" d="M0,0h9v9z"/>' for c in "wxyz"))
+        assert [type(shape) for shape in found] == [Wall, Wall, Wall, Area]
+
+    @pytest.mark.parametrize("said", ["ISO-8859-1", "windows-1252", "nobodys"])
+    def test_what_a_file_says_of_its_letters_does_not_matter(self, tmp_path: Path, said: str) -> None:
+        """It was read as UTF-8."""
+        page = f'<?xml version="1.0" encoding="{said}"?>{PAGE}'
+        (door,) = drawing(tmp_path, '<path id="Tür" d="M0,0h9v9z"/>', page=page).shapes
+        assert door.name == "Tür"
+
     def test_matrices_and_skews(self, tmp_path: Path) -> None:
         for transform, wanted in [
             ("matrix(1 2 3 4 5 6)", (1 * 7 + 3 * 8 + 5, 2 * 7 + 4 * 8 + 6)),
@@ -288,6 +302,20 @@ class TestHostileFiles:
         with pytest.raises(SettingsError, match=rf"room.svg:2: more than {MAX_SOLIDS} lines: leave some out"):
             drawing(tmp_path, f'<g transform="scale(1e6)"><path d="M0 0{arcs}"/></g>')
         assert time.process_time() - start < 20.0
+
+    @pytest.mark.parametrize(
+        "inside",
+        [
+            f'<path fill="none" d="M0,0{" 1 2 3 4" * 50_000}"/>',
+            f"<style>{'a' * 200_000}</style>",
+            f"<style>{'/*' * 100_000}</style>",
+        ],
+        ids=["path", "style", "comments"],
+    )
+    def test_a_long_text_takes_as_long_as_it_is_long(self, tmp_path: Path, inside: str) -> None:
+        before = time.process_time()
+        drawing(tmp_path, inside)
+        assert time.process_time() - before < 4.0
 
     def test_numbers_of_a_million_digits_take_no_time(self, tmp_path: Path) -> None:
         start = time.process_time()

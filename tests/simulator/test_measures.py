@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sleepcast.loop import Swarm
-from sleepcast.simulator import measures
+from sleepcast.simulator import SettingsError, measures
 from sleepcast.simulator.measures import RESERVED, MeasureSpec, Measuring
 from small_worlds import simulator
 
@@ -49,6 +49,12 @@ def test_series_are_taken_from_the_start_at_their_times(tmp_path: Path) -> None:
 
 def test_a_scenario_without_them_measures_what_every_run_does(tmp_path: Path) -> None:
     assert set(Swarm(simulator(tmp_path)).measures()) == set(RESERVED)
+
+
+def test_a_distance_leads_to_something(tmp_path: Path) -> None:
+    house = ('[places.house]\nx = "500m"\ny = "400m"\n', "")
+    with pytest.raises(SettingsError, match=r"measures.away.to: there is no place and no light"):
+        simulator(tmp_path, house, more=BOTH)
 
 
 def test_a_long_series_gets_coarser_and_stays_whole(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -36,6 +36,10 @@ CASES: dict[str, tuple[Deed, Deeds]] = {
     "release": (lambda body, i: body.release(), lambda robots: robots.release(SOME)),
     "hold": (lambda body, i: body.hold(i % 2 == 0), lambda robots: robots.hold(SOME, np.arange(5) % 2 == 0)),
     "sonar": (lambda body, i: body.sonar(float(i)), lambda robots: robots.sonar(SOME, np.arange(5.0))),
+    "sonar of a huge number": (
+        lambda body, i: body.sonar(float(-7e29 * i)),
+        lambda robots: robots.sonar(SOME, -7e29 * SOME),
+    ),
     "nearest": (
         lambda body, i: body.nearest(float(FIRST[i]), float(FIRST[i] + SECOND[i])),
         lambda robots: robots.nearest(SOME, FIRST, FIRST + SECOND),

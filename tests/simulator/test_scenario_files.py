@@ -85,6 +85,15 @@ MISTAKES = [
     ("[radio]", "[[radio]]", 35, "radio", "wanted a table [radio], not"),
     ("sonars = 16\n", "sonars = 16\nsonar_range = 0\nlength = 3\n", 0, "", "Cannot overwrite a value"),
     ("seed = 3", 'seed = 3\nmission = "no.sleep"', 7, "mission", "there is no file"),
+    ("seed = 3", f'seed = 3\nmission = "{"m" * 300}"', 7, "mission", "there is no file"),
+    ('width = "1km"', 'map = "lab.yaml"', 9, "world.map.file", "there is no file"),
+    ('width = "1km"', 'drawing = "."', 9, "world.drawing.file", "there is no file"),
+    ('width = "1km"', 'width = "1km"\nrooms = { size = "0.1m", door = 0 }', 10, "world.rooms", "10000 by 10000 rooms"),
+    ("[robots]\n", '[robots]\nlike = "mower.toml"\n', 17, "robots.like", "there is no file"),
+    ('type = "rover"', 'type = "2nd rover"', 17, "robots.type", '"2nd rover" is no name'),
+    ("[robots]\n", "[places.House]\nx = 1\ny = 2\n[robots]\n", 16, "places.House", "is called house already"),
+    ('"20km"', '"20km"\nfull = "3kg"', 34, "robots.stores.battery.full", 'a plain number, not "3kg", a mass'),
+    ("[radio]", '[noise]\nbattery = "2m"\n[radio]', 36, "noise.battery", 'a plain number, not "2m", a length'),
     ("tick =", "tick ", 5, "", "not TOML"),
 ]
 
@@ -120,6 +129,8 @@ SOLID_MISTAKES = [
     ('"48in"]', '"48in", "1m"]', "world.polygons[0].corners.point 1", "a list of x and y"),
     ('"24in"', '"-24in"', "world.polygons[0].corners.point 1", 'from 0in to 39370.1in, not "-24in"'),
     (', ["8m", "9m"]', "", "world.polygons[0].corners", "a list of 3 to 10000 points"),
+    ('["8m", "9m"]', '["10m", "2m"]', "world.polygons[0].corners", "the same point twice in a row"),
+    ('["8m", "9m"]', '["24in", "48in"]', "world.polygons[0].corners", "or the first one again at its end"),
     ('"12m"', '"0m"', "world.circles[0].radius", 'not "0m"'),
     ("radius = ", "radios = ", "world.circles[0].radios", "(did you mean radius?)"),
     ('"0.4m"', '"0.4s"', "robots.wheels.track", "wanted a length"),
@@ -177,6 +188,21 @@ def test_a_file_that_is_no_settings_file(tmp_path: Path, raw: bytes, said: str) 
     with pytest.raises(SettingsError) as caught:
         load(file)
     assert said in str(caught.value)
+
+
+def test_a_thing_that_is_absent_at_first_is_looked_at_all_the_same(tmp_path: Path) -> None:
+    """Else a run would end where it is to be added."""
+    door = '[[world.walls]]\nname = "door"\nabsent = true\npoints = [[1, 1], [1, 1]]\n'
+    with pytest.raises(SettingsError, match=r"world.walls\[0\].points: a wall with the same point twice in a row: "):
+        small(tmp_path, more=door + '[[events]]\nat = "1s"\nadd = "door"\n')
+
+
+def test_the_mark_that_some_editors_put_before_a_text_is_no_part_of_it(tmp_path: Path) -> None:
+    script = tmp_path / "m.sleep"
+    script.write_text("@1s (ST)\n", encoding="utf-8-sig")
+    file = write(tmp_path, ("seed = 3", 'seed = 3\nmission = "m.sleep"'))
+    file.write_text(file.read_text(), encoding="utf-8-sig")
+    assert [order.text for order in load(file).mission] == ["(ST)"]
 
 
 def test_a_missing_file(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import atan2, cos, hypot, isclose, pi, radians, sin, sqrt
+from math import atan2, cos, hypot, isclose, pi, radians, remainder, sin, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from machines import ALL, MACHINES
 from robot_contract import Rig, RobotContract
 from sleepcast.errors import MisuseError
 from sleepcast.simulator import Simulator
+from sleepcast.simulator.body import TUMBLE
 from sleepcast.simulator.contact import SKIN
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.grid import distance
@@ -157,6 +158,47 @@ class TestSlip:
         assert (bodies.encoder_heading == 0.0).all()
         ahead = bodies.x - bodies.encoder_x
         assert abs(float(ahead.mean())) < 0.05
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize(
+    "change",
+    [
+        ("2m/s2", "2m/s2"),
+        ("2m/s2", "0.5m/s2"),
+        ("180deg/s", "40deg/s"),
+        ('tick = "0.1s"', 'tick = "0.01s"'),
+        ('tick = "0.1s"', 'tick = "0.5s"'),
+    ],
+    ids=lambda change: change[1],
+)
+@pytest.mark.parametrize(("speed", "wanted"), [(0.0, 0.0), (1.0, 1.0), (-0.6, -0.6), (0.0, 1.0), (1.0, 0.0)])
+def test_a_tumble_turns_wheels_by_67_degrees(
+    tmp_path: Path, machine: Machine, change: tuple[str, str], speed: float, wanted: float
+) -> None:
+    """Also while they speed up or brake, one of them at its limit."""
+    sim = scouts(tmp_path, change, ('"12m"\nheight = "12m"', '"100m"\nheight = "100m"'), machine=machine)
+    sim.place(0, 50.0, 50.0, 0.3)
+    for column in (sim.bodies.speed, sim.bodies.left, sim.bodies.right):
+        column[:] = speed
+    sim.robots[0].drive(wanted, 0.0)
+    side = sim.robots[0].tumble()
+    run(sim, 12.0)
+    assert sim.bodies.swing[0] == 0.0
+    assert remainder(float(sim.bodies.heading[0]) - 0.3 - side * TUMBLE, 2.0 * pi) == pytest.approx(0.0, abs=1e-3)
+
+
+def test_the_fence_ends_a_tumble_on_wheels(tmp_path: Path) -> None:
+    """A body that has to turn back does not make up for the tumble afterwards."""
+    fenced = [scouts(tmp_path, ('edge = "wall"', 'edge = "fence"'), machine=machine) for machine in ALL]
+    for sim in fenced:
+        for heading in (0.0, 1.0, 2.0, -1.0):
+            sim.place(0, 11.9, 6.0, heading)
+            sim.robots[0].drive(0.5, 0.0)
+            sim.robots[0].tumble()
+            run(sim, 5.0)
+            assert sim.bodies.swing[0] == 0.0
+    assert len({sim.state_hash() for sim in fenced}) == 1
 
 
 def overlap(sim: Simulator) -> float:

@@ -33,6 +33,7 @@ from sleepcast.simulator.driving import DRIVE, GOTO, WANDER, laws_of
 from sleepcast.simulator.ears import Ears
 from sleepcast.simulator.echoes import Echoes
 from sleepcast.simulator.engine import Machine
+from sleepcast.simulator.formulas import wrap
 from sleepcast.simulator.groups import value_quantities, values_of
 from sleepcast.simulator.neighbours import Neighbours
 from sleepcast.simulator.robot_settings import RobotSpec
@@ -268,7 +269,8 @@ class Bodies:
             deviation = self.scenario.noise.get(sensor.name, 0.0)
             if deviation:
                 noisy = self.known[row, which] + deviation * self._normal(sensor.name, self.numbers[which])
-                self.sensed[row, which] = np.clip(noisy, sensor.low, sensor.high)
+                angle = sensor.name == "heading"  # which goes on round the circle
+                self.sensed[row, which] = wrap(noisy) if angle else np.clip(noisy, sensor.low, sensor.high)
 
     def _normal(self, name: str, numbers: NDArray[np.uint64]) -> Floats:
         """Standard normal noise of one sensor at this tick (Box and Muller's method)."""

@@ -6,7 +6,7 @@ if the two do not move apart anyhow. Either way only old places and proposals ar
 bodies at least one has kept clear of all of the other's way, so no two ever overlap.
 
 `SKIN` is kept between things that touch, so that rounding never makes an overlap. What already overlaps (because it
-was put there) may only move apart. Here is the form for NumPy; `contact_fast` has the same for numba.
+was put there) may only move apart. Here is the form for NumPy; `kernels_contact` has the same for numba.
 """
 
 from __future__ import annotations

@@ -183,7 +183,7 @@ class _Reader:
         self._sheet: list[str] | None = None
         self._skipped = 0
         self._elements = 0
-        self._parser = expat.ParserCreate(namespace_separator=" ")
+        self._parser = expat.ParserCreate("utf-8", " ")  # whatever the file says: it was read as this
         self._parser.StartElementHandler = self._start
         self._parser.EndElementHandler = self._end
         self._parser.CharacterDataHandler = self._text
@@ -203,6 +203,8 @@ class _Reader:
             raise self._error("", f"more than {MAX_ELEMENTS} elements")
         if not self.page_number and (name != "svg" or space not in ("", SVG)):
             raise self._error(name, "is no drawing: wanted an svg")
+        if name == "style" and space in ("", SVG):  # often among definitions, which are passed over
+            self._sheet = []
         if self._skipped or space not in ("", SVG):
             self._skipped += 1
         elif name in ("use", "svg") and self.page_number:
@@ -216,7 +218,6 @@ class _Reader:
                 ) from None
         else:
             self._skipped = 1
-            self._sheet = [] if name == "style" else None
 
     def _end(self, _: str) -> None:
         if not self._skipped:

@@ -116,6 +116,24 @@ def approach(laws: Laws, across: Floats, up: Floats, heading: Floats) -> tuple[F
     return either(there, 0.0, fastest), either(there, 0.0, bounded(error / laws.tick, -ending, ending))
 
 
+def tumbling(laws: Laws, swing: Floats) -> Floats:
+    """The turn rate of a body on wheels that is to turn by `swing` rad and no farther: as fast as it may and yet can
+    come to rest there with even braking, in ticks (see `motors`). One wheel brakes for two, as the other one of a body
+    that drives as fast as it can is at its limit."""
+    change, size = laws.acceleration * laws.tick / laws.track, np.abs(swing) / laws.tick
+    braking = np.floor((np.sqrt(1.0 + 8.0 * size / change) - 1.0) / 2.0)
+    fastest = bounded(size / (braking + 1.0) + change * braking / 2.0, 0.0, laws.turn_rate)
+    return either(swing < 0.0, -fastest, fastest)
+
+
+def swing_left(laws: Laws, swing: Floats, left: Floats, right: Floats, speed: Floats, turn: Floats) -> Floats:
+    """What is left of a `swing` after a tick, in which wheels that turn at `left` and `right` m/s follow the wanted
+    speed and turn rate. It is over where another turn is wanted: at the fence."""
+    next_left, next_right = wheels_follow(laws, left, right, speed, turn)
+    rest = swing - (next_right - next_left) / laws.track * laws.tick
+    return either((np.abs(rest) < 1e-9) | (turn != tumbling(laws, swing)), 0.0, rest)
+
+
 def turned_back(laws: Laws, x: Floats, y: Floats, heading: Floats, speed: Floats, turn: Floats) -> Floats:
     """The turn rate of a body near the fence: as fast as it can until it drives towards the middle of the world."""
     middle = arc_tangent((laws.bottom + laws.top) / 2 - y, (laws.left + laws.right) / 2 - x)
@@ -166,4 +184,7 @@ def touched_part(laws: Laws, across: Floats, up: Floats, heading: Floats) -> Flo
     return 1.0 + (place - laws.parts * np.floor(place / laws.parts))
 
 
-FORMULAS = (bounded, approach, turned_back, outside, wheels_follow, slipped, arc, touched_part)
+FORMULAS = (
+    *(bounded, approach, tumbling, turned_back, outside),
+    *(wheels_follow, swing_left, slipped, arc, touched_part),
+)

@@ -48,6 +48,9 @@ MOST = 106
 """Bytes for each robot that most tasks get by with."""
 ROUNDING = 1e-3
 """Metres, much more than single precision errs by in the distance of two bodies in reach of each other."""
+FINE = 1e-6
+"""Metres of a unit of positions, up to which the kernel may work with these; in the large cells of a wide world with
+few robots it looks at all of them in double precision."""
 AGAIN = 1.1
 """How much farther than this time contact may want to know next time who is there: the fastest body may be faster."""
 FOLDED = 16
@@ -166,7 +169,14 @@ class NumbaMachine:
         seen = (
             *(*pose, order, fixed_x, fixed_y, wide, rows, points.start, grid.size, grid.across, grid.up),
             *(walls.solids, walls.start, walls.items, walls.news, *ring.measures),
-            *(ring.lone if ring.lone < np.inf else -1.0, 1.0 / units, mixed, forward, ring.axis_cos, ring.axis_sin),
+            *(
+                ring.lone if ring.lone < np.inf and 1.0 / units <= FINE else -1.0,
+                1.0 / units,
+                mixed,
+                forward,
+                ring.axis_cos,
+                ring.axis_sin,
+            ),
         )
 
         def see(first: int, last: int) -> None:

@@ -55,9 +55,10 @@ def disc(along, aside, radius, cosine, sine, graze):
     outside = aside * cosine - along * sine
     forward = along * cosine + aside * sine
     within = outside <= 0.0
-    root = root_of(most_of(either(within, along * along + aside * aside, radius * radius - outside * outside), 0.0))
+    away, size = along * along + aside * aside, radius * radius
+    root = root_of(most_of(either(within, away, size - outside * outside), 0.0))
     seen = most_of(either(within, root - radius, forward - root), 0.0)
-    return either(within | ((outside < radius * graze) & (forward > 0.0)), seen * seen, NOTHING)
+    return either(within | (away < size) | ((outside < radius * graze) & (forward > 0.0)), seen * seen, NOTHING)
 
 
 @inlined

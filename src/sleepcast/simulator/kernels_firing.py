@@ -33,10 +33,10 @@ def disc(across, up, ax, ay, radius, own, cosine, sine, graze, found):
     outside, forward = aside * cosine - along * sine, along * cosine + aside * sine
     within = outside <= 0.0
     # Which of them holds nobody can foresee: both are worked out, so that nothing has to be taken back.
-    inside, cut = along * along + aside * aside, max(radius * radius - outside * outside, 0.0)
-    root = sqrt(inside if within else cut)
+    away, size = along * along + aside * aside, radius * radius
+    root = sqrt(away if within else max(size - outside * outside, 0.0))
     seen = max(root - radius if within else forward - root, 0.0)
-    met = within | ((outside < radius * graze) & (forward > 0.0))
+    met = within | (away < size) | ((outside < radius * graze) & (forward > 0.0))
     return min(found, seen) if met else found
 
 

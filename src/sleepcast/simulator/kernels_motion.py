@@ -20,7 +20,9 @@ from sleepcast.simulator.driving import (
     bounded,
     outside,
     slipped,
+    swing_left,
     touched_part,
+    tumbling,
     turned_back,
     wheels_follow,
 )
@@ -121,8 +123,7 @@ def want(bodies, laws, roam, room, begin, first, last):
     """Put into the `room` of the block that begins there the speed and the turn rate that each of the bodies from
     `first` up to `last` wants and may have."""
     mode, held, wanted_speed, wanted_turn, target_x, target_y, swing, roaming, chance = bodies[:9]
-    x, y, heading, encoder_x, encoder_y, encoder_heading = bodies[10:16]
-    stores, uses = bodies[20:]
+    x, y, heading, encoder_x, encoder_y, encoder_heading, _, wheel_left, wheel_right, _, stores, uses = bodies[10:]
     for i in range(first, last):
         speed, turn = wanted_speed[i], wanted_turn[i]
         if mode[i] == GOTO:
@@ -136,12 +137,13 @@ def want(bodies, laws, roam, room, begin, first, last):
         for store in range(uses.shape[0]):
             if uses[store] != 0.0 and stores[store, i] <= 0.0:
                 moves = False
-        if swing[i] != 0.0 and moves:
-            turn = bounded(swing[i] / laws.tick, -laws.turn_rate, laws.turn_rate)
-            rest = swing[i] - turn * laws.tick
-            swing[i] = either(np.abs(rest) < 1e-9, 0.0, rest)
+        swings = swing[i] != 0.0 and moves
+        if swings:
+            turn = tumbling(laws, swing[i])
         if laws.margin >= 0.0 and mode[i] != GOTO and speed != 0.0 and outside(laws, x[i], y[i]):
             turn = turned_back(laws, x[i], y[i], heading[i], speed, turn)
+        if swings:
+            swing[i] = swing_left(laws, swing[i], wheel_left[i], wheel_right[i], speed, turn)
         room[SPEED + i - begin], room[TURN + i - begin] = (speed, turn) if moves else (0.0, 0.0)
 
 

@@ -46,6 +46,8 @@ GRAZING = F(6e-3)
 to four times the error of the place."""
 AWAY = F(1e9)
 """Metres, or units, to a body that is none."""
+FARTHEST = F(1e17)
+"""More than any two bodies are apart, squared; less than AWAY is."""
 SPAN = 28
 """Units of a position in a cell, as a power of two: bodies may be some cells apart, and the unit is finer than what
 single precision tells of their distance."""
@@ -197,13 +199,13 @@ def see(
     cell, at least the reach. solids, listed, items, news: see `walls.Walls`. own: radius of those who look; common: the
     usual radius (bodies of others cost more; if there are none, `mixed` says so, and radii is not read); reach: how far
     a middle may be. lone: beyond this distance a body of the common radius is seen by the two nearest of sixteen sonars
-    only; negative where there are not sixteen. forward: whether nobody asks for cones that look behind. axis_cos,
-    axis_sin: of the cones, as many as a row of `out` is long: a multiple of LANES. close: is made False for those who
-    find nobody within `beside` m, which is at most `lone`.
+    only; negative where all are looked at closely: there are not sixteen, or units are coarse. forward: whether nobody
+    asks for cones that look behind. axis_cos, axis_sin: of the cones, as many as a row of `out` is long: a multiple of
+    LANES. close: is made False for those who find nobody within `beside` m, which is at most `lone`.
     """
     count = axis_cos.shape[0]
     nothing = F(most * most)
-    reach2, lone2 = F(((reach + 1e-4) / unit) ** 2), F(lone * lone if lone >= 0.0 else AWAY)
+    reach2, lone2 = F(((reach + 1e-4) / unit + 2.0) ** 2), F(lone * lone) if lone >= 0.0 else FARTHEST
     half = np.arctan2(sine, cosine)
     # What a cone that looks aside or ahead meets is at most so far behind, and those who are close count anyhow.
     behind = -F(max(common + reach * sine, lone) + 0.01) if forward else -AWAY

@@ -52,6 +52,8 @@ def read_measures(root: Table, points: Mapping[str, Point], longest: float) -> t
             raise around.error(name, f"{name} is measured of every run already; choose another name")
         with table:
             kind = table.text("of", choices=KINDS)
+            if kind == "distance" and not points:
+                raise table.error("to", "there is no place and no light to which a distance could lead")
             to = points[table.text("to", choices=tuple(points))] if kind == "distance" else None
             every = table.number("every", TIME, 1.0, low=0.001, high=longest)
             found.append(MeasureSpec(name, kind, to, every))

@@ -50,9 +50,9 @@ def read_mission(path: Path) -> tuple[Order, ...]:
     if len(raw) > MAX_BYTES:
         raise MissionError(f"{path}: too long for a mission: at most {MAX_BYTES} bytes")
     try:
-        return parse_mission(raw.decode(), str(path))
+        return parse_mission(raw.decode("utf-8-sig"), str(path))
     except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
+        line = error.object.count(b"\n", 0, error.start) + 1
         raise MissionError(f"{path}:{line}: not UTF-8 text: {error.reason}") from error
 
 

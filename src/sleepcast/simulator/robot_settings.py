@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, pi
 
 from sleepcast.robot import Geometry, Limits
 from sleepcast.simulator.groups import Group
 from sleepcast.simulator.settings import Measure, Table, checked_name
 from sleepcast.simulator.signals import LIGHT_NAMES, PING_NAMES
-from sleepcast.units import ACCELERATION, LENGTH, RATE, SPEED, TIME
+from sleepcast.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, UNITS, Dimension
 
 MAX_ROBOTS = 1_000_000
 """Bodies in one world: a tick of so many is about real time on two cores. Minds have a bound of their own."""
@@ -63,6 +63,10 @@ class Store:
     share: float = 1.0
     reach: float = inf
     about: str = ""
+
+    @property
+    def dimension(self) -> Dimension:
+        return UNITS[self.unit].dimension if self.unit else NONE
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +175,7 @@ def read_robots(
     whole_x, whole_y = ((Measure(0.0), Measure(end)) for end in size)
     with table:
         table.has("count"), table.has("groups")
-        kind = checked_name(table, table.text("type", most=32))
+        kind = checked_name(table, table.text("type", most=32), "type")
         limits, speed_unit = _limits(table, size)
         x = table.span("x", LENGTH, whole_x, low=0.0, high=size[0])
         y = table.span("y", LENGTH, whole_y, low=0.0, high=size[1])
@@ -292,13 +296,15 @@ def _stores(robots: Table, others: Iterable[str]) -> tuple[Store, ...]:
 
 def _store(table: Table, name: str) -> Store:
     low, high = table.span("start", None, low=0.0)
-    return Store(
+    least = max(high.value, LEAST)
+    store = Store(
         name=name,
         unit=high.unit,
         low=low.value,
         high=high.value,
-        full=table.measure("full", None, Measure(max(high.value, LEAST)), low=max(high.value, LEAST)).value,
+        full=least,
         share=table.number("share", default=1.0, low=0.0, high=1.0),
         reach=table.number("reach", LENGTH, inf, low=LEAST),
         about=table.text("about", ""),
     )
+    return replace(store, full=table.number("full", store.dimension, least, low=least))

@@ -22,7 +22,6 @@ from sleepcast.robot import Geometry, Limits
 from sleepcast.simulator.groups import Group
 from sleepcast.simulator.robot_settings import Ring, RobotSpec, Store
 from sleepcast.simulator.settings import Table, toml_document
-from sleepcast.units import NONE, UNITS, Dimension
 
 FORMAT = 1
 """The version of the format of types; a file of a newer one is refused."""
@@ -57,7 +56,7 @@ def _on_its_type(robots: Table) -> Table:
     if name in known:
         file = TYPES / f"{name}.toml"
     elif name.endswith(".toml"):
-        file = robots.document.path.parent / name
+        file = robots.file("like")
     else:
         near = did_you_mean(name, known)
         raise robots.error("like", f'no type "{name}"{near}: wanted one of {", ".join(known)}, or a file *.toml')
@@ -134,16 +133,12 @@ def _stores(tables: Sequence[Table], sorts: Sequence[RobotSpec]) -> tuple[Store,
             other = found.setdefault(store.name.casefold(), store)
             if other.name != store.name:
                 raise table.table("stores").error(store.name, f"other robots spell it {other.name}; use one spelling")
-            if _dimension(other.unit) != _dimension(store.unit):
+            if other.dimension != store.dimension:
                 raise table.table("stores").error(
                     store.name, f'other robots have it in "{other.unit or "plain numbers"}"; use one dimension'
                 )
             found[store.name.casefold()] = replace(other, full=max(other.full, store.full))
     return tuple(found.values())
-
-
-def _dimension(unit: str) -> Dimension:
-    return UNITS[unit].dimension if unit else NONE
 
 
 def slices(sorts: Sequence[RobotSpec], count: int) -> list[slice]:

@@ -92,7 +92,7 @@ class Robots(Sequence[Body]):
         if not isinstance(self._bodies.echoes, Echoes):
             return np.array([self[i].sonar(one) for i, one in zip(robots.tolist(), which.tolist(), strict=True)])
         ranges = self._bodies.echo(robots.tolist())
-        found: Floats = ranges[np.arange(len(robots)), np.trunc(which).astype(np.int64) % ranges.shape[1]]
+        found: Floats = ranges[np.arange(len(robots)), np.mod(np.trunc(which), ranges.shape[1]).astype(np.int64)]
         return found
 
     def nearest(self, robots: Whole, first: Floats, last: Floats) -> Floats:

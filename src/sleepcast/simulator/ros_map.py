@@ -91,10 +91,7 @@ def read_map(path: Path) -> RosMap:
     free = table.number("free_thresh", low=0.0, high=1.0)
     if free > occupied:
         raise table.error("free_thresh", f"{free:g} is more than occupied_thresh, {occupied:g}")
-    picture = path.parent / table.text("image")
-    if not picture.is_file():
-        raise table.error("image", f"there is no file {picture}")
-    solid, unknown = _judged(*_picture(picture), mode, negate, occupied, free)
+    solid, unknown = _judged(*_picture(table.file("image")), mode, negate, occupied, free)
     return RosMap(solid[::-1], unknown[::-1], resolution, x, y, yaw)
 
 
@@ -114,12 +111,17 @@ def _document(path: Path) -> Document:
         if not isinstance(node, yaml.MappingNode):
             raise SettingsError(f"{path}:1: no map: wanted lines such as resolution: 0.05")
         lines: dict[Path_, int] = {(str(key.value),): key.start_mark.line + 1 for key, _ in node.value}
-        values: dict[str, object] = {str(key): value for key, value in loader.construct_document(node).items()}
+        found = loader.construct_document(node)
+        if not isinstance(found, dict):  # a set, say
+            raise SettingsError(f"{path}:1: no map: wanted lines such as resolution: 0.05")
+        values: dict[str, object] = {str(key): value for key, value in found.items()}
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         raise SettingsError(f"{path}:{line}: not YAML: {error.problem or error.context}") from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:  # odd characters, dates of no month, depth
         raise SettingsError(f"{path}:1: not YAML: {str(error).splitlines()[0]}") from None
+    except (LookupError, AttributeError):  # !!bool before a word that is none, !!timestamp before no time
+        raise SettingsError(f"{path}:1: not YAML: a tag (!!) before a value that it does not fit") from None
     return Document(path, values, lines)
 
 

@@ -28,7 +28,7 @@ from sleepcast.simulator.robot_settings import (
     read_robots,
 )
 from sleepcast.simulator.robot_types import robot_tables, together
-from sleepcast.simulator.settings import Measure, Table, checked_name, toml_document
+from sleepcast.simulator.settings import Table, checked_name, toml_document
 from sleepcast.simulator.signals import Light, PingModel, read_lights, read_pings
 from sleepcast.simulator.world import Shape
 from sleepcast.simulator.world_settings import MAX_SEED, Changes, WorldSpec, read_world
@@ -169,7 +169,7 @@ def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  #
             radio=radio,
             telemetry=telemetry,
             commands=_commands(root),
-            mission=_mission(root, file.parent),
+            mission=read_mission(root.file("mission")) if root.has("mission") else (),
             constants=constants,
             lights=lights,
             pings=read_pings(root),
@@ -187,10 +187,14 @@ def _check_format(root: Table) -> None:
 
 
 def _places(root: Table, size: tuple[float, float]) -> tuple[Place, ...]:
-    found = []
+    found, taken = [], dict[str, str]()
     for name, table in root.tables("places", most=MAX_PLACES).items():
         with table:
-            checked_name(root.table("places"), name)
+            around = root.table("places")
+            folded = checked_name(around, name).casefold()
+            if folded in taken:
+                raise around.error(name, f"a place is called {taken[folded]} already; choose another name")
+            taken[folded] = name
             x = table.number("x", LENGTH, low=0.0, high=size[0])
             y = table.number("y", LENGTH, low=0.0, high=size[1])
             title = table.text("title", name, most=60)
@@ -240,7 +244,7 @@ def _noise(root: Table, robots: RobotSpec) -> dict[str, float]:
             "speed": table.number("speed", SPEED, 0.0, low=0.0),
         }
         for store in robots.stores:
-            found[store.name] = table.measure(store.name, None, Measure(0.0), low=0.0).value
+            found[store.name] = table.number(store.name, store.dimension, 0.0, low=0.0)
     return {name: deviation for name, deviation in found.items() if deviation}
 
 
@@ -251,12 +255,3 @@ def _commands(root: Table) -> tuple[ReadyCommand, ...]:
             text = table.text("text", most=16_384)
             found.append(ReadyCommand(table.text("title", most=80), text, table.text("about", "")))
     return tuple(found)
-
-
-def _mission(root: Table, folder: Path) -> tuple[Order, ...]:
-    if not root.has("mission"):
-        return ()
-    file = folder / root.text("mission", most=200)
-    if not file.is_file():
-        raise root.error("mission", f"there is no file {file}")
-    return read_mission(file)

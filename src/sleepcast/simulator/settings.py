@@ -11,6 +11,7 @@ import re
 import tomllib
 from collections.abc import Sequence
 from math import inf, isfinite
+from os.path import isfile
 from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, NoReturn
@@ -70,9 +71,9 @@ def read_text(path: Path, most: int = MAX_BYTES) -> str:
     if len(raw) > most:
         raise SettingsError(f"{path}: too long for such a file: at most {most} bytes")
     try:
-        return raw.decode()
+        return raw.decode("utf-8-sig")  # some editors put a mark before the text
     except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
+        line = error.object.count(b"\n", 0, error.start) + 1
         raise SettingsError(f"{path}:{line}: not UTF-8 text: {error.reason}") from error
 
 
@@ -165,6 +166,13 @@ class Table:
         if len(value) > most:
             raise self.error(key, f"a text of {len(value)} characters; at most {most} fit")
         return value
+
+    def file(self, key: str) -> Path:
+        """A file that there is, named from the folder of this one."""
+        path = self.document.path.parent / self.text(key)
+        if not isfile(path):
+            raise self.error(key, f"there is no file {path}")
+        return path
 
     def whole(self, key: str, default: int | None = None, *, low: int, high: int) -> int:
         """A whole number from `low` to `high`."""
@@ -328,10 +336,11 @@ class Table:
         raise self.error(key, f"wanted {wanted}{'' if wanted.endswith(',') else ','} not {shown_value(value)}")
 
 
-def checked_name(around: Table, name: str) -> str:
-    """`name`, a key of the table `around` that people choose. Raises SettingsError if it cannot be a name."""
+def checked_name(around: Table, name: str, key: str | None = None) -> str:
+    """`name`, a key of the table `around` that people choose, or what stands there under `key`. Raises SettingsError if
+    it cannot be a name."""
     if not _CHOSEN.match(name):
-        raise around.error(name, f'"{name}" is no name: wanted a letter, then up to 31 letters, digits and _')
+        raise around.error(key or name, f'"{name}" is no name: wanted a letter, then up to 31 letters, digits and _')
     return name
 
 

@@ -22,12 +22,14 @@ from sleepcast.simulator.driving import (
     bounded,
     outside,
     slipped,
+    swing_left,
     touched_part,
+    tumbling,
     turned_back,
     wheels_follow,
 )
 from sleepcast.simulator.formulas import sine_cosine, wrap
-from sleepcast.simulator.grid import Floats
+from sleepcast.simulator.grid import Floats, Whole
 from sleepcast.simulator.noise import deviates
 
 UNIT = 2.0**-53
@@ -87,12 +89,14 @@ def propose(bodies: Columns, laws: Laws, draws: Draws, proposal: Proposal) -> No
     """Let the bodies set out: change the speeds of their wheels, and say where that leads."""
     speed, turn = _wanted(bodies, laws, draws)
     moves = ~(bodies.held | _empty(bodies))
-    _swing(bodies, laws, moves, turn)
+    swinging = np.flatnonzero((bodies.swing != 0.0) & moves)
+    turn[swinging] = _tumbling(laws, bodies.swing[swinging])
     if laws.margin >= 0.0:
         near = np.flatnonzero(outside(laws, bodies.x, bodies.y))
         near = near[(bodies.mode[near] != GOTO) & (speed[near] != 0.0)]
         pose = bodies.x[near], bodies.y[near], bodies.heading[near]
         turn[near] = turned_back(laws, *pose, speed[near], turn[near])
+    _swing(bodies, laws, swinging, speed[swinging], turn[swinging])
     speed, turn = np.where(moves, speed, 0.0), np.where(moves, turn, 0.0)
     if laws.track:
         _roll(bodies, laws, draws, speed, turn, proposal)
@@ -152,12 +156,19 @@ def _empty(bodies: Columns) -> NDArray[np.bool_]:
     return empty
 
 
-def _swing(bodies: Columns, laws: Laws, moves: NDArray[np.bool_], turn: Floats) -> None:
-    """Bodies that tumble, and can move, turn as fast as they can until their swing is done."""
-    swinging = np.flatnonzero((bodies.swing != 0.0) & moves)
-    now = bounded(bodies.swing[swinging] / laws.tick, -laws.turn_rate, laws.turn_rate)
-    turn[swinging] = now
-    rest = bodies.swing[swinging] - now * laws.tick
+def _tumbling(laws: Laws, swing: Floats) -> Floats:
+    """The turn rates of bodies that tumble."""
+    return tumbling(laws, swing) if laws.track else bounded(swing / laws.tick, -laws.turn_rate, laws.turn_rate)
+
+
+def _swing(bodies: Columns, laws: Laws, swinging: Whole, speed: Floats, turn: Floats) -> None:
+    """Note what is left of the swing of these bodies, after a tick in which they want that speed and turn rate."""
+    swing = bodies.swing[swinging]
+    if laws.track:
+        wheels = bodies.left[swinging], bodies.right[swinging]
+        bodies.swing[swinging] = swing_left(laws, swing, *wheels, speed, turn)
+        return
+    rest = swing - _tumbling(laws, swing) * laws.tick
     bodies.swing[swinging] = np.where(np.abs(rest) < 1e-9, 0.0, rest)
 
 

@@ -21,6 +21,7 @@ MAX_PIECES = 10_000
 _NUMBER = re.compile(r"[\s,]*([+-]?(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?\d++)?+)")
 _FLAG = re.compile(r"[\s,]*([01])")
 _LETTER = re.compile(r"[\s,]*([MmZzLlHhVvCcSsQqTtAa])")
+_MORE = re.compile(r"[\s,]*[^\s,]")
 _ARGUMENTS = {"M": 2, "Z": 0, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7}
 
 
@@ -119,7 +120,7 @@ class _Reader:
 
     def read(self) -> list[Line]:
         letter = ""
-        while self._text[self._place :].strip(" \t\r\n,"):
+        while _MORE.match(self._text, self._place):
             found = _LETTER.match(self._text, self._place)
             if found:
                 letter, self._place = found[1], found.end()

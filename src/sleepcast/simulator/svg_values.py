@@ -20,7 +20,6 @@ _NUMBER = re.compile(r"[+-]?(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?\d++)?+")
 _LENGTH = re.compile(rf"\s*({_NUMBER.pattern})\s*([A-Za-z%]*)\s*")
 _LIST = re.compile(rf"[\s,]*(?:{_NUMBER.pattern}[\s,]*+)*+")
 _TRANSFORM = re.compile(r"[\s,]*(\w+)\s*\(([^()]*)\)[\s,]*")
-_RULE = re.compile(r"([^{}]*)\{([^{}]*)\}")
 
 
 class Matrix(NamedTuple):
@@ -179,11 +178,17 @@ def style_of(attributes: Mapping[str, str], classes: Mapping[str, Mapping[str, s
 def rules(sheet: str) -> dict[str, dict[str, str]]:
     """What a style sheet says of each class; other rules are passed over."""
     found: dict[str, dict[str, str]] = {}
-    for selectors, said in _RULE.findall(re.sub(r"/\*.*?\*/", "", sheet, flags=re.DOTALL)):
-        for selector in selectors.split(","):
+    for rule in _without_comments(sheet).split("}"):
+        selectors, _, said = rule.rpartition("{")
+        for selector in selectors.rpartition("{")[2].split(","):
             if selector.strip().startswith("."):
                 found.setdefault(selector.strip()[1:], {}).update(declarations(said))
     return found
+
+
+def _without_comments(sheet: str) -> str:
+    first, *others = sheet.split("/*")
+    return first + "".join(each.partition("*/")[2] for each in others)
 
 
 def declarations(text: str) -> dict[str, str]:

@@ -21,6 +21,9 @@ from sleepcast.errors import MisuseError
 MAX_SOLIDS = 1_000_000
 """Rows in the array of solids: as many as robots; beyond, an index of them no longer fits into a cache."""
 
+MAX_ROOMS = MAX_SOLIDS // 4
+"""Of one world: each brings about four pieces of wall."""
+
 Point = tuple[float, float]
 
 
@@ -174,7 +177,8 @@ def _sides_of(points: tuple[Point, ...], noun: str, *, closed: bool) -> list[Row
         raise MisuseError(f"{noun} with a point that is not finite: {_shown(points)}")
     ends = (*points[1:], points[0]) if closed else points[1:]
     if any(start == end for start, end in zip(points, ends, strict=False)):
-        raise MisuseError(f"{noun} with the same point twice in a row: {_shown(points)}")
+        itself = ", or the first one again at its end" if closed else ""
+        raise MisuseError(f"{noun} with the same point twice in a row{itself}: {_shown(points)}")
     return [(*start, *end, 0.0) for start, end in zip(points, ends, strict=False)]
 
 
@@ -205,18 +209,25 @@ def edge(width: float, height: float) -> Wall:
 def rooms(width: float, height: float, size: float, door: float) -> list[Wall]:
     """Walls that part a rectangle into square rooms of `size` m (the last row and column may be smaller or larger),
     with a door of `door` m in the middle of each side of a room. A side too short for its door is left out. A wall goes
-    from door to door, with a corner where it crosses another one."""
-    across, up = _marks(width, size), _marks(height, size)
+    from door to door, with a corner where it crosses another one. Raises MisuseError for more than MAX_ROOMS."""
+    rooms_across, rooms_up = _rooms_along(width, size), _rooms_along(height, size)
+    if rooms_across * rooms_up > MAX_ROOMS:
+        raise MisuseError(f"{rooms_across} by {rooms_up} rooms; at most {MAX_ROOMS} fit: make them larger")
+    across, up = _marks(width, size, rooms_across), _marks(height, size, rooms_up)
     pieces = _from_door_to_door(up, door)
     walls = [Wall(tuple((x, y) for y in piece)) for x in across[1:-1] for piece in pieces]
     pieces = _from_door_to_door(across, door)
     return walls + [Wall(tuple((x, y) for x in piece)) for y in up[1:-1] for piece in pieces]
 
 
-def _marks(length: float, size: float) -> list[float]:
-    """Where walls stand along a side: every `size` m, the last room between half a size and one and a half."""
-    inner = max(1, ceil(length / size - 0.5))
-    return [*(number * size for number in range(inner)), length]
+def _rooms_along(length: float, size: float) -> int:
+    """How many rooms there are along a side: the last one has between half a size and one and a half."""
+    return max(1, ceil(length / size - 0.5))
+
+
+def _marks(length: float, size: float, count: int) -> list[float]:
+    """Where the walls of so many rooms stand along a side: every `size` m."""
+    return [*(number * size for number in range(count)), length]
 
 
 def _from_door_to_door(marks: list[float], door: float) -> list[list[float]]:

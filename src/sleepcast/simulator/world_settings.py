@@ -15,7 +15,7 @@ from sleepcast.simulator.maze import maze
 from sleepcast.simulator.robot_settings import LEAST, MAX_WORLD
 from sleepcast.simulator.ros_map import read_map
 from sleepcast.simulator.settings import Measure, Table
-from sleepcast.simulator.world import Circle, Point, Polygon, Shape, Wall, edge, rooms
+from sleepcast.simulator.world import Circle, Point, Polygon, Shape, Wall, edge, rooms, rows_of
 from sleepcast.units import LENGTH
 
 MAX_SHAPES = 10_000
@@ -80,7 +80,7 @@ def _written(world: Table, high: tuple[float, float]) -> list[tuple[Shape, bool]
     for each in world.array("polygons", most=MAX_SHAPES):
         with each:
             corners = each.points("corners", low, high, least=3, most=MAX_POINTS)
-            shapes.append((Polygon(corners, _name(each)), _absent(each)))
+            shapes.append((_real(Polygon(corners, _name(each)), each, "corners"), _absent(each)))
     for each in world.array("circles", most=MAX_SHAPES):
         with each:
             x, y = each.point("center", low, high)
@@ -89,8 +89,17 @@ def _written(world: Table, high: tuple[float, float]) -> list[tuple[Shape, bool]
     for each in world.array("walls", most=MAX_SHAPES):
         with each:
             points = each.points("points", low, high, least=2, most=MAX_POINTS)
-            shapes.append((Wall(points, _name(each)), _absent(each)))
+            shapes.append((_real(Wall(points, _name(each)), each, "points"), _absent(each)))
     return shapes
+
+
+def _real(shape: Shape, table: Table, key: str) -> Shape:
+    """The shape that stands under `key`. Raises SettingsError if it is none."""
+    try:
+        rows_of(shape)
+    except MisuseError as error:
+        raise table.error(key, str(error)) from None
+    return shape
 
 
 def _name(shape: Table) -> str:
@@ -131,14 +140,18 @@ def _from_files(world: Table) -> list[_Taken]:
     found = []
     if world.has("map"):
         with world.table_or_text("map", "file") as each:
-            path = world.document.path.parent / each.text("file")
+            path = each.file("file")
             at = each.point("zero", (-MAX_WORLD, -MAX_WORLD), (MAX_WORLD, MAX_WORLD)) if each.has("zero") else None
             solid = each.text("unknown", "open", choices=("open", "solid")) == "solid"
-            area, low, high = read_map(path).area(at, unknown_is_solid=solid)
+            found_map = read_map(path)
+            try:
+                area, low, high = found_map.area(at, unknown_is_solid=solid)
+            except MisuseError as error:
+                raise each.error("file", str(error)) from None
             found.append(_Taken("map", (area,) if area.outlines else (), low, high))
     if world.has("drawing"):
         with world.table_or_text("drawing", "file") as each:
-            path = world.document.path.parent / each.text("file")
+            path = each.file("file")
             metre = each.number("metre", low=LEAST, high=1.0 / LEAST) if each.has("metre") else None
             at = each.point("at", (0.0, 0.0), (MAX_WORLD, MAX_WORLD)) if each.has("at") else (0.0, 0.0)
             drawing = read_drawing(path, metre, at)
@@ -152,7 +165,11 @@ def _parted(table: Table, size: tuple[float, float], seed: int) -> list[Wall]:
     if table.has("rooms"):
         with table.table("rooms") as each:
             room = each.number("size", LENGTH, low=0.1, high=MAX_WORLD)
-            walls += rooms(*size, room, each.number("door", LENGTH, low=0.0, high=room))
+            door = each.number("door", LENGTH, low=0.0, high=room)
+            try:
+                walls += rooms(*size, room, door)
+            except MisuseError as error:
+                raise table.error("rooms", str(error)) from None
     if table.has("maze"):
         with table.table("maze") as each:
             cell = each.number("cell", LENGTH, low=0.1, high=MAX_WORLD)

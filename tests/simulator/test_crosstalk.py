@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from math import pi
 from pathlib import Path
 
@@ -193,6 +194,29 @@ class TestTwoRobots:
         simulator.world.add(Wall(((5.5, 5.0), (5.5, 7.0))))
         simulator.step()
         assert [row[-1] for row in simulator.readings()] == pytest.approx([1.33, 0.67], abs=1e-5)
+
+    def test_many_pings_in_a_tick_do_not_fill_the_memory(self, tmp_path: Path) -> None:
+        """Some millions of pairs of pings, of which some are looked at in one go."""
+        quick = 'pause = "0s"\nleast = 0\n[robots.sonar.crosstalk]\nchance = 0.5'
+        changes = ("count = 1\n", "count = 16\n"), ('"12m"\nheight = "12m"', '"2m"\nheight = "2m"'), ("0.1s", "0.6s")
+        simulator = scouts(tmp_path, *changes, more=quick, machine=choose("numpy"))
+        tracemalloc.start()
+        simulator.step()
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        assert peak < 100e6
+
+    def test_how_many_pairs_are_looked_at_in_one_go_does_not_matter(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        hashes = set()
+        for most in (1 << 20, 50):
+            monkeypatch.setattr("sleepcast.simulator.crosstalk.MAX_PAIRS", most)
+            simulator = in_order(tmp_path, "1ms", "60%", count=12)
+            for _ in range(10):
+                simulator.step()
+            hashes.add(simulator.state_hash())
+        assert len(hashes) == 1
 
     def test_a_ping_of_the_tick_before_is_heard(self, tmp_path: Path) -> None:
         simulator = facing(tmp_path)

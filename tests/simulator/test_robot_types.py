@@ -91,7 +91,7 @@ class TestTypes:
                 'like = "scuot"',
                 'scenario.toml:14: robots.like: no type "scuot" (did you mean scout?): wanted one of',
             ),
-            ("", 'like = "no.toml"', "no.toml: cannot be read: No such file"),
+            ("", 'like = "no.toml"', "robots.like: there is no file"),
             ("format = 2\n", 'like = "own.toml"', "own.toml:1: format: format 2 is newer"),
             ("limits = 1\n", 'like = "own.toml"', "own.toml:1: format: is missing"),
             ("format = 1\ncount = 3\n", 'like = "own.toml"', "own.toml:2: count: unknown key"),

@@ -35,6 +35,8 @@ SOUND = 343.0
 """m/s, in air at 20 degrees."""
 QUICKEST = 1e-3
 """s between two pings of a ring at least."""
+MAX_PAIRS = 1 << 20
+"""Pairs of pings looked at in one go: some hundred megabytes."""
 CLEAR = 0.05
 """Share by which a range may fall short of a robot that is heard all the same, for noise: what is nearer than that
 stands in the way of sound."""
@@ -163,9 +165,24 @@ class Crosstalk:
         if not len(mine.robot):
             return
         mine = by_robot(mine)
-        x, y, heading, radii = scene
+        x, y, _, radii = scene
         reach = self._ring.most + self._radius + float(radii.max())
         i, j = pairs(self._grid, sort(self._grid, x, y), x, y, reach, np.unique(mine.robot))
+        chances = [np.subtract(*_between(pings.robot, each)[::-1]) for pings, each in ((mine, i), (theirs, j))]
+        block = np.cumsum(chances[0] * chances[1]) // MAX_PAIRS
+        read = mine.read.copy()
+        for some in np.split(np.arange(len(i)), np.flatnonzero(np.diff(block)) + 1):
+            self._hear_some(tick, scene, mine, theirs, i[some], j[some], read)
+        # A sonar may have sent twice in a tick: its last reading stays.
+        changed, row = np.flatnonzero(read < mine.read), mine.robot - self._first
+        latest = np.full(readings.shape, -1)
+        np.maximum.at(latest, (row, mine.sonar), np.arange(len(read)))
+        changed = changed[latest[row[changed], mine.sonar[changed]] == changed]
+        readings[row[changed], mine.sonar[changed]] = read[changed]
+
+    def _hear_some(self, tick: int, scene: Scene, mine: Pings, theirs: Pings, i: Whole, j: Whole, read: Floats) -> None:
+        """Shorten what was `read` of `mine` where the robots `i` hear the robots `j`, one beside the other."""
+        x, y, heading, radii = scene
         apart = np.hypot(x[j] - x[i], y[j] - y[i]) - (radii[i] + radii[j])
         there = np.arctan2(y[j] - y[i], x[j] - x[i])
         # Each pair beside each ping of the one, then those beside each ping of the other one.
@@ -179,14 +196,7 @@ class Crosstalk:
         taken = (apart[pair] + SOUND * (theirs.sent[other] - mine.sent[ping])) / 2.0
         heard = (taken >= self._ring.least) & (taken < mine.read[ping])
         heard &= self._by_chance("others", tick, taken.shape)
-        read = mine.read.copy()
         np.minimum.at(read, ping[heard], taken[heard])
-        # A sonar may have sent twice in a tick: its last reading stays.
-        changed, row = np.flatnonzero(read < mine.read), mine.robot - self._first
-        latest = np.full(readings.shape, -1)
-        np.maximum.at(latest, (row, mine.sonar), np.arange(len(read)))
-        changed = changed[latest[row[changed], mine.sonar[changed]] == changed]
-        readings[row[changed], mine.sonar[changed]] = read[changed]
 
     def _faces(self, pings: Pings, which: Whole, heading: Floats, way: Floats, apart: Floats) -> NDArray[np.bool_]:
         """Whether the sonars of these pings look the `way` (rad) to a robot `apart` m away, and nothing is nearer."""

@@ -14,7 +14,7 @@ from sleepcast.channel.message import Kind, Message
 from sleepcast.errors import SleepcastError
 from sleepcast.fleet import Fleet, FleetError, columns, limits
 from sleepcast.language import CheckError, ReadError, Vocabulary
-from sleepcast.node import memory, node, scheduler, speech
+from sleepcast.node import authority, memory, node, scheduler, speech
 from sleepcast.station.minds import FleetNames
 from sleepcast.units import Quantity
 
@@ -36,6 +36,7 @@ def test_its_bounds_are_those_of_a_node() -> None:
     for name in ("MAX_FAULTS", "PROVEN_TICKS", "FAILED"):
         assert getattr(limits, name) == getattr(memory, name), name
     assert limits.TICK_STEPS == scheduler.TICK_STEPS
+    assert limits.MAX_SKEW == authority.MAX_SKEW
 
 
 def test_a_rule_is_stored_by_those_only_for_whom_the_test_holds() -> None:
@@ -86,6 +87,18 @@ def test_a_rule_with_nothing_but_faults_is_deactivated_unless_it_is_built_in() -
         both.think()
         both.compare()
     assert [view.rules()[0].active for view in both.views] == [True, False, False, True, True]
+
+
+def test_a_rule_that_forgets_itself_is_no_more_and_what_takes_its_place_stays() -> None:
+    both = twins()
+    both.do("(DEFVAR n 0)")
+    both.do("(SETQQ E2 (PROGN (SETQ n (+ n 1)) (WHEN (= n 10) (FORGET E2) (RULE E2 (SETQ lamp 1))) (/ 1 0)))")
+    both.do("(ACTIVATE E2)")
+    for _ in range(limits.MAX_FAULTS_IN_ROW + 1):
+        both.think()
+        both.compare()
+    for mind in both.nodes:
+        assert [(rule.text, rule.active) for rule in mind.rules()] == [("(SETQ lamp 1)", True)]
 
 
 def test_priorities_and_protection() -> None:
@@ -198,6 +211,37 @@ def test_stop_is_obeyed_at_once_and_refuses_what_acts() -> None:
     both.do("(VM x 1)")
     both.compare()
     assert not any(view.stopped for view in both.views)
+
+
+def test_why_a_stopped_robot_did_nothing_can_be_asked() -> None:
+    both = twins()
+    both.hear(Message("desk", 9, 1, Kind.STOP, 0.0), [0, 2])
+    both.do("(WHEN (> x 1) (VM x 1))")
+    both.hear(Message("desk", 9, 2, Kind.RELEASE, 0.1))
+    both.compare_reasons()
+    assert both.views[2].why().faults == ("the robot is stopped: VM waits for RELEASE in (VM x 1)",)
+
+
+def test_the_order_of_stop_and_release_is_that_in_which_they_were_sent() -> None:
+    both = twins()
+    both.think(100)
+
+    def hear(kind: Kind, issued: float, robots: list[int], **body: object) -> None:
+        both.sent += 1
+        both.hear(Message("desk", 9, both.sent, kind, issued, body=body), robots)
+
+    hear(Kind.STOP, 5.0, [0, 1])
+    hear(Kind.RELEASE, 4.9, [0, 2])
+    hear(Kind.RELEASE, 5.1, [1], age=0.2)
+    hear(Kind.RELEASE, 9.0, [3, 4], age="long")
+    hear(Kind.STOP, 6.0, [2], **{"for": ["r0"]})
+    hear(Kind.RELEASE, 9.0, [4])
+    hear(Kind.STOP, 9.9, [3, 4], age=7.0, **{"not": ["r4"]})
+    assert [view.stopped for view in both.views] == [True, True, True, True, False]
+    both.compare()
+    hear(Kind.RELEASE, 9.0, [0, 1, 2, 3], **{"for": ["r0", "r2", "r3"]})
+    assert [view.stopped for view in both.views] == [False, True, False, True, False]
+    both.compare()
 
 
 def test_messages_wait_are_heard_once_and_come_too_late() -> None:

@@ -45,6 +45,9 @@ STORM = (
 )
 
 
+OVERTAKEN = {2: "STOP", 30: "RELEASE", 32: "STOP"}
+
+
 def give(desk: Station, order: str) -> None:
     if order == "STOP":
         desk.stop()
@@ -52,6 +55,22 @@ def give(desk: Station, order: str) -> None:
         desk.release()
     else:
         desk.send(order, everybody=True)
+
+
+def test_a_stop_holds_that_overtakes_the_release_before_it(tmp_path: Path) -> None:
+    wanted = NodeSwarm(simulator(tmp_path, STORM))
+    found = Swarm(simulator(tmp_path, STORM))
+    there = wanted.desk
+    here = found.desk = Station(found.vocabulary, found.minds, found.post, found)
+    for tick in range(60):
+        if tick in OVERTAKEN:
+            give(here, OVERTAKEN[tick])
+            give(there, OVERTAKEN[tick])
+        found.step()
+        wanted.step()
+    assert all(node.stopped for node in wanted.nodes)
+    assert found.fleet.stopped.all()
+    assert found.radio.counts == wanted.radio.counts
 
 
 def reported(desk: Station) -> list[tuple[float, str, object]]:

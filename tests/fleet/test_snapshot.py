@@ -11,7 +11,7 @@ from fleet.test_fleet_differential import NUMBERS, message, some
 from fleet.twins import Twins, vocabulary
 from language.authors import Author
 from language.cases import SENSORS, Body
-from sleepcast.channel.message import Kind
+from sleepcast.channel.message import Kind, Message
 from sleepcast.fleet import Fleet
 from sleepcast.fleet.parcels import FleetParcel
 from sleepcast.fleet.snapshot import restore, state_of
@@ -54,6 +54,16 @@ def test_a_fleet_goes_on_as_if_it_had_never_been_put_away(start: int) -> None:
         if chance.random() < 0.5:
             replace(twins)  # with things said that nobody has read
         twins.compare()
+
+
+def test_a_stop_still_holds_against_a_release_that_was_sent_before_it() -> None:
+    twins = Twins(ROBOTS, seed=SEED)
+    twins.think(10)
+    twins.hear(Message("desk", 1, 1, Kind.STOP, 0.9), [0, 1])
+    replace(twins)
+    twins.hear(Message("desk", 1, 2, Kind.RELEASE, 0.8))
+    assert [view.stopped for view in twins.views] == [True, True, False, False]
+    twins.compare()
 
 
 def replace(twins: Twins) -> None:

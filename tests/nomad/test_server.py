@@ -15,7 +15,9 @@ import pytest
 from sleepcast.clock import WallClock
 from sleepcast.errors import MisuseError
 from sleepcast.nomad import Nserver, Pace, ServerError, Windows, own_addresses
-from sleepcast.nomad.line import MAX_BUFFERED
+from sleepcast.nomad import server as nomad_server
+from sleepcast.nomad.line import MAX_BUFFERED, TURN
+from sleepcast.nomad.notes import BURST, RATE
 from sleepcast.nomad.requests import Kind
 from sleepcast.nomad.server import MAX_CLIENTS, MAX_READ
 from sleepcast.nomad.wire import HEADER, MAX_WORDS, Layout, decode, encode_request
@@ -174,22 +176,31 @@ def test_a_flood_of_commands_keeps_nobody_waiting() -> None:
         async with served(2) as made:
             flood, calm = await made.caller(1), await made.caller(2)
 
+            answered = 0
+
             async def hurry() -> None:
+                nonlocal answered
                 while True:
                     await flood.state(Kind.ST)
+                    answered += 1
 
             hurried = asyncio.create_task(hurry())
             began, wall = made.world.time, time.monotonic()
             waits = []
             for _ in range(50):
-                asked = time.perf_counter()
+                before = answered
                 await calm.state(Kind.GS)
-                waits.append(time.perf_counter() - asked)
+                waits.append(answered - before)
                 await asyncio.sleep(0.005)
-            passed, lag = made.world.time - began, made.pace.let_go
+            assert answered > 50
+            assert sorted(waits)[25] <= TURN
+
+            def in_time() -> bool:
+                passed = made.world.time - began + made.pace.let_go
+                return passed == pytest.approx(time.monotonic() - wall, abs=0.3)
+
+            await eventually(in_time)
             hurried.cancel()
-            assert sorted(waits)[25] < 0.1
-            assert passed + lag == pytest.approx(time.monotonic() - wall, abs=0.3)
 
     play(scene)
 
@@ -206,7 +217,8 @@ def test_who_never_reads_is_not_read_from_and_the_others_do_not_feel_it() -> Non
             idle = time.monotonic()
             with socket.fromfd(raw.fileno(), raw.family, raw.type) as bare:
                 bare.setblocking(False)
-                while time.monotonic() - idle < 0.3:
+                enough = 10 * MAX_BUFFERED / 4
+                while time.monotonic() - idle < (0.3 if sent > enough else LONGEST):
                     try:
                         sent += bare.send(flood)
                         idle = time.monotonic()
@@ -214,7 +226,7 @@ def test_who_never_reads_is_not_read_from_and_the_others_do_not_feel_it() -> Non
                         await asyncio.sleep(0.01)
                     assert line.kept <= 2 * MAX_BUFFERED + MAX_READ + STATE
                     await other.state(Kind.GS)
-            assert sent > 10 * MAX_BUFFERED / 4  # it took what it could answer, and then no more
+            assert sent > enough  # it took what it could answer, and then no more
             assert await other.state(Kind.GS)
 
     play(scene)
@@ -243,10 +255,11 @@ def test_half_messages_and_long_ones_are_borne() -> None:
 def test_noise_is_answered_with_errors_and_few_words_at_the_terminal() -> None:
     async def scene() -> None:
         async with served() as made:
-            client = await made.caller()
+            began, client = time.monotonic(), await made.caller()
             for number in range(200):
                 assert await client.ask(1000 + number) == (91, (4,))
-            assert 10 < len(made.said) < 50
+            told = [line for line in made.said if not line.startswith("...")]
+            assert 10 < len(told) <= BURST + RATE * (time.monotonic() - began) + 1
             assert await client.state(Kind.GS)
 
     play(scene)
@@ -254,7 +267,7 @@ def test_noise_is_answered_with_errors_and_few_words_at_the_terminal() -> None:
 
 def test_junk_from_many_is_borne() -> None:
     async def scene() -> None:
-        chance = Random(1)
+        chance, began = Random(1), time.monotonic()
         async with served(2) as made:
             other = await made.caller(2)
             for _ in range(40):
@@ -263,7 +276,8 @@ def test_junk_from_many_is_borne() -> None:
                 assert await other.state(Kind.GS)
                 if chance.random() < 0.5:
                     client.writer.transport.abort()
-            assert len(made.said) < 60
+            told = [line for line in made.said if not line.startswith("...")]
+            assert len(told) <= BURST + RATE * (time.monotonic() - began) + 1
 
     play(scene)
 
@@ -321,7 +335,9 @@ def test_time_goes_as_fast_as_it_is_told_to_and_stands_still() -> None:
     play(scene)
 
 
-def test_in_lockstep_each_tick_comes_when_everybody_waits() -> None:
+def test_in_lockstep_each_tick_comes_when_everybody_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(nomad_server, "PATIENCE", LONGEST)  # a busy machine may take long to ask
+
     async def run() -> list[tuple[int, ...]]:
         async with served(2, lockstep=True) as made:
             one, two = await made.caller(1), await made.caller(2)

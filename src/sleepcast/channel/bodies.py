@@ -67,6 +67,12 @@ def is_addressed(body: Mapping[str, object], name: str) -> bool:
     return FOR not in body or (isinstance(only, list) and name in only)
 
 
+def age_of(body: Mapping[str, object]) -> float:
+    """Seconds since a message was first sent; inf where it does not say what can be meant."""
+    age = body.get(AGE, 0.0)
+    return float(age) if isinstance(age, float | int) and age >= 0.0 else inf
+
+
 class Link(NamedTuple):
     """What came before a command. after: number of the one before, 0 for none; sent, until: when it was issued and its
     deadline (s, inf for one that stands); rules: number of the standing one before, 0 for none."""

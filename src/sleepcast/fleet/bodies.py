@@ -1,15 +1,22 @@
 """Bodies: what a fleet asks of its robots' bodies by itself - to stop, to be let go, to keep still while a robot sleeps
-or is frozen - of many at once where they can be asked so."""
+or is frozen - of many at once where they can be asked so.
+
+STOP and RELEASE may come late, and in another order than they were sent in: each robot obeys them as a node does, see
+`node.authority`."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from sleepcast.channel.bodies import age_of
+from sleepcast.channel.message import Message
 from sleepcast.fleet.columns import FleetState, Index, Mask, Rows
-from sleepcast.language.vocabulary import FROZEN, SLEEPING
+from sleepcast.fleet.limits import MAX_SKEW
+from sleepcast.language.vocabulary import FROZEN, SLEEPING, TIME_SLOT
 from sleepcast.robot import Robot
 
 
@@ -33,7 +40,30 @@ class Embodied:
         self._any_still = False
         """Whether any body is held still."""
 
-    def stop(self, rows: Rows) -> None:
+    def obey_stop(self, message: Message, rows: Rows) -> Mask:
+        """Stop these robots, unless the message is sent again for others and was decided so long before a RELEASE that
+        was obeyed that no clocks can be wrong by as much; gives which have stopped."""
+        age, state = age_of(message.body), self._state
+        obeyed = np.ones(rows.size, np.bool_)
+        if age not in (0.0, inf):
+            obeyed = message.issued - age > state.order("released")[rows.index] - 2.0 * MAX_SKEW
+        some = rows.take(obeyed)
+        latest = state.order("stopped")
+        latest[some.index] = np.maximum(latest[some.index], message.issued)
+        self._stop(some)
+        return obeyed
+
+    def obey_release(self, message: Message, rows: Rows) -> Mask:
+        """Release those of these robots that have obeyed no STOP which was sent after this was decided; gives which."""
+        decided, state = message.issued - age_of(message.body), self._state
+        obeyed: Mask = decided >= state.order("stopped")[rows.index]
+        some = rows.take(obeyed)
+        latest = state.order("released")
+        latest[some.index] = np.maximum(latest[some.index], np.minimum(decided, state.column(TIME_SLOT, some)))
+        self._release(some)
+        return obeyed
+
+    def _stop(self, rows: Rows) -> None:
         """Stop these robots; where the body has no latch of its own, functions that act are refused instead."""
         self._state.stopped[rows.index] = True
         if self._many is not None:
@@ -46,8 +76,8 @@ class Embodied:
             else:
                 self._state.held[robot] = True
 
-    def release(self, rows: Rows) -> None:
-        """End `stop` for these robots."""
+    def _release(self, rows: Rows) -> None:
+        """End `_stop` for these robots."""
         self._state.stopped[rows.index] = self._state.held[rows.index] = False
         if self._many is not None:
             self._many.release(rows.robots)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from copy import copy
-from math import nan
+from math import inf, nan
 from typing import TypeAlias
 
 import numpy as np
@@ -162,6 +162,8 @@ class FleetState:
         self.reported = np.zeros(count, np.int32)
         """Its reports in that second."""
         self.stopped = np.zeros(count, np.bool_)
+        self._orders: dict[str, Column] = {}
+        """When the latest STOP, and the latest RELEASE, that each robot obeyed was decided (s); see `order`."""
         self.held = np.zeros(count, np.bool_)
         """Whether functions that act are refused: the robot is stopped and its body has no latch of its own."""
         self.still = np.zeros(count, np.bool_)
@@ -268,12 +270,20 @@ class FleetState:
             found = self.actuated[slot] = filled(0, np.bool_, self.count)
         return found
 
+    def order(self, sort: str) -> Column:
+        """When the latest order of a sort that each robot obeyed was decided, s, -inf for none; made now if it is the
+        first one."""
+        found = self._orders.get(sort)
+        if found is None:
+            found = self._orders[sort] = np.full(self.count, -inf)
+        return found
+
     # ---- kept and made again
 
     def state(self) -> StateParcel:
         """All of it but the chance, which comes from the seed."""
         actuated = {slot: Array.of(robots) for slot, robots in self.actuated.items()}
-        return StateParcel(self.values(), kept(self._arrays()), actuated)
+        return StateParcel(self.values(), kept(self._arrays()), actuated, kept(self._orders))
 
     def values(self) -> ValuesParcel:
         """The variables that nobody else keeps, and the groups."""
@@ -291,6 +301,7 @@ class FleetState:
             slot: robots.made(np.bool_, (self.count,), f"who assigned actuator {slot}")
             for slot, robots in parcel.actuated.items()
         }
+        self._orders = {sort: when.made(np.float64, (self.count,), sort) for sort, when in parcel.orders.items()}
 
     def refill(self, parcel: ValuesParcel) -> None:
         """Have those values. Raises ParcelError if they are of another fleet."""

@@ -183,20 +183,25 @@ class Core:
 
     def receive(self, message: Message, robots: Some = None) -> None:
         """Take a message on these robots: STOP and RELEASE at once, commands and questions into their queues."""
-        new = self.inbox.first_heard(message, self.rows(robots).robots)
+        heard = meant = self.inbox.first_heard(message, self.rows(robots).robots)
         if FOR in message.body or NOT in message.body:
-            meant = [is_addressed(message.body, self.names[robot]) for robot in new.tolist()]
-            rows = Rows.of(new)
-            if message.kind is Kind.STOP:
-                self._embodied.stop(rows)
-            new = new[np.array(meant, np.bool_)]
-        rows = Rows.of(new)
-        if message.kind in (Kind.STOP, Kind.RELEASE):
-            stopping = message.kind is Kind.STOP
-            (self._embodied.stop if stopping else self._embodied.release)(rows)
-            self.speech.answer(rows, Answers.alike(message.id, rows.size, "stopped" if stopping else "released"))
+            meant = np.array([i for i in heard.tolist() if is_addressed(message.body, self.names[i])], np.intp)
+        if message.kind is Kind.STOP:  # whoever hears it stops; those that are not addressed need not say so again
+            rows = Rows.of(heard)
+            obeyed = self._embodied.obey_stop(message, rows)
+            self._answer_alike(message, Rows.of(np.intersect1d(rows.take(obeyed).robots, meant)), "stopped")
+            self._answer_alike(message, rows.take(~obeyed), "fault", "a RELEASE that was sent later holds")
+        elif message.kind is Kind.RELEASE:
+            rows = Rows.of(meant)
+            obeyed = self._embodied.obey_release(message, rows)
+            self._answer_alike(message, rows.take(obeyed), "released")
+            self._answer_alike(message, rows.take(~obeyed), "fault", "a STOP that was sent later holds")
         elif message.kind in (Kind.COMMAND, Kind.ASK):
-            self.state.lost[self.inbox.put(message, new)] += 1
+            self.state.lost[self.inbox.put(message, meant)] += 1
+
+    def _answer_alike(self, message: Message, rows: Rows, sort: str, fault: str = "") -> None:
+        """The same answer on each of these robots."""
+        self.speech.answer(rows, Answers.alike(message.id, rows.size, sort, fault=fault))
 
     def sense(self, readings: NDArray[np.float64], now: float, robots: Some = None) -> None:
         """Take sensor values (SI; one row a robot, in the order of the vocabulary's sensors) at `now` (s).
@@ -310,7 +315,7 @@ class Core:
 
     def _obey(self, message: Message, rows: Rows, now: float) -> None:
         if now > message.deadline:
-            self.speech.answer(rows, Answers.alike(message.id, rows.size, "late"))
+            self._answer_alike(message, rows, "late")
             return
 
         def program(number: int) -> Program | str:
@@ -322,7 +327,7 @@ class Core:
 
         for found, some, _ in self.memory.divide(rows, program):
             if isinstance(found, str):
-                self.speech.answer(some, Answers.alike(message.id, some.size, "fault", fault=found))
+                self._answer_alike(message, some, "fault", found)
             elif message.kind is Kind.ASK:
                 self._asked(message, found, some)
             else:

@@ -23,11 +23,13 @@ class ValuesParcel(msgspec.Struct):
 
 
 class StateParcel(msgspec.Struct):
-    """`FleetState`: its values, its arrays by name, and by slot who has assigned an actuator."""
+    """`FleetState`: its values, its arrays by name, by slot who has assigned an actuator, and by sort when the latest
+    order that each robot obeyed was decided."""
 
     values: ValuesParcel
     arrays: Arrays
     actuated: dict[int, Array]
+    orders: Arrays = {}
 
 
 class ToldParcel(msgspec.Struct):

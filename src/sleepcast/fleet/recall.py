@@ -36,7 +36,7 @@ _READING = frozenset({"var", "write", "defvar", "set_user"})
 class Memo:
     """What went into one command on the robots `rows`. minds: by number, those that they had then.
 
-    proven, unproven_since: kept only if it may roll back.
+    proven, unproven_since: kept only if it may roll back. held: who was held then, kept only if anybody was.
     """
 
     program: Program
@@ -45,6 +45,7 @@ class Memo:
     mind: NDArray[np.int32]
     proven: NDArray[np.int32] | None
     unproven_since: NDArray[np.int64] | None
+    held: Mask | None
     minds: dict[int, Mind]
     draws: NDArray[np.int32]
     columns: dict[int, Column | float]
@@ -54,7 +55,14 @@ class Memo:
     @property
     def bytes(self) -> int:
         """About how much memory it takes."""
-        arrays: Iterable[object] = (self.rows.index, self.mind, self.proven, self.unproven_since, self.draws)
+        arrays: Iterable[object] = (
+            self.rows.index,
+            self.mind,
+            self.proven,
+            self.unproven_since,
+            self.held,
+            self.draws,
+        )
         kept = (*arrays, *self.columns.values(), *self.groups.values())
         return MEMO_BYTES + self.host_bytes + sum(array.nbytes for array in kept if isinstance(array, np.ndarray))
 
@@ -107,6 +115,7 @@ class Recall:
             mind,
             proven,
             unproven_since,
+            state.held[rows.index].copy() if state.held.any() else None,
             there,
             state.draws[rows.index].copy(),
             columns,
@@ -168,6 +177,8 @@ def recollect(memo: Memo, robot: int, vocabulary: Vocabulary, keys: NDArray[np.u
     if memo.proven is not None and memo.unproven_since is not None:
         state.proven[0] = minds.add(memo.minds[int(memo.proven[place])])
         state.unproven_since[0] = memo.unproven_since[place]
+    if memo.held is not None:
+        state.held[0] = memo.held[place]
     memory = FleetMemory(state, minds, Speech(state, ["again"]), ACTS, [None])
     memory.answers, memory.script = [], memo.given(robot)
     before, groups = state.row(0), state.groups_of(0)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from math import inf, isfinite
 
-from sleepcast.channel.bodies import AGE, LEASE
+from sleepcast.channel.bodies import LEASE, age_of
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.roles import Role
 from sleepcast.language.machine import Program
@@ -33,7 +33,7 @@ class Authority:
     def may_stop(self, message: Message) -> bool:
         """Whether to obey a STOP: always, but for one that is sent again for others and was decided so long before the
         latest RELEASE that no clocks can be wrong by as much."""
-        if _age(message) in (0.0, inf) or _decided(message) > self._released - 2.0 * MAX_SKEW:
+        if age_of(message.body) in (0.0, inf) or _decided(message) > self._released - 2.0 * MAX_SKEW:
             self._stopped = max(self._stopped, message.issued)
             return True
         return False
@@ -76,14 +76,8 @@ class Authority:
             self.leases.restore(leases, now)
 
 
-def _age(message: Message) -> float:
-    """Seconds since a message was first sent; inf where it does not say what can be meant."""
-    age = message.body.get(AGE, 0.0)
-    return float(age) if isinstance(age, float | int) and age >= 0.0 else inf
-
-
 def _decided(message: Message) -> float:
-    return message.issued - _age(message)
+    return message.issued - age_of(message.body)
 
 
 def _entered(program: Program) -> set[str]:

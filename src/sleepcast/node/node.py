@@ -323,7 +323,8 @@ class Node(Embodied):
         buffer.last_fault = str(memory.faults[0])
         buffer.faults_in_row += 1
         memory.rule_faulted()
-        if buffer.faults_in_row >= MAX_FAULTS_IN_ROW and not buffer.protected:
+        here = memory.rules.kept.get(buffer.key) is buffer  # it may have forgotten itself, and made another one
+        if here and buffer.faults_in_row >= MAX_FAULTS_IN_ROW and not buffer.protected:
             memory.rules.activate(buffer, False)
             memory.rule_failed()
             self._report(f"rule {buffer.name} deactivated", ())

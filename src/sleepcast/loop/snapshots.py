@@ -86,8 +86,13 @@ class LoopParcel(msgspec.Struct):
 def snapshot(swarm: Swarm) -> bytes:
     """The swarm between two ticks, with its desk. Nothing of it is changed, so it goes on as if nobody had looked.
 
-    Raises SnapshotLostError for a swarm that says more than fits.
+    Raises SnapshotLostError for a swarm that says more than fits, or whose last tick was broken off.
     """
+    if not swarm.whole:
+        raise SnapshotLostError(
+            f"no snapshot was taken: the tick of {swarm.now():g} s was broken off, and only between two ticks can a "
+            "swarm be kept so that it goes on as it would have"
+        )
     robots = len(swarm.fleet)
     loop = LoopParcel([(order.time, order.text, order.place) for order in swarm.mission], list(swarm.posted))
     parts = (simulators.state_of(swarm.simulator), fleets.state_of(swarm.fleet), swarm.radio.state(), loop)

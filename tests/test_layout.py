@@ -56,7 +56,7 @@ HOUSE = {
     "nomad": room("robot"),
     "node": room("language channel robot", "msgspec", late="numpy"),
     "fleet": room("language channel robot", "numpy msgspec", late="llvmlite"),
-    "simulator": room("channel robot", "numpy msgspec mcap numba llvmlite", late="yaml PIL"),
+    "simulator": room("channel robot", "numpy msgspec mcap lz4 zstandard numba llvmlite", late="yaml PIL"),
     "bridges": room("nomad robot"),
     "loop": room("language channel node fleet simulator robot", "msgspec"),
     "station": room("language channel", "msgspec numpy"),

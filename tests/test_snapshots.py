@@ -159,6 +159,24 @@ def test_a_swarm_without_a_desk_goes_on_without_one(tmp_path: Path) -> None:
     assert desk_of(other).commands() == []
 
 
+def test_half_a_tick_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An error, or Ctrl-C pressed twice, breaks a tick off: who went on from there would go on as nobody else does."""
+    swarm = swarm_of(few("crowd"))
+    swarm.run(2)
+    kept = snapshot(swarm)
+    with monkeypatch.context() as patch:
+        patch.setattr(swarm.fleet, "think", raise_interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            swarm.step()
+    with pytest.raises(SnapshotLostError, match=r"the tick of 2\.1 s was broken off"):
+        snapshot(swarm)
+    assert resume(kept).whole
+
+
+def raise_interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
 def test_what_came_before_is_not_explained() -> None:
     swarm = swarm_of(few("bravo"))
     desk = desk_of(swarm)

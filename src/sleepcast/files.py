@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
+from io import FileIO
 from pathlib import Path
+from stat import S_ISDIR, S_ISREG
 
 
 def data_folder() -> Path:
@@ -12,6 +14,15 @@ def data_folder() -> Path:
     if sys.platform == "darwin":
         return Path.home() / "Library" / "Application Support" / "sleepcast"
     return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "sleepcast"
+
+
+def open_file(file: Path) -> FileIO:
+    """Open a file to read. Raises OSError, also for a pipe, where opening would wait for somebody who writes, and for
+    what else can be read only once or has no end."""
+    mode = file.stat().st_mode
+    if not (S_ISREG(mode) or S_ISDIR(mode)):  # a folder has a reason of its own
+        raise OSError(None, "that is no file")
+    return FileIO(file)
 
 
 def replace_file(file: Path, data: bytes, *, private: bool = False) -> None:

@@ -25,7 +25,8 @@ from sleepcast.cli.headless import assemble
 from sleepcast.cli.page import SwarmOnPage
 from sleepcast.console import DEFAULT_PORT
 from sleepcast.console.messages import MAX_FACTOR, MIN_FACTOR
-from sleepcast.simulator import find_scenario
+from sleepcast.loop import resume, snapshot
+from sleepcast.simulator import Changes, Wall, find_scenario
 from small_worlds import small, write
 
 WALL = re.compile(r"wall_|realtime_factor|_per_second")
@@ -348,6 +349,19 @@ def test_the_page_shows_where_the_robots_are(tmp_path: Path) -> None:
     assert poses[2::3].tolist() == pytest.approx(simulator.bodies.heading.tolist(), rel=1e-6)
     assert (shown.tick, shown.now()) == (1, pytest.approx(0.1))
     assert list(shown.minds) == list(shown.scene.names)
+
+
+def test_the_page_shows_what_is_solid_where_a_snapshot_goes_on() -> None:
+    """Not what stood there when the scenario began."""
+    built, _ = assemble(find_scenario("crowd", Changes(robots=40)), None, mission=False)
+    world = built.simulator.world
+    for number in list(world.shapes):
+        world.remove(number)
+    world.add(Wall(((1.0, 1.0), (2.0, 1.0))))
+    built.step()
+    shown = SwarmOnPage(resume(snapshot(built)))
+    assert shown.scene.obstacles == ((((1.0, 1.0), (2.0, 1.0)),),)
+    assert shown.obstacles() is None
 
 
 def test_the_scene_has_the_lights() -> None:

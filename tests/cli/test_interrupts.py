@@ -112,3 +112,34 @@ def test_a_run_that_is_to_be_kept_at_its_end_is_kept_where_it_ends(tmp_path: Pat
         time.sleep(0.1)
     assert end(process).endswith(f"; {file} holds what came before; go on with --from {kept}")
     assert resume(load(kept)).now() == pytest.approx(load_recording(file).seconds, abs=1e-6)
+
+
+TWICE = """
+import os, signal, sys
+from sleepcast.cli import main
+from sleepcast.fleet import Fleet
+think = Fleet.think
+def pressed_twice(fleet, tick, now, robots):
+    if tick == 25:
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)
+    think(fleet, tick, now, robots)
+Fleet.think = pressed_twice
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_pressed_twice_within_a_tick_nothing_of_that_tick_is_kept(tmp_path: Path) -> None:
+    file, kept = tmp_path / "run.mcap", tmp_path / "run.snap"
+    kept.write_text("the old one")
+    options = ["--robots", "30", "--seconds", "100", "--quiet", "--record", str(file), "--snapshot", str(kept)]
+    command = [sys.executable, "-c", TWICE, "run", "crowd", *options]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=LONGEST)
+    assert done.returncode == 130
+    assert "no snapshot was taken: the tick of 2.5 s was broken off" in done.stderr
+    assert "ended by Ctrl-C at 2.5 s" in done.stderr
+    assert "--from" not in done.stderr
+    assert kept.read_text() == "the old one"
+    recording = load_recording(file)
+    assert recording.complete
+    assert 25 not in recording.states, "the state of half a tick, to which nobody comes again"

@@ -133,7 +133,8 @@ def test_paused_on_the_page_nothing_recorded_waits_in_memory(world: Path) -> Non
     file = world / "run.mcap"
     with Program("run", world, "--page", "--speed", "5", "--record", file) as program, open_page(program) as page:
         page.ask("send", text="(WHEN (> battery 30%) (JOIN some))", everybody=True)
-        page.wait_for("commands", lambda found: bool(found["rows"]))
+        # Until the first tick, which waits for the kernels, nothing goes on the air.
+        page.wait_for("commands", lambda found: any(row["matched"] for row in found["rows"]))
         page.tell("pace", running=False)
         deadline = time.monotonic() + PATIENCE
         while not (found := load_recording(file)).posted and time.monotonic() < deadline:

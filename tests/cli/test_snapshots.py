@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import resource
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -91,6 +92,10 @@ def test_a_run_that_goes_on_can_be_recorded_and_verified(world: Path) -> None:
         (["run", "bravo", "--snapshot", "x.snap", "--snapshot-at", "soon"], "wanted a time such as 30s or 2min"),
         (["run", "bravo", "--seconds", "9", "--snapshot", "x.snap", "--snapshot-at", "10"], "goes from 0 s to 9 s"),
         (["run", "bravo", "--snapshot", "none/x.snap"], "there is no folder"),
+        (["run", "bravo", "--snapshot", "."], "--snapshot .: that is no file"),
+        (["run", "bravo", "--record", "x", "--snapshot", "./x"], "--record and --snapshot name the same file x"),
+        (["run", "bravo", "--journal", "x", "--snapshot", "x"], "--snapshot and --journal name the same file x"),
+        (["demo", "--journal", "x", "--record", "x"], "--record and --journal name the same file x"),
         (["run", "--from", "none.snap"], "cannot read the snapshot none.snap: No such file or directory"),
         (["run", "--from", "."], "cannot read the snapshot .: Is a directory"),
         (["run", "--from", "scenario.toml"], "scenario.toml is no snapshot of sleepcast"),
@@ -176,3 +181,16 @@ def test_the_page_goes_on_and_keeps_what_came_of_it(world: Path) -> None:
     found = outcome("--from", later, "--seconds", "1")
     assert found["seconds"] > 4.0
     assert len(found["accounting"]) >= 3
+
+
+def test_a_page_that_cannot_be_opened_leaves_everything_as_it_was(world: Path) -> None:
+    file, record = world / "half.snap", world / "run.mcap"
+    outcome(world, "--seconds", "3", "--snapshot", file)
+    before = file.read_bytes()
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        done = called("demo", str(world), "--port", port, "--snapshot", str(file), "--record", str(record))
+    assert (done.status, done.out) == (1, "")
+    assert done.err.startswith(f"port {port} of 127.0.0.1 is in use")
+    assert file.read_bytes() == before
+    assert not record.exists(), "else the next attempt would be refused for its name"

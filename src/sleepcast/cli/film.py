@@ -11,7 +11,7 @@ from sleepcast.clock import WallClock
 from sleepcast.console import serve_desk
 from sleepcast.console.answers import ShownRule
 from sleepcast.console.ledger import Row
-from sleepcast.console.replay import Film, Marks, ReplayDesk, ReplayDriver, Track
+from sleepcast.console.replay import Film, Marks, ReplayDesk, ReplayDriver, Track, values_of
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.foxglove import read_log, read_poses
 from sleepcast.simulator.packing import unpack
@@ -30,7 +30,7 @@ from sleepcast.simulator.recorder import (
     RulesBody,
     WorldChange,
 )
-from sleepcast.simulator.recording import Entry, NoRecordingError, Recording, decoded, entries
+from sleepcast.simulator.recording import Entry, NoRecordingError, Recording, alive, decoded, entries
 
 MAX_FILM = 2_147_483_648
 """Bytes of poses, readings and the like that are held in memory: ten hours of `bravo` at the usual rates."""
@@ -41,7 +41,8 @@ class Maker:
 
     def __init__(self, recording: Recording) -> None:
         scenario = recording.scenario
-        simulator = Simulator(scenario, recording.seed)
+        with alive(recording):
+            simulator = Simulator(scenario, recording.seed)
         self._count, self._tick, self._bytes = len(simulator.names), scenario.tick, 0
         self._rows: dict[str, Row] = {}
         scene = scene_of(replace(scenario, commands=()), tuple(simulator.names))
@@ -72,6 +73,7 @@ class Maker:
                 raise ValueError(f"marks of {len(marks.groups)} robots, wanted those of {self._count}")
             film.marks.add(time, Marks(marks.groups, marks.flags, tuple(marks.names)))
         elif entry.topic == READINGS:
+            values_of(data)
             film.values.add(time, data)
         elif entry.topic == POSTED and self._waiting:
             while self._waiting and self._waiting[0].at <= time:
@@ -110,7 +112,7 @@ def film_of(recording: Recording) -> Film:
     for entry in entries(recording.file, recording):
         try:
             maker.take(entry)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             where = f"{recording.file}: {entry.topic} at {entry.time:g} s"
             raise NoRecordingError(f"{where} cannot be shown: {error}") from None
     if not maker.film.poses.times:

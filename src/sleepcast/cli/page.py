@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from array import array
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from math import cos, pi, sin
 from threading import Event
+
+import msgspec
 
 from sleepcast.cli.headless import warm_up
 from sleepcast.cli.interrupts import end_now
@@ -30,9 +33,12 @@ class SwarmOnPage:
 
     def __init__(self, swarm: Swarm) -> None:
         self._swarm = swarm
-        self._world_version = swarm.simulator.world.version
+        world = swarm.simulator.world
+        self._world_version = world.version
         self._obstacles: tuple[tuple[Outline, ...], ...] | None = None
-        self.scene = scene_of(swarm.simulator.scenario, tuple(swarm.simulator.names))
+        solid = tuple(map(outlines, world.shapes.values()))  # not the scenario's: the swarm may come from a snapshot
+        scene = scene_of(swarm.simulator.scenario, tuple(swarm.simulator.names))
+        self.scene = msgspec.structs.replace(scene, obstacles=solid)
         self.minds = swarm.fleet
         self.vocabulary: Vocabulary = swarm.vocabulary
 
@@ -133,24 +139,32 @@ def show(
         warm.set()
 
     try:
-        with ExitStack() as stack:
-            if keeping is not None:
-                stack.callback(keeping.take, swarm)
-            if wanted is not None:
-                stack.enter_context(recorded(swarm, station, wanted))
-            serve(
-                SwarmOnPage(swarm),
-                station,
-                Pace(clock, swarm, scenario.speed_up if speed is None else speed),
-                clock,
-                host=address.host,
-                port=address.port,
-                insecure=address.insecure,
-                open_browser=address.browser,
-                say=announce,
-                prepare=prepare,
-            )
+        serve(
+            SwarmOnPage(swarm),
+            station,
+            Pace(clock, swarm, scenario.speed_up if speed is None else speed),
+            clock,
+            host=address.host,
+            port=address.port,
+            insecure=address.insecure,
+            open_browser=address.browser,
+            say=announce,
+            prepare=prepare,
+            around=_kept(swarm, station, wanted, keeping),
+        )
     except KeyboardInterrupt:
         if not warm.is_set():
             end_now()
         raise
+
+
+@contextmanager
+def _kept(swarm: Swarm, station: Station, wanted: Wanted | None, keeping: Keeping | None) -> Iterator[None]:
+    """Record what happens inside, and keep the swarm at the end. A page that could not be opened comes by neither: it
+    would leave an empty recording, and replace a good snapshot by one of the start."""
+    with ExitStack() as stack:
+        if keeping is not None:
+            stack.callback(keeping.take, swarm)
+        if wanted is not None:
+            stack.enter_context(recorded(swarm, station, wanted))
+        yield

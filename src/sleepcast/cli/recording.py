@@ -179,8 +179,10 @@ class Witness:
         self._minds[...] = minds
 
     def finish(self) -> None:
-        """Record how it ended."""
+        """Record how it ended, unless that was within a tick: nobody comes to half a tick again."""
         simulator = self._swarm.simulator
+        if not self._swarm.whole:
+            return
         if self._seen != simulator.tick:
             self.picture()
             if self._world_version == simulator.world.version:  # else the state is already that of the tick to come

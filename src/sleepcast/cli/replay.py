@@ -50,7 +50,7 @@ def replay(
 
     With --headless or --json it is printed instead: the run, the operator's messages, and what became of them. With
     --verify the messages are sent again to the same scenario with the same seed, each in its tick; the exit status is 1
-    if the state differs from the recorded one.
+    if the state differs from the recorded one, or none was recorded.
 
     \b
     Examples:
@@ -82,12 +82,14 @@ class Verdict:
 
     @property
     def same(self) -> bool:
-        return self.differs is None
+        return self.differs is None and self.compared > 0
 
     def sentence(self, recording: Recording) -> str:
         """The verdict for a person."""
         from sleepcast import __version__
 
+        if not self.compared:
+            return "not verified: the recording holds no state to compare with, it was broken off too early"
         if self.differs is None:
             return f"verified: run again, the state is the same to the last bit ({self.compared} times compared)"
         other = f"; recorded by version {recording.version}, run again by version {__version__}"
@@ -101,9 +103,11 @@ def _verify(interrupts: Interrupts, recording: Recording, *, quiet: bool) -> Ver
     """Run the recording again, up to the last state that it holds."""
     from sleepcast.cli.headless import warm_up
     from sleepcast.cli.progress import steps
+    from sleepcast.simulator.recording import alive
 
-    warm_up(recording.scenario, None)
-    swarm, first = _beginning(recording), recording.first
+    with alive(recording):
+        warm_up(recording.scenario, None)
+        swarm, first = _beginning(recording), recording.first
     interrupts.defer()
     posted, changes = deque(recording.posted), deque(change for change in recording.obstacles if not change.own)
     compared = 0
@@ -117,6 +121,7 @@ def _verify(interrupts: Interrupts, recording: Recording, *, quiet: bool) -> Ver
                 while posted and posted[0].tick <= tick:
                     swarm.post(posted.popleft().message)
                 swarm.step()
+                swarm.radio.hear()  # nobody sits at the desk; what robots tell it would gather without end
             wanted = recording.states.get(tick)
             if wanted is not None:
                 compared += 1

@@ -21,9 +21,15 @@ class Keeping:
 
     def check_place(self) -> None:
         """Raises MisuseError where nothing can be written: better now than after a long run."""
-        folder = Path(os.path.realpath(self.file)).parent
-        if not folder.is_dir():
-            raise MisuseError(f"--snapshot {self.file}: there is no folder {folder}; make it, or give another name")
+        file = Path(os.path.realpath(self.file))
+        if not file.parent.is_dir():
+            raise MisuseError(
+                f"--snapshot {self.file}: there is no folder {file.parent}; make it, or give another name"
+            )
+        if file.exists() and not file.is_file():
+            raise MisuseError(f"--snapshot {self.file}: that is no file; give another name")
+        if not os.access(file.parent, os.W_OK):
+            raise MisuseError(f"--snapshot {self.file}: nothing can be written in {file.parent}; give another folder")
 
     def tick(self, first: int, ticks: int, tick: float) -> int:
         """The tick after which it is taken, in a run of so many from the `first` on. tick: s in each. Raises

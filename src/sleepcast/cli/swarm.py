@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from math import isfinite
 from pathlib import Path
@@ -228,8 +229,21 @@ def _refuse_contradictions(headless: bool, options: Options) -> None:
         raise MisuseError("--snapshot-at says when to take the snapshot of a headless run: add --snapshot FILE")
     if headless and options["speed"] is not None:
         raise MisuseError("--speed is for the page: without one, the run goes as fast as it can")
+    _refuse_one_file_for_two(options)
     if seconds is not None and not (isfinite(seconds) and 0.0 < seconds <= MAX_TIME):
         raise MisuseError(f"--seconds must be more than 0 and at most {MAX_TIME:.0f}, not {seconds:g}")
+
+
+def _refuse_one_file_for_two(options: Options) -> None:
+    """Whatever is written last would replace the other, a recording among them."""
+    taken: dict[str, str] = {}
+    for option, file in (
+        ("--record", options["record"]),
+        ("--snapshot", options["snapshot"]),
+        ("--journal", options["journal"]),
+    ):
+        if file is not None and (other := taken.setdefault(os.path.realpath(file), option)) != option:
+            raise MisuseError(f"{other} and {option} name the same file {file}: give each one of its own")
 
 
 def _wanted(options: Options) -> Wanted | None:

@@ -31,7 +31,8 @@ STATES = ("stopped", "frozen", "sleeping", "marked")
 """The flags of a frame by bit, in words."""
 
 Kind = TypeVar("Kind")
-_decode = msgspec.json.Decoder(dict[str, list[float | None]]).decode
+values_of = msgspec.json.Decoder(dict[str, list[float | None]]).decode
+"""What robots sensed, by sensor, as it was recorded. Raises ValueError."""
 
 
 @dataclass(slots=True)
@@ -240,7 +241,7 @@ class ReplayDesk:
 
     def _values(self, index: int) -> list[answers.ShownValue]:
         data = self._film.values.at(self.driver.time)
-        found = {} if data is None else _decode(data)
+        found = {} if data is None else values_of(data)
         units = self._film.units
         return [
             answers.ShownValue(name, "unknown" if values[index] is None else shown_value(values[index], unit), "sensor")

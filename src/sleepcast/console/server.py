@@ -9,6 +9,7 @@ import socket
 import sys
 import webbrowser
 from collections.abc import Callable, Coroutine
+from contextlib import AbstractContextManager, closing, nullcontext
 from ipaddress import ip_address
 from secrets import token_urlsafe
 from typing import Any
@@ -36,6 +37,8 @@ DEFAULT_PORT = 8317
 HIGHEST_PORT = 65_535
 FAREWELL = 1
 """Seconds that open connections get to end."""
+NOTHING = nullcontext()
+"""Nothing that is to be begun with a page and ended with it."""
 
 
 class PortError(SleepcastError):
@@ -54,6 +57,7 @@ def serve(
     open_browser: bool = True,
     say: Callable[[str], None] = print,
     prepare: Callable[[], None] | None = None,
+    around: AbstractContextManager[object] = NOTHING,
 ) -> None:
     """Serve the page and let the swarm run until Ctrl-C, which is raised on as KeyboardInterrupt after a clean stop.
 
@@ -61,7 +65,7 @@ def serve(
     """
     driver = Driver(swarm, pace, clock, prepare)
     desk = Desk(swarm, station, driver, clock)
-    serve_desk(desk, clock, host=host, port=port, insecure=insecure, open_browser=open_browser, say=say)
+    serve_desk(desk, clock, host=host, port=port, insecure=insecure, open_browser=open_browser, say=say, around=around)
 
 
 def serve_fleet(
@@ -93,6 +97,7 @@ def serve_desk(
     insecure: bool,
     open_browser: bool,
     say: Callable[[str], None],
+    around: AbstractContextManager[object] = NOTHING,
 ) -> None:
     """Serve the page of a desk until Ctrl-C.
 
@@ -103,7 +108,7 @@ def serve_desk(
         return make_app("index.html", door, lambda socket: Session(socket, desk, clock).run())
 
     pages = serve_pages(
-        app, desk.driver.run, host=host, port=port, insecure=insecure, open_browser=open_browser, say=say
+        app, desk.driver.run, host=host, port=port, insecure=insecure, open_browser=open_browser, say=say, around=around
     )
     asyncio.run(pages)
 
@@ -150,13 +155,15 @@ async def serve_pages(
     open_browser: bool,
     say: Callable[[str], None],
     port_option: str = "--port",
+    around: AbstractContextManager[object] = NOTHING,
 ) -> None:
     """Serve an application until Ctrl-C, or until what it shows has ended.
 
     make: gives the application that this door is for. live: lets what is shown live. host, port: where to listen; port
     0 takes any free one. insecure: allow a host that others can reach, though nothing is encrypted. open_browser: open
     the page at once. say: tells the person at the terminal what is going on. port_option: the option for the port.
-    Raises MisuseError for a host that others can reach, PortError for a port that is taken or forbidden.
+    around: entered once there is a port, before anybody is told of it, and left when all has ended. Raises MisuseError
+    for a host that others can reach, PortError for a port that is taken or forbidden.
     """
     _check_host(host, insecure)
     listener = listen(host, port, port_option)
@@ -173,8 +180,9 @@ async def serve_pages(
         server_header=False,
         lifespan="off",
     )
-    say(_invitation(address, open_browser and _has_screen()))  # from here on Ctrl-C ends the loop in good order
-    await _run(uvicorn.Server(config), live, listener)
+    with closing(listener), around:
+        say(_invitation(address, open_browser and _has_screen()))  # from here on Ctrl-C ends the loop in good order
+        await _run(uvicorn.Server(config), live, listener)
 
 
 async def _run(server: uvicorn.Server, live: Callable[[], Coroutine[Any, Any, None]], listener: socket.socket) -> None:

@@ -13,7 +13,6 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from stat import S_ISREG
 
 import msgspec
 
@@ -21,7 +20,7 @@ from sleepcast import __version__
 from sleepcast.channel import Message
 from sleepcast.channel.parcels import RadioParcel
 from sleepcast.errors import MisuseError, SleepcastError
-from sleepcast.files import replace_file
+from sleepcast.files import open_file, replace_file
 from sleepcast.fleet import snapshot as fleets
 from sleepcast.fleet.parcels import FleetParcel
 from sleepcast.loop.swarm import MAX_MINDS, Desk, Swarm
@@ -86,8 +85,13 @@ class LoopParcel(msgspec.Struct):
 def snapshot(swarm: Swarm) -> bytes:
     """The swarm between two ticks, with its desk. Nothing of it is changed, so it goes on as if nobody had looked.
 
-    Raises SnapshotLostError for a swarm that says more than fits.
+    Raises SnapshotLostError for a swarm that says more than fits, or whose last tick was broken off.
     """
+    if not swarm.whole:
+        raise SnapshotLostError(
+            f"no snapshot was taken: the tick of {swarm.now():g} s was broken off, and only between two ticks can a "
+            "swarm be kept so that it goes on as it would have"
+        )
     robots = len(swarm.fleet)
     loop = LoopParcel([(order.time, order.text, order.place) for order in swarm.mission], list(swarm.posted))
     parts = (simulators.state_of(swarm.simulator), fleets.state_of(swarm.fleet), swarm.radio.state(), loop)
@@ -117,13 +121,11 @@ def save(data: bytes, file: Path) -> None:
 def load(file: Path) -> bytes:
     """The bytes of a snapshot. Raises SnapshotError for a file that cannot be one."""
     try:
-        with open(file, "rb") as opened:
-            found = os.fstat(opened.fileno())
-            if not S_ISREG(found.st_mode):
-                raise SnapshotError(f"{file} is no file: wanted one that run --snapshot has written")
-            if found.st_size > MAX_FILE:
-                raise SnapshotError(f"{file} is too large for a snapshot: {found.st_size} bytes, at most {MAX_FILE}")
-            return opened.read(MAX_FILE)
+        with open_file(file) as opened:
+            size = os.fstat(opened.fileno()).st_size
+            if size > MAX_FILE:
+                raise SnapshotError(f"{file} is too large for a snapshot: {size} bytes, at most {MAX_FILE}")
+            return opened.readall()
     except OSError as error:
         raise SnapshotError(f"cannot read the snapshot {file}: {error.strerror or error}") from None
 

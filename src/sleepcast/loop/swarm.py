@@ -120,6 +120,9 @@ class Swarm:
         self.posted: deque[Message] = deque()
         self.thought = Rows.run(0, 0)
         """The robots that thought in the last tick."""
+        self.whole = True
+        """Whether this is between two ticks; not within one, nor after one that was broken off by an error or by an
+        impatient Ctrl-C."""
 
     def now(self) -> float:
         """Simulated seconds since the start."""
@@ -168,11 +171,13 @@ def step_swarm(swarm: Swarm) -> None:
     """One tick of the whole swarm: act, advance, deliver, sense, think, report."""
     if swarm.witness is not None:
         swarm.witness.ticking()
+    swarm.whole = False
     _act(swarm)
     swarm.simulator.step()
     _deliver(swarm)
     _think(swarm)
     _report(swarm)
+    swarm.whole = True
     if swarm.witness is not None:
         swarm.witness.ticked()
 

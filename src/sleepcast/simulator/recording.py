@@ -9,18 +9,24 @@ from __future__ import annotations
 import json
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO, TypeVar
+from typing import TypeVar
 
 import msgspec
+from lz4.frame import LZ4FrameDecompressor
 from mcap.exceptions import McapError
 from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Metadata
 from mcap.records import Message as Record
 from mcap.stream_reader import StreamReader, breakup_chunk
+from zstandard import ZstdDecompressor, ZstdError
 
 from sleepcast.channel import Message
-from sleepcast.errors import MisuseError
+from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.files import open_file
+from sleepcast.parcel import ParcelError
 from sleepcast.simulator.packing import unpack
 from sleepcast.simulator.recorder import (
     ABOUT,
@@ -37,13 +43,14 @@ from sleepcast.simulator.recorder import (
     RecordingError,
     WorldChange,
 )
-from sleepcast.simulator.robot_settings import MAX_ROBOTS, MAX_TICKS
+from sleepcast.simulator.robot_settings import MAX_TICKS
 from sleepcast.simulator.scenario import Scenario
+from sleepcast.simulator.snapshot import scenario_of
 
 MAX_MESSAGES = 1_000_000
 """Messages of an operator, repeats included: one in every second of eleven days."""
 
-_BROKEN = (McapError, struct.error, ValueError, RuntimeError, EOFError)
+_BROKEN = (McapError, struct.error, ValueError, RuntimeError, EOFError, OverflowError, ZstdError)
 """What reading a file that ends in the middle, or holds anything, may raise."""
 
 
@@ -127,15 +134,16 @@ def _take(found: Recording, entry: Entry) -> None:
         if not all(name.isascii() and name.isdigit() and len(name) < 20 for name in change.put):
             raise ValueError("a solid thing without a number")
         found.obstacles.append(change)
-    if entry.topic not in (POSTED, STATE, ACCOUNTING):
+    if entry.topic == ACCOUNTING:
+        account = decoded(dict[str, object], entry.data)
+        found.accounting[str(account["command"])] = account
+    if entry.topic not in (POSTED, STATE):
         return
     body = json.loads(entry.data)
     if entry.topic == POSTED:
         found.posted.append(Posted(_tick(body), msgspec.convert(body["message"], Message)))
-    elif entry.topic == STATE:
-        found.states[_tick(body)] = str(body["hash"])
     else:
-        found.accounting[str(body["command"])] = dict(body)
+        found.states[_tick(body)] = str(body["hash"])
 
 
 def _tick(body: dict[str, object]) -> int:
@@ -212,34 +220,69 @@ def _time(about: dict[str, str], name: str) -> float:
 
 def _scenario(file: Path, data: bytes) -> Scenario:
     try:
-        found = unpack(Scenario, data)
-    except (ValueError, RecursionError) as error:
-        raise NoRecordingError(f"{file}: the scenario in it is not one of this version: {error}") from None
-    if not (0 < found.robots.count <= MAX_ROBOTS and 0.0 < found.tick < float("inf")):
-        raise NoRecordingError(f"{file}: {found.robots.count} robots with a tick of {found.tick} s cannot be simulated")
-    return found
+        return scenario_of(data)
+    except ParcelError as error:
+        raise NoRecordingError(f"{file}: {error}") from None
+
+
+@contextmanager
+def alive(recording: Recording) -> Iterator[None]:
+    """For the making of the recorded swarm. Raises NoRecordingError where that goes wrong: what is in the file may fit
+    together only in part."""
+    try:
+        yield
+    except SleepcastError:
+        raise
+    except (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RecursionError, MemoryError) as error:
+        reason = str(error).split("\n")[0][:300] or type(error).__name__
+        raise NoRecordingError(f"{recording.file}: the scenario in it cannot be simulated: {reason}") from error
 
 
 def _records(file: Path) -> Iterator[McapRecord]:
     """Every record, those in chunks included, up to the end or to where the file breaks off."""
     try:
-        with file.open("rb") as stream:
+        with _Bounded(open_file(file)) as stream:
             yield from _whole_records(stream)
     except OSError as error:
         raise RecordingError(f"cannot read {file}: {error.strerror or error}") from None
 
 
-def _whole_records(stream: BinaryIO) -> Iterator[McapRecord]:
+class _Bounded(BufferedReader):
+    """A file that gives no more at once than a record may have, whatever the lengths in it say."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        if size is None or not 0 <= size <= MAX_RECORD:
+            raise EOFError(f"a length of {size}")
+        return super().read(size)
+
+
+def _whole_records(stream: _Bounded) -> Iterator[McapRecord]:
     reader = iter(StreamReader(stream, emit_chunks=True, record_size_limit=MAX_RECORD).records)
     while True:
         try:
             record = next(reader, None)
-            if isinstance(record, Chunk) and record.uncompressed_size > MAX_RECORD:
-                return
-            parts = breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [record]
+            parts = breakup_chunk(_opened(record), validate_crc=True) if isinstance(record, Chunk) else [record]
         except _BROKEN:
             return
         for part in parts:
             if part is None:
                 return
             yield part
+
+
+def _opened(chunk: Chunk) -> Chunk:
+    """The chunk uncompressed. Raises ValueError where it is larger or smaller than it says: a few bytes of zeros could
+    become gigabytes."""
+    size = chunk.uncompressed_size
+    if size > MAX_RECORD:
+        raise ValueError(f"a chunk of {size} bytes, at most {MAX_RECORD} are read")
+    if chunk.compression == "lz4":
+        data = LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+    elif chunk.compression == "zstd":
+        with ZstdDecompressor().stream_reader(chunk.data) as stream:
+            data = stream.read(size + 1)
+    else:
+        data = chunk.data
+    if len(data) != size:
+        raise ValueError(f"a chunk that says {size} bytes and has others")
+    return replace(chunk, compression="", data=data)

@@ -147,8 +147,13 @@ def _check_firing(firing: Firing, sonars: int) -> None:
 
 def scenario_in(parcel: SimulatorParcel) -> Scenario:
     """The scenario of a snapshot. Raises ParcelError for one that cannot be simulated."""
+    return scenario_of(parcel.scenario)
+
+
+def scenario_of(data: bytes) -> Scenario:
+    """The scenario that was packed into `data`. Raises ParcelError for one that cannot be simulated."""
     try:
-        found = unpack(Scenario, parcel.scenario)
+        found = unpack(Scenario, data)
     except (ValueError, RecursionError, SleepcastError) as error:
         raise ParcelError(f"the scenario in it is not one of this version: {error}") from None
     for name, number, least, most in _bounds(found):

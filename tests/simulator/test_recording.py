@@ -1,0 +1,174 @@
+"""Recordings from anywhere: whatever a file holds, it is read as far as it goes, or refused in a sentence."""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+from pathlib import Path
+
+import lz4.frame
+import pytest
+import zstandard
+
+from cli.calling import called
+from sleepcast.simulator import load
+from sleepcast.simulator.packing import pack
+from sleepcast.simulator.recorder import MAX_RECORD, READINGS, RULES, STATE, Recorder
+from sleepcast.simulator.recording import NoRecordingError, RecordingError, load_recording
+from sleepcast.simulator.scenario import Scenario
+from small_worlds import write
+
+CHUNK, ATTACHMENT = 6, 9
+"""Sorts of records, as MCAP numbers them."""
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Scenario:
+    return load(write(tmp_path).parent)
+
+
+def recording(folder: Path, scenario: Scenario, *notes: tuple[str, object]) -> Path:
+    """A recording of one state, and of these notes."""
+    file = folder / "run.mcap"
+    with Recorder(file, scenario, 3, version="0.0.9", complain=pytest.fail) as recorder:
+        recorder.note(STATE, 0.0, {"tick": 0, "hash": "first"})
+        for topic, body in notes:
+            recorder.note(topic, 0.0, body)
+    return file
+
+
+def first(data: bytes, sort: int) -> int:
+    """Where the first record of a sort begins."""
+    at = 8
+    while data[at] != sort:
+        at += 9 + int.from_bytes(data[at + 1 : at + 9], "little")
+    return at
+
+
+def chunk(compression: bytes, size: int, data: bytes) -> bytes:
+    body = struct.pack("<QQQI", 0, 0, size, 0) + struct.pack("<I", len(compression)) + compression
+    body += struct.pack("<Q", len(data)) + data
+    return bytes([CHUNK]) + struct.pack("<Q", len(body)) + body
+
+
+ZEROS = bytes(3 * MAX_RECORD)
+
+
+@pytest.mark.parametrize(
+    ("name", "compressed"), [(b"lz4", lz4.frame.compress(ZEROS)), (b"zstd", zstandard.compress(ZEROS))]
+)
+@pytest.mark.parametrize("size", [1_000, 2**63 - 1])
+def test_a_chunk_larger_than_it_says_is_the_end(
+    tmp_path: Path, scenario: Scenario, name: bytes, compressed: bytes, size: int
+) -> None:
+    file = recording(tmp_path, scenario)
+    data = file.read_bytes()
+    at = first(data, CHUNK)
+    file.write_bytes(data[:at] + chunk(name, size, compressed) + data[at:])
+    found = load_recording(file)
+    assert (found.complete, found.states) == (False, {})
+
+
+def test_a_chunk_compressed_by_another_program_is_read(tmp_path: Path, scenario: Scenario) -> None:
+    file = recording(tmp_path, scenario)
+    data = file.read_bytes()
+    at = first(data, CHUNK)
+    size = int.from_bytes(data[at + 1 : at + 9], "little")
+    plain = lz4.frame.decompress(data[at + 9 + 28 + 4 + 3 + 8 : at + 9 + size])
+    for name, packed in ((b"", plain), (b"zstd", zstandard.compress(plain))):
+        file.write_bytes(data[:at] + chunk(name, len(plain), packed) + data[at + 9 + size :])
+        assert load_recording(file).states == {0: "first"}
+
+
+@pytest.mark.parametrize("length", [2**40, 2**62, 2**64 - 1])
+def test_a_length_that_nothing_can_have_is_the_end(tmp_path: Path, scenario: Scenario, length: int) -> None:
+    file = recording(tmp_path, scenario)
+    data = file.read_bytes()
+    at = first(data, ATTACHMENT) + 9 + 16 + 4 + len("scenario") + 4 + len("application/json")
+    file.write_bytes(data[:at] + struct.pack("<Q", length) + data[at + 8 :])
+    with pytest.raises(NoRecordingError, match="is no recording of sleepcast"):
+        load_recording(file)
+
+
+def changed(scenario: Scenario, *where: str, value: object) -> bytes:
+    """The scenario as it is packed, with another value there."""
+    plain = json.loads(pack(scenario))
+    table = plain
+    for name in where[:-1]:
+        table = table[name]
+    assert where[-1] in table
+    table[where[-1]] = value
+    return json.dumps(plain).encode()
+
+
+@pytest.mark.parametrize(
+    ("where", "value"),
+    [
+        (("robots", "geometry", "radius"), 1e308),
+        (("robots", "geometry", "radius"), float("nan")),
+        (("robots", "bumpers"), 10**9),
+        (("robots", "count"), 10**12),
+        (("robots", "wander", "steadiness"), -30.0),
+        (("width",), -1.0),
+        (("tick",), 0.0),
+    ],
+)
+@pytest.mark.parametrize("options", [("--verify",), ("--no-browser", "--port", "0")])
+def test_a_scenario_that_cannot_be_is_refused(
+    tmp_path: Path,
+    scenario: Scenario,
+    where: tuple[str, ...],
+    value: object,
+    options: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    data = changed(scenario, *where, value=value)
+    monkeypatch.setattr("sleepcast.simulator.recorder.pack", lambda _: data)
+    file = recording(tmp_path, scenario)
+    done = called("replay", str(file), *options)
+    assert (done.status, done.out) == (2, "")
+    assert str(file) in done.err
+    assert "Traceback" not in done.err
+
+
+@pytest.mark.parametrize(
+    ("topic", "data"),
+    [(RULES, b'{"robot":"x","rules":[],"more":' + b'{"x":' * 100_000), (READINGS, b'{"x":[true]}')],
+)
+def test_what_the_page_cannot_show_is_refused_before_it_is_opened(
+    tmp_path: Path, scenario: Scenario, topic: str, data: bytes
+) -> None:
+    file = tmp_path / "run.mcap"
+    with Recorder(file, scenario, 3, version="0.0.9", complain=pytest.fail) as recorder:
+        recorder._write(topic, 0, data)
+    done = called("replay", str(file), "--no-browser", "--port", "0")
+    assert (done.status, done.out) == (2, "")
+    assert f"{topic} at 0 s cannot be shown" in done.err
+    assert "Traceback" not in done.err
+
+
+def test_where_nothing_was_compared_nothing_is_verified(tmp_path: Path, scenario: Scenario) -> None:
+    """A run that was killed within its first half second has recorded no state."""
+    file = recording(tmp_path, scenario)
+    data = file.read_bytes()
+    file.write_bytes(data[: first(data, CHUNK)])
+    done = called("replay", str(file), "--verify")
+    assert done.status == 1
+    assert "not verified: the recording holds no state to compare with" in done.out
+    assert json.loads(called("replay", str(file), "--verify", "--json").out)["verified"] == {
+        "same": False,
+        "compared": 0,
+        "differs_from_tick": None,
+    }
+
+
+def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
+    """It would be waited for, and could be read only once."""
+    os.mkfifo(tmp_path / "pipe")
+    for file, why in ((tmp_path / "pipe", "that is no file"), (tmp_path, "Is a directory")):
+        with pytest.raises(RecordingError, match=f"cannot read {file}: {why}"):
+            load_recording(file)
+    done = called("run", "--from", str(tmp_path / "pipe"))
+    assert (done.status, done.out) == (2, "")
+    assert done.err == f"cannot read the snapshot {tmp_path / 'pipe'}: that is no file\n"

@@ -50,12 +50,14 @@ export class World extends EventTarget {
 
   setScene(scene) {
     const another = this.scene?.title !== scene.title;
-    const others = another || this.scene.count !== scene.count; // on the air, robots come while one looks on
+    // On the air, robots come while one looks on, and drive where nobody was before.
+    const others = another || this.scene.count !== scene.count;
+    const elsewhere = another || this.scene.area.join() !== scene.area.join();
     this.scene = scene;
     if (others) this.trails = new Trails();
     if (another || this.marks.chosen >= scene.count) this.choose(-1);
     if (another) this.resize();
-    if (another || (others && this.fitted)) this.fit();
+    if (another || ((others || elsewhere) && this.fitted)) this.fit();
     this.repaint("ground", "trails", "robots");
   }
 

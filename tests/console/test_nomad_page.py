@@ -245,7 +245,7 @@ def test_a_robot_that_is_chosen_again_is_shown_as_before(page: Page, robot: Noma
     said = page.locator("#pane-said")
     expect(said).to_contain_text("Still here.")
     page.locator("#map").focus()
-    for key in "1121":
+    for key in "211":
         page.keyboard.press(key)
     page.wait_for_timeout(500)
     expect(said).to_contain_text("Still here.")

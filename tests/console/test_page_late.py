@@ -213,7 +213,9 @@ def test_two_pages_keep_one_history(rovers: Page, context: BrowserContext, progr
 
 
 def test_the_page_works_where_nothing_may_be_kept(program: Program, blank: Page) -> None:
-    forbidden = "Object.defineProperty(window, 'localStorage', { get() { throw new DOMException('', 'SecurityError') } })"
+    forbidden = (
+        "Object.defineProperty(window, 'localStorage', { get() { throw new DOMException('', 'SecurityError') } })"
+    )
     blank.add_init_script(forbidden)
     blank.goto(program.address)
     expect(blank.locator("#title")).to_have_text("a small world")

@@ -189,7 +189,9 @@ def many(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
     folder = tmp_path_factory.mktemp("many")
     scenario = write(folder)
     scenario.write_text('mission = "mission.sleep"\n' + scenario.read_text(encoding="utf-8"), encoding="utf-8")
-    lines = [f"@{0.9 * number:.1f}s (WHEN (> battery {number + 20}%) (JOIN g{number}))" for number in range(1, MANY + 1)]
+    lines = [
+        f"@{0.9 * number:.1f}s (WHEN (> battery {number + 20}%) (JOIN g{number}))" for number in range(1, MANY + 1)
+    ]
     (folder / "mission.sleep").write_text("\n".join(lines), encoding="utf-8")
     command = [sys.executable, "-m", "sleepcast", "run", str(folder), "--record", str(folder / "run.mcap")]
     subprocess.run(command, check=True, capture_output=True)
@@ -219,6 +221,27 @@ def test_the_newest_command_is_at_the_top_wherever_one_comes_from(many: Program,
     numbers = [int(re.findall(r"g(\d+)", text)[0]) for text in lines.all_inner_texts()]
     assert numbers == sorted(numbers, reverse=True)
     expect(lines.first).to_have_attribute("tabindex", "0")  # the keyboard reaches it
+
+
+@pytest.mark.browser
+def test_a_legend_of_many_groups_stays_on_the_map(many: Program, context: BrowserContext) -> None:
+    page = context.new_page()
+    page.set_viewport_size({"width": 390, "height": 700})
+    page.goto(many.address)
+    page.locator("#scrub").focus()
+    page.keyboard.press("End")
+    expect(page.locator("#legend li")).to_have_count(17)
+    legend, scale = page.locator("#legend").bounding_box(), page.locator("#scale-text").bounding_box()
+    assert legend is not None
+    assert scale is not None
+    assert legend["y"] + legend["height"] <= scale["y"]
+
+    def scrolled() -> bool:
+        page.locator("#legend").hover()
+        page.mouse.wheel(0, 100)
+        return bool(page.locator("#legend").evaluate("legend => legend.scrollTop > 0"))
+
+    until(page, scrolled)
 
 
 @pytest.mark.browser

@@ -36,7 +36,9 @@ class NomadSession:
     """One page; `run` lasts as long as it is open."""
 
     def __init__(self, socket: WebSocket, desk: NomadDesk, clock: Clock) -> None:
-        self._line: Line[nomad_messages.Incoming] = Line(socket, nomad_messages.decode, (messages.Stop, messages.Drawn), clock)
+        self._line: Line[nomad_messages.Incoming] = Line(
+            socket, nomad_messages.decode, (messages.Stop, messages.Drawn), clock
+        )
         self._desk = desk
         self._pictures = Pictures(desk.nomads)
         self._drawn = asyncio.Event()

@@ -62,6 +62,7 @@ wire.addEventListener("commands", ({ detail }) => {
   if (!begun) {
     begun = true;
     if (!prompt.editor.text) prompt.set(prompt.next?.text ?? "");
+    world.refit(); // a long command leaves less room for it
   }
   if (robot.command === null && accounting.latest) robot.about(accounting.get(accounting.latest));
 });

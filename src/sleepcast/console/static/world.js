@@ -39,10 +39,7 @@ export class World extends EventTarget {
     this.stale = new Set();
     this.waiting = false;
     new ResizeObserver(() => this.resize()).observe(this.map);
-    window.addEventListener("resize", () => {
-      this.resize();
-      if (this.fitted) this.fit();
-    });
+    window.addEventListener("resize", () => this.refit());
     this.listen();
   }
 
@@ -141,6 +138,12 @@ export class World extends EventTarget {
     if (!this.scene) return;
     this.view.fit(this.scene.area);
     this.moved(true);
+  }
+
+  // There is another room for it: it is shown whole, unless somebody has moved the map.
+  refit() {
+    this.resize();
+    if (this.fitted) this.fit();
   }
 
   zoom(factor, x, y) {

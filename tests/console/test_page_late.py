@@ -201,6 +201,22 @@ def test_a_text_that_is_too_long_is_refused_in_words(rovers: Page) -> None:
     expect(rovers.locator("#offline")).to_be_hidden()
 
 
+LEAPS = """
+async () => {
+  const { Trails } = await import("/static/trails.js");
+  const trails = new Trails();
+  return [[0, 1000], [2, 1200], [500, 1400], [502, 1600], [90, 1800], [92, 2000]].map(([tick, now]) => {
+    trails.sample({ count: 1, tick, time: tick / 10, wanted: 1, poses: new Float32Array([tick, 0, 0]) }, now);
+    return trails.samples.length;
+  });
+}
+"""
+
+
+def test_no_trail_leads_to_where_a_slider_was_moved(rovers: Page) -> None:
+    assert rovers.evaluate(LEAPS) == [1, 2, 1, 2, 1, 2]
+
+
 def test_two_pages_keep_one_history(rovers: Page, context: BrowserContext, program: Program) -> None:
     other = context.new_page()
     other.goto(program.address)

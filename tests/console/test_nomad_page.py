@@ -240,6 +240,41 @@ def test_orders_from_the_page_move_the_robot(page: Page, robot: Nomad) -> None:
     expect(page.locator("#text")).to_have_value("place_robot ")
 
 
+def test_a_robot_that_is_chosen_again_is_shown_as_before(page: Page, robot: Nomad) -> None:
+    order(page, "tk Still here.")
+    said = page.locator("#pane-said")
+    expect(said).to_contain_text("Still here.")
+    page.locator("#map").focus()
+    for key in "211":
+        page.keyboard.press(key)
+    page.wait_for_timeout(500)
+    expect(said).to_contain_text("Still here.")
+
+
+def test_an_order_takes_as_long_as_it_likes_and_is_given_once(page: Page, robot: Nomad) -> None:
+    given: list[str | bytes] = []
+    page.on("websocket", lambda socket: socket.on("framesent", lambda data: given.append(data)))
+    page.clock.install()
+    page.reload()
+    expect(page.locator("#motion")).not_to_be_empty()
+    page.locator("#run").click()
+    expect(page.locator("#achieved")).to_have_text("paused")
+    order(page, "zr")
+    page.locator("#text").press("Enter")  # once more, or a key that is held
+    expect(page.locator("#answer")).to_have_text("Robot 1 is to do: zr")
+    order(page, "wm 50 50")
+    wrong = page.locator("#answer.wrong")
+    expect(wrong).to_contain_text("there is no order 'wm'")
+    page.clock.fast_forward(60_000)
+    assert sum('"zr"' in str(message) for message in given) == 1
+    page.locator("#run").click()
+    expect(page.locator("#achieved")).not_to_have_text("paused")
+    page.locator("#tab-commands").click()
+    expect(page.locator("#pane-commands")).to_contain_text("zr()")
+    page.wait_for_timeout(1000)
+    expect(wrong).to_contain_text("there is no order 'wm'", timeout=1)  # what was done in the end does not hide it
+
+
 def test_arrow_keys_drive_for_as_long_as_they_are_held(page: Page, robot: Nomad) -> None:
     page.locator("#map").focus()
     page.keyboard.down("ArrowUp")
@@ -262,11 +297,14 @@ def test_arrow_keys_drive_for_as_long_as_they_are_held(page: Page, robot: Nomad)
 
 def test_a_page_that_falls_silent_leaves_its_robot_at_rest(nomads: Program, robot: Nomad) -> None:
     with open_page(nomads) as page:
-        page.tell("drive", robot=0, numbers=[60, 60, 0])
-        seen = []
-        while not seen or any(seen[-1]) or not any(map(any, seen)):  # until it has moved, and rests
+        speeds = [0, 0, 0]
+        while not any(speeds):  # said on until it is seen to move
+            page.tell("drive", robot=0, numbers=[60, 60, 0])
             page.tell("drawn", number=1)
-            seen.append(page.wait_for("picture")["chosen"]["speeds"])
+            speeds = page.wait_for("picture")["chosen"]["speeds"]
+        while any(speeds):  # and no more until it rests
+            page.tell("drawn", number=1)
+            speeds = page.wait_for("picture")["chosen"]["speeds"]
 
 
 def test_robots_and_obstacles_are_put_elsewhere_by_hand(page: Page, robot: Nomad) -> None:

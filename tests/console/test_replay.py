@@ -15,6 +15,8 @@ from playwright.sync_api import BrowserContext, expect
 from playwright.sync_api import Page as Screen
 
 from console.running import PATIENCE, Page, Program, number, open_page
+from console.test_page import until
+from sleepcast.console.ledger import MOST_ROWS
 from sleepcast.simulator.foxglove import read_poses
 from sleepcast.simulator.recording import entries, load_recording
 from small_worlds import write
@@ -151,6 +153,95 @@ def screen(replay: Program, context: BrowserContext) -> Iterator[Screen]:
     expect(found.locator("#scrub")).to_be_visible()
     yield found
     assert not complaints, complaints
+
+
+@pytest.mark.browser
+def test_the_slider_reaches_the_end_of_a_recording_of_any_length(
+    file: Path, tmp_path: Path, context: BrowserContext
+) -> None:
+    short = tmp_path / "short.mcap"  # 2.2 s: two hundred steps of 0.011 s would end beyond
+    command = [sys.executable, "-m", "sleepcast", "run", str(file.parent), "--seconds", "2.2", "--record", str(short)]
+    subprocess.run(command, check=True, capture_output=True)
+    with Program("replay", str(short)) as program:
+        page = context.new_page()
+        times: list[float] = []
+
+        def take(payload: str | bytes) -> None:
+            if isinstance(payload, bytes):
+                times.append(struct.unpack_from("<d", payload, 16)[0])
+
+        page.on("websocket", lambda socket: socket.on("framereceived", take))
+        page.goto(program.address)
+        page.locator("#run").click()
+        page.locator("#scrub").focus()
+        for key, time in (("Home", 0.0), ("End", 2.2)):
+            page.keyboard.press(key)
+            until(page, lambda time=time: times[-1] == time)  # type: ignore[misc]
+
+
+MANY = 60
+"""Commands of a mission: more than a page shows at one time."""
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Program]:
+    """The recording of a minute with a command every 0.9 s."""
+    folder = tmp_path_factory.mktemp("many")
+    scenario = write(folder)
+    scenario.write_text('mission = "mission.sleep"\n' + scenario.read_text(encoding="utf-8"), encoding="utf-8")
+    lines = [
+        f"@{0.9 * number:.1f}s (WHEN (> battery {number + 20}%) (JOIN g{number}))" for number in range(1, MANY + 1)
+    ]
+    (folder / "mission.sleep").write_text("\n".join(lines), encoding="utf-8")
+    command = [sys.executable, "-m", "sleepcast", "run", str(folder), "--record", str(folder / "run.mcap")]
+    subprocess.run(command, check=True, capture_output=True)
+    with Program("replay", str(folder / "run.mcap")) as started:
+        yield started
+
+
+def test_no_account_is_forgotten_again(many: Program) -> None:
+    with open_page(many) as page:
+        page.tell("pace", running=False)
+        at(page, SECONDS)
+        rows = page.until("commands", lambda found: bool(found["rows"]) and found["rows"][-1]["at"] == 54.0)["rows"]
+        assert len(rows) == MOST_ROWS
+        assert [row["text"] for row in rows if row["matched"] + row["not_matched"] != 20] == []
+
+
+@pytest.mark.browser
+def test_the_newest_command_is_at_the_top_wherever_one_comes_from(many: Program, context: BrowserContext) -> None:
+    page = context.new_page()
+    page.goto(many.address)
+    lines = page.locator("#commands tr")
+    page.locator("#scrub").focus()
+    for key, newest, oldest in (("End", 60, 11), ("PageDown", 60, 11), ("PageDown", 53, 4), ("PageDown", 46, 1)):
+        page.keyboard.press(key)
+        expect(lines.first).to_contain_text(f"g{newest})")
+        expect(lines.last).to_contain_text(f"g{oldest})")
+    numbers = [int(re.findall(r"g(\d+)", text)[0]) for text in lines.all_inner_texts()]
+    assert numbers == sorted(numbers, reverse=True)
+    expect(lines.first).to_have_attribute("tabindex", "0")  # the keyboard reaches it
+
+
+@pytest.mark.browser
+def test_a_legend_of_many_groups_stays_on_the_map(many: Program, context: BrowserContext) -> None:
+    page = context.new_page()
+    page.set_viewport_size({"width": 390, "height": 700})
+    page.goto(many.address)
+    page.locator("#scrub").focus()
+    page.keyboard.press("End")
+    expect(page.locator("#legend li")).to_have_count(17)
+    legend, scale = page.locator("#legend").bounding_box(), page.locator("#scale-text").bounding_box()
+    assert legend is not None
+    assert scale is not None
+    assert legend["y"] + legend["height"] <= scale["y"]
+
+    def scrolled() -> bool:
+        page.locator("#legend").hover()
+        page.mouse.wheel(0, 100)
+        return bool(page.locator("#legend").evaluate("legend => legend.scrollTop > 0"))
+
+    until(page, scrolled)
 
 
 @pytest.mark.browser

@@ -19,6 +19,7 @@ from sleepcast.simulator.recorder import (
     ACCOUNTING,
     LOG,
     MARKS,
+    NANO,
     OBSTACLES,
     POINTS,
     POSES,
@@ -76,7 +77,7 @@ class Maker:
             values_of(data)
             film.values.add(time, data)
         elif entry.topic == POSTED and self._waiting:
-            while self._waiting and self._waiting[0].at <= time:
+            while self._waiting and round(self._waiting[0].at * NANO) <= round(time * NANO):  # as entries tell time
                 film.rows.add(time, self._waiting.pop(0))
         elif entry.topic == ACCOUNTING:
             self._account(time, decoded(AccountBody, data))

@@ -54,7 +54,7 @@ class Driver(Screen):
     def __init__(self, swarm: Swarm, pace: Pace, clock: Clock, prepare: Callable[[], None] | None = None) -> None:
         super().__init__()
         self.swarm, self.pace = swarm, pace
-        self._prepare = prepare
+        self._prepare, self._ready = prepare, prepare is None
         self.groups = Groups()
         self.latched = False
         self._clock = clock
@@ -66,6 +66,7 @@ class Driver(Screen):
         self.draw()
         if self._prepare is not None:
             await _aside(self._prepare)
+            self._ready = True
         while True:
             if self.pace.paused:
                 self._wake.clear()
@@ -87,7 +88,8 @@ class Driver(Screen):
     def set_pace(self, running: bool | None = None, factor: float | None = None) -> None:
         """Change whether time runs and how fast; None leaves it as it is."""
         if running is not None:
-            self.pace.keep_up(0.0)  # lets go of what a pause would have owed
+            if self._ready:
+                self.pace.keep_up(0.0)  # lets go of what a pause would have owed
             self.pace.paused = not running
         if factor is not None:
             self.pace.factor = factor
@@ -95,8 +97,10 @@ class Driver(Screen):
         self.draw()
 
     def step(self) -> None:
-        """One tick, and time stands still."""
-        self.swarm.step()
+        """One tick, and time stands still. There is none while what it takes is being prepared: it would wait for that,
+        and nobody could STOP meanwhile."""
+        if self._ready:
+            self.swarm.step()
         self.set_pace(running=False)
 
     def flags(self) -> bytes:

@@ -84,6 +84,8 @@ class Ledger:
         """What has become of a STOP: never more than what the robots themselves have said."""
         found = self._station.accounting(stop.id)
         total = found.n_matched + found.n_silent
+        if not total:
+            return "STOP was sent, but no robot has been heard yet: nobody says that he is stopped."
         if found.complete:
             return f"STOP: all {total:,} robots say that they are stopped."
         if paused:

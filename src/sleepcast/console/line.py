@@ -1,7 +1,8 @@
 """A line to one page: its messages, within a bounded rate, and what it is told.
 
 Whatever page is served, it is read in the same way: what is no message is refused with a sentence, what comes too fast
-is not read, and a peer that keeps on breaking the rules is not served any more. Urgent messages pass in any case.
+is not read, and a peer that keeps on breaking the rules is not served any more. Urgent messages pass in any case:
+STOP, and that a picture was drawn, without which no other picture would ever go out.
 """
 
 from __future__ import annotations
@@ -36,7 +37,9 @@ encode = msgspec.json.Encoder().encode
 class Line(Generic[M]):
     """One page's socket. decode: gives a message or raises MessageError. urgent: messages that nothing may hold up."""
 
-    def __init__(self, socket: WebSocket, decode: Callable[[str | bytes], M], urgent: type[M], clock: Clock) -> None:
+    def __init__(
+        self, socket: WebSocket, decode: Callable[[str | bytes], M], urgent: tuple[type[M], ...], clock: Clock
+    ) -> None:
         self._socket, self._decode, self._urgent, self._clock = socket, decode, urgent, clock
         self._allowance, self._counted_at = MESSAGES_AT_ONCE, clock.now()
         self._dropped = self._malformed = 0

@@ -36,11 +36,15 @@ class NomadSession:
     """One page; `run` lasts as long as it is open."""
 
     def __init__(self, socket: WebSocket, desk: NomadDesk, clock: Clock) -> None:
-        self._line: Line[nomad_messages.Incoming] = Line(socket, nomad_messages.decode, messages.Stop, clock)
+        self._line: Line[nomad_messages.Incoming] = Line(
+            socket, nomad_messages.decode, (messages.Stop, messages.Drawn), clock
+        )
         self._desk = desk
         self._pictures = Pictures(desk.nomads)
         self._drawn = asyncio.Event()
         self._sent: dict[str, bytes] = {}
+        self._before = b""
+        """The picture that went out last."""
         self._under_way: set[asyncio.Task[None]] = set()
         self._driven: int | None = None
         self._hand_off: asyncio.TimerHandle | None = None
@@ -70,6 +74,7 @@ class NomadSession:
                 self._drawn.set()
             case messages.Watch(robot):
                 self._pictures.choose(robot)
+                self._before = b""  # the page has forgotten what it was told of it
             case messages.Pace(running, factor):
                 desk.set_pace(running, factor)
             case messages.Step():
@@ -141,11 +146,10 @@ class NomadSession:
     # ---- what goes out
 
     async def _send_pictures(self) -> None:
-        before = b""
         while True:
             picture = encode(self._pictures.take(*self._desk.paces()))
-            if picture != before:
-                before = picture
+            if picture != self._before:
+                self._before = picture
                 self._drawn.clear()
                 await self._line.send(picture.decode())
                 await self._drawn.wait()

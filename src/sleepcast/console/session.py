@@ -14,7 +14,7 @@ from starlette.websockets import WebSocket
 
 from sleepcast.clock import Clock
 from sleepcast.console import messages
-from sleepcast.console.answers import Refused
+from sleepcast.console.answers import Refused, Robot
 from sleepcast.console.desk import Desk
 from sleepcast.console.line import Line, encode
 from sleepcast.console.replay import ReplayDesk
@@ -33,7 +33,7 @@ class Session:
     """One page; `run` lasts as long as it is open."""
 
     def __init__(self, socket: WebSocket, desk: Desk | ReplayDesk, clock: Clock) -> None:
-        self._line: Line[messages.Incoming] = Line(socket, messages.decode, messages.Stop, clock)
+        self._line: Line[messages.Incoming] = Line(socket, messages.decode, (messages.Stop, messages.Drawn), clock)
         self._desk = desk
         self._watched = -1
         self._drawn = asyncio.Event()
@@ -64,7 +64,7 @@ class Session:
                 self._drawn.set()
             case messages.Watch(robot):
                 self._watched = robot
-                self._sent.pop("robot", None)
+                self._sent.pop(Robot.__name__, None)  # the page has forgotten what it was told of it
             case messages.Pace(running, factor):
                 desk.driver.set_pace(running, factor)
             case messages.Seek(time):

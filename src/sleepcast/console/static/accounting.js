@@ -38,7 +38,6 @@ export class Accounting extends EventTarget {
       if (!entry) {
         entry = { line: this.line(row) };
         this.rows.set(row.id, entry);
-        body.prepend(entry.line);
       }
       entry.row = row;
       OUTCOMES.forEach((outcome, index) => {
@@ -48,10 +47,15 @@ export class Accounting extends EventTarget {
       });
       if (row.kind === "ask") entry.line.querySelector(".values").textContent = row.values;
     }
+    this.rows = new Map(rows.map(({ id }) => [id, this.rows.get(id)]));
+    [...this.rows.values()].reverse().forEach(({ line }, place) => {
+      if (body.rows[place] !== line) body.insertBefore(line, body.rows[place] ?? null);
+    });
+    this.mark();
     this.root.querySelector("#no-commands").hidden = rows.length > 0;
     this.root.querySelector("#account").hidden = rows.length === 0;
     const now = this.get(this.chosen);
-    if (before && now && OUTCOMES.some((outcome) => before[outcome] !== now[outcome])) this.changed();
+    if (before && now && OUTCOMES.some((outcome) => before[outcome] !== now[outcome])) this.changed("counted");
     if (!now && this.chosen) this.choose("");
   }
 
@@ -76,6 +80,13 @@ export class Accounting extends EventTarget {
 
   choose(id) {
     this.chosen = id;
+    this.mark();
+    this.changed("choose");
+  }
+
+  // Say which line is chosen; the keyboard reaches it, or the first one if none is.
+  mark() {
+    const id = this.chosen;
     let first = true;
     for (const line of this.root.querySelector("#commands").rows) {
       const chosen = line.dataset.id === id;
@@ -83,17 +94,17 @@ export class Accounting extends EventTarget {
       line.tabIndex = chosen || (first && !id) ? 0 : -1;
       first = false;
     }
-    this.changed();
   }
 
-  changed() {
+  // Tell what is known of the chosen command: "choose" if it is another one, "counted" if robots have answered.
+  changed(event) {
     const row = this.get(this.chosen);
     if (row) {
       const first = row.kind === "ask" ? `${row.values}; answered` : "matched";
       const counts = `${first} ${row.matched}, not matched ${row.not_matched}, fault ${row.fault}, silent ${row.silent}`;
       this.root.querySelector("#counts").textContent = counts;
     }
-    this.dispatchEvent(new CustomEvent("choose", { detail: row ?? null }));
+    this.dispatchEvent(new CustomEvent(event, { detail: row ?? null }));
   }
 
   key(event) {

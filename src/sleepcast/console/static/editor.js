@@ -28,8 +28,14 @@ export class Editor extends EventTarget {
     return this.area.selectionEnd;
   }
 
+  // While locked, nobody changes the text.
+  lock(locked) {
+    this.area.readOnly = locked;
+  }
+
   // Put another text in, the caret at its end.
   set(text) {
+    if (this.area.readOnly) return;
     this.area.value = text;
     this.area.setSelectionRange(text.length, text.length);
     this.changed();
@@ -37,6 +43,7 @@ export class Editor extends EventTarget {
 
   // Replace a part as if it had been typed, so that the browser's own undo knows of it.
   replace(start, end, text) {
+    if (this.area.readOnly) return;
     this.area.focus();
     this.area.setSelectionRange(start, end);
     if (!document.execCommand("insertText", false, text)) {

@@ -4,8 +4,7 @@ const MOST = 200; // commands kept
 
 export class History {
   // key: under which this page's commands are kept.
-  constructor(storage, key) {
-    this.storage = storage;
+  constructor(key) {
     this.key = key;
     this.items = this.load(); // oldest first
     this.at = this.items.length;
@@ -14,19 +13,21 @@ export class History {
 
   load() {
     try {
-      const found = JSON.parse(this.storage.getItem(this.key) ?? "[]");
+      const found = JSON.parse(window.localStorage.getItem(this.key) ?? "[]");
       return Array.isArray(found) ? found.filter((item) => typeof item === "string").slice(-MOST) : [];
     } catch {
-      return []; // no storage, or something else wrote there: start anew
+      return []; // storage is forbidden, or something else wrote there: start anew
     }
   }
 
   add(text) {
-    this.items = [...this.items.filter((item) => item !== text), text].slice(-MOST);
+    const kept = this.load(); // with what other pages have added
+    const own = this.items.filter((item) => !kept.includes(item)); // nothing, unless it could not be kept
+    this.items = [...[...own, ...kept].filter((item) => item !== text), text].slice(-MOST);
     this.at = this.items.length;
     this.draft = "";
     try {
-      this.storage.setItem(this.key, JSON.stringify(this.items));
+      window.localStorage.setItem(this.key, JSON.stringify(this.items));
     } catch {
       // A full or forbidden storage only means that the history ends with this session.
     }

@@ -7,7 +7,7 @@ import { RobotPane } from "./robot.js";
 import { Safety } from "./safety.js";
 import { theme } from "./theme.js";
 import { Time } from "./time.js";
-import { Wire } from "./wire.js";
+import { ANEW, Refusal, Wire } from "./wire.js";
 import { World } from "./world.js";
 
 const find = (id) => document.getElementById(id);
@@ -26,6 +26,7 @@ const time = new Time(document, wire);
 let begun = false; // whether the prompt was filled once
 let groups = []; // {name, count}, in the order of their codes in a frame
 let lit = null; // {caption, count}: what the lit robots are
+let foretelling = false; // whether they are those that would obey what is typed, not those of the chosen command
 
 // ---- from the station
 
@@ -60,7 +61,8 @@ wire.addEventListener("commands", ({ detail }) => {
   prompt.markSent(detail.rows.map((row) => row.text));
   if (!begun) {
     begun = true;
-    prompt.set(prompt.next?.text ?? "");
+    if (!prompt.editor.text) prompt.set(prompt.next?.text ?? "");
+    world.refit(); // a long command leaves less room for it
   }
   if (robot.command === null && accounting.latest) robot.about(accounting.get(accounting.latest));
 });
@@ -75,12 +77,21 @@ wire.addEventListener("obstacles", ({ detail }) => world.setObstacles(detail.obs
 
 wire.addEventListener("robot", ({ detail }) => robot.show(detail));
 wire.addEventListener("safety", ({ detail }) => safety.show(detail));
+wire.addEventListener("refused", ({ detail }) => refused(detail.reason));
 
 wire.addEventListener("lost", ({ detail }) => {
   const why = detail.reason ? ` (${detail.reason})` : "";
-  find("offline").textContent = `No connection to the station${why}. What is shown is old. Trying again …`;
+  find("offline").textContent = `No connection to the station${why}. What is shown is old. Trying again … ${ANEW}`;
   find("offline").hidden = false;
 });
+
+// What was asked for without a question, such as STOP, and not done.
+function refused(reason) {
+  find("refused-text").textContent = reason;
+  find("refused").hidden = !reason;
+}
+
+find("refused-close").addEventListener("click", () => refused(""));
 
 // ---- who is lit
 
@@ -90,22 +101,37 @@ function light(marks, caption) {
   drawLegend();
 }
 
-prompt.addEventListener("preview", ({ detail }) => {
-  if (detail === null) lightChosen();
-  else light(detail.counted ? Uint8Array.from(bytes(detail.lit), (code) => (code === 1 ? 1 : 0)) : null, "would obey");
+// What was touched last says who is lit: the text, or the account.
+prompt.addEventListener("typed", () => {
+  foretelling = prompt.editor.text.trim() !== "";
 });
 
-prompt.addEventListener("sent", ({ detail }) => {
-  wire.ask("commands").then((answer) => {
-    accounting.set(answer.rows);
-    prompt.markSent(answer.rows.map((row) => row.text));
+prompt.addEventListener("preview", ({ detail }) => {
+  if (detail === null) lightChosen();
+  else if (foretelling) light(detail.counted ? Uint8Array.from(bytes(detail.lit), (code) => (code === 1 ? 1 : 0)) : null, "would obey");
+});
+
+prompt.addEventListener("sent", async ({ detail }) => {
+  try {
+    const { rows } = await wire.ask("commands");
+    accounting.set(rows);
+    prompt.markSent(rows.map((row) => row.text));
     accounting.choose(detail);
-  });
+  } catch (refusal) {
+    if (!(refusal instanceof Refusal)) throw refusal; // else its line comes with the next news
+  }
 });
 
 accounting.addEventListener("choose", ({ detail }) => {
   robot.about(detail ?? accounting.get(accounting.latest) ?? null);
-  if (!prompt.preview || detail) lightChosen();
+  foretelling = !detail && prompt.editor.text.trim() !== "";
+  if (foretelling) prompt.tellPreview();
+  else lightChosen();
+});
+
+accounting.addEventListener("counted", ({ detail }) => {
+  robot.about(detail);
+  if (!foretelling) lightChosen();
 });
 
 async function lightChosen() {
@@ -118,8 +144,9 @@ async function lightChosen() {
     const marks = await accounting.lit();
     const row = accounting.get(id);
     if (id === accounting.chosen && row) light(marks, { stop: "stopped", release: "released", ask: "answered" }[row.kind] ?? "matched");
-  } catch {
-    // No connection: the lights stay as they were, and the page says that they are old.
+  } catch (refusal) {
+    if (!(refusal instanceof Refusal)) throw refusal;
+    if (id === accounting.chosen) light(null); // nobody knows whom it matched
   }
 }
 

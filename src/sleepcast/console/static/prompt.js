@@ -4,6 +4,7 @@ import { Editor } from "./editor.js";
 import { History } from "./history.js";
 import { callAt, isUnfinished, wordAt } from "./lisp.js";
 import { Listbox } from "./listbox.js";
+import { Search } from "./search.js";
 import { Refusal } from "./wire.js";
 
 const PAUSE = 120; // ms without a key before the text is checked
@@ -11,7 +12,7 @@ const AGAIN = 1000; // ms after which the robots have moved enough to ask again 
 const NAMES_AGE = 2000; // ms for which the ranges of values in the list of names are good enough
 const HINT = "Enter sends · Shift+Enter begins a new line · ↑ brings back earlier commands · Tab completes a name";
 const MOST_NAMES = 12; // names offered at once
-const MOST_FOUND = 8; // commands offered by the search
+const MOST_CHARACTERS = 16384; // of a command, as console/messages.py has it
 
 export class Prompt extends EventTarget {
   constructor(root, wire) {
@@ -19,11 +20,11 @@ export class Prompt extends EventTarget {
     this.wire = wire;
     this.find = (id) => root.querySelector(`#${id}`);
     this.editor = new Editor(this.find("text"), this.find("backdrop"));
-    this.history = new History(window.localStorage, "sleepcast.history");
+    this.history = new History("sleepcast.history");
     this.names = [];
     this.namesAt = -Infinity;
     this.completions = new Listbox(this.find("completions"), this.editor.area);
-    this.found = new Listbox(this.find("search-found"), this.find("search-text"));
+    this.search = new Search(root, this.history);
     this.preview = null; // what the station said of the text that stands there now
     this.refused = []; // why the station would not send it: until the text, or its sort, is another
     this.sending = false;
@@ -47,10 +48,8 @@ export class Prompt extends EventTarget {
       event.preventDefault();
       this.send();
     });
-    this.find("search-text").addEventListener("input", () => this.searched());
-    this.find("search-text").addEventListener("keydown", (event) => this.searchKey(event));
-    this.find("search-text").addEventListener("blur", () => this.endSearch(false));
-    this.found.addEventListener("take", (event) => this.recall(event.detail));
+    this.search.addEventListener("take", (event) => this.set(event.detail));
+    this.search.addEventListener("end", () => this.focus());
     setInterval(() => {
       if (this.preview?.counted && !this.sending && document.visibilityState === "visible") this.ask();
     }, AGAIN);
@@ -135,6 +134,16 @@ export class Prompt extends EventTarget {
     this.offer();
     clearTimeout(this.timer);
     this.timer = setTimeout(() => this.ask(), this.editor.text.trim() ? PAUSE : 0);
+    this.dispatchEvent(new Event("typed"));
+  }
+
+  // Refuse a text that the station would not even read; whether it is one.
+  refuseLong(text) {
+    const count = [...text].length;
+    if (count <= MOST_CHARACTERS) return false;
+    const [has, may] = [count, MOST_CHARACTERS].map((number) => number.toLocaleString("en"));
+    this.refuse(`This has ${has} characters, and a command may have ${may}: send it in parts.`);
+    return true;
   }
 
   async ask() {
@@ -144,6 +153,7 @@ export class Prompt extends EventTarget {
       this.dispatchEvent(new CustomEvent("preview", { detail: null }));
       return;
     }
+    if (this.refuseLong(text)) return;
     let answer;
     try {
       answer = await this.wire.ask("preview", { text });
@@ -212,26 +222,33 @@ export class Prompt extends EventTarget {
       box.focus();
       return;
     }
-    this.sending = true;
+    if (this.refuseLong(text)) return;
     this.refuse("");
-    this.showSend();
+    this.setSending(true); // the answer is about this text and this sort, so they stay until it comes
     try {
       const typed = this.find("meant").hidden ? NaN : this.find("meant-count").valueAsNumber;
       const count = Number.isInteger(typed) && typed >= 0 ? typed : null;
       const answer = await this.wire.ask("send", { text, everybody: box.checked, sort: this.sort, count });
+      this.setSending(false);
       this.history.add(text);
       this.find("sort").value = "once"; // what comes next is not meant to stand because this was
       this.sorted();
-      if (this.editor.text === text) this.editor.set("");
+      this.editor.set("");
       this.dispatchEvent(new CustomEvent("sent", { detail: answer.command }));
     } catch (refusal) {
+      this.setSending(false);
       if (!(refusal instanceof Refusal)) throw refusal;
       if (refusal.count) this.askCount(refusal.message);
       else this.refuse(refusal.message);
-    } finally {
-      this.sending = false;
-      this.showSend();
     }
+  }
+
+  setSending(sending) {
+    this.sending = sending;
+    this.completions.hide();
+    this.editor.lock(sending);
+    this.find("sort").disabled = sending;
+    this.showSend();
   }
 
   refuse(reason) {
@@ -258,7 +275,7 @@ export class Prompt extends EventTarget {
       this.send();
     } else if (event.key === "r" && event.ctrlKey) {
       event.preventDefault();
-      this.startSearch();
+      this.search.begin();
     } else if (event.key === "ArrowUp" && this.editor.onFirstLine() && !event.shiftKey) {
       this.turn(event, -1);
     } else if (event.key === "ArrowDown" && this.editor.onLastLine() && !event.shiftKey) {
@@ -286,24 +303,34 @@ export class Prompt extends EventTarget {
 
   // ---- names
 
+  // Offer what is known at once, and once more when the names are known as they are now.
   async offer() {
-    const word = wordAt(this.editor.tokens, this.editor.caret);
-    const typing = document.activeElement === this.editor.area;
-    if (!word || !typing || this.editor.caret !== word.end || word.text.length < 2) {
-      this.completions.hide();
+    this.offerNames();
+    if (!this.begun() || performance.now() - this.namesAt < NAMES_AGE) return;
+    const { text } = this.editor;
+    const offered = this.completions.open;
+    this.namesAt = performance.now();
+    try {
+      this.names = (await this.wire.ask("names")).names;
+    } catch {
       return;
     }
-    if (performance.now() - this.namesAt > NAMES_AGE) {
-      this.namesAt = performance.now();
-      try {
-        this.names = (await this.wire.ask("names")).names;
-      } catch {
-        return;
-      }
-      if (wordAt(this.editor.tokens, this.editor.caret)?.text !== word.text) return;
-    }
-    const key = word.text.toLowerCase();
-    if (this.names.some((name) => name.name.toLowerCase() === key)) {
+    if (text !== this.editor.text || this.sending) return;
+    const left = offered && !this.completions.open; // by Escape, say
+    if (!left && this.completions.at < 0) this.offerNames(); // nobody is choosing yet
+  }
+
+  // The name that is being typed, or null.
+  begun() {
+    const word = wordAt(this.editor.tokens, this.editor.caret);
+    const typing = document.activeElement === this.editor.area;
+    return word && typing && this.editor.caret === word.end && word.text.length >= 2 ? word : null;
+  }
+
+  offerNames() {
+    const word = this.begun();
+    const key = word?.text.toLowerCase();
+    if (!word || this.names.some((name) => name.name.toLowerCase() === key)) {
       this.completions.hide();
       return;
     }
@@ -351,39 +378,5 @@ export class Prompt extends EventTarget {
   setNames(names) {
     this.names = names;
     this.namesAt = performance.now();
-  }
-
-  // ---- search in the history
-
-  startSearch() {
-    this.find("search").hidden = false;
-    this.find("search-text").value = "";
-    this.find("search-text").focus();
-    this.searched();
-  }
-
-  searched() {
-    const found = this.history.search(this.find("search-text").value).slice(0, MOST_FOUND);
-    this.found.show(found.map((text) => ({ value: text, parts: [["text", text.replace(/\s+/g, " ")]] })), 0);
-  }
-
-  searchKey(event) {
-    if (event.key === "Enter") this.found.take();
-    else if (event.key === "Escape") this.endSearch(true);
-    else if (this.found.open && (event.key === "ArrowDown" || (event.key === "r" && event.ctrlKey))) this.found.move(1);
-    else if (this.found.open && event.key === "ArrowUp") this.found.move(-1);
-    else return;
-    event.preventDefault();
-  }
-
-  recall(text) {
-    this.endSearch(true);
-    this.set(text);
-  }
-
-  endSearch(refocus) {
-    this.find("search").hidden = true;
-    this.found.hide();
-    if (refocus) this.focus();
   }
 }

@@ -4,6 +4,7 @@ const DEPTH = 15; // samples kept of each robot
 const EVERY = 180; // ms between samples
 const BANDS = [0.42, 0.22, 0.1]; // opacity, youngest to oldest
 const MOST = 5000; // robots; beyond, trails would only be a fog
+const LEAP = 3; // times as much time as was wanted has passed: a slider was moved, and nobody drove there
 
 export class Trails {
   constructor() {
@@ -14,10 +15,9 @@ export class Trails {
   // Keep the frame's positions if it is time to; whether it was.
   sample(frame, now) {
     if (frame.count > MOST || now - this.last < EVERY) return false;
-    if (this.samples.length && this.samples[0].tick === frame.tick) return false;
-    if (this.samples.length && (this.samples[0].xy.length !== 2 * frame.count || frame.tick < this.samples[0].tick)) {
-      this.samples = [];
-    }
+    const [latest] = this.samples;
+    if (latest?.tick === frame.tick) return false;
+    if (latest && (latest.xy.length !== 2 * frame.count || this.leapt(latest, frame, now))) this.samples = [];
     this.last = now;
     const reused = this.samples.length >= DEPTH ? this.samples.pop() : { xy: new Float32Array(2 * frame.count) };
     for (let i = 0; i < frame.count; i += 1) {
@@ -25,9 +25,15 @@ export class Trails {
       reused.xy[2 * i] = aside ? NaN : frame.poses[3 * i];
       reused.xy[2 * i + 1] = aside ? NaN : frame.poses[3 * i + 1];
     }
-    reused.tick = frame.tick;
+    Object.assign(reused, { tick: frame.tick, time: frame.time, wanted: frame.wanted });
     this.samples.unshift(reused);
     return true;
+  }
+
+  // Whether time has gone back since the latest sample, or farther than it runs.
+  leapt(latest, frame, now) {
+    const most = (LEAP * Math.max(latest.wanted, frame.wanted) * (now - this.last)) / 1000;
+    return frame.tick < latest.tick || frame.time - latest.time > most;
   }
 
   // Draw all trails; each band of age and each style is one stroke.

@@ -7,6 +7,8 @@ const FIRST_WAIT = 500; // ms before the first attempt to connect again; doubles
 const LONGEST_WAIT = 8000;
 const ANSWER_WAIT = 15000; // ms after which a question counts as unanswered
 
+export const ANEW = "If sleepcast was started anew, open the address that it printed then.";
+
 export class Refusal extends Error {
   // count: whether it would be obeyed if it came with the number of robots that are meant
   constructor(reason, count = false) {
@@ -74,18 +76,20 @@ export class Wire extends EventTarget {
     return true;
   }
 
-  // Send a question; a promise for the answer, which a refusal breaks with its reason.
-  ask(type, fields = {}) {
+  // Send a question; a promise for the answer, which a refusal breaks with its reason. patience: ms, Infinity for
+  // what may take as long as it likes.
+  ask(type, fields = {}, patience = ANSWER_WAIT) {
     return new Promise((resolve, reject) => {
       const serial = ++this.serial;
       if (!this.tell(type, { serial, ...fields })) {
         reject(new Refusal("There is no connection to the station."));
         return;
       }
-      const timer = setTimeout(() => {
+      const late = () => {
         this.waiting.delete(serial);
         reject(new Refusal("The station has not answered."));
-      }, ANSWER_WAIT);
+      };
+      const timer = patience < Infinity ? setTimeout(late, patience) : 0;
       this.waiting.set(serial, { resolve, reject, timer });
     });
   }

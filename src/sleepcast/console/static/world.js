@@ -39,10 +39,7 @@ export class World extends EventTarget {
     this.stale = new Set();
     this.waiting = false;
     new ResizeObserver(() => this.resize()).observe(this.map);
-    window.addEventListener("resize", () => {
-      this.resize();
-      if (this.fitted) this.fit();
-    });
+    window.addEventListener("resize", () => this.refit());
     this.listen();
   }
 
@@ -50,12 +47,14 @@ export class World extends EventTarget {
 
   setScene(scene) {
     const another = this.scene?.title !== scene.title;
-    const others = another || this.scene.count !== scene.count; // on the air, robots come while one looks on
+    // On the air, robots come while one looks on, and drive where nobody was before.
+    const others = another || this.scene.count !== scene.count;
+    const elsewhere = another || this.scene.area.join() !== scene.area.join();
     this.scene = scene;
     if (others) this.trails = new Trails();
     if (another || this.marks.chosen >= scene.count) this.choose(-1);
     if (another) this.resize();
-    if (another || (others && this.fitted)) this.fit();
+    if (another || ((others || elsewhere) && this.fitted)) this.fit();
     this.repaint("ground", "trails", "robots");
   }
 
@@ -139,6 +138,12 @@ export class World extends EventTarget {
     if (!this.scene) return;
     this.view.fit(this.scene.area);
     this.moved(true);
+  }
+
+  // There is another room for it: it is shown whole, unless somebody has moved the map.
+  refit() {
+    this.resize();
+    if (this.fitted) this.fit();
   }
 
   zoom(factor, x, y) {

@@ -3,7 +3,7 @@
 import { Safety } from "../safety.js";
 import { theme } from "../theme.js";
 import { Time } from "../time.js";
-import { Refusal, Wire } from "../wire.js";
+import { ANEW, Refusal, Wire } from "../wire.js";
 import { About } from "./about.js";
 import { Driver } from "./drive.js";
 import { Layers } from "./layers.js";
@@ -42,7 +42,7 @@ wire.addEventListener("hello", ({ detail }) => {
   state.greet(detail);
   orders.setOrders(detail.orders);
   about.offer();
-  choose(state.chosen);
+  look();
   world.resize();
   safety.connected();
 });
@@ -79,7 +79,7 @@ wire.addEventListener("refused", ({ detail }) => orders.answer(detail.reason, tr
 wire.addEventListener("lost", ({ detail }) => {
   driver.release();
   const why = detail.reason ? ` (${detail.reason})` : "";
-  find("offline").textContent = `No connection to the server${why}. What is shown is old. Trying again …`;
+  find("offline").textContent = `No connection to the server${why}. What is shown is old. Trying again … ${ANEW}`;
   find("offline").hidden = false;
 });
 
@@ -97,9 +97,15 @@ async function ask(kind, fields) {
 }
 
 function choose(robot) {
-  if (robot !== state.chosen) driver.release();
+  if (robot === state.chosen) return; // nothing is forgotten of it that the server would not tell again
+  driver.release();
   state.choose(robot);
-  wire.tell("watch", { robot });
+  look();
+}
+
+// Show the chosen robot, of which nothing is known yet.
+function look() {
+  wire.tell("watch", { robot: state.chosen });
   about.choose();
   orders.choose();
   own.begin();

@@ -16,10 +16,12 @@ export class Orders {
     this.state = state;
     this.find = (id) => root.querySelector(`#${id}`);
     this.text = this.find("text");
-    this.history = new History(window.localStorage, "sleepcast.orders");
+    this.history = new History("sleepcast.orders");
     this.completions = new Listbox(this.find("completions"), this.text);
     this.table = new Map();
     this.form = null; // the order whose fields are shown
+    this.underWay = new Set(); // lines that were sent and not answered
+    this.given = 0; // orders
     this.listen();
   }
 
@@ -203,23 +205,30 @@ export class Orders {
       return;
     }
     const numbers = wrong === undefined ? words.map(Number) : [];
-    if (!(await this.give(name, numbers, order?.text ? rest : ""))) return;
+    if (this.underWay.has(line)) return; // a key that is held, or pressed once more
+    this.underWay.add(line);
+    const done = await this.give(name, numbers, order?.text ? rest : "");
+    this.underWay.delete(line);
+    if (!done) return;
     this.history.add(line);
     if (this.text.value.trim() === line) this.text.value = "";
     this.typed();
   }
 
-  // Give the chosen robot an order; whether it was done.
+  // Give the chosen robot an order, which may take as long as it drives; whether it was done.
   async give(order, numbers, text, robot = this.state.chosen) {
     const said = [order, ...numbers, ...(text ? [text] : [])].join(" ");
+    const number = ++this.given;
+    this.answer(`Robot ${this.state.kinds[robot].name} is to do: ${said}`, false);
     try {
-      await this.wire.ask("perform", { robot, order, numbers, text });
+      await this.wire.ask("perform", { robot, order, numbers, text }, Infinity);
     } catch (refusal) {
       if (!(refusal instanceof Refusal)) throw refusal;
       this.answer(`${said}: ${refusal.message}`, true);
       return false;
     }
-    this.answer(`Robot ${this.state.kinds[robot].name} was given: ${said}`, false);
+    const last = number === this.given; // what was said of a later order stays
+    if (last) this.answer(`Robot ${this.state.kinds[robot].name} was given: ${said}`, false);
     return true;
   }
 

@@ -1,0 +1,50 @@
+// The search in earlier commands: a field of its own over the prompt, and what was found under it.
+
+import { Listbox } from "./listbox.js";
+
+const MOST_FOUND = 8; // commands offered
+
+export class Search extends EventTarget {
+  constructor(root, history) {
+    super();
+    this.pane = root.querySelector("#search");
+    this.field = root.querySelector("#search-text");
+    this.history = history;
+    this.found = new Listbox(root.querySelector("#search-found"), this.field);
+    this.field.addEventListener("input", () => this.look());
+    this.field.addEventListener("keydown", (event) => this.key(event));
+    this.field.addEventListener("blur", () => this.hide());
+    this.found.addEventListener("take", (event) => {
+      this.hide();
+      this.dispatchEvent(new CustomEvent("take", { detail: event.detail }));
+    });
+  }
+
+  begin() {
+    this.pane.hidden = false;
+    this.field.value = "";
+    this.field.focus();
+    this.look();
+  }
+
+  look() {
+    const found = this.history.search(this.field.value).slice(0, MOST_FOUND);
+    this.found.show(found.map((text) => ({ value: text, parts: [["text", text.replace(/\s+/g, " ")]] })), 0);
+  }
+
+  key(event) {
+    if (event.key === "Enter") this.found.take();
+    else if (event.key === "Escape") {
+      this.hide();
+      this.dispatchEvent(new Event("end"));
+    } else if (this.found.open && (event.key === "ArrowDown" || (event.key === "r" && event.ctrlKey))) this.found.move(1);
+    else if (this.found.open && event.key === "ArrowUp") this.found.move(-1);
+    else return;
+    event.preventDefault();
+  }
+
+  hide() {
+    this.pane.hidden = true;
+    this.found.hide();
+  }
+}

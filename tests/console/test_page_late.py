@@ -1,0 +1,245 @@
+"""The page when something comes late or twice: answers after somebody has gone on, a choice made again, a lost line.
+
+As in `test_page`, the browser must have had nothing to complain about.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import BrowserContext, Page, WebSocketRoute, expect
+
+from console.running import PATIENCE, Program
+from console.test_page import opened, pause, send, type_in, until
+
+pytestmark = pytest.mark.browser
+
+CREW = "(WHEN (> battery 66%) (JOIN crew))"
+RENEWED = 2500
+"""ms in which what the page renews by itself every second has been renewed."""
+
+expect.set_options(timeout=1000 * PATIENCE)
+
+
+class Between:
+    """Stands between a page and its program: holds back what the program says of these types, until it is let go."""
+
+    def __init__(self, page: Page) -> None:
+        self.held: list[str] = []
+        self.holding: set[str] = set()
+        self.cut_at = ""
+        """The type of a message with which the line is cut instead."""
+        page.route_web_socket(re.compile("/live"), self._join)
+
+    def _join(self, page: WebSocketRoute) -> None:
+        self._page = page
+        program = page.connect_to_server()
+        program.on_message(self._down)
+        page.on_message(lambda data: self._up(program, data))
+
+    def _down(self, data: str | bytes) -> None:
+        if isinstance(data, str) and json.loads(data)["type"] in self.holding:
+            self.held.append(data)
+        else:
+            self._page.send(data)
+
+    def _up(self, program: WebSocketRoute, data: str | bytes) -> None:
+        if json.loads(data)["type"] == self.cut_at:
+            self.cut_at = ""
+            self._page.close()
+        else:
+            program.send(data)
+
+    def wait(self, page: Page) -> None:
+        """Until something is held back."""
+        until(page, lambda: bool(self.held))
+
+    def let_go(self) -> None:
+        self.holding = set()
+        for data in self.held:
+            self._page.send(data)
+        self.held = []
+
+
+@pytest.fixture
+def blank(context: BrowserContext) -> Iterator[Page]:
+    """A page that is not open yet."""
+    page = context.new_page()
+    complaints: list[str] = []
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    yield page
+    assert not complaints, complaints
+
+
+@pytest.fixture
+def rovers(program: Program, context: BrowserContext) -> Iterator[Page]:
+    yield from opened(program, context)
+
+
+def test_a_text_that_is_typed_before_the_first_account_stays(program: Program, blank: Page) -> None:
+    between = Between(blank)
+    between.holding = {"commands"}
+    blank.goto(program.address)
+    between.wait(blank)
+    blank.locator("#text").fill("(WHEN (> battery 10%) (JOIN mine))")
+    between.let_go()
+    expect(blank.locator("#yes")).to_have_text("20")
+    expect(blank.locator("#text")).to_have_value("(WHEN (> battery 10%) (JOIN mine))")
+
+
+def test_what_is_sent_stays_as_it_is_until_its_answer(program: Program, blank: Page) -> None:
+    between = Between(blank)
+    blank.goto(program.address)
+    text, sort = blank.locator("#text"), blank.locator("#sort")
+    expect(blank.locator("#yes")).to_have_text(re.compile(r"\d+"))
+    type_in(blank, CREW)
+    sort.select_option("standing")
+    between.holding = {"refused"}
+    text.press("Enter")
+    between.wait(blank)
+    text.press("End")
+    blank.keyboard.type("; I go on")
+    blank.get_by_role("button", name="Full ones").click()
+    expect(text).to_have_value(CREW)  # or the refusal would be about another text
+    expect(sort).to_be_disabled()
+    between.let_go()
+    expect(blank.locator("#findings")).to_contain_text("send it as a one-shot command")
+    expect(sort).to_have_value("standing")
+    sort.select_option("once")
+    send(blank)
+    expect(text).to_have_value("")
+    expect(text).to_be_editable()
+
+
+def test_a_line_that_is_lost_right_after_a_command_went_out(program: Program, blank: Page) -> None:
+    between = Between(blank)
+    blank.goto(program.address)
+    expect(blank.locator("#yes")).to_have_text(re.compile(r"\d+"))
+    type_in(blank, "(WHEN (> battery 64%) (JOIN crew))")
+    between.cut_at = "commands"
+    blank.locator("#text").press("Enter")
+    expect(blank.locator("#commands tr").first).to_contain_text("64%")  # once there is a line again
+    expect(blank.locator("#offline")).to_be_hidden()
+
+
+def test_names_that_come_late_leave_a_choice_alone(program: Program, blank: Page) -> None:
+    between = Between(blank)
+    blank.goto(program.address)
+    expect(blank.locator("#yes")).to_have_text(re.compile(r"\d+"))
+    option = blank.locator("#completions [role=option]")
+    for leave in (False, True):
+        blank.locator("#text").fill("")
+        blank.locator("#text").press_sequentially("(di")
+        expect(option.filter(has_text="DIST")).to_be_visible()
+        blank.wait_for_timeout(RENEWED)  # the names are old now, and are asked for anew
+        between.holding = {"named"}
+        blank.keyboard.type("s")
+        between.wait(blank)
+        expect(option.first).to_be_visible()
+        if leave:
+            blank.locator("#map").focus()
+            between.let_go()
+            blank.wait_for_timeout(200)
+            expect(blank.locator("#completions")).to_be_hidden()
+        else:
+            blank.keyboard.press("ArrowDown")
+            between.let_go()
+            blank.wait_for_timeout(200)
+            expect(option.first).to_have_attribute("aria-selected", "true")
+            blank.keyboard.press("Enter")  # chooses, and sends nothing
+            expect(blank.locator("#text")).to_have_value("(DIST")
+
+
+def test_the_lights_are_of_what_was_touched_last(rovers: Page) -> None:
+    type_in(rovers, CREW)
+    row = send(rovers)
+    lit = rovers.locator("#legend .lit")
+    expect(lit).to_contain_text("matched")
+    type_in(rovers, "(WHEN (> battery 5%) (JOIN others))")
+    expect(lit).to_have_text("20 would obey")
+    row.click()  # no longer
+    row.click()
+    expect(lit).to_contain_text("matched")
+    rovers.wait_for_timeout(RENEWED)
+    expect(lit).to_contain_text("matched", timeout=1)
+    row.click()
+    expect(lit).to_have_text("20 would obey")
+    row.click()
+    expect(lit).to_contain_text("matched")
+    rovers.locator("#text").press("End")
+    rovers.keyboard.type(" ")
+    expect(lit).to_have_text("20 would obey")
+
+
+def test_a_robot_that_is_chosen_again_is_shown_again(rovers: Page) -> None:
+    pause(rovers)  # so that nothing new is to be told of it
+    rows = rovers.locator("#pane-values tr", has_text="battery")
+    rovers.locator("#map").focus()
+    rovers.keyboard.press("ArrowRight")
+    rovers.locator("#tab-values").click()
+    expect(rows).to_have_count(1)
+    rovers.locator("#map").focus()
+    rovers.keyboard.press("Escape")
+    expect(rovers.locator("#no-robot")).to_be_visible()
+    rovers.keyboard.press("ArrowRight")
+    expect(rows).to_have_count(1)
+    rovers.locator("#run").click()
+    expect(rovers.locator("#achieved")).not_to_have_text("paused")
+
+
+def test_a_text_that_is_too_long_is_refused_in_words(rovers: Page) -> None:
+    for count in (16_385, 200_000):
+        rovers.locator("#text").fill("; " + "x" * (count - 2))
+        expect(rovers.locator("#findings")).to_have_text(
+            f"This has {count:,} characters, and a command may have 16,384: send it in parts."
+        )
+        rovers.locator("#text").press("Enter")
+        expect(rovers.locator("#findings")).to_contain_text("send it in parts")
+    expect(rovers.locator("#offline")).to_be_hidden()
+
+
+LEAPS = """
+async () => {
+  const { Trails } = await import("/static/trails.js");
+  const trails = new Trails();
+  return [[0, 1000], [2, 1200], [500, 1400], [502, 1600], [90, 1800], [92, 2000]].map(([tick, now]) => {
+    trails.sample({ count: 1, tick, time: tick / 10, wanted: 1, poses: new Float32Array([tick, 0, 0]) }, now);
+    return trails.samples.length;
+  });
+}
+"""
+
+
+def test_no_trail_leads_to_where_a_slider_was_moved(rovers: Page) -> None:
+    assert rovers.evaluate(LEAPS) == [1, 2, 1, 2, 1, 2]
+
+
+def test_two_pages_keep_one_history(rovers: Page, context: BrowserContext, program: Program) -> None:
+    other = context.new_page()
+    other.goto(program.address)
+    expect(other.locator("#commands tr").first).to_be_visible()
+    for page, level in ((rovers, 41), (rovers, 42), (other, 43)):
+        type_in(page, f"(WHEN (> battery {level}%) (JOIN crew))")
+        send(page)
+    kept = json.loads(rovers.evaluate("localStorage.getItem('sleepcast.history')"))
+    assert [re.findall(r"\d+", text)[0] for text in kept[-3:]] == ["41", "42", "43"]
+
+
+def test_the_page_works_where_nothing_may_be_kept(program: Program, blank: Page) -> None:
+    forbidden = (
+        "Object.defineProperty(window, 'localStorage', { get() { throw new DOMException('', 'SecurityError') } })"
+    )
+    blank.add_init_script(forbidden)
+    blank.goto(program.address)
+    expect(blank.locator("#title")).to_have_text("a small world")
+    for level in (51, 52):
+        type_in(blank, f"(WHEN (> battery {level}%) (JOIN crew))")
+        send(blank)
+    for level in (52, 51):
+        blank.locator("#text").press("ArrowUp")
+        expect(blank.locator("#text")).to_have_value(f"(WHEN (> battery {level}%) (JOIN crew))")
+    blank.locator("#theme").click()
+    expect(blank.locator("html")).to_have_attribute("data-theme", "dark")

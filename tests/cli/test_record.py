@@ -19,6 +19,9 @@ from mcap.writer import Writer
 
 from cli.calling import Called, called
 from console.running import PATIENCE, Program, open_page
+from sleepcast.cli import replay
+from sleepcast.cli.interrupts import Interrupts
+from sleepcast.loop import Swarm
 from sleepcast.simulator import load
 from sleepcast.simulator.foxglove import read_poses
 from sleepcast.simulator.recorder import Recorder
@@ -256,3 +259,23 @@ def test_a_recording_that_does_not_repeat_is_told(world: Path) -> None:
     done = called("replay", str(file), "--verify")
     assert done.status == 1
     assert "the state differs from tick 10 on; recorded by version 0.0.9" in done.out
+
+
+def test_what_robots_say_does_not_gather_while_a_run_is_verified(world: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a run goes on from a snapshot nobody sits at the desk then; a large swarm that reports in every tick would
+    fill the memory."""
+    assert called("run", str(world), "--seconds", "1", "--snapshot", str(world / "one.snap")).status == 0
+    onward = ("--from", str(world / "one.snap"), "--seconds", "5", "--record", str(world / "run.mcap"))
+    assert called("run", *onward).status == 0
+    swarms: list[Swarm] = []
+    begin = replay._beginning
+
+    def beginning(recording: Recording) -> Swarm:
+        swarms.append(begin(recording))
+        return swarms[-1]
+
+    monkeypatch.setattr(replay, "_beginning", beginning)
+    assert replay._verify(Interrupts(), load_recording(world / "run.mcap"), quiet=True).same
+    (swarm,) = swarms
+    assert swarm.radio.counts.delivered > 0
+    assert swarm.radio.hear() == []

@@ -121,7 +121,7 @@ def _verify(interrupts: Interrupts, recording: Recording, *, quiet: bool) -> Ver
                 while posted and posted[0].tick <= tick:
                     swarm.post(posted.popleft().message)
                 swarm.step()
-                swarm.radio.hear()  # nobody sits at the desk; what robots tell it would gather without end
+                swarm.radio.hear()  # where nobody sits at a desk, this would gather without end
             wanted = recording.states.get(tick)
             if wanted is not None:
                 compared += 1

@@ -40,6 +40,14 @@ def begin(*arguments: str | Path, caches: Path) -> subprocess.Popen[str]:
     return process
 
 
+def wait_for(file: Path, seconds: float) -> None:
+    """Wait until so many simulated seconds are recorded."""
+    deadline = time.monotonic() + LONGEST
+    while not file.exists() or load_recording(file).seconds < seconds:
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+
 def end(process: subprocess.Popen[str]) -> str:
     """Press Ctrl-C; gives what was said on standard error, the exit status being that of Ctrl-C."""
     process.send_signal(signal.SIGINT)
@@ -70,10 +78,7 @@ def test_a_run_says_where_it_ended_and_what_is_kept(tmp_path: Path) -> None:
     file = tmp_path / "run.mcap"
     options = ("--seconds", "100000", "--record", file)
     process = begin("run", write(tmp_path).parent, *options, caches=tmp_path)
-    deadline = time.monotonic() + LONGEST
-    while not file.exists() or load_recording(file).seconds < 5.0:
-        assert time.monotonic() < deadline
-        time.sleep(0.1)
+    wait_for(file, 5.0)
     said = end(process)
     recording = load_recording(file)
     assert recording.complete
@@ -82,8 +87,10 @@ def test_a_run_says_where_it_ended_and_what_is_kept(tmp_path: Path) -> None:
 
 def test_a_verification_ends_as_well(tmp_path: Path) -> None:
     file = tmp_path / "run.mcap"
-    process = begin("run", write(tmp_path).parent, "--seconds", "6000", "--record", file, caches=tmp_path)
-    process.communicate(timeout=LONGEST)
+    process = begin("run", write(tmp_path).parent, "--seconds", "100000", "--record", file, caches=tmp_path)
+    wait_for(file, 5.0)
+    time.sleep(3.0)  # so that to run it again takes some seconds as well
+    end(process)
     process = begin("replay", file, "--verify", caches=tmp_path)
     time.sleep(0.5)
     end(process)
@@ -106,10 +113,7 @@ def test_a_run_that_is_to_be_kept_at_its_end_is_kept_where_it_ends(tmp_path: Pat
     file, kept = tmp_path / "run.mcap", tmp_path / "run.snap"
     options = ("--seconds", "100000", "--record", file, "--snapshot", kept)
     process = begin("run", write(tmp_path).parent, *options, caches=tmp_path)
-    deadline = time.monotonic() + LONGEST
-    while not file.exists() or load_recording(file).seconds < 2.0:
-        assert time.monotonic() < deadline
-        time.sleep(0.1)
+    wait_for(file, 2.0)
     assert end(process).endswith(f"; {file} holds what came before; go on with --from {kept}")
     assert resume(load(kept)).now() == pytest.approx(load_recording(file).seconds, abs=1e-6)
 

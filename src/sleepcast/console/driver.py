@@ -88,8 +88,7 @@ class Driver(Screen):
     def set_pace(self, running: bool | None = None, factor: float | None = None) -> None:
         """Change whether time runs and how fast; None leaves it as it is."""
         if running is not None:
-            if self._ready:
-                self.pace.keep_up(0.0)  # lets go of what a pause would have owed
+            self.pace.keep_up(0.0)  # lets go of what a pause would have owed
             self.pace.paused = not running
         if factor is not None:
             self.pace.factor = factor

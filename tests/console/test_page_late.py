@@ -32,6 +32,8 @@ class Between:
         self.holding: set[str] = set()
         self.cut_at = ""
         """The type of a message with which the line is cut instead."""
+        self.deaf = self.mute = False
+        """Whether what the page says is lost on the way, and what the program says."""
         page.route_web_socket(re.compile("/live"), self._join)
 
     def _join(self, page: WebSocketRoute) -> None:
@@ -41,6 +43,8 @@ class Between:
         page.on_message(lambda data: self._up(program, data))
 
     def _down(self, data: str | bytes) -> None:
+        if self.mute:
+            return
         if isinstance(data, str) and json.loads(data)["type"] in self.holding:
             self.held.append(data)
         else:
@@ -49,9 +53,13 @@ class Between:
     def _up(self, program: WebSocketRoute, data: str | bytes) -> None:
         if json.loads(data)["type"] == self.cut_at:
             self.cut_at = ""
-            self._page.close()
-        else:
+            self.cut()
+        elif not self.deaf:
             program.send(data)
+
+    def cut(self) -> None:
+        """Cut the line; the page gets another one."""
+        self._page.close()
 
     def wait(self, page: Page) -> None:
         """Until something is held back."""
@@ -226,6 +234,40 @@ def test_two_pages_keep_one_history(rovers: Page, context: BrowserContext, progr
         send(page)
     kept = json.loads(rovers.evaluate("localStorage.getItem('sleepcast.history')"))
     assert [re.findall(r"\d+", text)[0] for text in kept[-3:]] == ["41", "42", "43"]
+
+
+def test_a_stop_that_nobody_answers_says_so_and_goes_out_again(program: Program, blank: Page) -> None:
+    between = Between(blank)
+    blank.goto(program.address)
+    expect(blank.locator("#yes")).to_have_text(re.compile(r"\d+"))
+    stopped = blank.locator("#stopped-text")
+    between.deaf = True
+    blank.keyboard.press("F9")
+    expect(stopped).to_have_text("STOP was sent, and the station has not said that it heard it. Do not rely on it.")
+    between.deaf = False
+    between.cut()  # what was sent on that line is lost
+    expect(stopped).to_have_text("STOP: all 20 robots say that they are stopped.")
+    blank.locator("#release").click()
+    expect(stopped).to_be_hidden()
+    blank.wait_for_timeout(1500)
+    expect(stopped).to_be_hidden(timeout=1)
+
+
+def test_a_line_on_which_nothing_is_heard_is_told(program: Program, blank: Page) -> None:
+    between = Between(blank)
+    blank.goto(program.address)
+    expect(blank.locator("#yes")).to_have_text(re.compile(r"\d+"))
+    pause(blank)
+    blank.locator("#text").fill("")  # nothing is asked, and there is nothing new
+    offline = blank.locator("#offline")
+    blank.wait_for_timeout(8000)
+    expect(offline).to_be_hidden(timeout=1)
+    between.mute = True
+    expect(offline).to_contain_text("Nothing has been heard from the station for some seconds.")
+    between.mute = False
+    expect(offline).to_be_hidden()
+    blank.locator("#run").click()
+    expect(blank.locator("#achieved")).not_to_have_text("paused")
 
 
 def test_the_page_works_where_nothing_may_be_kept(program: Program, blank: Page) -> None:

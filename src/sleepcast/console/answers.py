@@ -40,6 +40,10 @@ class Refused(Said):
     count: bool = False
 
 
+class Alive(Said):
+    """Nothing new, but the line is whole and the station at work."""
+
+
 class Obstacles(Said):
     """What is solid now, where it is not as the scene says; in the same shape."""
 

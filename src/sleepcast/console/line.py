@@ -7,6 +7,7 @@ STOP, and that a picture was drawn, without which no other picture would ever go
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from typing import Generic, TypeVar
@@ -16,7 +17,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from sleepcast.clock import Clock
 from sleepcast.console import messages
-from sleepcast.console.answers import Refused
+from sleepcast.console.answers import Alive, Refused
 
 MESSAGES_PER_SECOND = 120.0
 """Of one page, over a longer time: thirty frames drawn, and the fastest typing many times over."""
@@ -28,6 +29,8 @@ MOST_MALFORMED = 200
 """Messages that are none, after which a page is not served any more."""
 TOO_MUCH = 1008
 """The WebSocket close code for a peer that breaks the rules."""
+BEAT = 2.0
+"""Seconds between two words to a page that there is nothing new: it takes a longer silence for a loss of the line."""
 
 M = TypeVar("M", bound=messages.Message)
 
@@ -83,6 +86,12 @@ class Line(Generic[M]):
             return False
         self._allowance -= 1.0
         return True
+
+    async def beat(self) -> None:
+        """Let the page know for ever that it is heard."""
+        while True:
+            await asyncio.sleep(BEAT)
+            await self.say(Alive())
 
     async def say(self, message: msgspec.Struct) -> None:
         """Tell the page, if it is still there."""

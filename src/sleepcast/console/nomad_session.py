@@ -1,8 +1,8 @@
 """A session of the Nomads' page: one page that is open, what it asks, and what it is told.
 
-Three tasks, as for any page: one reads, one sends pictures, one sends news. A picture goes out only when the page has
-drawn the one before. Who drives by hand must say so again and again: a page that falls silent, or goes away, leaves
-its robot at rest.
+Four tasks, as for any page: one reads, one sends pictures, one sends news, one says that there is a server. A picture
+goes out only when the page has drawn the one before. Who drives by hand must say so again and again: a page that falls
+silent, or goes away, leaves its robot at rest.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class NomadSession:
     async def run(self) -> None:
         """Serve the page until it goes away or breaks the rules."""
         await self._line.say(self._desk.hello())
-        others = [asyncio.create_task(self._send_pictures()), asyncio.create_task(self._send_news())]
+        others = [asyncio.create_task(work) for work in (self._send_pictures(), self._send_news(), self._line.beat())]
         try:
             await self._line.read(self._answer)
         finally:

@@ -1,7 +1,8 @@
 """A session: one page that is open. It answers the page's messages and tells it the news.
 
-Three tasks: one reads, one sends frames, one sends news (accounts, groups, the watched robot). A frame goes out only
-when the page has drawn the one before, so a slow page skips frames; what it asks and commands never waits for them.
+Four tasks: one reads, one sends frames, one sends news (accounts, groups, the watched robot), one says that there is a
+station. A frame goes out only when the page has drawn the one before, so a slow page skips frames; what it asks and
+commands never waits for them.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ class Session:
         hello = self._desk.hello()
         self._sent[type(hello).__name__] = encode(hello)
         await self._line.say(hello)
-        others = [asyncio.create_task(self._send_frames()), asyncio.create_task(self._send_news())]
+        others = [asyncio.create_task(work) for work in (self._send_frames(), self._send_news(), self._line.beat())]
         try:
             await self._line.read(self._answer)
         finally:

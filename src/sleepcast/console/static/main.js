@@ -2,12 +2,13 @@
 
 import { Accounting, bytes } from "./accounting.js";
 import { picture, styleOf } from "./shapes.js";
+import { showLine } from "./line.js";
 import { Prompt } from "./prompt.js";
 import { RobotPane } from "./robot.js";
 import { Safety } from "./safety.js";
 import { theme } from "./theme.js";
 import { Time } from "./time.js";
-import { ANEW, Refusal, Wire } from "./wire.js";
+import { Refusal, Wire } from "./wire.js";
 import { World } from "./world.js";
 
 const find = (id) => document.getElementById(id);
@@ -20,7 +21,7 @@ const world = new World(document.querySelector(".world"));
 const prompt = new Prompt(document.querySelector(".desk"), wire);
 const accounting = new Accounting(document.querySelector(".accounting"), wire);
 const robot = new RobotPane(document.querySelector(".robot"), wire);
-const safety = new Safety(document, wire);
+new Safety(document, wire);
 const time = new Time(document, wire);
 
 let begun = false; // whether the prompt was filled once
@@ -30,8 +31,9 @@ let foretelling = false; // whether they are those that would obey what is typed
 
 // ---- from the station
 
+showLine(wire, find("offline"), "the station");
+
 wire.addEventListener("hello", ({ detail }) => {
-  find("offline").hidden = true;
   const scene = { ...detail.scene, count: detail.count, groups };
   document.body.classList.toggle("replay", detail.recorded > 0);
   document.body.classList.toggle("air", detail.air);
@@ -44,7 +46,6 @@ wire.addEventListener("hello", ({ detail }) => {
   prompt.setReady(scene.commands);
   world.setScene(scene);
   prompt.setNames(detail.names);
-  safety.connected();
   if (robot.index >= 0) wire.tell("watch", { robot: robot.index });
   drawLegend();
 });
@@ -76,14 +77,7 @@ wire.addEventListener("groups", ({ detail }) => {
 wire.addEventListener("obstacles", ({ detail }) => world.setObstacles(detail.obstacles));
 
 wire.addEventListener("robot", ({ detail }) => robot.show(detail));
-wire.addEventListener("safety", ({ detail }) => safety.show(detail));
 wire.addEventListener("refused", ({ detail }) => refused(detail.reason));
-
-wire.addEventListener("lost", ({ detail }) => {
-  const why = detail.reason ? ` (${detail.reason})` : "";
-  find("offline").textContent = `No connection to the station${why}. What is shown is old. Trying again … ${ANEW}`;
-  find("offline").hidden = false;
-});
 
 // What was asked for without a question, such as STOP, and not done.
 function refused(reason) {

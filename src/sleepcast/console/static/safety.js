@@ -2,12 +2,16 @@
 
 export const STOP_KEY = "F9";
 
+const PATIENCE = 1000; // ms within which the station says that it has heard STOP
+
 export class Safety {
   constructor(root, wire) {
     this.wire = wire;
     this.find = (id) => root.querySelector(`#${id}`);
-    this.unsent = false; // STOP was pressed while there was no connection
-    this.find("stop").addEventListener("click", () => this.stop());
+    this.latched = false; // what the station said last
+    this.pressed = false; // STOP was, and the station has said nothing of it
+    this.timer = 0;
+    this.find("stop").addEventListener("click", () => this.press());
     this.find("release").addEventListener("click", () => this.release());
     window.addEventListener(
       "keydown",
@@ -15,34 +19,50 @@ export class Safety {
         if (event.key !== STOP_KEY || event.repeat) return;
         event.preventDefault();
         event.stopPropagation();
-        this.stop();
+        this.press();
       },
       true,
     );
+    wire.addEventListener("hello", () => this.pressed && this.stop()); // it may be lost, or was never sent
+    wire.addEventListener("safety", ({ detail }) => this.show(detail));
+    wire.addEventListener("refused", () => this.answered());
+  }
+
+  press() {
+    this.find("stop").classList.add("pressed");
+    setTimeout(() => this.find("stop").classList.remove("pressed"), 250);
+    this.stop();
   }
 
   stop() {
-    this.find("stop").classList.add("pressed");
-    setTimeout(() => this.find("stop").classList.remove("pressed"), 250);
-    if (this.wire.tell("stop")) return;
-    this.unsent = true;
-    this.say("STOP could not be sent: there is no connection to the station. It goes out as soon as there is one.");
+    const sent = this.wire.tell("stop");
+    if (sent && this.latched) return; // said once more, and all is known
+    this.answered();
+    this.pressed = true;
+    const unheard = "STOP was sent, and the station has not said that it heard it. Do not rely on it.";
+    if (sent) this.timer = setTimeout(() => this.say(unheard), PATIENCE);
+    else this.say("STOP could not be sent: there is no connection to the station. It goes out as soon as there is one.");
+  }
+
+  answered() {
+    clearTimeout(this.timer);
+    this.pressed = false;
+    this.find("stopped").hidden = !this.latched;
   }
 
   release() {
-    this.unsent = false;
+    this.answered();
     if (!this.wire.tell("release")) this.say("RELEASE could not be sent: there is no connection to the station.");
-  }
-
-  connected() {
-    if (this.unsent && this.wire.tell("stop")) this.unsent = false;
   }
 
   // What the station says: {latched, sentence}.
   show(news) {
-    this.find("stopped").hidden = !news.latched;
+    this.latched = news.latched;
     document.body.classList.toggle("latched", news.latched);
-    if (news.latched) this.say(news.sentence);
+    if (news.latched) {
+      this.answered();
+      this.say(news.sentence);
+    } else if (!this.pressed) this.find("stopped").hidden = true;
   }
 
   say(text) {

@@ -1,13 +1,14 @@
 // The connection to the station: one WebSocket, JSON both ways, binary frames downwards (console/frames.py).
 //
 // Every question carries a serial number and gets a promise for its answer. A frame is answered for once it
-// has been drawn, and only then is the next one sent: a slow page skips frames and never queues them.
+// has been drawn, and only then is the next one sent: a slow page skips frames and never queues them. A cable that
+// was cut closes no connection, so the station says every two seconds at least that it is there.
 
 const FIRST_WAIT = 500; // ms before the first attempt to connect again; doubles up to LONGEST_WAIT
 const LONGEST_WAIT = 8000;
 const ANSWER_WAIT = 15000; // ms after which a question counts as unanswered
-
-export const ANEW = "If sleepcast was started anew, open the address that it printed then.";
+const SILENCE = 6000; // ms without a word after which the station may not be there
+const LOOK = 1000; // ms between two looks for that
 
 export class Refusal extends Error {
   // count: whether it would be obeyed if it came with the number of robots that are meant
@@ -25,6 +26,7 @@ export class Wire extends EventTarget {
     this.serial = 0;
     this.wait = FIRST_WAIT;
     this.connect();
+    setInterval(() => this.look(), LOOK);
   }
 
   get open() {
@@ -34,7 +36,9 @@ export class Wire extends EventTarget {
   connect() {
     this.socket = new WebSocket(this.address);
     this.socket.binaryType = "arraybuffer";
+    this.silent = false;
     this.socket.onopen = () => {
+      this.heardAt = performance.now();
       this.wait = FIRST_WAIT;
     };
     this.socket.onmessage = (event) => this.receive(event.data);
@@ -52,7 +56,18 @@ export class Wire extends EventTarget {
     this.wait = Math.min(this.wait * 2, LONGEST_WAIT);
   }
 
+  look() {
+    if (!this.open || this.silent || performance.now() - this.heardAt < SILENCE) return;
+    this.silent = true;
+    this.emit("silent");
+  }
+
   receive(data) {
+    this.heardAt = performance.now();
+    if (this.silent) {
+      this.silent = false;
+      this.emit("heard");
+    }
     if (data instanceof ArrayBuffer) {
       this.emit("frame", data);
       return;

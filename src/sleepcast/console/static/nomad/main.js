@@ -1,9 +1,10 @@
 // The page of the Nomads: puts the windows together. What a window knows it is told here.
 
+import { showLine } from "../line.js";
 import { Safety } from "../safety.js";
 import { theme } from "../theme.js";
 import { Time } from "../time.js";
-import { ANEW, Refusal, Wire } from "../wire.js";
+import { Refusal, Wire } from "../wire.js";
 import { About } from "./about.js";
 import { Driver } from "./drive.js";
 import { Layers } from "./layers.js";
@@ -27,7 +28,7 @@ const about = new About(document, state);
 const orders = new Orders(document.querySelector(".desk"), wire, state);
 const layers = new Layers(document.querySelector(".world"), state);
 const driver = new Driver(document, wire, state, [find("map"), find("own")]);
-const safety = new Safety(document, wire);
+new Safety(document, wire);
 const time = new Time(document, wire);
 
 let pictures = 0; // that came
@@ -35,8 +36,9 @@ let drawn = 0; // the last of them that was drawn
 
 // ---- from the server
 
+showLine(wire, find("offline"), "the server");
+
 wire.addEventListener("hello", ({ detail }) => {
-  find("offline").hidden = true;
   find("title").textContent = detail.title;
   document.title = `${detail.title} · sleepcast`;
   state.greet(detail);
@@ -44,7 +46,6 @@ wire.addEventListener("hello", ({ detail }) => {
   about.offer();
   look();
   world.resize();
-  safety.connected();
 });
 
 wire.addEventListener("picture", ({ detail }) => {
@@ -73,15 +74,9 @@ wire.addEventListener("solids", ({ detail }) => {
   if (first) world.refit();
 });
 
-wire.addEventListener("safety", ({ detail }) => safety.show(detail));
 wire.addEventListener("refused", ({ detail }) => orders.answer(detail.reason, true));
 
-wire.addEventListener("lost", ({ detail }) => {
-  driver.release();
-  const why = detail.reason ? ` (${detail.reason})` : "";
-  find("offline").textContent = `No connection to the server${why}. What is shown is old. Trying again … ${ANEW}`;
-  find("offline").hidden = false;
-});
+wire.addEventListener("lost", () => driver.release());
 
 // ---- to the server
 

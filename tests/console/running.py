@@ -23,10 +23,10 @@ PATIENCE = 120.0
 
 
 class Program:
-    """`sleepcast` with `arguments` and any free port; `with` stops it as Ctrl-C does. start: what Python runs."""
+    """`sleepcast` with `arguments` and any free port; `with` stops it as Ctrl-C does."""
 
-    def __init__(self, *arguments: str | Path, start: tuple[str, ...] = ("-m", "sleepcast")) -> None:
-        command = [sys.executable, *start, *arguments, "--no-browser", "--port", "0"]
+    def __init__(self, *arguments: str | Path) -> None:
+        command = [sys.executable, "-m", "sleepcast", *arguments, "--no-browser", "--port", "0"]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         self.said = ""
         assert self.process.stdout is not None

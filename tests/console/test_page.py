@@ -16,7 +16,7 @@ import pytest
 from playwright.sync_api import BrowserContext, Locator, Page, WebSocket, expect
 
 from console.running import PATIENCE, Program
-from small_worlds import write
+from small_worlds import SMALL, write
 
 pytestmark = pytest.mark.browser
 
@@ -569,19 +569,14 @@ def test_more_robots_than_shapes_can_tell_apart_become_points(context: BrowserCo
         expect(page.locator("#robot-name")).to_have_text(re.compile(r"scout\d+"))
 
 
-WITH_A_WALL = """
-import sys
-import msgspec
-from sleepcast.cli import main, page
-scene_of = page.scene_of
-wall = ((400.0, 100.0), (600.0, 100.0), (600.0, 300.0), (400.0, 300.0))
-page.scene_of = lambda *of: msgspec.structs.replace(scene_of(*of), obstacles=((wall,),))
-sys.exit(main())
+A_SQUARE = """
+[[world.polygons]]
+corners = [[400.0, 100.0], [600.0, 100.0], [600.0, 300.0], [400.0, 300.0]]
 """
 
 
 def test_obstacles_stand_on_the_map(context: BrowserContext, tmp_path: Path) -> None:
-    with Program("run", write(tmp_path).parent, "--page", start=("-c", WITH_A_WALL)) as program:
+    with Program("run", write(tmp_path, text=SMALL + A_SQUARE).parent, "--page") as program:
         page = context.new_page()
         page.goto(program.address)
         expect(page.locator("#legend")).to_contain_text("20 rovers")

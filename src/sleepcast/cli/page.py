@@ -5,11 +5,9 @@ from __future__ import annotations
 from array import array
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, pi, sin
 from threading import Event
-
-import msgspec
 
 from sleepcast.cli.headless import warm_up
 from sleepcast.cli.interrupts import end_now
@@ -36,9 +34,9 @@ class SwarmOnPage:
         world = swarm.simulator.world
         self._world_version = world.version
         self._obstacles: tuple[tuple[Outline, ...], ...] | None = None
-        solid = tuple(map(outlines, world.shapes.values()))  # not the scenario's: the swarm may come from a snapshot
-        scene = scene_of(swarm.simulator.scenario, tuple(swarm.simulator.names))
-        self.scene = msgspec.structs.replace(scene, obstacles=solid)
+        # Not the scenario's walls: the swarm may come from a snapshot.
+        now = replace(swarm.simulator.scenario, shapes=tuple(world.shapes.values()))
+        self.scene = scene_of(now, tuple(swarm.simulator.names))
         self.minds = swarm.fleet
         self.vocabulary: Vocabulary = swarm.vocabulary
 

@@ -186,7 +186,7 @@ def _opened(data: bytes, name: str) -> Document:
 def _resumed(document: Document, seed: int | None, threads: int | None) -> Swarm:
     room = room_for(document.robots)
     told = unpack(SimulatorParcel, document.simulator, room, "the part of the simulator")
-    if simulators.scenario_in(told).robots.count != document.robots:
+    if simulators.scenario_of(told.scenario).robots.count != document.robots:
         raise ParcelError(f"a scenario with another number of robots than {document.robots}")
     fleet = unpack(FleetParcel, document.fleet, room, "the part of the minds")
     radio = unpack(RadioParcel, document.radio, room, "the part of the radio")

@@ -166,17 +166,11 @@ class NumbaMachine:
         walls = listed if isinstance(listed, Walls) else walls_of(listed, solids)
         beside = min(ring.lone, cones.reach, self._beside)
         close = self._looked_around(points, beside)
+        lone = ring.lone if ring.lone < np.inf and 1.0 / units <= FINE else -1.0
         seen = (
             *(*pose, order, fixed_x, fixed_y, wide, rows, points.start, grid.size, grid.across, grid.up),
             *(walls.solids, walls.start, walls.items, walls.news, *ring.measures),
-            *(
-                ring.lone if ring.lone < np.inf and 1.0 / units <= FINE else -1.0,
-                1.0 / units,
-                mixed,
-                forward,
-                ring.axis_cos,
-                ring.axis_sin,
-            ),
+            *(lone, 1.0 / units, mixed, forward, ring.axis_cos, ring.axis_sin),
         )
 
         def see(first: int, last: int) -> None:

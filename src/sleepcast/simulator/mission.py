@@ -17,6 +17,7 @@ from pathlib import Path
 from textwrap import dedent
 
 from sleepcast.errors import MisuseError
+from sleepcast.simulator.settings import SettingsError, read_text
 from sleepcast.units import TIME, UNITS, to_si
 
 MAX_BYTES = 1_048_576
@@ -43,17 +44,10 @@ class Order:
 def read_mission(path: Path) -> tuple[Order, ...]:
     """The orders of the script at `path`, in time order. Raises MissionError."""
     try:
-        with path.open("rb") as file:
-            raw = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise MissionError(f"{path}: cannot be read: {error.strerror or error}") from error
-    if len(raw) > MAX_BYTES:
-        raise MissionError(f"{path}: too long for a mission: at most {MAX_BYTES} bytes")
-    try:
-        return parse_mission(raw.decode("utf-8-sig"), str(path))
-    except UnicodeDecodeError as error:
-        line = error.object.count(b"\n", 0, error.start) + 1
-        raise MissionError(f"{path}:{line}: not UTF-8 text: {error.reason}") from error
+        text = read_text(path, MAX_BYTES, "a mission")
+    except SettingsError as error:
+        raise MissionError(str(error)) from error
+    return parse_mission(text, str(path))
 
 
 def parse_mission(text: str, name: str) -> tuple[Order, ...]:

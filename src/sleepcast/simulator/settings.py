@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from math import inf, isfinite
 from os.path import isfile
 from pathlib import Path
@@ -61,15 +62,15 @@ class Document:
         return SettingsError(f"{self.path}:{line}: {shown_key(where)}: {sentence}")
 
 
-def read_text(path: Path, most: int = MAX_BYTES) -> str:
-    """The text of a file of at most `most` bytes. Raises SettingsError for another one."""
+def read_text(path: Path, most: int = MAX_BYTES, what: str = "such a file") -> str:
+    """The text of a file of at most `most` bytes. what: it is, for errors. Raises SettingsError for another one."""
     try:
         with path.open("rb") as file:
             raw = file.read(most + 1)
     except (OSError, ValueError) as error:  # a null in the path is a ValueError
         raise SettingsError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
     if len(raw) > most:
-        raise SettingsError(f"{path}: too long for such a file: at most {most} bytes")
+        raise SettingsError(f"{path}: too long for {what}: at most {most} bytes")
     try:
         return raw.decode("utf-8-sig")  # some editors put a mark before the text
     except UnicodeDecodeError as error:
@@ -151,6 +152,14 @@ class Table:
         if self.below and key not in self.values and self.below.has(key):
             return self.below.error(key, sentence)
         return self.document.error((*self.where, key), sentence)
+
+    @contextmanager
+    def answering(self, key: str) -> Iterator[None]:
+        """What stands under `key` answers for what is misused inside: the error that is raised names it."""
+        try:
+            yield
+        except MisuseError as error:
+            raise self.error(key, str(error)) from None
 
     def has(self, key: str) -> bool:
         self._asked.add(key)

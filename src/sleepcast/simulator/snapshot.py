@@ -82,7 +82,7 @@ def state_of(simulator: Simulator) -> SimulatorParcel:
 
 def resume(parcel: SimulatorParcel, seed: int | None = None, threads: int | None = None) -> Simulator:
     """A simulator that goes on from there; seed: None is the one that it had. Raises ParcelError."""
-    scenario = scenario_in(parcel)
+    scenario = scenario_of(parcel.scenario)
     for number, low, high in ((parcel.seed, 0, MAX_SEED), (parcel.tick, 0, MAX_TICKS)):
         if not low <= number <= high:
             raise ParcelError(f"a seed or tick {number} that does not lie in {low}..{high}")
@@ -143,11 +143,6 @@ def _check_firing(firing: Firing, sonars: int) -> None:
 
 
 # ---- the scenario
-
-
-def scenario_in(parcel: SimulatorParcel) -> Scenario:
-    """The scenario of a snapshot. Raises ParcelError for one that cannot be simulated."""
-    return scenario_of(parcel.scenario)
 
 
 def scenario_of(data: bytes) -> Scenario:

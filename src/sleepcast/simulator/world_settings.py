@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
-from sleepcast.errors import MisuseError
 from sleepcast.simulator.drawing import MAX_NAME, read_drawing
 from sleepcast.simulator.maze import maze
 from sleepcast.simulator.robot_settings import LEAST, MAX_WORLD
@@ -95,10 +94,8 @@ def _written(world: Table, high: tuple[float, float]) -> list[tuple[Shape, bool]
 
 def _real(shape: Shape, table: Table, key: str) -> Shape:
     """The shape that stands under `key`. Raises SettingsError if it is none."""
-    try:
+    with table.answering(key):
         rows_of(shape)
-    except MisuseError as error:
-        raise table.error(key, str(error)) from None
     return shape
 
 
@@ -144,10 +141,8 @@ def _from_files(world: Table) -> list[_Taken]:
             at = each.point("zero", (-MAX_WORLD, -MAX_WORLD), (MAX_WORLD, MAX_WORLD)) if each.has("zero") else None
             solid = each.text("unknown", "open", choices=("open", "solid")) == "solid"
             found_map = read_map(path)
-            try:
+            with each.answering("file"):
                 area, low, high = found_map.area(at, unknown_is_solid=solid)
-            except MisuseError as error:
-                raise each.error("file", str(error)) from None
             found.append(_Taken("map", (area,) if area.outlines else (), low, high))
     if world.has("drawing"):
         with world.table_or_text("drawing", "file") as each:
@@ -166,19 +161,15 @@ def _parted(table: Table, size: tuple[float, float], seed: int) -> list[Wall]:
         with table.table("rooms") as each:
             room = each.number("size", LENGTH, low=0.1, high=MAX_WORLD)
             door = each.number("door", LENGTH, low=0.0, high=room)
-            try:
+            with table.answering("rooms"):
                 walls += rooms(*size, room, door)
-            except MisuseError as error:
-                raise table.error("rooms", str(error)) from None
     if table.has("maze"):
         with table.table("maze") as each:
             cell = each.number("cell", LENGTH, low=0.1, high=MAX_WORLD)
             loops = each.number("loops", default=0.0, low=0.0, high=1.0)
             own = each.whole("seed", seed, low=0, high=MAX_SEED)
-            try:
+            with table.answering("maze"):
                 walls += maze(*size, cell, loops, own)
-            except MisuseError as error:
-                raise table.error("maze", str(error)) from None
     return walls
 
 

@@ -7,6 +7,7 @@ as tests do.
 """
 
 import signal
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -32,3 +33,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if item.get_closest_marker("nightly"):
             item.add_marker(skip)
+
+
+@pytest.fixture(scope="module")
+def rules_elsewhere(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Native code goes into a folder of this module's, which makes up thousands of rules that nobody needs again. All
+    other tests share the user's: kernels are compiled once."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("caches")))
+        yield

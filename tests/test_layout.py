@@ -41,7 +41,9 @@ def room(rooms: str = "", libraries: str = "", late: str = "") -> Room:
     return Room(frozenset(rooms.split()), frozenset(libraries.split()), frozenset(late.split()))
 
 
-GROUND = frozenset({"errors", "clock", "units", "arrays", "parcel", "files", "team"})  # everybody may import these
+GROUND = frozenset(
+    {"errors", "clock", "units", "arrays", "parcel", "files", "code_cache", "team"}
+)  # everybody may import these
 HOUSE = {
     "errors": room(),
     "clock": room(),
@@ -49,6 +51,7 @@ HOUSE = {
     "arrays": room(libraries="numpy"),
     "parcel": room(libraries="msgspec", late="numpy"),
     "files": room(),
+    "code_cache": room(),
     "team": room(libraries="numpy"),
     "language": room(),
     "channel": room(libraries="msgspec numpy cbor2 nacl zenoh"),

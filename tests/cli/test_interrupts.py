@@ -30,7 +30,7 @@ def begin(*arguments: str | Path, caches: Path) -> subprocess.Popen[str]:
     """The program with nothing in its caches, so that it compiles what it needs."""
     process = subprocess.Popen(
         [sys.executable, "-c", START, *map(str, arguments)],
-        env={**os.environ, "XDG_CACHE_HOME": str(caches), "NUMBA_CACHE_DIR": ""},
+        env={**os.environ, "XDG_CACHE_HOME": str(caches)},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -27,6 +27,8 @@ from sleepcast.errors import SleepcastError
 from sleepcast.fleet import columns
 from sleepcast.fleet.kernels import Kernels, available
 
+pytestmark = pytest.mark.usefixtures("rules_elsewhere")
+
 EXAMPLES = max(1_000, settings().max_examples)
 ROBOTS = 4
 STEPS = 5

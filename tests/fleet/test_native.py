@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import math
+import os
+import subprocess
+import sys
+import tempfile
 from collections.abc import Sequence
+from pathlib import Path
 from random import Random
 from unittest.mock import patch
 
@@ -19,7 +24,10 @@ from sleepcast.fleet.formulas import FORMULAS
 from sleepcast.fleet.kernels import Kernels, available, translatable
 from sleepcast.team import Team
 
-pytestmark = pytest.mark.skipif(not available(), reason="native code needs llvmlite, the extra `fast`")
+pytestmark = [
+    pytest.mark.skipif(not available(), reason="native code needs llvmlite, the extra `fast`"),
+    pytest.mark.usefixtures("rules_elsewhere"),
+]
 
 EXAMPLES = max(200, settings().max_examples // 2)
 ROBOTS = native.LANES + 1
@@ -283,3 +291,59 @@ def test_a_text_that_is_asked_again_and_again_becomes_native() -> None:
         )
     assert found[0] == found[1] == found[2]
     assert found[0][3]
+
+
+KEPT = """
+from fleet.test_native import SENSORS, forced
+from fleet.twins import Twins
+from sleepcast.fleet import native
+
+made = []
+optimised = native._optimised
+native._optimised = lambda *given: made.append(1) or optimised(*given)
+twins = Twins(9)
+kernels = forced(twins)
+twins.sense([[float(i)] * len(SENSORS) for i in range(9)])
+twins.do("(RULE r (PROGN (SETQ throttle (+ (SIN x) (^ 2 y) (LOG (ABS fuel)))) (SETQ lamp (+ (MOD x 3) (EXP y)))))")
+kernels.settle()
+for _ in range(3):
+    twins.think()
+    twins.compare()
+print(len(made))
+"""
+
+
+@pytest.mark.parametrize("damaged", [False, True])
+def test_code_of_another_process_is_found_and_does_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damaged: bool
+) -> None:
+    """Functions of the C library lie elsewhere in each process."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+
+    def optimised() -> int:
+        environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent.parent)}
+        done = subprocess.run(
+            [sys.executable, "-c", KEPT], env=environment, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        return int(done.stdout)
+
+    assert optimised() == 1
+    (file,) = tmp_path.rglob("rules/*")
+    if damaged:
+        file.write_bytes(file.read_bytes()[:-7])
+    assert optimised() == damaged
+    assert optimised() == 0
+
+
+def test_code_that_cannot_be_kept_is_made_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("where the folders should be")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "file"))
+    twins = Twins(ROBOTS)
+    forced(twins)
+    twins.sense([[1.0] * len(SENSORS) for _ in range(ROBOTS)])
+    twins.do("(RULE r (SETQ lamp (+ x 1)))")
+    with patch("sleepcast.fleet.rounds.walk_through", side_effect=AssertionError("a robot has walked")):
+        twins.think()
+    twins.compare()

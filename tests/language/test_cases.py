@@ -6,6 +6,8 @@ import pytest
 
 from language.cases import MACHINES, Block, blocks, mismatch, same
 
+pytestmark = pytest.mark.usefixtures("rules_elsewhere")
+
 BLOCKS = blocks()
 FEWEST = 300
 TOPICS = {

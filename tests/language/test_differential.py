@@ -24,6 +24,8 @@ from sleepcast.language.functions import FUNCTIONS
 from sleepcast.node.memory import MAX_FAULTS
 from sleepcast.node.node import Node
 
+pytestmark = pytest.mark.usefixtures("rules_elsewhere")
+
 EXAMPLES = max(1_000, settings().max_examples)
 """Memories: a thousand, or as many as the chosen hypothesis profile says if that is more."""
 TEXTS = 6

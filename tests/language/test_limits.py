@@ -18,6 +18,8 @@ from sleepcast.language.vocabulary import (
     MAX_USER_VARIABLES,
 )
 
+pytestmark = pytest.mark.usefixtures("rules_elsewhere")
+
 MAX_CALLS = 32
 MAX_LEVELS = 100
 SLOWEST = 1.0

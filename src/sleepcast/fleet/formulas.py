@@ -32,12 +32,12 @@ def is_known(part: Part) -> bool:
     name = part.function.name
     if name in TRUTHS:
         return name != "/=" or len(part.parts) <= MOST_DIFFERENT
-    return name in FORMULAS and _NEEDS.get(name, name) in {name, *libm.addresses()}
+    return name in FORMULAS and (name not in _NEEDS or libm.address(_NEEDS[name]) is not None)
 
 
 def has_logarithm() -> bool:
     """Whether there is native code for what needs a logarithm."""
-    return "log" in libm.addresses()
+    return libm.address("log") is not None
 
 
 def holds(a: Assembly, name: str, numbers: Sequence[str]) -> str:
@@ -53,6 +53,7 @@ def each(a: Assembly, name: str, numbers: Sequence[str], mask: str) -> str:
     """A function of the C library, called for each lane of the mask; 0 in the others."""
     own = f"each_{name}"
     if own not in a.outside:
+        a.outside[name] = f"declare double @{libm.symbol(name)}({', '.join(['double'] * len(numbers))})"
         a.outside[own] = _each(a, name, len(numbers))
     lanes = f"i{a.lanes}"
     flags = mask if a.lanes == 1 else a.convert("bitcast", a.truth, mask, lanes)
@@ -63,7 +64,6 @@ def _each(a: Assembly, name: str, count: int) -> str:
     """The text of such a function: a way for each lane, taken if its bit is set."""
     given = "".join(f"{a.real} %a{i}, " for i in range(count))
     lines = [f"define internal {a.real} @each_{name}({given}i{a.lanes} %mask) noinline {{", "entry:"]
-    address = f"inttoptr (i64 {libm.addresses()[name]} to ptr)"
     before, value = "entry", a.zero
     for lane in range(a.lanes):
         lines += [f"%m{lane} = and i{a.lanes} %mask, {1 << lane if a.lanes > 1 else 'true'}"]
@@ -72,7 +72,7 @@ def _each(a: Assembly, name: str, count: int) -> str:
         numbers = [f"%x{i}_{lane}" if a.lanes > 1 else f"%a{i}" for i in range(count)]
         if a.lanes > 1:
             lines += [f"{x} = extractelement {a.real} %a{i}, i32 {lane}" for i, x in enumerate(numbers)]
-        lines += [f"%r{lane} = call double {address}({', '.join(f'double {x}' for x in numbers)})"]
+        lines += [f"%r{lane} = call double @{libm.symbol(name)}({', '.join(f'double {x}' for x in numbers)})"]
         result = f"%r{lane}"
         if a.lanes > 1:
             result = f"%s{lane}"

@@ -25,20 +25,27 @@ _FUNCTIONS: dict[str, tuple[Callable[..., float], int]] = {
 }
 
 
+NAMES = tuple(_FUNCTIONS)
+
+
+def symbol(name: str) -> str:
+    """What native code calls a function: not by its own name, of which the optimiser would draw conclusions."""
+    return f"sleepcast_{name}"
+
+
 @cache
-def addresses() -> dict[str, int]:
-    """Where the functions begin that can be called in place of `math`'s."""
+def address(name: str) -> int | None:
+    """Where the function begins that can be called in place of `math`'s; None if there is none."""
+    function, count = _FUNCTIONS[name]
     try:
-        library = ctypes.CDLL(None)
-    except (OSError, TypeError):  # there is no library of the process itself on this platform
-        return {}
-    found = {}
-    for name, (function, count) in _FUNCTIONS.items():
-        if hasattr(library, name):
-            native = ctypes.CFUNCTYPE(ctypes.c_double, *[ctypes.c_double] * count)((name, library))
-            if _agree(function, native, count):
-                found[name] = ctypes.cast(native, ctypes.c_void_p).value or 0
-    return found
+        native = ctypes.CFUNCTYPE(ctypes.c_double, *[ctypes.c_double] * count)((name, ctypes.CDLL(None)))
+    except (
+        OSError,
+        TypeError,
+        AttributeError,
+    ):  # there is no library of the process itself on this platform, or no such
+        return None
+    return ctypes.cast(native, ctypes.c_void_p).value if _agree(function, native, count) else None
 
 
 def _agree(function: Callable[..., float], native: Callable[..., float], count: int) -> bool:

@@ -1,6 +1,8 @@
 """Native code: several programs, one after the other, become one loop over robots, through LLVM; the only module that
 knows llvmlite.
 
+What has been made once is kept for other processes (`code_cache`), since it takes a tenth of a second to make.
+
 The loop takes as many robots at once as a vector has lanes. A robot's variables are read once and written once, in
 place, when all programs are done; so a robot that met anything out of the ordinary is left as it was, and walked.
 All is computed in 64-bit floats, without contraction and without fast-math, so each number is the one that NumPy and
@@ -11,13 +13,17 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
+from hashlib import sha256
 from operator import is_
+from pathlib import Path
 from threading import Lock
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.code_cache import CodeCache
+from sleepcast.fleet import libm
 from sleepcast.fleet.assembly import Assembly
 from sleepcast.fleet.columns import Column, FleetState, Rows
 from sleepcast.fleet.lowering import Columns, Lowering, enters
@@ -27,6 +33,9 @@ from sleepcast.language.parts import walk
 from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.vocabulary import TICK, TIME_SLOT
 from sleepcast.team import Team, borders
+
+if TYPE_CHECKING:
+    from llvmlite.binding import ModuleRef, TargetMachine
 
 LANES = 8
 """Robots at a time: what the widest vectors hold; where they are narrower, LLVM takes several."""
@@ -317,33 +326,53 @@ def _written(programs: Sequence[Program], names: Meaning) -> list[int]:
     return sorted(slots)
 
 
+CACHE = CodeCache("rules")
 _ONE_AT_A_TIME = Lock()
 
 
 def _compiled(text: str) -> Callable[[int, int, int, int], int]:
-    """The function in a module's text, optimised for this processor."""
+    """The function in a module's text, optimised for this processor; as it was kept, if it was."""
     from llvmlite import binding
 
     with _ONE_AT_A_TIME:
         binding.initialize_native_target()
         binding.initialize_native_asmprinter()
-        host = binding.get_host_cpu_features().flatten()
-        target = binding.Target.from_default_triple().create_target_machine(
-            cpu=binding.get_host_cpu_name(), features=host, opt=2, jit=True
+        triple, processor = binding.get_process_triple(), binding.get_host_cpu_name()
+        features = binding.get_host_cpu_features().flatten()
+        target = binding.Target.from_triple(triple).create_target_machine(
+            cpu=processor, features=features, opt=2, jit=True
         )
-        module = binding.parse_assembly(text)
-        tuning = binding.PipelineTuningOptions(speed_level=2)
-        tuning.loop_vectorization = tuning.slp_vectorization = False
-        passes = binding.create_pass_builder(target, tuning)
-        passes.getModulePassManager().run(module, passes)
-        engine = binding.create_mcjit_compiler(module, target)
+        name = _name(text, triple, processor, features, str(binding.llvm_version_info))
+        code = CACHE.load(name)
+        if code is None:
+            code = _optimised(binding.parse_assembly(text), target)
+            CACHE.save(name, code)
+        for called in libm.NAMES:
+            if (symbol := libm.symbol(called)) in text:
+                binding.add_symbol(symbol, libm.address(called))
+        engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target)
+        engine.add_object_file(binding.ObjectFileRef.from_data(code))
         engine.finalize_object()
-    address = engine.get_function_address("round")
-    function = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p)(
-        address
-    )
+        place = engine.get_function_address("round")
+    function = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p)(place)
 
     def call(start: int, stop: int, count: int, table: int) -> int:
         return int(function(start, stop, count, table)) if engine else 0  # the engine owns the code, so it must live on
 
     return call
+
+
+def _name(*depends: str) -> str:
+    """Under which name code is kept that depends on these, and on this module."""
+    return sha256(b"\0".join([Path(__file__).read_bytes(), *(each.encode() for each in depends)])).hexdigest()
+
+
+def _optimised(module: ModuleRef, target: TargetMachine) -> bytes:
+    """The object file of a module."""
+    from llvmlite import binding
+
+    tuning = binding.PipelineTuningOptions(speed_level=2)
+    tuning.loop_vectorization = tuning.slp_vectorization = False
+    passes = binding.create_pass_builder(target, tuning)
+    passes.getModulePassManager().run(module, passes)
+    return bytes(target.emit_object(module))

@@ -1,5 +1,5 @@
-"""How kernels are compiled, and where their code is kept: a folder of the user's, since an installed package may not be
-written to.
+"""How kernels are compiled, and how their code is kept: under a name that tells all that it depends on, wherever the
+package is installed. (numba's own way goes by the path, the time and the text of one file.)
 
 Contractions to fused multiply-adds are not allowed (they would differ between processors), nor, but for `strict` ones,
 may numbers be infinite or unknown. Each function says which it is, as one that did not would take it from whoever
@@ -11,19 +11,23 @@ with instructions that lock memory, and a part may be called some times for each
 
 from __future__ import annotations
 
-import os
-import tempfile
+import pickle
+import sys
 from collections.abc import Callable
-from contextlib import suppress
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
-from stat import S_ISDIR
 from typing import Any, TypeVar, cast
 
+import llvmlite
 import numba
-from numba.core import types
+from numba.core import serialize, types
+from numba.core.caching import NullCache
+from numba.core.compiler import CompileResult
+from numba.core.registry import cpu_target
 from numba.extending import overload, register_jitable
 
+from sleepcast.code_cache import CodeCache
 from sleepcast.simulator import driving, formulas
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
@@ -33,46 +37,51 @@ PART: dict[str, Any] = {"no_cpython_wrapper": True, "_nrt": False}
 """Of functions that only kernels call: Python cannot, and who holds arrays is not counted."""
 SOURCES = (
     *("kernels*.py", "compiled.py", "lanes.py", "vectors.py"),
-    *("formulas.py", "driving.py", "noise.py", "crosstalk.py"),
+    *("formulas.py", "driving.py", "noise.py", "crosstalk.py", "steps.py", "walls.py", "fields.py"),
+    "../channel/chance.py",
 )
+"""Kernels, and where they have numbers, formulas and named tuples from."""
+CACHE = CodeCache("kernels")
 
 
-def cache_folder() -> Path:
-    """The user's cache folder, or one among the temporary files where that cannot be written. Another one for each
-    state of the sources: numba itself would not notice a change in what a kernel takes from another module.
-
-    Code is loaded from there, so among the temporary files a folder serves that is this user's alone.
-    """
-    caches = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
+@cache
+def _identity() -> str:
+    """What all kernels depend on: their sources, what compiles them, and the processor."""
     sources = sorted(source for names in SOURCES for source in Path(__file__).parent.glob(names))
-    state = sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:12]
-    folder = Path(caches) / "sleepcast" / "kernels" / state
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        writable = False
-    else:
-        writable = os.access(folder, os.W_OK)
-    return folder if writable else _private(Path(tempfile.gettempdir()) / f"sleepcast-kernels-{os.getuid()}-{state}")
+    compilers = f"{sys.implementation.cache_tag} {numba.__version__} {llvmlite.__version__}"
+    states = [compilers.encode(), repr(cpu_target.target_context.codegen().magic_tuple()).encode()]
+    return sha256(b"\0".join([*states, *(source.read_bytes() for source in sources)])).hexdigest()[:16]
 
 
-def _private(folder: Path) -> Path:
-    """This folder, if nobody else can write to it, or a new one."""
-    with suppress(FileExistsError):
-        folder.mkdir(mode=0o700)
-    found = folder.lstat()
-    mine = S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o077
-    return folder if mine else Path(tempfile.mkdtemp(prefix="sleepcast-kernels-"))
+class KernelCache(NullCache):
+    """What numba keeps of one function, by the types of its arguments."""
 
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
 
-_settings: Any = numba.config
-if not _settings.CACHE_DIR:  # the person who set NUMBA_CACHE_DIR knows better
-    _settings.CACHE_DIR = str(cache_folder())
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The code for these types, None if there is none."""
+        kept = CACHE.load(self._name(sig))
+        if kept is None:
+            return None
+        target_context.refresh()
+        types_kept, payload = pickle.loads(kept)
+        rebuild: Any = CompileResult._rebuild
+        return rebuild(target_context, *payload) if types_kept == sig else None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the code for these types, unless it has addresses of this process in it."""
+        pickled: Any = serialize.dumps
+        if not data.library.has_dynamic_globals:
+            CACHE.save(self._name(sig), pickled((sig, data._reduce())))
+
+    def _name(self, sig: Any) -> str:
+        return f"{_identity()}-{self._function}-{sha256(repr(sig).encode()).hexdigest()[:16]}"
 
 
 def anything_kept() -> bool:
-    """Whether any kernel has ever been compiled by these sources."""
-    return any(Path(_settings.CACHE_DIR).rglob("*.nbi"))
+    """Whether any kernel has ever been compiled of these sources, for this processor."""
+    return CACHE.has(f"{_identity()}-")
 
 
 def compiled(function: Kernel) -> Kernel:
@@ -101,8 +110,10 @@ def woven(function: Kernel) -> Kernel:
 
 
 def _made(function: Kernel, **options: Any) -> Kernel:
-    options |= {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-    return cast(Kernel, numba.njit(**options)(function))
+    options |= {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+    made = numba.njit(**options)(function)
+    made._cache = KernelCache(function)
+    return cast(Kernel, made)
 
 
 @overload(formulas.either)

@@ -1,0 +1,85 @@
+"""Compiled kernels are kept by what they depend on: not by where, or when, the package was installed."""
+
+from __future__ import annotations
+
+import ast
+import os
+import shutil
+import subprocess
+import sys
+from fnmatch import fnmatch
+from pathlib import Path
+
+import pytest
+
+import sleepcast
+
+pytest.importorskip("numba")
+
+SOURCE = Path(sleepcast.__file__).parent
+CALL = """
+import os, tempfile
+import numpy as np
+tempfile.tempdir = os.environ["XDG_CACHE_HOME"]  # the other place
+from sleepcast.simulator import kernels
+
+start = np.zeros(4, np.int32)
+kernels.begin(np.array([[2, 0, 1]], np.int32), start)
+assert start.tolist() == [0, 2, 2, 3]
+print(kernels.__file__, *kernels.begin.stats.cache_misses.values())
+"""
+
+
+def misses(package: Path, caches: Path) -> int:
+    """How often a process with this package compiles a small kernel."""
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(package.parent),
+        "XDG_CACHE_HOME": str(caches),
+        "TMPDIR": str(caches),
+    }
+    done = subprocess.run([sys.executable, "-c", CALL], env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    file, *counted = done.stdout.split()
+    assert Path(file).is_relative_to(package)
+    return sum(map(int, counted))
+
+
+def test_kernels_of_one_installation_serve_another_one(tmp_path: Path) -> None:
+    """A copy elsewhere, with files of another time, compiles nothing; one with another kernel in it does."""
+    caches, copy = tmp_path / "caches", tmp_path / "elsewhere" / "sleepcast"
+    assert misses(SOURCE, caches) == 1
+    shutil.copytree(SOURCE, copy, ignore=shutil.ignore_patterns("__pycache__"), copy_function=shutil.copyfile)
+    assert misses(copy, caches) == 0
+    with (copy / "simulator" / "formulas.py").open("a") as file:
+        file.write("\n# changed\n")
+    assert misses(copy, caches) == 1
+    assert misses(SOURCE, caches) == 0
+
+
+@pytest.mark.parametrize("hindrance", ["a file where the folder should be", "damage"])
+def test_kernels_that_cannot_be_kept_or_loaded_are_compiled(tmp_path: Path, hindrance: str) -> None:
+    caches = tmp_path / "caches"
+    if hindrance == "damage":
+        assert misses(SOURCE, caches) == 1
+        for file in caches.rglob("*-kernels.*"):
+            file.write_bytes(file.read_bytes()[:-1])
+    else:
+        caches.write_text(hindrance)
+    assert misses(SOURCE, caches) == 1
+    assert misses(SOURCE, caches) == (hindrance != "damage")
+
+
+def test_a_kernels_name_tells_of_all_modules_that_it_takes_something_from() -> None:
+    """But for types, of which compiled code has nothing."""
+    from sleepcast.simulator.compiled import SOURCES
+
+    names = [file.name for file in (SOURCE / "simulator").glob("*.py")]
+    counted = {name for name in names if any(fnmatch(name, pattern) for pattern in SOURCES)}
+    compiled = {name for name in counted if name.startswith("kernels")} | {"lanes.py", "vectors.py"}
+    for name in sorted(compiled):
+        for found in ast.walk(ast.parse((SOURCE / "simulator" / name).read_text())):
+            if isinstance(found, ast.ImportFrom) and (found.module or "").startswith("sleepcast.simulator"):
+                module = (found.module or "").removeprefix("sleepcast.simulator").removeprefix(".")
+                for needed in [module] if module else [alias.name for alias in found.names]:
+                    assert f"{needed}.py" in counted, f"{name} takes something from {needed}: add it to SOURCES"

@@ -6,6 +6,7 @@ against a plain evaluator over trees, which knows nothing of shorts in buffers o
 
 from __future__ import annotations
 
+import json
 import re
 import time
 from collections.abc import Iterator
@@ -28,7 +29,14 @@ from sleepcast.language.classic import (
     run_transcript,
 )
 from sleepcast.language.classic_evaluator import ARGUMENTS
-from sleepcast.language.classic_tokens import BUFFER_TOKENS, TEXT_CHARACTERS, TOKEN_CHARACTERS
+from sleepcast.language.classic_tokens import (
+    BUFFER_TOKENS,
+    EXPRESSION_NAMES,
+    TEXT_CHARACTERS,
+    TOKEN_CHARACTERS,
+    VARIABLE_NAMES,
+    display,
+)
 
 CASES = Path(__file__).parent.parent / "cases"
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -112,6 +120,32 @@ def test_cases(path: Path, group: Group) -> None:
 def test_there_are_cases_for_both_modes() -> None:
     counts = {mode: sum(len(group.cases) for _, group in GROUPS if group.mode == mode) for mode in MODES}
     assert min(counts.values()) > 200
+
+
+# The original
+
+SESSIONS = (Path(__file__).parent / "classic_sessions.jsonl").read_text(encoding="utf-8").splitlines()
+
+
+@pytest.mark.parametrize("number", range(len(SESSIONS)))
+def test_faithful_is_the_original(number: int) -> None:
+    """A session of the original: one list a line of [text, value, shown, messages, printed, memory].
+
+    The memory is V0 to V5, then E1 to E5 in shorts; null if the input left it as it was.
+    """
+    machine = ClassicMachine("faithful")
+    values, buffers = machine.variables, {name: machine.buffer(name) for name in EXPRESSION_NAMES[1:]}
+    for text, value, shown, messages, printed, memory in json.loads(SESSIONS[number]):
+        if memory is not None:
+            first, *rest = ([int(short) for short in part.split()] for part in memory.split("|"))
+            values = dict(zip(VARIABLE_NAMES, first, strict=True))
+            buffers = {name: display(tokens).lstrip() for name, tokens in zip(EXPRESSION_NAMES[1:], rest, strict=True)}
+        assert machine.evaluate(text) == value, text
+        assert machine.show(text) == shown
+        assert [line for line in machine.messages if line.startswith("eval")] == messages, text
+        assert [line for line in machine.messages if not line.startswith("eval")] == printed, text
+        assert machine.variables == values, text
+        assert {name: machine.buffer(name) for name in buffers} == buffers, text
 
 
 # The machine's interface
@@ -385,7 +419,8 @@ def trees(*, with_cond: bool) -> st.SearchStrategy[Tree]:
     def lists(children: st.SearchStrategy[Tree]) -> st.SearchStrategy[Tree]:
         some = st.lists(children, min_size=1, max_size=4)
         calls = st.builds(lambda name, rest: (name, *rest), st.sampled_from(["+", "-", "*", "AND", "OR"]), some)
-        setqs = st.tuples(st.just("SETQ"), st.sampled_from(["V0", "V1", "V5"]), children)
+        pairs = st.lists(st.tuples(st.sampled_from(["V0", "V1", "V5"]), children), min_size=1, max_size=3)
+        setqs = pairs.map(lambda some: ("SETQ", *(part for pair in some for part in pair)))
         conds = st.lists(some.map(tuple), max_size=4).map(lambda clauses: ("COND", *clauses))
         return st.one_of(calls, setqs, conds) if with_cond else st.one_of(calls, setqs)
 
@@ -418,16 +453,18 @@ def value_of(tree: Tree, variables: dict[str, int]) -> int:
                 return value
         return 0
     if name == "SETQ":
-        target, source = rest
-        assert isinstance(target, str)
-        variables[target] = value_of(source, variables)
-        return variables[target]
+        for target, source in zip(rest[::2], rest[1::2], strict=True):
+            assert isinstance(target, str)
+            value = variables[target] = value_of(source, variables)
+        return value
+    if name in ("AND", "OR"):
+        for part in rest:
+            value = value_of(part, variables)
+            if bool(value) == (name == "OR"):
+                break
+        return value
     values = [value_of(part, variables) for part in rest]
     match name:
-        case "AND":
-            return values[-1] if all(values) else 0
-        case "OR":
-            return next((value for value in values if value), 0)
         case "+":
             return wrapped(sum(values))
         case "-":

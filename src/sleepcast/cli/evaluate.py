@@ -29,7 +29,7 @@ class NegativeNumbersAllowed(click.Command):
     type=click.Choice(["standard", "classic", "faithful"]),
     default="standard",
     show_default=True,
-    help="Classic is the original program with its COND repaired, faithful is the original as it was.",
+    help="Classic is the original program with its faults repaired, faithful is the original as it was.",
 )
 @click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="Give a variable a value first.")
 @click.option("--seed", type=int, default=0, show_default=True, help="What chance (PROB, DICE, ...) depends on.")

@@ -3,10 +3,9 @@
 `ClassicMachine` is one robot of that program; `run_transcript` is its interactive form. Text becomes shorts
 in buffer E0 (`classic_tokens`), and `classic_evaluator` walks them. There are two modes:
 
-- `faithful` gives what the original gave wherever it had a defined behaviour, two faults of its token
-  pointer included: `(COND ((AND 1 0) 99) ((AND 1 1) 88))` is 0, and after a failed form its caller reads on
-  inside it.
-- `classic`, the default, repairs these two and nothing else.
+- `faithful` gives what the original gave wherever it had a defined behaviour, the faults of its token pointer
+  included: `(COND ((AND 1 0) 99) ((AND 1 1) 88))` is 0, and after a failed form its caller reads on inside it.
+- `classic`, the default, repairs these, and reports an empty buffer and a missing argument, which were 0.
 
 What made the original crash, hang or write outside its tables is a `ClassicError` in both modes. What was
 assigned before it stands, and the machine can be used on.
@@ -53,7 +52,7 @@ Mode = Literal["classic", "faithful"]
 class ClassicMachine:
     """One robot of the original program: variables V0 to V5, buffers E0 to E5, and an evaluator.
 
-    `mode` is "classic" (the faults of the token pointer repaired) or "faithful" (as it was). `say` receives
+    `mode` is "classic" (the faults of the original repaired) or "faithful" (as it was). `say` receives
     each line that the original would print while evaluating: its messages and what PRINT shows.
     Raises MisuseError for another mode.
     """
@@ -65,7 +64,7 @@ class ClassicMachine:
         """What the last `evaluate` said, in order: messages of the original and lines of PRINT."""
         self._repairs = mode == "classic"
         self._say = say
-        self._memory = Memory()
+        self._memory = Memory() if self._repairs else Memory(unwritten=[0])
 
     @property
     def variables(self) -> dict[str, int]:

@@ -2,14 +2,17 @@
 
 One convention explains everything: **an expression is entered with the pointer on its first token and left
 with the pointer on its last**, an atom's own token or a list's closing parenthesis. The original breaks it
-twice:
+in five places:
 
 - A false COND clause is skipped from the test's last token on. If the test is a list, that token is a closing
   parenthesis, and is taken for the clause's own: `(COND ((AND 1 0) 99) ((AND 1 1) 88))` gives 0.
 - A form that fails with a message returns at once and leaves the pointer inside itself, where its caller
   reads on: `(+ 1 (5) 3)` is 1.
+- A list that begins with no function ends at its first closing parenthesis: `(+ 1 (FOO (+ 2 3)) 5)` is 1.
+- PRINT ends there too: it tells tokens and evaluates none.
+- A SETQ that lacks its last value takes its own closing parenthesis for it and reads on.
 
-With `repairs`, a list always ends on its own parenthesis, and so does a skipped clause (88 and 4).
+With `repairs`, a list always ends on its own parenthesis, and so does a skipped clause (88, 4 and 6).
 
 Recursion is kept on a list of generators instead of Python's stack: each yields the place of an expression
 that it needs and is sent its value. So depth and work have bounds of our own, and nothing ends in a
@@ -102,9 +105,7 @@ class _Pointer:
 
     def ran_out(self) -> ClassicError:
         if self.index == 0:
-            return ClassicError(
-                f"{self.name} is empty, and the original crashed here: store an expression in it with SETQQ"
-            )
+            return ClassicError(f"{self.name} is empty: store an expression in it with SETQQ")
         return ClassicError(
             f"the evaluation ran past the end of {self.name} (after {self.index} tokens), as the original "
             "ran out of its buffer: look for a form that failed or lacks an argument"
@@ -191,20 +192,28 @@ class Evaluator:
             return (yield from self._print(t))
         if function in (PLUS, MINUS, TIMES, DIVIDE, AND, OR):
             return (yield from self._call(t, function))
-        return self._fail(f"eval() found token {function} after '('")
+        if function < FUNCTION or self._repairs:
+            return self._fail(f"eval() found token {function} after '('")
+        while t.token != CLOSE:
+            t.step()
+        return 0
 
     def _call(self, t: _Pointer, function: int) -> Evaluation:
-        """A function of values: all arguments are evaluated first, those of AND and OR too."""
+        """A function of values. AND and OR stop at the first argument that decides, the others need all."""
         where = t.where
         values: list[int] = []
         while t.step() != CLOSE:
             values.append((yield t))
             if len(values) > ARGUMENTS:
                 return self._fail(f"eval numArgs > {ARGUMENTS}")
-        if function == AND:
-            return 0 if 0 in values else values[-1] if values else 1
-        if function == OR:
-            return next(filter(None, values), 0)
+            if function in (AND, OR) and bool(values[-1]) == (function == OR):
+                t.step()
+                t.leave_list()
+                break
+        if function in (AND, OR):
+            return values[-1] if values else int(function == AND)
+        if not values and self._repairs and function in (MINUS, DIVIDE):
+            raise ClassicError(f"{token_name(function)} has no argument {where}: give it one")
         return _arithmetic(function, values, where)
 
     def _cond(self, t: _Pointer) -> Evaluation:
@@ -228,14 +237,16 @@ class Evaluator:
         return 0
 
     def _setq(self, t: _Pointer) -> Evaluation:
+        """Assign each value to the variable before it, and give the last one."""
         target = t.step()
-        if not VARIABLE <= target < EXPRESSION:
-            return self._fail(f"eval(SETQ ) found {target} as dest")
-        t.step()
-        value = yield t
-        self._memory.values[target - VARIABLE] = value
-        t.step()
-        return value
+        while VARIABLE <= target < EXPRESSION:
+            lacks_value = t.step() == CLOSE
+            value = yield t
+            self._memory.values[target - VARIABLE] = value
+            target = t.step()
+            if target == CLOSE or (lacks_value and self._repairs):
+                return value
+        return self._fail(f"eval(SETQ ) found {target} as dest")
 
     def _setqq(self, t: _Pointer) -> int:
         """Copy the second argument as it stands into the buffer that the first one names."""
@@ -258,12 +269,15 @@ class Evaluator:
         return 0
 
     def _print(self, t: _Pointer) -> Evaluation:
-        """Tell variables and buffers among the arguments by name, others by value; everything if none."""
+        """Tell variables and buffers among the arguments by name, others by value; everything if none.
+
+        The original tells every token up to the first closing parenthesis, and evaluates none.
+        """
         if t.step() == CLOSE:
             for token in _EVERYTHING:
                 self._tell(self._line(token))
         while t.token != CLOSE:
-            if VARIABLE <= t.token < FUNCTION:
+            if VARIABLE <= t.token < FUNCTION or not self._repairs:
                 self._tell(self._line(t.token))
             else:
                 value = yield t
@@ -272,19 +286,25 @@ class Evaluator:
         return 0
 
     def _line(self, token: int) -> str:
+        """A token as PRINT tells it; the original says its kind first, and a blank more before an expression."""
+        kind, blank = ("", "") if self._repairs else (f"{_kind(token)} ", " ")
+        name = kind + token_name(token)
+        if token < VARIABLE or token >= FUNCTION:
+            return name
         if token < EXPRESSION:
-            return f"{token_name(token)} = {self._memory.values[token - VARIABLE]}"
-        return f"{token_name(token)} ={self._memory.contents(token - EXPRESSION)}"
+            return f"{name} = {self._memory.values[token - VARIABLE]}"
+        return f"{name} ={blank}{self._memory.contents(token - EXPRESSION)}"
+
+
+def _kind(token: int) -> str:
+    """The sort of a token as the original's PRINT calls it."""
+    return "NUM" if token < VARIABLE else "VAR" if token < EXPRESSION else "EXP" if token < FUNCTION else "FUN"
 
 
 def _arithmetic(function: int, values: list[int], where: str) -> int:
     """`+ - * /` over shorts from left to right; every intermediate result is a short, division truncates."""
     if function == PLUS:
         return to_short(sum(values))
-    if not values and function != TIMES:
-        raise ClassicError(
-            f"{token_name(function)} has no argument {where}, and the original took what was in memory: give it one"
-        )
     if len(values) < 2:
         values = [0 if function == MINUS else 1, *values]
     result = values[0]

@@ -64,11 +64,16 @@ class ClassicReadError(ClassicError):
 
 
 class Memory:
-    """The variables and expression buffers of one robot, as the original starts with them."""
+    """The variables and expression buffers of one robot, as the original starts with them.
 
-    def __init__(self) -> None:
+    `unwritten` is what a buffer holds that nothing was stored in: nothing, or the 0 of the original.
+    """
+
+    def __init__(self, unwritten: Sequence[int] = ()) -> None:
         self.values = [30, 31, 32, 33, 34, 35]
         self.buffers = [[END] * (BUFFER_TOKENS + 1) for _ in EXPRESSION_NAMES]
+        for index in range(len(EXPRESSION_NAMES)):
+            self.store(index, unwritten)
         self.store(1, [125])
 
     def store(self, index: int, tokens: Sequence[int]) -> None:

@@ -11,6 +11,7 @@ import pytest
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.door import ROBOT_EARS, Door
+from sleepcast.channel.drops import Drops
 from sleepcast.channel.ear import Ear
 from sleepcast.channel.envelope import kind_of
 from sleepcast.channel.keys import KeyPair, PublicKey, Role, Trust
@@ -39,7 +40,7 @@ class Field:
     def __init__(self, folder: Path, robots: int = 20) -> None:
         self.clock, self.medium = ManualClock(START), f"memory:crew{next(_media)}"
         world = simulator(folder)
-        self.trunk = Trunk(open_transport(self.medium, self.clock))
+        self.trunk = Trunk(open_transport(self.medium, self.clock), Drops(self.clock))
         names = vocabulary_of(world.model)
         self.branch = self.trunk.branch(ROBOT_EARS)
         self.ear = Ear(self.branch, self.mailbox("r0+19", ROBOTS), self.clock, START)

@@ -12,11 +12,13 @@ import pytest
 
 from channel.test_udp import free_port
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.door import ROBOT_EARS, Drop
+from sleepcast.channel.door import ROBOT_EARS
+from sleepcast.channel.drops import Drop, Drops
 from sleepcast.channel.envelope import encode
 from sleepcast.channel.keys import KeyPair, Role
 from sleepcast.channel.transport import Transport, open_transport
 from sleepcast.channel.trunk import MAX_QUEUE, Branch, Trunk
+from sleepcast.clock import WallClock
 
 DESK = KeyPair("desk", Role.OPERATOR, b"d" * 32)
 ROBOTS = KeyPair("r*", Role.ROBOT, b"r" * 32)
@@ -53,7 +55,7 @@ class Place:
 def place() -> Iterator[Place]:
     uri = f"udp://239.255.83.78:{free_port()}?interface=lo"
     with ExitStack() as stack:
-        trunk = Trunk(open_transport(uri))
+        trunk = Trunk(open_transport(uri), Drops(WallClock()))
         branches = [trunk.branch(ROBOT_EARS) for _ in range(3)]
         outside = open_transport(uri)
         stack.callback(outside.close)
@@ -94,8 +96,10 @@ def test_what_nobody_has_ears_for_ends_at_the_trunk(place: Place) -> None:
     place.outside.send(b"nonsense")
     place.outside.send(datagram())
     assert place.heard(3) == [[datagram()]] * 3
-    assert place.trunk.counts[Drop.MALFORMED] == 1
-    assert place.trunk.counts[Drop.NOT_FOR_US] == (0 if sys.platform == "linux" else 1), "a sieve takes it out before"
+    assert place.trunk.drops.counts[Drop.MALFORMED] == 1
+    assert place.trunk.drops.counts[Drop.NOT_FOR_US] == (0 if sys.platform == "linux" else 1), (
+        "a sieve takes it out before"
+    )
 
 
 def test_an_operator_among_them_hears_answers(place: Place) -> None:

@@ -7,12 +7,13 @@ it forgeries. STOP has a budget of its own: no flood of other messages keeps it 
 
 from __future__ import annotations
 
-from collections import Counter, OrderedDict
+from collections import OrderedDict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from enum import StrEnum
 from typing import NamedTuple
 
+from sleepcast.channel.drops import Drop as Drop
+from sleepcast.channel.drops import Drops
 from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Part, Piece, look, read_message, read_piece
 from sleepcast.channel.kept import Window
 from sleepcast.channel.keys import MAY, PublicKey, Role, Trust
@@ -42,22 +43,6 @@ LASTING = frozenset({Kind.COMMAND, Kind.STOP, Kind.RELEASE})
 """Kinds that do something: that they were heard must not be forgotten, whatever happens to this process."""
 OLDEST = 3_600.0
 """Seconds after which a message without a deadline is no news any more; what must last is told anew."""
-
-
-class Drop(StrEnum):
-    """Why bytes went no further."""
-
-    MALFORMED = "malformed"
-    UNKNOWN_KEY = "unknown key"
-    REVOKED = "revoked key"
-    NOT_FOR_US = "not for us"
-    NOT_ALLOWED = "not allowed"
-    LATE = "late"
-    EARLY = "from the future"
-    REPEATED = "repeated"
-    TOO_MANY = "too many"
-    FORGED = "forged"
-    OTHER_FLEET = "other fleet"
 
 
 @dataclass(slots=True)
@@ -123,8 +108,8 @@ class Door:
     clock: Unix time, s. rate: signatures of one key that are looked at in a second; skew: s that others' clocks may be
     wrong; None for what is usual.
 
-    skews: how much the clocks of those that send heartbeats differ from ours. counts: datagrams that were dropped, by
-    reason; taken: those that were not; passed: messages that came in whole.
+    skews: how much the clocks of those that send heartbeats differ from ours. drops: datagrams that went no further,
+    counts: by reason; taken: those that did; passed: messages that came in whole.
     """
 
     def __init__(
@@ -138,7 +123,8 @@ class Door:
         skew: float | None = None,
     ) -> None:
         self.trust, self.fleet, self.robot = trust, fleet, robot
-        self.counts: Counter[Drop] = Counter()
+        self.drops = Drops(clock)
+        self.counts = self.drops.counts
         self.taken = self.passed = 0
         usual = VERIFIED_A_SECOND if robot else VERIFIED_BY_OPERATOR
         self._clock, self._rate = clock, usual if rate is None else rate
@@ -160,7 +146,7 @@ class Door:
         try:
             return look(datagram)
         except EnvelopeError:
-            self.counts[Drop.MALFORMED] += 1
+            self.drops.add(Drop.MALFORMED)
             return None
 
     def admit(self, part: Part, datagram: bytes) -> Entered | None:
@@ -169,16 +155,16 @@ class Door:
             key = self.trust.find(part.key)
             reason = self._objection(part, key, datagram)
             if reason is not None or key is None:
-                self.counts[reason or Drop.UNKNOWN_KEY] += 1
+                self.drops.add(reason or Drop.UNKNOWN_KEY, part.key)
                 return None
             piece = read_piece(part)
             reason = self._second_objection(key, part, piece)
             if reason is not None:
-                self.counts[reason] += 1
+                self.drops.add(reason, part.key)
                 return None
             entered = self._completed(part, piece, datagram, key.role)
         except EnvelopeError:
-            self.counts[Drop.MALFORMED] += 1
+            self.drops.add(Drop.MALFORMED, part.key)
             return None
         self.taken += 1
         if entered is not None:

@@ -7,10 +7,10 @@ air, and to its neighbours without it: the network gives back nothing of our own
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Iterable
 
-from sleepcast.channel.door import Drop
+from sleepcast.channel.drops import Drop, Drops
 from sleepcast.channel.envelope import kind_of
 from sleepcast.channel.message import Kind
 from sleepcast.channel.transport import Transport, listen_for
@@ -21,10 +21,10 @@ as they share the bytes."""
 
 
 class Trunk:
-    """See the module. counts: what went no further than here, by reason."""
+    """See the module. drops: what went no further than here is counted there, with what its parties drop."""
 
-    def __init__(self, transport: Transport) -> None:
-        self.counts: Counter[Drop] = Counter()
+    def __init__(self, transport: Transport, drops: Drops) -> None:
+        self.drops = drops
         self._transport = transport
         self._branches: list[Branch] = []
         self._hearing: list[Branch] = []
@@ -76,7 +76,7 @@ class Trunk:
         kind = kind_of(datagram)
         if kind not in self._wanted:
             if sender is None:
-                self.counts[Drop.MALFORMED if kind is None else Drop.NOT_FOR_US] += 1
+                self.drops.add(Drop.MALFORMED if kind is None else Drop.NOT_FOR_US)
             return
         for branch in self._hearing:
             if branch is not sender and kind in branch.wanted:

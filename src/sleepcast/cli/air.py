@@ -202,7 +202,7 @@ def lines_for(
         listening = _mailbox(air, ear_name(names), key, trust, store, robot=True)
     if store is not None:
         store.listen(listening)
-    trunk, clock = Trunk(open_transport(air.channel)), UnixClock()
+    trunk, clock = Trunk(open_transport(air.channel), listening.door.drops), UnixClock()
     ear = Ear(trunk.branch(ROBOT_EARS), listening, clock)
     return trunk, ear, [Line(trunk.branch(()), box, clock, _chance(), listens=False) for box in boxes]
 

@@ -92,6 +92,7 @@ def swarm(
     _check_names(prefix, first, count)
     with Interrupts() as interrupts, ExitStack() as stack:
         from sleepcast.cli.node_life import Beginning, read_beginning
+        from sleepcast.cli.told import news_of
         from sleepcast.node.deadman import read_lease
 
         beginning = None if rules is None else read_beginning(rules)
@@ -106,8 +107,11 @@ def swarm(
         announce(f"{names[0]} to {names[-1]} are up: {count} robots; Ctrl-C stops their bodies and ends them")
         clock = crew.clock
         end = None if seconds is None else clock.now() + seconds
+        news = news_of(crew.ear.mailbox.door)
 
         def going() -> bool:
+            for line in news.lines():
+                complain(line)
             interrupts.check()
             return end is None or clock.now() < end
 
@@ -176,5 +180,5 @@ def _account(crew: Crew) -> str:
     """How it went, in a sentence."""
     from sleepcast.cli.told import heard_at
 
-    heard = heard_at(crew.ear.mailbox.door, crew.trunk.counts)
+    heard = heard_at(crew.ear.mailbox.door)
     return f"{len(crew.members)} robots: {crew.watch}; {heard}; their bodies have been stopped"

@@ -13,7 +13,7 @@ from sleepcast.channel.datagrams import Datagrams
 from sleepcast.channel.line import Line
 from sleepcast.cli.node_desk import NOTHING_HEARD, NodeDesk, Typed
 from sleepcast.cli.streams import announce, complain, pieces, read_file
-from sleepcast.cli.told import heard_at
+from sleepcast.cli.told import heard_at, news_of
 from sleepcast.clock import Clock, WallClock
 from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.language import List, Symbol, read, read_all, show
@@ -125,9 +125,10 @@ class Life:
         line = self.line
         desk = NodeDesk(self.node.name, clock, self._orders, Typed(), self.ears, line, int(self.node.zero * 1000.0))
         end = inf if seconds is None else clock.now() + seconds
+        news = None if line is None else news_of(line.mailbox.door)
 
         def going() -> bool:
-            for complaint in self.robot.complaints():
+            for complaint in (*self.robot.complaints(), *(news.lines() if news else ())):
                 complain(f"{self.node.name}: {complaint}")
             check()
             return clock.now() < end

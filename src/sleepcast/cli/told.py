@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Callable, Mapping
 
-from sleepcast.channel.door import Door, Drop
+from sleepcast.channel.door import Door
+from sleepcast.channel.drops import News
 from sleepcast.cli.standard_memory import reported_body
+from sleepcast.clock import WallClock
 from sleepcast.language import format_value
 from sleepcast.station.journal import Entry, Event
 
@@ -37,11 +38,15 @@ def said(body: Mapping[str, object]) -> str:
     return f"{outcome}{known}{f': {fault}' if fault else ''}"
 
 
-def heard_at(door: Door, before: Counter[Drop] | None = None) -> str:
-    """How many messages came in, and what did not, by reason. before: what was dropped before it came to this door."""
-    counts = door.counts + (before or Counter())
-    dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(counts.items()))
+def heard_at(door: Door) -> str:
+    """How many messages came in, and what did not, by reason."""
+    dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(door.counts.items()))
     return f"{door.passed} messages heard{f', dropped: {dropped}' if dropped else ''}"
+
+
+def news_of(door: Door) -> News:
+    """What is going on at a door, as lines for a terminal."""
+    return News(door.drops, door.trust, WallClock())
 
 
 def _sent(entry: Entry) -> str:

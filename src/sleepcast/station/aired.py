@@ -294,6 +294,11 @@ class AirStation(Station):
             self._drivers.clear()
         self._pursuit.overtaken(message.kind)
 
+    def notices(self) -> list[str]:
+        """What is going on that a person should know of, as sentences: forgeries, keys that nobody trusts."""
+        door = self.line.mailbox.door
+        return [notice.text for notice in door.drops.notices(door.trust)]
+
     # ---- at every moment
 
     def attend(self) -> None:

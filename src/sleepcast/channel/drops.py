@@ -1,0 +1,184 @@
+"""Drops: datagrams that went no further, counted by reason and by the key that they name, and sentences that say so.
+
+Counting costs a look at the clock and one addition, as it is done for each datagram of a flood. A person is told what
+is going on now, by the rates of the last second or two: what everybody can see on every air (a message heard twice, or
+one that is for others) is only counted.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping
+from enum import StrEnum
+from typing import NamedTuple, Protocol
+
+from sleepcast.clock import Clock
+
+WINDOW = 1.0
+"""Seconds over which rates are taken: long enough for a number that does not flicker, short enough to be news."""
+FIRST = 0.25
+"""Seconds of the window under way from which a rate is taken: one datagram makes no flood."""
+MAX_STRANGERS = 64
+"""Unknown keys that are counted apart: whoever invents keys cannot make us remember them. Known ones are bounded."""
+MAX_NOTICES = 4
+"""Sentences at once: those of the highest rates."""
+AGAIN = 60.0
+"""Seconds until something that goes on is told anew where sentences are lines that stay (`News`)."""
+WORSE = 10.0
+"""Times as much of something as was told: told at once."""
+MANY_REPEATED = 500.0
+"""Repeated messages of one key in a second that are an attack: a stop is repeated a hundred times in its first."""
+MANY_LATE = 5.0
+"""Late messages of one key in a second that are worth a word: what is repaired is late now and then."""
+LEAST = 0.5
+"""Of all else: what was seen once, a while ago, goes on no more."""
+
+
+class Drop(StrEnum):
+    """Why bytes went no further."""
+
+    MALFORMED = "malformed"
+    UNKNOWN_KEY = "unknown key"
+    REVOKED = "revoked key"
+    NOT_FOR_US = "not for us"
+    NOT_ALLOWED = "not allowed"
+    LATE = "late"
+    EARLY = "from the future"
+    REPEATED = "repeated"
+    TOO_MANY = "too many"
+    FORGED = "forged"
+    OTHER_FLEET = "other fleet"
+
+
+class Owned(Protocol):
+    """A key of somebody."""
+
+    @property
+    def owner(self) -> str: ...
+
+
+class Owners(Protocol):
+    """Whose a key is (`Trust`)."""
+
+    def find(self, key: bytes) -> Owned | None: ...
+
+
+class Notice(NamedTuple):
+    """What is going on. key: the id of the key that the datagrams name, b"" for none; reason: why most of them were
+    dropped; rate: of them a second; text: the sentence that says so, without a full stop."""
+
+    key: bytes
+    reason: Drop
+    rate: float
+    text: str
+
+
+class Drops:
+    """See the module. counts: all so far, by reason; by_key: the same by the id of the key and the reason, b"" where
+    there is no key, or one stranger too many."""
+
+    def __init__(self, clock: Clock) -> None:
+        self.counts: Counter[Drop] = Counter()
+        self.by_key: Counter[tuple[bytes, Drop]] = Counter()
+        self._clock = clock
+        self._strangers: set[bytes] = set()
+        self._window: Counter[tuple[bytes, Drop]] = Counter()
+        self._since = clock.now()
+        self._rates: dict[tuple[bytes, Drop], float] = {}
+        """Of the window before this one."""
+
+    def add(self, reason: Drop, key: bytes = b"", count: int = 1) -> None:
+        """So many more were dropped for this reason. key: the id of the key that they name."""
+        self._turn()
+        if reason is Drop.UNKNOWN_KEY and key not in self._strangers:
+            if len(self._strangers) < MAX_STRANGERS:
+                self._strangers.add(key)
+            else:
+                key = b""
+        self.counts[reason] += count
+        self.by_key[key, reason] += count
+        self._window[key, reason] += count
+
+    def rates(self) -> Mapping[tuple[bytes, Drop], float]:
+        """How many are dropped in a second of late, by the id of the key and the reason."""
+        self._turn()
+        passed = max(self._clock.now() - self._since, FIRST)
+        found = dict(self._rates)
+        for which, count in self._window.items():
+            found[which] = max(found.get(which, 0.0), count / passed)
+        return found
+
+    def notices(self, owners: Owners) -> list[Notice]:
+        """What is going on that a person should know of, the worst first. owners: of the keys."""
+        by_key: defaultdict[bytes, dict[Drop, float]] = defaultdict(dict)
+        for (key, reason), rate in self.rates().items():
+            by_key[key][reason] = rate
+        found = [notice for key, rates in by_key.items() for notice in _noticed(key, rates, owners)]
+        return sorted(found, key=lambda notice: -notice.rate)[:MAX_NOTICES]
+
+    def _turn(self) -> None:
+        """Begin another window if this one is over."""
+        passed = self._clock.now() - self._since
+        if not 0.0 <= passed < WINDOW:
+            length = max(passed, WINDOW)  # a clock that was set back says nothing of how long it was
+            self._rates = {which: count / length for which, count in self._window.items()}
+            self._window.clear()
+            self._since += passed
+
+
+def _noticed(key: bytes, rates: Mapping[Drop, float], owners: Owners) -> Iterator[Notice]:
+    """What a key's rates tell a person."""
+    known, short = owners.find(key), key.hex()[:4]
+    name = f"key {short} ({known.owner})" if known else f"key {short}" if key else "many keys"
+    forged, unread = rates.get(Drop.FORGED, 0.0), rates.get(Drop.TOO_MANY, 0.0)
+    if forged:  # what was not looked at came with them
+        text = f"somebody sends {_much(forged + unread, 'forged')} a second under {name}"
+        yield Notice(key, Drop.FORGED, forged + unread, text)
+    elif unread:
+        text = f"{_much(unread)} a second under {name} are more than can be checked, and are dropped"
+        yield Notice(key, Drop.TOO_MANY, unread, text)
+    for reason, (least, text) in SENTENCES.items():
+        rate = rates.get(reason, 0.0)
+        if rate >= least:
+            yield Notice(key, reason, rate, text.format(much=_much(rate), name=name))
+
+
+SENTENCES: Mapping[Drop, tuple[float, str]] = {
+    Drop.UNKNOWN_KEY: (LEAST, "{much} a second come under {name}, not trusted here"),
+    Drop.REVOKED: (LEAST, "{much} a second come under {name}, which is revoked"),
+    Drop.NOT_ALLOWED: (LEAST, "{much} a second come under {name}, whose role may not send them"),
+    Drop.OTHER_FLEET: (LEAST, "{much} a second under {name} are for another fleet"),
+    Drop.REPEATED: (MANY_REPEATED, "somebody sends {much} a second of {name} again that were heard before"),
+    Drop.LATE: (MANY_LATE, "{much} a second of {name} come too late, by our clock"),
+    Drop.EARLY: (LEAST, "{much} a second of {name} come from the future, by our clock"),
+    Drop.MALFORMED: (LEAST, "{much} a second come that sleepcast cannot read"),
+}
+"""From how many a second on each reason is told, and how."""
+
+
+def _much(rate: float, what: str = "") -> str:
+    """A number of messages, of two digits."""
+    digits = len(str(round(rate))) - 2
+    count = max(1, round(rate, -digits) if digits > 0 else round(rate))
+    return " ".join(filter(None, (f"{count:,.0f}", what, "message" if count == 1 else "messages")))
+
+
+class News:
+    """What is going on, for a place where lines stay: each thing as it begins, when there is `WORSE` times as much of
+    it, and after `AGAIN` s while it goes on."""
+
+    def __init__(self, drops: Drops, owners: Owners, clock: Clock) -> None:
+        self._drops, self._owners, self._clock = drops, owners, clock
+        self._told: dict[tuple[bytes, Drop], tuple[float, float]] = {}
+        """When each was told, and at which rate."""
+
+    def lines(self) -> list[str]:
+        """Sentences that are due."""
+        now, found = self._clock.now(), []
+        self._told = {which: told for which, told in self._told.items() if 0.0 <= now - told[0] < AGAIN}
+        for key, reason, rate, text in self._drops.notices(self._owners):
+            _, told = self._told.get((key, reason), (now, 0.0))
+            if rate >= WORSE * told:
+                self._told[key, reason] = now, rate
+                found.append(text)
+        return found

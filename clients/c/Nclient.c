@@ -31,6 +31,7 @@
 
 #define MAX_WORDS 65535L     /* of one message: its length has two bytes */
 #define MAX_PACKET 65530L    /* bytes of a user's packet, each in a word of its own */
+#define PACKET_HEAD 4        /* bytes in front of a packet's data */
 #define ARM_PACKET 256       /* bytes of the largest answer of an arm */
 #define PLACE_WORDS 9        /* of a PosData */
 #define END_OF_ORDER 255     /* no sensor's number */
@@ -892,7 +893,7 @@ static long packet(const unsigned char *request, unsigned char *reply, long room
 {
     long length = request[0] | (long) request[1] << 8, i;
 
-    if (length < 4)
+    if (length < PACKET_HEAD)
         return wrong(NCLIENT_BAD_ARGUMENT);
     if (length > MAX_PACKET)
         length = MAX_PACKET;
@@ -901,7 +902,7 @@ static long packet(const unsigned char *request, unsigned char *reply, long room
         put(request[i]);
     if (!exchange())
         return 0;
-    if (words < 4 || words > room)
+    if (words < PACKET_HEAD || words > room)
         return wrong(NCLIENT_BAD_REPLY);
     for (i = 0; i < words; i++)
         reply[i] = (unsigned char) (take() & 0xFF);
@@ -913,62 +914,215 @@ int special_request(unsigned char *request, unsigned char *reply)
     return packet(request, reply, USER_BUFFER_LENGTH) > 0;
 }
 
-/* Numbers in packets: the low byte first, the highest bit for the sign. */
-static unsigned char *pack(unsigned char *place, long number, int bytes)
+/* Numbers in packets have their low byte first; the highest bit of those that may be negative is their sign. Nothing is
+   written or read beyond what the buffer of a packet holds. */
+static int holds(unsigned short index, int bytes)
 {
-    unsigned long size;
-    int i;
+    return index + bytes <= USER_BUFFER_LENGTH;
+}
+
+static int stuff(unsigned long bits, int bytes, unsigned char *buffer, unsigned short *index)
+{
+    if (!holds(*index, bytes))
+        return wrong(NCLIENT_BAD_ARGUMENT);
+    for (; bytes > 0; bytes--, bits >>= 8)
+        buffer[(*index)++] = (unsigned char) (bits & 0xFF);
+    return *index;
+}
+
+static int stuff_signed(long number, int bytes, unsigned char *buffer, unsigned short *index)
+{
+    unsigned long size, sign = 1UL << (8 * bytes - 1);
 
     number = narrow((unsigned long) number);
     size = number < 0 ? 0UL - (unsigned long) number : (unsigned long) number;
-
-    for (i = 0; i < bytes; i++)
-        place[i] = (unsigned char) (size >> 8 * i & 0xFF);
-    place[bytes - 1] = (unsigned char) ((place[bytes - 1] & 0x7F) | (number < 0 ? 0x80 : 0));
-    return place + bytes;
+    return stuff((size & (sign - 1)) | (number < 0 ? sign : 0), bytes, buffer, index);
 }
 
-static long unpack(const unsigned char *place)
+static unsigned long extract(int bytes, const unsigned char *buffer, unsigned short *index)
 {
-    long size = place[0] | (long) place[1] << 8 | (long) place[2] << 16 | (long) (place[3] & 0x7F) << 24;
+    unsigned long bits = 0;
+    int i;
 
-    return place[3] & 0x80 ? -size : size;
+    if (!holds(*index, bytes))
+        return (unsigned long) wrong(NCLIENT_BAD_ARGUMENT);
+    for (i = 0; i < bytes; i++)
+        bits |= (unsigned long) buffer[(*index)++] << 8 * i;
+    return bits;
 }
 
-/* Send the packet from `request` to `end` to the arm; the result that it gives, 0 for none. time_left: NULL for an
-   answer that tells none. */
-static int ask_arm(unsigned char *request, unsigned char *end, int type, long *time_left)
+static long extract_signed(int bytes, const unsigned char *buffer, unsigned short *index)
+{
+    unsigned long bits = extract(bytes, buffer, index), sign = 1UL << (8 * bytes - 1);
+
+    return bits & sign ? -(long) (bits & (sign - 1)) : (long) bits;
+}
+
+int init_send_buffer(unsigned short *index) { return *index = PACKET_HEAD; }
+int init_receive_buffer(unsigned short *index) { return *index = PACKET_HEAD; }
+
+int stuff_send_buffer_header(unsigned short length, unsigned char serial, unsigned char type, unsigned char *buffer)
+{
+    unsigned short index = 0;
+
+    stuff(length, 2, buffer, &index);
+    stuff(serial, 1, buffer, &index);
+    stuff(type, 1, buffer, &index);
+    return length;
+}
+
+int extract_receive_buffer_header(unsigned short *length, unsigned char *serial, unsigned char *type,
+                                  unsigned char *buffer)
+{
+    unsigned short index = 0;
+
+    *length = (unsigned short) extract(2, buffer, &index);
+    *serial = (unsigned char) extract(1, buffer, &index);
+    *type = (unsigned char) extract(1, buffer, &index);
+    return *length;
+}
+
+int stuffchar(signed char data, unsigned char *buffer, unsigned short *index)
+{
+    return stuff_signed(data, 1, buffer, index);
+}
+
+int stuff2byteint(signed short data, unsigned char *buffer, unsigned short *index)
+{
+    return stuff_signed(data, 2, buffer, index);
+}
+
+int stuff4byteint(signed long data, unsigned char *buffer, unsigned short *index)
+{
+    return stuff_signed(data, 4, buffer, index);
+}
+
+int stuffuchar(unsigned char data, unsigned char *buffer, unsigned short *index)
+{
+    return stuff(data, 1, buffer, index);
+}
+
+int stuff2byteuint(unsigned short data, unsigned char *buffer, unsigned short *index)
+{
+    return stuff(data, 2, buffer, index);
+}
+
+int stuff4byteuint(unsigned long data, unsigned char *buffer, unsigned short *index)
+{
+    return stuff(data, 4, buffer, index);
+}
+
+signed char extractchar(unsigned char *buffer, unsigned short *index)
+{
+    return (signed char) extract_signed(1, buffer, index);
+}
+
+signed short extract2byteint(unsigned char *buffer, unsigned short *index)
+{
+    return (signed short) extract_signed(2, buffer, index);
+}
+
+signed long extract4byteint(unsigned char *buffer, unsigned short *index)
+{
+    return extract_signed(4, buffer, index);
+}
+
+unsigned char extractuchar(unsigned char *buffer, unsigned short *index)
+{
+    return (unsigned char) extract(1, buffer, index);
+}
+
+unsigned short extract2byteuint(unsigned char *buffer, unsigned short *index)
+{
+    return (unsigned short) extract(2, buffer, index);
+}
+
+unsigned long extract4byteuint(unsigned char *buffer, unsigned short *index)
+{
+    return extract(4, buffer, index);
+}
+
+/* Where byte `i` of a double is in memory when its low byte counts as the first: its sign is in its last. */
+static int place_in_double(int i)
+{
+    const double negative = -1.0;
+
+    return *(const unsigned char *) &negative & 0x80 ? (int) sizeof negative - 1 - i : i;
+}
+
+int stuffdouble(double data, unsigned char *buffer, unsigned short *index)
+{
+    int i;
+
+    if (!holds(*index, sizeof data))
+        return wrong(NCLIENT_BAD_ARGUMENT);
+    for (i = 0; i < (int) sizeof data; i++)
+        stuff(((const unsigned char *) &data)[place_in_double(i)], 1, buffer, index);
+    return *index;
+}
+
+double extractdouble(unsigned char *buffer, unsigned short *index)
+{
+    double data = 0.0;
+    int i;
+
+    if (!holds(*index, sizeof data)) {
+        wrong(NCLIENT_BAD_ARGUMENT);
+        return data;
+    }
+    for (i = 0; i < (int) sizeof data; i++)
+        ((unsigned char *) &data)[place_in_double(i)] = (unsigned char) extract(1, buffer, index);
+    return data;
+}
+
+/* ---- the arm */
+
+/* Send the arm the packet whose data end at `end`; the result that it gives, 0 for none. time_left: NULL for an answer
+   that tells none. */
+static int ask_arm(unsigned char *request, unsigned short end, int type, long *time_left)
 {
     unsigned char reply[ARM_PACKET];
+    unsigned short index;
     long length;
+    int result;
 
-    request[0] = (unsigned char) (end - request);
-    request[1] = request[2] = 0;
-    request[3] = (unsigned char) type;
+    stuff_send_buffer_header(end, 0, (unsigned char) type, request);
     length = packet(request, reply, ARM_PACKET);
     if (length == 0)
         return 0;
     if (length < (time_left ? 12 : 8))
         return wrong(NCLIENT_BAD_REPLY);
+    init_receive_buffer(&index);
+    result = (int) extract4byteint(reply, &index);
     if (time_left)
-        *time_left = unpack(reply + 8);
-    return (int) unpack(reply + 4);
+        *time_left = extract4byteint(reply, &index);
+    return result;
 }
 
 int arm_zero(int override)
 {
     unsigned char request[6];
+    unsigned short index;
 
-    return ask_arm(request, pack(request + 4, override, 2), 40, NULL);
+    init_send_buffer(&index);
+    stuff_signed(override, 2, request, &index);
+    return ask_arm(request, index, 40, NULL);
 }
+
+int arm_zr(int override) { return arm_zero(override); }
 
 int arm_ws(int lift, int gripper, long timeout, long *time_left)
 {
     unsigned char request[12];
+    unsigned short index;
     long left = 0;
     int result;
 
-    result = ask_arm(request, pack(pack(pack(request + 4, lift, 2), gripper, 2), timeout, 4), 41, &left);
+    init_send_buffer(&index);
+    stuff_signed(lift, 2, request, &index);
+    stuff_signed(gripper, 2, request, &index);
+    stuff_signed(timeout, 4, request, &index);
+    result = ask_arm(request, index, 41, &left);
     if (time_left != NULL)
         *time_left = left;
     return result;
@@ -976,8 +1130,13 @@ int arm_ws(int lift, int gripper, long timeout, long *time_left)
 
 int arm_mv(long lift_mode, long lift, long gripper_mode, long gripper)
 {
-    unsigned char request[20], *end;
+    unsigned char request[20];
+    unsigned short index;
 
-    end = pack(pack(request + 4, lift_mode, 4), lift, 4);
-    return ask_arm(request, pack(pack(end, gripper_mode, 4), gripper, 4), 42, NULL);
+    init_send_buffer(&index);
+    stuff4byteint(lift_mode, request, &index);
+    stuff4byteint(lift, request, &index);
+    stuff4byteint(gripper_mode, request, &index);
+    stuff4byteint(gripper, request, &index);
+    return ask_arm(request, index, 42, NULL);
 }

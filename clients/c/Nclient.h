@@ -296,7 +296,37 @@ int refresh_client_graphics(void);
 
 /* length (two bytes, the low one first, counting everything), serial number, type, data */
 int special_request(unsigned char *request, unsigned char *reply);
+
+/*
+ * Writing the data: init_send_buffer() sets the index to where they begin, each stuff call writes its number there and
+ * moves the index on, and stuff_send_buffer_header() writes what stands before them, with the index as the length. All
+ * of these give the index; 0 says that the number has no room in USER_BUFFER_LENGTH bytes.
+ */
+int init_send_buffer(unsigned short *index);
+int stuffchar(signed char data, unsigned char *buffer, unsigned short *index);
+int stuff2byteint(signed short data, unsigned char *buffer, unsigned short *index);
+int stuff4byteint(signed long data, unsigned char *buffer, unsigned short *index);
+int stuffuchar(unsigned char data, unsigned char *buffer, unsigned short *index);
+int stuff2byteuint(unsigned short data, unsigned char *buffer, unsigned short *index);
+int stuff4byteuint(unsigned long data, unsigned char *buffer, unsigned short *index);
+int stuffdouble(double data, unsigned char *buffer, unsigned short *index);
+int stuff_send_buffer_header(unsigned short length, unsigned char serial, unsigned char type, unsigned char *buffer);
+
+/* Reading a reply, likewise. */
+int extract_receive_buffer_header(unsigned short *length, unsigned char *serial, unsigned char *type,
+                                  unsigned char *buffer);
+int init_receive_buffer(unsigned short *index);
+signed char extractchar(unsigned char *buffer, unsigned short *index);
+signed short extract2byteint(unsigned char *buffer, unsigned short *index);
+signed long extract4byteint(unsigned char *buffer, unsigned short *index);
+unsigned char extractuchar(unsigned char *buffer, unsigned short *index);
+unsigned short extract2byteuint(unsigned char *buffer, unsigned short *index);
+unsigned long extract4byteuint(unsigned char *buffer, unsigned short *index);
+double extractdouble(unsigned char *buffer, unsigned short *index);
+
+/* Packets of the arm. */
 int arm_zero(int override);
+int arm_zr(int override); /* the same */
 int arm_ws(int lift, int gripper, long timeout, long *time_left);
 int arm_mv(long lift_mode, long lift, long gripper_mode, long gripper);
 

@@ -179,6 +179,20 @@ def test_a_program_that_listens_to_everything(old: Workshop, port: int) -> None:
     assert int(back) == pytest.approx(40, abs=4)
 
 
+def test_a_user_s_own_packets(old: Workshop, port: int) -> None:
+    with started(old.program(SOURCES / "packets.c"), port) as program:
+        status, out, err = rest_of(program)
+    assert (status, err) == (0, "")
+    assert out.splitlines() == [
+        "4 5 7 11 12 14 18 26 26",
+        "1a000763" + "85" + "2c81" + "70110180" + "fa" + "ffff" + "ffffffff" + "000000000000c4bf",
+        "26 26 7 99 4 -5 -300 -70000 250 65535 4294967295 -0.15625 26",
+        "0 0 7 0 0 0 22",
+        "1 12 200 41 0 12345 12",
+        "0 0 12345 0",
+    ]
+
+
 # ---- robots
 
 

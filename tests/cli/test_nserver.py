@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from benchmarks.channel.lab import why_not
 
 from cli.calling import LONGEST, called
 from sleepcast.nomad import listening_places, own_addresses
@@ -130,3 +131,60 @@ def test_programs_that_name_no_server_find_it_where_their_machine_s_name_leads(m
 
     monkeypatch.setattr(socket, "getaddrinfo", nobody)
     assert own_addresses() == ["127.0.0.1"]
+
+
+REASON = why_not()
+ELSEWHERE = """
+"$4" -c 'import socket, sys; socket.sethostname(sys.argv[1])' "$1"
+ip link set lo up
+ip address add 192.0.2.7/32 dev lo
+printf '127.0.0.1 localhost\\n%s\\n' "$2" > "$3"
+mount --bind "$3" /etc/hosts
+exec "$4" -c "$5"
+"""
+"""On a machine of this name, with these addresses in its own file of hosts: run that."""
+DIAL = """
+import socket, struct, subprocess, sys
+command = [sys.executable, "-m", "sleepcast", "nserver", "--headless", "--port", "7771"]
+server = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+print(server.stdout.readline(), end="")
+try:  # as a program of 1998 that is told of no machine
+    with socket.create_connection((socket.gethostbyname(socket.gethostname()), 7771)) as program:
+        program.sendall(struct.pack(">HHii", 102, 2, 1, 1998))
+        print("answered", struct.unpack(">HHi", program.recv(8))[2])
+except (OSError, UnicodeError):
+    print("not answered")
+server.terminate()
+print(server.communicate()[1])
+"""
+
+
+@pytest.mark.skipif(bool(REASON), reason=f"no machines of our own here: {REASON}")
+@pytest.mark.parametrize(
+    ("name", "hosts", "found", "told"),
+    [
+        ("lab", "127.0.1.1 lab", ["127.0.0.1 port 7771, 127.0.1.1 port 7771.", "answered 7771"], ""),
+        (
+            "lab",
+            "192.0.2.7 lab",
+            ["127.0.0.1 port 7771.", "not answered"],
+            "look for lab, this machine, at 192.0.2.7, and nobody listens there: name 127.0.0.1 in them, or start",
+        ),
+        (
+            "no..name",
+            "",
+            ["127.0.0.1 port 7771.", "not answered"],
+            "for no..name, this machine, which has no address",
+        ),
+    ],
+)
+def test_a_program_that_names_no_server(name: str, hosts: str, found: list[str], told: str, tmp_path: Path) -> None:
+    run = ["unshare", "--user", "--map-root-user", "--mount", "--uts", "--net", "sh", "-ec", ELSEWHERE, "sh"]
+    given = [name, hosts, tmp_path / "hosts", sys.executable, DIAL]
+    done = subprocess.run([*run, *given], capture_output=True, text=True, timeout=LONGEST, check=False)
+    assert done.returncode == 0, done.stderr
+    for said in found:
+        assert said in done.stdout
+    assert told in done.stdout
+    assert ("programs that name no server" in done.stdout) == bool(told)
+    assert "Traceback" not in done.stdout

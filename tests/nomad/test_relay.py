@@ -11,6 +11,7 @@ import pytest
 from nomad.test_server import Caller, Served, eventually, play, served
 from sleepcast.errors import MisuseError
 from sleepcast.nomad import RealRobot, real_robot
+from sleepcast.nomad.relay import REAL_TIMEOUT
 from sleepcast.nomad.requests import Kind
 from sleepcast.nomad.wire import Layout, encode_request
 
@@ -42,6 +43,27 @@ def test_what_is_asked_goes_to_the_real_robot_until_the_simulated_one_is_wanted(
             assert (await client.state(Kind.GS))[34] == 0
             await eventually(lambda: theirs.world.observe(1).speeds.first == 0.0)  # who lets it go stops it
             await eventually(lambda: theirs.nserver.windows.robots[1].client == "")
+
+    play(scene)
+
+
+def test_a_real_robot_stops_by_itself_even_if_its_program_never_wanted_that() -> None:
+    async def scene() -> None:
+        async with pair() as (_, theirs, client):
+            real = theirs.nserver.service.behaviours[1]
+            await client.ask(Kind.REAL_ROBOT)
+            await client.state(Kind.GS)
+            assert real.timeout == REAL_TIMEOUT
+            for wanted, got in ((3, 3), (0, REAL_TIMEOUT), (255, 255)):
+                await client.state(Kind.CONF_TM, wanted)
+                assert real.timeout == got
+            await client.ask(Kind.SIMULATED_ROBOT)
+            await client.state(Kind.CONF_TM, 2)
+            await client.ask(Kind.REAL_ROBOT)  # what it wanted of the simulated one it wants of the real one
+            await client.state(Kind.VM, 50, 50, 0)
+            await eventually(lambda: theirs.world.observe(1).speeds.first > 0.1)
+            assert real.timeout == 2
+            await eventually(lambda: theirs.world.observe(1).speeds.first == 0.0)
 
     play(scene)
 

@@ -115,6 +115,89 @@ async def eventually(holds: Callable[[], bool]) -> None:
 # ---- clients
 
 
+@pytest.mark.parametrize("aborted", [False, True])
+def test_a_program_that_is_gone_without_a_word_leaves_its_robots_at_rest(aborted: bool) -> None:
+    async def scene() -> None:
+        async with served(3) as made:
+            dying, other = await made.caller(1), await made.caller(3)
+            await other.state(Kind.VM, 30, 30, 0)
+            await dying.state(Kind.VM, 50, 50, 0)
+            await dying.ask(102, 2, 4711)  # it drives two
+            await dying.state(Kind.VM, 50, 50, 0)
+            for robot in range(3):
+                await eventually(lambda robot=robot: made.world.observe(robot).speeds.first > 0.05)  # type: ignore[misc]
+            dying.writer.transport.abort() if aborted else dying.writer.close()
+            for robot in (0, 1):
+                await eventually(lambda robot=robot: made.world.observe(robot).speeds.first == 0.0)  # type: ignore[misc]
+                assert made.nserver.windows.robots[robot].commands[-2][1] == "stopped: its program is gone"
+            assert made.world.observe(2).speeds.first > 0.05
+            for robot in (1, 2):
+                assert any(f"gone without disconnect_robot: robot {robot} is stopped" in line for line in made.said)
+
+    play(scene)
+
+
+def test_a_program_that_only_looks_on_stops_nothing_when_it_goes() -> None:
+    async def scene() -> None:
+        async with served() as made:
+            driving, looking = await made.caller(), await made.caller()
+            await looking.state(Kind.PR, 1, 1, 0)  # it did drive once
+            await driving.state(Kind.VM, 50, 50, 0)
+            await looking.state(Kind.GS)
+            await looking.close()
+            await eventually(lambda: len(made.nserver.lines) == 1)
+            await eventually(lambda: made.world.observe(0).speeds.first > 0.1)
+            driving.writer.write(encode_request(Layout.FOUR, Kind.DISCONNECT_ROBOT, (1, 4711)))
+            await driving.close()
+            await eventually(lambda: not made.nserver.lines)
+            assert made.world.observe(0).speeds.first > 0.1  # it was let go as it was told, and goes on
+
+    play(scene)
+
+
+def test_a_new_program_begins_without_the_timeout_of_the_one_before() -> None:
+    async def scene() -> None:
+        async with served(speed=20.0) as made:
+            first = await made.caller()
+            await first.state(Kind.CONF_TM, 1)
+            second = await made.caller()  # while the first is there its timeout holds
+            await second.state(Kind.VM, 10, 10, 0)
+            await eventually(lambda: made.world.observe(0).speeds.first > 0.0)
+            await eventually(lambda: made.world.observe(0).speeds.first == 0.0)
+            await first.close()
+            await second.close()
+            await eventually(lambda: not made.nserver.lines)
+            third = await made.caller()
+            await third.state(Kind.VM, 10, -10, 0)
+            began = made.world.time
+            await eventually(lambda: made.world.time > began + 5.0)
+            assert made.world.observe(0).speeds.first > 0.0
+
+    play(scene)
+
+
+def test_two_programs_that_drive_one_robot_are_told_of_once() -> None:
+    async def scene() -> None:
+        async with served(speed=20.0) as made:
+            one, two = await made.caller(), await made.caller()
+            window, behaviour = made.nserver.windows.robots[0], made.nserver.service.behaviours[0]
+            await one.state(Kind.VM, 10, 10, 0)
+            await two.state(Kind.GS)
+            behaviour.glance()
+            assert window.rivals == ""
+            for _ in range(3):
+                await two.state(Kind.VM, 10, -10, 0)
+                await one.state(Kind.VM, 10, 10, 0)
+            behaviour.glance()
+            names = window.client.split(", ")
+            assert window.rivals.split(" and ") in (names, names[::-1])
+            said = [line for line in made.said if "driven by" in line]
+            assert said == [f"robot 1 is driven by {names[0]} and {names[1]}: each replaces what the other asks"]
+            await eventually(lambda: window.rivals == "")  # the windows look again now and then
+
+    play(scene)
+
+
 def test_a_robot_drives_waits_and_stops() -> None:
     async def scene() -> None:
         async with served(1, inf) as made:

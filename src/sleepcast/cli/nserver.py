@@ -72,12 +72,13 @@ def nserver(
     as_json: bool,
 ) -> int:
     """Simulate Nomads in WORLD (a TOML file, a list of polygons, or a map of ROS; none is an empty room) and serve them
-    to programs: C programs linked with Nclient, Python ones, SLEEP nodes.
+    to programs: C programs linked with Nclient, Python ones, SLEEP nodes. The programs of the thesis want port 7771.
 
     \b
     Examples:
       sleepcast nserver
       sleepcast nserver lab.toml --setup noisy --robots 2
+      sleepcast nserver --port 7771
       sleepcast nserver --headless --lockstep --port 0 --json
     """
     if lockstep and speed not in (REAL_TIME, inf):
@@ -135,7 +136,11 @@ async def _serve(
     as_json: bool,
 ) -> None:
     """Serve programs, and the page where there is one, until a program that may ends the server, or Ctrl-C."""
+    from sleepcast.nomad import unheard
+
     await server.listen(hosts, port)
+    if told := unheard(hosts):
+        _say(told)
     robots = server.world.count
     if as_json:
         announce(json.dumps({"hosts": list(hosts), "port": server.port, "robots": robots}))

@@ -54,9 +54,8 @@ class NomadsOnPage:
 
     def window(self, robot: int) -> RobotWindow:
         """What there is to see of it now, also while time stands still."""
-        window = self._nserver.windows.robots[robot]
-        window.look(self._nserver.service.behaviours[robot].condition(), self._world.radius(robot))
-        return window
+        self._nserver.service.behaviours[robot].glance()
+        return self._nserver.windows.robots[robot]
 
     def sketches(self) -> Sequence[Sketch]:
         """What programs have drawn."""

@@ -8,7 +8,7 @@ come in with lines and the server. Lengths in inches live in `units` alone.
 
 from sleepcast.nomad.pace import Pace
 from sleepcast.nomad.relay import RealRobot, real_robot
-from sleepcast.nomad.server import DEFAULT_PORT, Nserver, ServerError, listening_places, own_addresses
+from sleepcast.nomad.server import DEFAULT_PORT, Nserver, ServerError, listening_places, own_addresses, unheard
 from sleepcast.nomad.windows import RobotWindow, Sketch, Windows
 
 __all__ = [
@@ -23,4 +23,5 @@ __all__ = [
     "listening_places",
     "own_addresses",
     "real_robot",
+    "unheard",
 ]

@@ -73,7 +73,7 @@ def take(session: Session, request: Request) -> Answer:
 
 def _connecting(session: Session, kind: int, words: Words) -> Answer:
     if kind == Kind.DISCONNECT_ROBOT:
-        session.leave()
+        session.disconnect()
         return None
     session.connect(*words)
     return session.reply(kind, (session.service.port,))
@@ -95,6 +95,8 @@ def _relayed(session: Session, relay: Relay, behaviour: Behaviour, kind: int, wo
 
 def _command(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
     """Command the robot; the reply has the state once that is done, if it is something that takes its time."""
+    if kind in MOTIONS:
+        session.drive(behaviour, kind)
     behaviour.command(kind, words)
     if kind == Kind.PLACE_ROBOT:
         return session.reply(Reply.SIMPLE)

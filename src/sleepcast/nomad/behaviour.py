@@ -22,6 +22,8 @@ LONGEST_TIMEOUT = 255
 """s, the most that conf_tm and ws say."""
 LONGEST_PAUSE = 255
 """The slowest firing rate of sonars."""
+TOGETHER = 5.0
+"""Simulated seconds: who has moved a robot within that drives it, and if another has, both do."""
 NO_LASER = (0,)
 """A laser block without points."""
 
@@ -29,7 +31,8 @@ Words = Sequence[int]
 
 
 class Behaviour:
-    """See the module. clients: who drives it, as text. accelerations: what ac last asked for."""
+    """See the module. clients: who is connected to it, as text. accelerations: what ac last asked for. timeout: seconds
+    without a request after which it stops, 0 for never."""
 
     def __init__(self, world: SimulatedWorld, robot: int, window: RobotWindow) -> None:
         self.world, self.robot, self.window = world, robot, window
@@ -40,7 +43,9 @@ class Behaviour:
         """Of the simulation, as the state tells it."""
         self.held = False
         """Whether it is kept at rest, whatever is asked."""
-        self._timeout = inf
+        self.timeout = 0
+        self._drivers: dict[str, float] = {}
+        """Who has moved it lately, and when, simulated s; the latest is the last."""
         self._asked = world.time
         self._last: tuple[int, Words] = (0, ())
         self._zeroing = self._compass = False
@@ -52,6 +57,32 @@ class Behaviour:
     def alive(self) -> None:
         """Somebody has asked something of it."""
         self._asked = self.world.time
+
+    # ---- who drives it
+
+    def driven_by(self, who: str) -> None:
+        """It is about to be moved by this client."""
+        before, now = self._drivers, self.world.time
+        self._drivers = {other: at for other, at in before.items() if other != who and now - at <= TOGETHER}
+        self._drivers[who] = now
+
+    def rivals(self) -> str:
+        """Those who drive it together, "" while one alone does."""
+        latest = [who for who, at in self._drivers.items() if self.world.time - at <= TOGETHER]
+        return " and ".join(latest) if len(latest) > 1 else ""
+
+    def let_go_by(self, who: str) -> bool:
+        """This client no longer drives it; whether it was the last that did."""
+        last = next(reversed(self._drivers), "") == who
+        self._drivers.pop(who, None)
+        return last
+
+    def abandon(self) -> None:
+        """Whoever moved it is gone: it stops."""
+        self._note("stopped: its program is gone")
+        self.command(Kind.ST, ())
+
+    # ---- what it is asked
 
     def command(self, kind: int, words: Words) -> None:
         """Do what a command (a key of `COMMANDS`) asks, of which the number of words is right."""
@@ -79,13 +110,18 @@ class Behaviour:
         if not commands or commands[-1][1] != command:
             commands.append((self.world.time, command))
 
+    def glance(self) -> None:
+        """Show in the window how it is now."""
+        self.window.look(self.condition(), self.world.radius(self.robot))
+        self.window.rivals = self.rivals()
+
     def after_tick(self) -> None:
         """A tick has passed: what was known is old."""
         self._condition = None
         self._last = (0, ())
         if self._zeroing and not any(self.condition().moving):
             self._zeroing = False
-        if self.world.time - self._asked > self._timeout and not self._zeroing:
+        if self.timeout and self.world.time - self._asked > self.timeout and not self._zeroing:
             self._asked = inf
             self._note("stopped: nothing came in time")
             self.world.rest(self.robot)
@@ -190,8 +226,7 @@ class Behaviour:
         self.world.place(self.robot, self.pose(words))
 
     def _watch(self, words: Words) -> None:
-        seconds = min(words[0], LONGEST_TIMEOUT)
-        self._timeout = float(seconds) if seconds > 0 else inf
+        self.timeout = max(0, min(words[0], LONGEST_TIMEOUT))
 
     def _fire(self, words: Words) -> None:
         pause = max(0, min(words[0], LONGEST_PAUSE)) * units.CONFIGURED_PAUSE

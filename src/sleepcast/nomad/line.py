@@ -71,7 +71,7 @@ class Line(asyncio.BufferedProtocol):
             self._serve()
 
     def connection_lost(self, error: Exception | None) -> None:
-        self.session.leave()
+        self.session.lost()
         self.wait = None
         self._host.lines.discard(self)
         self._host.waiting.discard(self)

@@ -23,6 +23,9 @@ ANSWER_SECONDS = 600.0
 """For any other answer: twice the longest that a request of the wire may take."""
 MAX_WAITING = 64
 """Requests that wait to be sent; a client has one under way, so more are a mistake."""
+REAL_TIMEOUT = 10
+"""Whole seconds without a request after which a real robot stops, unless its client wants another number: so it stops
+even if this computer dies. 0, never, is not to be had."""
 FAREWELL_SECONDS = 2.0
 """For the other server to take the last words."""
 
@@ -52,22 +55,30 @@ class Pending:
 
 
 class Relay:
-    """See the module. mask: words of `ct` that the client has sent. nudge: called whenever an answer has come. broken:
-    why nothing can be asked any more, "" while all is well."""
+    """See the module. mask: words of `ct` that the client has sent. timeout: the last of its `conf_tm`. nudge: called
+    whenever an answer has come. broken: why nothing can be asked any more, "" while all is well."""
 
     def __init__(
-        self, robot: RealRobot, mask: Sequence[int], nudge: Callable[[], None], say: Callable[[str], None]
+        self,
+        robot: RealRobot,
+        mask: Sequence[int],
+        timeout: int,
+        nudge: Callable[[], None],
+        say: Callable[[str], None],
     ) -> None:
         self.robot, self.broken = robot, ""
         self._nudge, self._say = nudge, say
         self._closed = self._busy = False
         self._asked: asyncio.Queue[Pending | None] = asyncio.Queue(MAX_WAITING)
         self.ask(Kind.CT, mask)
+        self.ask(Kind.CONF_TM, (timeout,))
         self._task = asyncio.get_running_loop().create_task(self._connected(self._converse))
         self._tasks = {self._task}
 
     def ask(self, kind: int, words: Sequence[int]) -> Pending:
         """Send a request when its turn comes."""
+        if kind == Kind.CONF_TM and words[0] <= 0:
+            words = (REAL_TIMEOUT,)
         pending = Pending(kind, words)
         if not self.broken:
             try:

@@ -136,7 +136,7 @@ class Nserver:
         if not self.service.headless and self.world.time - self._glanced >= GLANCE:
             self._glanced = self.world.time
             for behaviour in self.service.behaviours:
-                behaviour.window.look(behaviour.condition(), self.world.radius(behaviour.robot))
+                behaviour.glance()
 
     # ---- for the page
 
@@ -233,15 +233,33 @@ class Nserver:
             return
 
 
-def own_addresses() -> list[str]:
-    """127.0.0.1, and the loopback addresses that this machine's own name stands for: where programs that name no
-    server look for one."""
+def named_addresses() -> list[str]:
+    """What this machine's own name stands for: where programs that name no server look for one. Empty for a name that
+    nobody knows."""
     try:
         found = socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET, socket.SOCK_STREAM)
-    except OSError:
-        found = []
-    own = {str(address[0]) for *_, address in found}
-    return [LOCAL_HOST, *sorted(host for host in own if host.startswith("127.") and host != LOCAL_HOST)]
+    except (OSError, UnicodeError):  # the second for a name that can be none
+        return []
+    return sorted({str(address[0]) for *_, address in found})
+
+
+def own_addresses() -> list[str]:
+    """127.0.0.1, and the other loopback addresses that this machine's own name stands for."""
+    return [LOCAL_HOST, *(host for host in named_addresses() if host.startswith("127.") and host != LOCAL_HOST)]
+
+
+def unheard(places: Sequence[str]) -> str:
+    """Why programs that name no server do not find one that listens in these places, "" if they do."""
+    named = named_addresses()
+    if "0.0.0.0" in places or any(host in places for host in named):
+        return ""
+    name = socket.gethostname()
+    if not named:
+        return f"programs that name no server look for {name}, this machine, which has no address: name {LOCAL_HOST}"
+    return (
+        f"programs that name no server look for {name}, this machine, at {named[0]}, and nobody listens there: name "
+        f"{LOCAL_HOST} in them, or start this with --host {named[0]}"
+    )
 
 
 def listening_places(hosts: Sequence[str]) -> list[str]:

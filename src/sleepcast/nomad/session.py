@@ -78,6 +78,8 @@ class Session:
         self.behaviour: Behaviour | None = None
         self.mask = Mask()
         self.relay: Relay | None = None
+        self._driven: list[Behaviour] = []
+        """What moves because this client said so, as far as nobody else has said anything since."""
         self._parser = parser
         self._clicked: tuple[int, int] | None = None
         self._asks = 0
@@ -94,6 +96,8 @@ class Session:
         self.robot, self.mask = number - 1, Mask()
         self.name = f"{self.peer} (process {process})"
         self.behaviour = service.behaviours[self.robot]
+        if not self.behaviour.clients:
+            self.behaviour.timeout = 0
         self.behaviour.clients.append(self.name)
         self.behaviour.alive()
         self._tell_window(self.behaviour)
@@ -108,6 +112,34 @@ class Session:
             self._tell_window(self.behaviour)
             self.service.say(f"{self.name} has left robot {self.robot + 1}")
         self.behaviour, self.robot = None, -1
+
+    def disconnect(self) -> None:
+        """The client lets its robot go, which goes on as it was told."""
+        self.leave()
+        for behaviour in self._driven:
+            behaviour.let_go_by(self.name)
+        self._driven.clear()
+
+    def lost(self) -> None:
+        """The client has gone without a word: what it has set in motion stops."""
+        self.leave()
+        for behaviour in self._driven:
+            if behaviour.let_go_by(self.name):
+                behaviour.abandon()
+                self.service.say(
+                    f"{self.name} is gone without disconnect_robot: robot {behaviour.robot + 1} is stopped"
+                )
+        self._driven.clear()
+
+    def drive(self, behaviour: Behaviour, kind: int) -> None:
+        """The client is about to move its robot. The person at the terminal is told if another does so, too; but a
+        program that drives may go home over a connection of its own."""
+        alone = not behaviour.rivals()
+        behaviour.driven_by(self.name)
+        if behaviour not in self._driven:
+            self._driven.append(behaviour)
+        if alone and kind != Kind.ZR and (both := behaviour.rivals()):
+            self.service.say(f"robot {behaviour.robot + 1} is driven by {both}: each replaces what the other asks")
 
     @property
     def simulated(self) -> bool:
@@ -126,7 +158,7 @@ class Session:
             raise Refusal(f"there is no real robot in place of robot {self.robot + 1}", Fault.NO_CONNECTION)
         self.let_real_go()
         self.behaviour.command(Kind.ST, ())
-        self.relay = Relay(real, self.mask.words, self.nudge, self.service.say)
+        self.relay = Relay(real, self.mask.words, self.behaviour.timeout, self.nudge, self.service.say)
         self.service.say(f"{self.name} drives the real robot at {real}")
 
     def let_real_go(self) -> None:

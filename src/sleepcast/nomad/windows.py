@@ -70,7 +70,7 @@ class RobotWindow:
     actual, encoder: traces of where it was and of where it believed to be. commands, said: with the time (simulated s)
     at which each came. echoes: what its sonars saw, placed by where it believed to be. condition: the latest. waiting:
     how many clients wait for a click in this window. client: who drives it, "" for nobody. erased: how often each layer
-    was.
+    was. rivals: those who drive it together, "" while one alone does.
     """
 
     actual: deque[Point] = field(default_factory=_trace)
@@ -81,6 +81,7 @@ class RobotWindow:
     condition: Condition | None = None
     waiting: int = 0
     client: str = ""
+    rivals: str = ""
     erased: dict[Layer, int] = field(default_factory=_nothing_erased)
 
     def look(self, condition: Condition, radius: float) -> None:

@@ -2,8 +2,9 @@
 `python3 go.py test network` tries the channel on a thousand robots in networks of their own, some twenty minutes long.
 
 The plan: fill a virtual environment in `.venv` beside this file from a lock with hashes (RUN to use it,
-DEV to test it: RUN and more), keep a stamp of what was installed, so that a later start costs one comparison,
-and hand over. Standard library only; what a warm start can do without is imported late.
+DEV to test it: RUN and more), keep a stamp of what was installed, so that a later start costs one comparison, let the
+program compile what its simulations need, and hand over. Standard library only; what a warm start can do without is
+imported late.
 """
 
 import os
@@ -22,11 +23,12 @@ def refusal(sentence: str, code: int = 2) -> SystemExit:
     return SystemExit(code)
 
 
-def run(*command: str) -> bool:
-    """Run a module of the environment; true if it succeeded."""
+def run(*command: str, aside: bool = False) -> bool:
+    """Run a module of the environment; true if it succeeded. aside: what it prints is no result."""
     import subprocess
 
-    return subprocess.run([PYTHON, "-m", *command], cwd=ROOT, check=False).returncode == 0
+    output = sys.stderr if aside else None
+    return subprocess.run([PYTHON, "-m", *command], cwd=ROOT, stdout=output, check=False).returncode == 0
 
 
 def make_environment() -> None:
@@ -68,6 +70,7 @@ def prepare(lock: str) -> None:
     if not (run(*install, "--require-hashes", "-r", lock) and run(*install, *itself)):
         raise refusal("Installing failed; pip says why above. Then run the same command again.", 1)
     stamp.write_text(state(lock))
+    run("sleepcast", "prepare", aside=True)  # it is ready without, but then the first scenario would compile
 
 
 def test(*pytest_options: str) -> int:

@@ -25,11 +25,11 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CodeCache:
 
 def test_what_was_saved_is_loaded(cache: CodeCache) -> None:
     assert cache.load("a") is None
-    assert not cache.has("a")
+    assert cache.holding("a") is None
     assert cache.save("a", b"code")
     assert cache.save("a", b"newer")
     assert cache.load("a") == b"newer"
-    assert cache.has("a")
+    assert cache.holding("a") == cache.folders[0]
     assert CodeCache("kernels").load("a") is None
     folder = cache.folders[0]
     assert folder.stat().st_mode & 0o777 == 0o700
@@ -97,7 +97,7 @@ def test_without_a_folder_nothing_is_kept_and_nothing_fails(cache: CodeCache, tm
     (tmp_path / "temporary").write_text("another one")
     assert not cache.save("a", b"code")
     assert cache.load("a") is None
-    assert not cache.has("a")
+    assert cache.holding("a") is None
 
 
 FULL = """

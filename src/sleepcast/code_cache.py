@@ -50,13 +50,13 @@ class CodeCache:
                     return data[DIGEST:]
         return None
 
-    def has(self, prefix: str) -> bool:
-        """Whether there is any piece whose name begins so."""
+    def holding(self, prefix: str) -> Path | None:
+        """The folder with pieces whose names begin so; None if there are none."""
         for folder in self.folders:
             with suppress(OSError), _opened(folder) as place:
                 if any(name.startswith(prefix) for name in os.listdir(place)):
-                    return True
-        return False
+                    return folder
+        return None
 
     def save(self, name: str, data: bytes) -> bool:
         """Keep a piece under this name; gives whether that could be done."""

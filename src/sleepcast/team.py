@@ -114,6 +114,11 @@ class Team:
                 with suppress(Empty):
                     self._calls.get_nowait()
 
+    def practise(self) -> None:
+        """Look once, so that how one looks is compiled before it matters."""
+        if self._look is not None and self.threads > 1:
+            self._look(np.ones(1, np.int64), 1, 1)
+
     def _start(self) -> Calls:
         """Start the other threads; they end when nobody needs this team any more."""
         calls: Calls = SimpleQueue()

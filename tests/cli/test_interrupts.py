@@ -8,13 +8,14 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
 from cli.calling import LONGEST
 from sleepcast.loop import load, resume
-from sleepcast.simulator.recording import load_recording
+from sleepcast.simulator.recording import NoRecordingError, load_recording
 from small_worlds import write
 
 START = """
@@ -26,11 +27,11 @@ sys.exit(start())
 """The program, which says when it begins: what Python itself does before is not ours."""
 
 
-def begin(*arguments: str | Path, caches: Path) -> subprocess.Popen[str]:
-    """The program with nothing in its caches, so that it compiles what it needs."""
+def begin(*arguments: str | Path, **changes: str) -> subprocess.Popen[str]:
+    """The program. changes: of its environment."""
     process = subprocess.Popen(
         [sys.executable, "-c", START, *map(str, arguments)],
-        env={**os.environ, "XDG_CACHE_HOME": str(caches)},
+        env={**os.environ, **changes},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -43,9 +44,12 @@ def begin(*arguments: str | Path, caches: Path) -> subprocess.Popen[str]:
 def wait_for(file: Path, seconds: float) -> None:
     """Wait until so many simulated seconds are recorded."""
     deadline = time.monotonic() + LONGEST
-    while not file.exists() or load_recording(file).seconds < seconds:
-        assert time.monotonic() < deadline
+    while time.monotonic() < deadline:
+        with suppress(FileNotFoundError, NoRecordingError):  # it is about to be
+            if load_recording(file).seconds >= seconds:
+                return
         time.sleep(0.1)
+    raise AssertionError(f"{seconds} s of {file} did not come")
 
 
 def end(process: subprocess.Popen[str]) -> str:
@@ -64,7 +68,7 @@ def end(process: subprocess.Popen[str]) -> str:
 def test_a_run_that_compiles_its_kernels_ends_at_any_moment(delay: float, tmp_path: Path) -> None:
     file = tmp_path / "run.mcap"
     options = ("--robots", "40", "--seconds", "100000", "--record", file)
-    process = begin("run", "crowd", *options, caches=tmp_path)
+    process = begin("run", "crowd", *options, XDG_CACHE_HOME=str(tmp_path))
     time.sleep(delay)
     said = end(process)
     assert said in ("", "ended by Ctrl-C before anything had begun") or said.startswith("ended by Ctrl-C at ")
@@ -77,7 +81,7 @@ def test_a_run_that_compiles_its_kernels_ends_at_any_moment(delay: float, tmp_pa
 def test_a_run_says_where_it_ended_and_what_is_kept(tmp_path: Path) -> None:
     file = tmp_path / "run.mcap"
     options = ("--seconds", "100000", "--record", file)
-    process = begin("run", write(tmp_path).parent, *options, caches=tmp_path)
+    process = begin("run", write(tmp_path).parent, *options)
     wait_for(file, 5.0)
     said = end(process)
     recording = load_recording(file)
@@ -87,11 +91,11 @@ def test_a_run_says_where_it_ended_and_what_is_kept(tmp_path: Path) -> None:
 
 def test_a_verification_ends_as_well(tmp_path: Path) -> None:
     file = tmp_path / "run.mcap"
-    process = begin("run", write(tmp_path).parent, "--seconds", "100000", "--record", file, caches=tmp_path)
+    process = begin("run", write(tmp_path).parent, "--seconds", "100000", "--record", file)
     wait_for(file, 5.0)
     time.sleep(3.0)  # so that to run it again takes some seconds as well
     end(process)
-    process = begin("replay", file, "--verify", caches=tmp_path)
+    process = begin("replay", file, "--verify")
     time.sleep(0.5)
     end(process)
 
@@ -112,7 +116,7 @@ def test_whoever_ignores_ctrl_c_is_obeyed(tmp_path: Path) -> None:
 def test_a_run_that_is_to_be_kept_at_its_end_is_kept_where_it_ends(tmp_path: Path) -> None:
     file, kept = tmp_path / "run.mcap", tmp_path / "run.snap"
     options = ("--seconds", "100000", "--record", file, "--snapshot", kept)
-    process = begin("run", write(tmp_path).parent, *options, caches=tmp_path)
+    process = begin("run", write(tmp_path).parent, *options)
     wait_for(file, 2.0)
     assert end(process).endswith(f"; {file} holds what came before; go on with --from {kept}")
     assert resume(load(kept)).now() == pytest.approx(load_recording(file).seconds, abs=1e-6)

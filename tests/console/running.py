@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -23,11 +24,13 @@ PATIENCE = 120.0
 
 
 class Program:
-    """`sleepcast` with `arguments` and any free port; `with` stops it as Ctrl-C does."""
+    """`sleepcast` with `arguments` and any free port; `with` stops it as Ctrl-C does. changes: of the environment."""
 
-    def __init__(self, *arguments: str | Path) -> None:
+    def __init__(self, *arguments: str | Path, **changes: str) -> None:
         command = [sys.executable, "-m", "sleepcast", *arguments, "--no-browser", "--port", "0"]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        self.process = subprocess.Popen(
+            command, env={**os.environ, **changes}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        )
         self.said = ""
         assert self.process.stdout is not None
         watchdog = threading.Timer(PATIENCE, self.process.kill)

@@ -66,12 +66,15 @@ def test_the_page_is_served_while_what_ticks_take_is_prepared(tmp_path: Path) ->
 
     async def job() -> None:
         assert tick_in(await driver.frame_after(0)) == 0
+        assert driver.frame[1] & 4  # and says so
         driver.draw()  # as when somebody asks for another pace
         assert tick_in(await driver.frame_after(1)) == 0
         driver.step()  # a tick would wait for what is being prepared, and the server with it
         assert tick_in(await driver.frame_after(2)) == 0
-        driver.set_pace(running=True)
         ready.set()
+        while driver.frame[1] & 4:  # also while time stands still
+            await driver.frame_after(driver.number)
+        driver.set_pace(running=True)
         while tick_in(await driver.frame_after(driver.number)) < 2:
             pass
 

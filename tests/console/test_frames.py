@@ -21,6 +21,8 @@ def test_a_frame_is_laid_out_as_its_docstring_says() -> None:
     assert struct.unpack_from("<BBBBIIId2f", frame) == (1, 3, 0, 0, 2, 7, 5, 12.25, 30.0, 29.5)
     assert struct.unpack_from("<6f", frame, 32) == (1.5, -2.0, 0.25, 1e6, 3.0, -3.0)
     assert frame[56:] == b"\x00\x02\x01\x08"
+    preparing = pack(7, 5, 12.25, (30.0, 29.5), (True, False, True), poses, (b"\x00\x02", b"\x01\x08"))
+    assert preparing[1] == 5
     still = pack(7, 5, 12.25, (30.0, 29.5), (False, False), poses, (b"\x00\x02", b"\x01\x08"))
     assert still[1] == 0
     pinged = pack(7, 5, 12.25, (30.0, 29.5), (True, True), poses, (b"\x00\x02", b"\x01\x08"), b"\x00\x05")

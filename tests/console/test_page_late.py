@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from playwright.sync_api import BrowserContext, Page, WebSocketRoute, expect
@@ -120,6 +121,19 @@ def test_what_is_sent_stays_as_it_is_until_its_answer(program: Program, blank: P
     send(blank)
     expect(text).to_have_value("")
     expect(text).to_be_editable()
+
+
+def test_the_page_says_that_the_simulator_is_being_compiled(context: BrowserContext, tmp_path: Path) -> None:
+    """At once, and until robots move, when nothing has ever been compiled."""
+    pytest.importorskip("numba")
+    with Program("demo", "crowd", "--robots", "40", XDG_CACHE_HOME=str(tmp_path)) as program:
+        for page in opened(program, context):
+            expect(page.locator("#preparing")).to_be_visible()
+            expect(page.locator("#preparing")).to_contain_text("is being compiled for this computer")
+            expect(page.locator("#achieved")).to_have_text("compiling")
+            expect(page.locator("#preparing")).to_be_hidden()
+            expect(page.locator("#achieved")).to_have_text(re.compile("reached"))
+            expect(page.locator("#clock")).not_to_have_text("0:00:00")
 
 
 def test_a_line_that_is_lost_right_after_a_command_went_out(program: Program, blank: Page) -> None:

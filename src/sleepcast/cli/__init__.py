@@ -31,6 +31,7 @@ COMMANDS = {
     "replay": ("sleepcast.cli.replay", "replay"),
     "nserver": ("sleepcast.cli.nserver", "nserver"),
     "scenarios": ("sleepcast.cli.gallery", "scenarios"),
+    "prepare": ("sleepcast.cli.prepare", "prepare"),
     "node": ("sleepcast.cli.node", "node"),
     "swarm": ("sleepcast.cli.crew", "swarm"),
     "eval": ("sleepcast.cli.evaluate", "evaluate"),

@@ -60,12 +60,17 @@ def desk_of(swarm: Swarm, journal: Journal | None = None) -> Station:
 
 def warm_up(scenario: Scenario, threads: int | None) -> None:
     """Load and compile all that a tick of `scenario` needs, by letting a few robots live in it for a moment."""
-    few = replace(scenario, robots=replace(scenario.robots, count=min(scenario.robots.count, FEW)))
+    few = few_of(scenario)
     rehearse(few)
     swarm, _ = assemble(few, None, mission=False, threads=threads)
     for _ in range(WARM_TICKS):
         swarm.step()
         swarm.simulator.readings()
+
+
+def few_of(scenario: Scenario) -> Scenario:
+    """The scenario with a few robots."""
+    return replace(scenario, robots=replace(scenario.robots, count=min(scenario.robots.count, FEW)))
 
 
 @dataclass(frozen=True, slots=True)

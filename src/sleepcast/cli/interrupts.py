@@ -22,9 +22,12 @@ TOO_EARLY = "ended by Ctrl-C before anything had begun"
 
 
 class Interrupts:
-    """What Ctrl-C does while this is entered: it ends the process on the spot; after `defer`, it waits for `check`."""
+    """What Ctrl-C does while this is entered: it ends the process on the spot; after `defer`, it waits for `check`.
 
-    def __init__(self) -> None:
+    said: what a person is told if it ends the process on the spot."""
+
+    def __init__(self, said: str = TOO_EARLY) -> None:
+        self._said = said
         self._pressed = False
         self._ours = False
 
@@ -32,7 +35,7 @@ class Interrupts:
         # Only the main thread may say what a signal does, and hears it.
         self._ours = current_thread() is main_thread() and signal.getsignal(signal.SIGINT) is signal.default_int_handler
         if self._ours:
-            signal.signal(signal.SIGINT, _end_here)
+            signal.signal(signal.SIGINT, self._end_here)
         return self
 
     def defer(self) -> None:
@@ -54,6 +57,13 @@ class Interrupts:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
         self.release()
 
+    def _end_here(self, number: int, frame: FrameType | None) -> None:
+        """End without asking Python, which may be anywhere; not even its streams, which may be in the middle of a
+        line."""
+        if sys.stderr is not None:
+            os.write(2, f"{self._said}\n".encode())
+        os._exit(INTERRUPTED)
+
     def _note(self, number: int, frame: FrameType | None) -> None:
         if self._pressed:
             raise KeyboardInterrupt
@@ -67,11 +77,4 @@ def end_now() -> NoReturn:
         if stream is not None:
             with suppress(OSError, ValueError):
                 stream.flush()
-    os._exit(INTERRUPTED)
-
-
-def _end_here(number: int, frame: FrameType | None) -> None:
-    """End without asking Python, which may be anywhere; not even its streams, which may be in the middle of a line."""
-    if sys.stderr is not None:
-        os.write(2, f"{TOO_EARLY}\n".encode())
     os._exit(INTERRUPTED)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TypedDict, TypeVar, Unpack
 import click
 
 from sleepcast.cli.interrupts import Interrupts
+from sleepcast.cli.prepare import advise
 from sleepcast.cli.streams import put
 from sleepcast.cli.times import SimulatedTime
 from sleepcast.errors import MisuseError
@@ -139,6 +140,8 @@ def _start(name: str | None, headless: bool, options: Options) -> int:
 
 def _start_within(interrupts: Interrupts, name: str | None, headless: bool, options: Options) -> int:
     _refuse_contradictions(headless, options)
+    if not options["quiet"]:
+        advise()
     begin = _beginning(name, options, headless)
     wanted, keeping = _wanted(options), _keeping(options)
     if not headless:

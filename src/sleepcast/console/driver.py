@@ -67,6 +67,7 @@ class Driver(Screen):
         if self._prepare is not None:
             await _aside(self._prepare)
             self._ready = True
+            self.draw()
         while True:
             if self.pace.paused:
                 self._wake.clear()
@@ -115,7 +116,7 @@ class Driver(Screen):
             swarm.tick,
             swarm.now(),
             (pace.factor, pace.achieved),
-            (not pace.paused, self.latched),
+            (not pace.paused, self.latched, not self._ready),
             swarm.poses(),
             (self.groups.look(minds), self.flags()),
             swarm.pings(),

@@ -4,7 +4,8 @@ Everything is little endian. A frame of n robots has 32 + 14 n bytes, or 32 + 15
 
     offset   type        meaning
     0        u8          1, the version of this layout
-    1        u8          state: bit 0 time runs, bit 1 STOP is latched
+    1        u8          state: bit 0 time runs, bit 1 STOP is latched, bit 2 time cannot run yet: what ticks take is
+                         being compiled
     2        u8          1 if pings follow, else 0
     3        u8          0
     4        u32         n
@@ -46,17 +47,15 @@ def pack(
     tick: int,
     time: float,
     speeds: tuple[float, float],
-    state: tuple[bool, bool],
+    state: tuple[bool, ...],
     poses: bytes,
     marks: tuple[bytes, bytes],
     pings: bytes = b"",
 ) -> bytes:
-    """A frame. speeds: wanted, reached. state: time runs, STOP is latched. marks: group and flags of each robot. pings:
+    """A frame. speeds: wanted, reached. state: its bits in turn. marks: group and flags of each robot. pings:
     empty if there were none."""
-    running, stopped = state
-    header = _HEADER.pack(
-        VERSION, running | stopped << 1, bool(pings), len(marks[0]), number, tick & 0xFFFFFFFF, time, *speeds
-    )
+    bits = sum(bit << place for place, bit in enumerate(state))
+    header = _HEADER.pack(VERSION, bits, bool(pings), len(marks[0]), number, tick & 0xFFFFFFFF, time, *speeds)
     return b"".join((header, poses, *marks, pings))
 
 

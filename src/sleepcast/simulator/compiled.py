@@ -79,9 +79,9 @@ class KernelCache(NullCache):
         return f"{_identity()}-{self._function}-{sha256(repr(sig).encode()).hexdigest()[:16]}"
 
 
-def anything_kept() -> bool:
-    """Whether any kernel has ever been compiled of these sources, for this processor."""
-    return CACHE.has(f"{_identity()}-")
+def kept_in() -> Path | None:
+    """The folder with kernels of these sources for this processor; None if none has ever been compiled."""
+    return CACHE.holding(f"{_identity()}-")
 
 
 def compiled(function: Kernel) -> Kernel:

@@ -130,7 +130,7 @@ def choose(name: str | None = None, threads: int | None = None) -> Machine:
     if name not in (None, "numba"):
         raise MisuseError(f'no machine "{name}": wanted numpy or numba')
     if not there:
-        raise MisuseError('the machine "numba" needs the package numba: install sleepcast[fast], or take "numpy"')
+        raise MisuseError("""the machine "numba" needs numba: pip install 'sleepcast[fast]', or take "numpy\"""")
     from sleepcast.simulator.fast import NumbaMachine
 
     return NumbaMachine(threads or cores())

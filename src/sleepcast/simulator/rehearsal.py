@@ -32,9 +32,9 @@ def rehearse(scenario: Scenario) -> None:
     scenario: one with few robots."""
     if choose().name == "numpy" or not any(sort.ring for sort in scenario.each_sort):
         return
-    from sleepcast.simulator.compiled import anything_kept
+    from sleepcast.simulator.compiled import kept_in
 
-    if anything_kept():
+    if kept_in():
         return
     empty = replace(scenario, shapes=(), absent=(), events=())
     with _garbage_kept():

@@ -6,7 +6,7 @@ export const FLAG_NAMES = ["stopped", "frozen", "sleeping", "marked", "silent"];
 
 const HEADER = 32;
 
-// One frame: {running, stopped, count, number, tick, time, wanted, achieved, poses, groups, flags, pings}
+// One frame: {running, stopped, preparing, count, number, tick, time, wanted, achieved, poses, groups, flags, pings}
 // with poses as x, y (m) and heading (rad) of every robot in turn, time in simulated seconds; pings is null where
 // nobody pinged, else a caste + 1 for each robot, 0 for who did not.
 export function decode(buffer) {
@@ -16,6 +16,7 @@ export function decode(buffer) {
   return {
     running: (state & 1) !== 0,
     stopped: (state & 2) !== 0,
+    preparing: (state & 4) !== 0,
     count,
     number: view.getUint32(8, true),
     tick: view.getUint32(12, true),

@@ -21,6 +21,7 @@ export class Time {
     this.find("speed").addEventListener("change", (event) => wire.tell("pace", { factor: Number(event.target.value) }));
     this.scrub = this.find("scrub"); // null on a page that shows no recordings
     this.scrub?.addEventListener("input", () => this.seek());
+    this.preparing = this.find("preparing"); // null on the Nomads' page
     this.sought = 0; // the timer after which a seek goes out, 0 if none waits
     this.moved = -HELD; // when the slider was last moved by hand
     window.addEventListener("keydown", (event) => {
@@ -70,10 +71,11 @@ export class Time {
     this.find("run").dataset.running = frame.running;
     this.find("run").setAttribute("aria-label", frame.running ? "Pause" : "Run");
     this.find("clock").textContent = clock(frame.time);
-    const behind = frame.running && frame.wanted < FASTEST && frame.achieved < BEHIND * frame.wanted;
+    const behind = frame.running && !frame.preparing && frame.wanted < FASTEST && frame.achieved < BEHIND * frame.wanted;
     const near = Math.abs(frame.achieved - frame.wanted) < NEAR * frame.wanted;
     const reached = `${factor(near ? frame.wanted : frame.achieved)} reached`;
-    this.find("achieved").textContent = frame.running ? reached : "paused";
+    if (this.preparing) this.preparing.hidden = !frame.preparing;
+    this.find("achieved").textContent = frame.preparing ? "compiling" : frame.running ? reached : "paused";
     this.find("achieved").classList.toggle("behind", behind);
   }
 

@@ -1,0 +1,110 @@
+"""`sleepcast prepare`: what simulated robots need is compiled before anybody waits. The last step of go.py's set-up."""
+
+from __future__ import annotations
+
+import json
+from contextlib import contextmanager, nullcontext
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import click
+
+from sleepcast.cli.interrupts import Interrupts
+from sleepcast.cli.progress import unless_soon
+from sleepcast.cli.streams import complain, put
+from sleepcast.errors import SleepcastError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+TICKS = 10
+"""Of each scenario's mission: rules that are run so often have become native code."""
+WITHOUT = (
+    "numba is not installed, so simulations run several times slower; to install it: pip install 'sleepcast[fast]'"
+)
+
+
+class PrepareError(SleepcastError):
+    """There is nothing to compile with, or nowhere to keep it."""
+
+
+@click.command("prepare", short_help="Compile the simulator now, so that no later start waits for it.")
+@click.option("--json", "as_json", is_flag=True, help="Print the outcome as one JSON object.")
+@click.option("--quiet", is_flag=True, help="Show no progress on standard error.")
+def prepare(as_json: bool, quiet: bool) -> int:
+    """Compile what the robots of all included scenarios need, and keep it in your cache folder.
+
+    This takes some 20 seconds, once for each version of sleepcast and numba and for each type of processor. Without it,
+    the first scenario that needs something compiles it while you wait.
+
+    \b
+    Examples:
+      sleepcast prepare
+      sleepcast prepare --json
+    """
+    from sleepcast.simulator import scenario_names
+
+    began, names = perf_counter(), scenario_names()
+    with Interrupts("ended by Ctrl-C; what has been compiled is kept"), _progress(len(names), quiet) as tell:
+        if without_numba():
+            raise PrepareError(f"there is nothing to compile: {WITHOUT}")
+        for name in names:
+            tell(name)
+            _compile_for(name)
+    from sleepcast.simulator.compiled import CACHE, kept_in
+
+    folder, seconds = kept_in(), perf_counter() - began
+    if folder is None:
+        places = " nor in ".join(map(str, CACHE.folders))
+        raise PrepareError(f"compiled code can be kept neither in {places}, so every start will compile anew")
+    found = {"scenarios": names, "folder": str(folder), "wall_seconds": round(seconds, 3)}
+    put(
+        json.dumps(found) if as_json else f"{len(names)} scenarios are ready to start, after {seconds:.1f} s ({folder})"
+    )
+    return 0
+
+
+def without_numba() -> bool:
+    """Whether simulations have to do without compiled code."""
+    from sleepcast.simulator import choose
+
+    return choose().name == "numpy"
+
+
+def advise() -> None:
+    """Say how to get the fast program, where there is none."""
+    if without_numba():
+        complain(WITHOUT)
+
+
+def _compile_for(name: str) -> None:
+    """Compile what a scenario needs: its bodies, many of them, and the rules of its mission."""
+    from sleepcast.cli.headless import assemble, few_of, warm_up
+    from sleepcast.simulator import choose, find_scenario
+
+    scenario = find_scenario(name)
+    warm_up(scenario, None)
+    swarm, _ = assemble(few_of(scenario), None, mission=True)
+    for _ in range(TICKS):
+        swarm.step()
+    if kernels := swarm.fleet.kernels:
+        kernels.settle()
+    if team := choose().team:
+        team.practise()
+
+
+@contextmanager
+def _progress(count: int, quiet: bool) -> Iterator[Callable[[str], object]]:
+    """Shows what is being compiled: give it each scenario's name as its turn comes."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    console = Console(stderr=True)
+    if quiet or not console.is_terminal:
+        with nullcontext() if quiet else unless_soon("compiling the simulator for this computer, some 20 seconds ..."):
+            yield lambda name: None
+        return
+    columns = SpinnerColumn(), TextColumn("compiling for {task.description}"), BarColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("", total=count, completed=-1)
+        yield lambda name: bar.update(task, description=name, advance=1)

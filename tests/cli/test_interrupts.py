@@ -14,8 +14,9 @@ from pathlib import Path
 import pytest
 
 from cli.calling import LONGEST
+from sleepcast.errors import SleepcastError
 from sleepcast.loop import load, resume
-from sleepcast.simulator.recording import NoRecordingError, load_recording
+from sleepcast.simulator.recording import load_recording
 from small_worlds import write
 
 START = """
@@ -45,7 +46,7 @@ def wait_for(file: Path, seconds: float) -> None:
     """Wait until so many simulated seconds are recorded."""
     deadline = time.monotonic() + LONGEST
     while time.monotonic() < deadline:
-        with suppress(FileNotFoundError, NoRecordingError):  # it is about to be
+        with suppress(SleepcastError):  # it is about to be
             if load_recording(file).seconds >= seconds:
                 return
         time.sleep(0.1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import sqlite3
@@ -17,7 +18,7 @@ from random import Random
 import pytest
 
 from channel.test_udp import free_port
-from cli.calling import LONGEST
+from cli.calling import LONGEST, called
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.line import Line
 from sleepcast.cli.air import Air, line_for
@@ -50,7 +51,7 @@ def swarm(channel: str, store: Path, robots: int = 3) -> Iterator[subprocess.Pop
         assert "are up" in process.stdout.readline()
         yield process
     finally:
-        os.kill(process.pid, signal.SIGKILL)
+        process.kill()
         process.communicate()
 
 
@@ -133,6 +134,39 @@ def test_kill_at_any_moment_lets_nothing_be_done_twice(channel: str, tmp_path: P
     assert {outcome for _, _, outcome in found} <= {"matched", "interrupted", "late"}
     for name in NAMES:
         assert [command for robot, command, _ in found if robot == name and command in standing] == standing
+
+
+def test_robots_with_a_damaged_store_stand_and_every_desk_says_so(channel: str, tmp_path: Path) -> None:
+    store, turn = tmp_path / "three.store", "(SETQ drive_turn 0.5)"
+    with swarm(channel, store) as process:
+        with desk(channel) as line:
+            assert exchange(line, turn) == dict.fromkeys(NAMES, "matched")
+            assert exchange(line, "", Kind.STOP) == dict.fromkeys(NAMES, "stopped")
+        process.send_signal(signal.SIGINT)
+        process.wait(LONGEST)
+    os.truncate(store, 9_000)
+    with swarm(channel, store) as process, desk(channel) as line:
+        exchange(line, turn)
+        before = exchange(line, "heading", Kind.ASK)
+        line.wait(0.5)
+        assert exchange(line, "heading", Kind.ASK) == before, "STOP holds"
+        robots = json.loads(called("watch", "--once", "--json", "--channel", channel).out)["robots"]
+        assert [robot["doubt"] for robot in robots if robot["stopped"]] == ["its store was damaged"] * 3
+        told = "until RELEASE stand r1, r2, r3: its store was damaged"
+        assert told in called("who", turn, "--told", "--channel", channel).out
+        assert told in " ".join(called("watch", "--once", "--channel", channel).out.split())
+        assert exchange(line, "", Kind.RELEASE) == dict.fromkeys(NAMES, "released")
+        exchange(line, turn)
+        until = time.monotonic() + LONGEST
+        while exchange(line, "heading", Kind.ASK) == before:
+            assert time.monotonic() < until
+        robots = json.loads(called("watch", "--once", "--json", "--channel", channel).out)["robots"]
+        assert [robot["doubt"] for robot in robots] == [""] * 3
+        process.send_signal(signal.SIGINT)
+        assert process.stderr
+        complaints = process.stderr.read()
+    assert f"{store} was damaged (database disk image is malformed). It was set aside as three.store.b" in complaints
+    assert "r1 to r3 (3 robots): its store was damaged, so a STOP may be forgotten; stands still until" in complaints
 
 
 def test_an_operator_goes_on_where_his_last_command_was(channel: str, tmp_path: Path) -> None:

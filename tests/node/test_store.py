@@ -191,7 +191,10 @@ def test_a_store_where_nothing_can_be_written_is_told(tmp_path: Path) -> None:
     store = Store(tmp_path / "file" / "r1.store", ManualClock(5.0), said.append)
     node = Node("r1", NOTES, body=World(), on_air=True)
     assert store.adopt(node, None) is False
-    node.receive(Message("desk", 1, 1, Kind.COMMAND, 0.0, text="(NOTE 1)"))
+    assert node.stopped, "it may have been stopped in a life of which nothing could be kept"
+    assert "r1: its store cannot be written, so a STOP may be forgotten" in store.standing()
+    node.receive(Message("desk", 1, 1, Kind.RELEASE, 0.0))
+    node.receive(Message("desk", 1, 2, Kind.COMMAND, 0.0, text="(NOTE 1)"))
     store.before()
     node.think(1, 0.0)
     store.after()
@@ -228,7 +231,7 @@ def test_a_damaged_store_is_set_aside(tmp_path: Path) -> None:
     robot.file.write_bytes(data[:100] + bytes(b ^ 0xFF for b in data[100:]))
     robot.begin()
     (complaint,) = robot.said
-    assert "is damaged" in complaint
+    assert "was damaged (" in complaint
     assert f"set aside as {robot.file.name}.broken-" in complaint
     assert rules(robot) == []
     fleet.run(5.0)
@@ -238,7 +241,7 @@ def test_a_damaged_store_is_set_aside(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "complaint"),
     [
-        ("PRAGMA user_version = 2", "is a store of format 2, and this sleepcast reads 1: take a newer one"),
+        ("PRAGMA user_version = 3", "is a store of format 3, and this sleepcast reads 2: take a newer one"),
         ("PRAGMA application_id = 5", "is an SQLite file, but no store of a robot"),
     ],
 )
@@ -247,6 +250,7 @@ def test_what_is_no_store_of_ours_is_refused_and_left_alone(tmp_path: Path, spoi
     robot.die()
     with closing(sqlite3.connect(robot.file)) as connection:
         connection.execute(spoil)
+    robot.file.with_name(f"{robot.file.name}.marker").unlink()  # which says that it was one of ours
     before = robot.file.read_bytes()
     with pytest.raises(StoreError, match=complaint):
         Store(robot.file, fleet.air.clock, robot.said.append)

@@ -254,6 +254,15 @@ class FleetOnPage:
         """How many robots say that they are stopped, of those that told of themselves since then."""
         return sum(mind.stopped for mind in self._looker.minds.values() if mind.told_at >= since)
 
+    def standing(self) -> str:
+        """Who stands although nobody may have said STOP, and why."""
+        return self._looker.minds.standing()
+
+    def doubt(self, robot: str) -> str:
+        """Why this one does."""
+        mind = self._looker.minds.get(robot)
+        return "" if mind is None else mind.doubt
+
     def silent(self) -> NDArray[np.bool_]:
         """Who has told nothing of himself of late."""
         late = self._station.now - self._station.stale_after

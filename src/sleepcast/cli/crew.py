@@ -174,6 +174,8 @@ def _begin(crew: Crew, beginning: Beginning, store: Store | None) -> None:
         member.node.sense(readings[member.number], 0.0)
         if store is None or not store.adopt(member.node, None):
             begin_with(member.node, beginning)
+    if store is not None and (standing := store.standing()):
+        complain(standing)
 
 
 def _account(crew: Crew) -> str:

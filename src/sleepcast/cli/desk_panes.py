@@ -51,9 +51,11 @@ def safety(session: Session, width: int) -> Line:
     latch, minds = session.latch, session.looker.minds
     stopped = sum(mind.stopped for mind in minds.values())
     if latch is None:
-        told = (
-            f"{stopped} of {len(session.station.roster)} say that they are stopped" if stopped else "STOP: F9 or Ctrl-X"
-        )
+        told = f"{stopped} of {len(session.station.roster)} say that they are stopped"
+        if standing := minds.standing():
+            told += f"; {standing}"
+        if not stopped:
+            told = "STOP: F9 or Ctrl-X"
         return [("class:warned" if stopped else "", _filled(f" {told}", width))]
     found = session.station.accounting(latch.id)
     ago = f"{max(0.0, session.station.now - latch.message.issued):.0f} s ago"

@@ -117,6 +117,8 @@ class Life:
             complain(f"{self.node.name} goes on where it was ({self.store.file})")
         else:
             begin_with(self.node, beginning)
+        if self.store is not None and (standing := self.store.standing()):
+            complain(standing)
 
     def go_on(self, check: Callable[[], None], tick: float, seconds: float | None) -> None:
         """Live, and say at the end how it went. check: raises KeyboardInterrupt when it is time. tick: s, 0 in step.

@@ -28,7 +28,7 @@ MOST_SHOWN = 12
 """Variables in one table."""
 MOST_ROWS = 10_000
 """Robots in one table that is printed as a whole."""
-AROUND = 5
+AROUND = 6
 """Lines of a terminal that the table cannot have: its head, its frame, and what stands under it."""
 FLAGS = ("frozen", "sleeping", "marked")
 PAUSE = 0.05
@@ -125,7 +125,7 @@ class Window:
         values = {key: None if value != value else value for key, value in _values(mind, columns).items()}
         groups = sorted(mind.told.groups)
         found |= {"told": now - mind.told_at, "stopped": mind.stopped, "driven": mind.told.driven}
-        found |= {"flags": _flags(mind), "groups": groups}
+        found |= {"doubt": mind.doubt, "flags": _flags(mind), "groups": groups}
         return found | {"rules": len(mind.rules()), "values": values}
 
     def table(self, most: int) -> Table:
@@ -151,7 +151,8 @@ class Window:
     def _caption(self, count: int, most: int) -> str:
         more = f", {count - most} more than fit here" if count > most else ""
         which = "robots" if self.text is None else "robots for which it is true"
-        return f"{count} {which}{more}"
+        standing = self.looker.minds.standing()
+        return f"{count} {which}{more}" + (f"\n{standing}" if standing else "")
 
     def _row(self, name: str, heard: float | None, columns: Sequence[str], now: float) -> list[str]:
         mind = self.looker.minds.get(name)

@@ -36,19 +36,21 @@ class SilentError(SleepcastError):
 @dataclass(slots=True)
 class Obeyers:
     """Who would obey: names. unknown: with the reason. everybody: whether all that hear it would. oldest: s since the
-    oldest news that a yes or no rests on; None where the robots were asked themselves."""
+    oldest news that a yes or no rests on; None where the robots were asked themselves. standing: see `RemoteMinds`."""
 
     yes: list[str] = field(default_factory=list)
     no: list[str] = field(default_factory=list)
     unknown: dict[str, str] = field(default_factory=dict)
     everybody: bool = False
     oldest: float | None = None
+    standing: str = ""
 
     def as_dict(self, text: str) -> dict[str, object]:
         """For a script: counts always, names while they are few."""
         sorts = {"yes": self.yes, "no": self.no, "unknown": self.unknown}
         found: dict[str, object] = {"text": text, "polled": self.oldest is None, "everybody": self.everybody}
         found |= {f"n_{sort}": len(names) for sort, names in sorts.items()}
+        found["standing"] = self.standing
         return found | {"oldest": self.oldest} | {s: names for s, names in sorts.items() if len(names) <= MANY}
 
     def told(self) -> Iterator[str]:
@@ -61,6 +63,8 @@ class Obeyers:
         if self.unknown:
             few = [f"{name} ({printable(why)})" for name, why in list(self.unknown.items())[: FEW + 1]]
             yield f"  {listed('unknown', few, len(self.unknown))}"
+        if self.standing:
+            yield f"  {self.standing}"
         if self.oldest is not None and (self.yes or self.no):
             yield f"  from what they told up to {self.oldest:.1f} s ago"
 
@@ -90,6 +94,7 @@ def who(text: str, poll: bool, told: bool, air: Air, as_json: bool) -> int:
         checked = station.check(text)
         asked = f"(WHEN {text} 1)" if _is_test(checked.required()) else text
         found = _polled(station, asked) if poll else _foreseen(station, asked)
+        found.standing = looker.minds.standing()
         for finding in checked.findings:
             complain(finding.render(text))
     if as_json:

@@ -60,6 +60,12 @@ class Fleet(Swarm, Protocol):
     def stopped(self, since: float) -> int:
         """How many robots say that they are stopped, of those that told of themselves since then (station's clock)."""
 
+    def standing(self) -> str:
+        """Who stands although nobody may have said STOP, and why, in a sentence; "" if nobody does."""
+
+    def doubt(self, robot: str) -> str:
+        """Why this one does, "" if it does not."""
+
     def silent(self) -> NDArray[np.bool_]:
         """Who has told nothing of himself of late."""
 
@@ -167,6 +173,8 @@ class AirDesk(Desk):
         if not found.sentence:
             stopped, count = self._fleet.stopped(since), len(self._fleet.minds)
             said = f"{by}{stopped:,} of {count:,} robots say that they are stopped."
+            if standing := self._fleet.standing():
+                said += f" {standing[0].upper()}{standing[1:]}."
             found = answers.Safety(found.latched or stopped > 0, said)
         self.driver.latched = found.latched
         return found
@@ -176,7 +184,8 @@ class AirDesk(Desk):
         if age is None:
             return ["has told nothing of itself"]
         old = [f"last told {age:.0f} s ago"] if age > self._station.stale_after else []
-        return super()._states(mind) + old
+        doubt = self._fleet.doubt(mind.name)
+        return super()._states(mind) + [f"until RELEASE, as {doubt}"] * bool(doubt) + old
 
     def _show_rule(self, rule: Rule) -> answers.ShownRule:
         return answers.ShownRule(rule.name, rule.text, rule.active, NOT_TOLD, rule.last_fault)

@@ -15,14 +15,15 @@ from sleepcast.robot import Robot
 class Embodied(Speaker):
     """A voice with a body and the memory that moves it. body: stopped, released and held still if it is a `Robot`.
 
-    stopped: whether a STOP holds; authority: whose orders count.
+    stopped: whether a STOP holds; doubt: why it stands although no STOP may have come, "" otherwise; authority: whose
+    orders count.
     """
 
     _memory: RobotMemory
 
     def __init__(self, name: str, body: object | None) -> None:
         super().__init__(name)
-        self.body, self.stopped, self.authority = body, False, Authority()
+        self.body, self.stopped, self.doubt, self.authority = body, False, "", Authority()
         self._was_still = False
 
     @property
@@ -30,9 +31,9 @@ class Embodied(Speaker):
         """Whether the body was last moved by a person's command that counts once; see `deadman`."""
         return self._memory.driven
 
-    def halt(self) -> None:
-        """Stop, and stay so until RELEASE. Raises LinkError if not everything came to rest."""
-        self.stopped = True
+    def halt(self, doubt: str = "") -> None:
+        """Stop, and stay so until RELEASE. doubt: see the class. Raises LinkError if not everything came to rest."""
+        self.stopped, self.doubt = True, doubt
         if isinstance(self.body, Robot):
             self.body.stop()
         else:
@@ -56,6 +57,7 @@ class Embodied(Speaker):
             self._answer(message, "fault", fault="a STOP that was sent later holds")
             return
         self.stopped = self._memory.held = False
+        self.doubt = ""
         self._memory.variables.release()
         if isinstance(self.body, Robot):
             self.body.release()

@@ -47,7 +47,7 @@ class OperatorParcel(msgspec.Struct, frozen=True, array_like=True):
 class MindParcel(msgspec.Struct, frozen=True):
     """See the module. flags: values of the support variables from `marked` to `active63`. proven: the rules that
     ROLLBACK brings back; ticks: for how many these here have run without a fault, None if one has failed. authority:
-    see `Authority.state`; merging: see `Merging`."""
+    see `Authority.state`; merging: see `Merging`; doubt: see `Embodied`."""
 
     stopped: bool
     authority: dict[str, object]
@@ -60,6 +60,7 @@ class MindParcel(msgspec.Struct, frozen=True):
     proven: tuple[RuleParcel, ...]
     ticks: int | None
     merging: MergingParcel = MergingParcel()
+    doubt: str = ""
 
 
 def mind_of(node: Node) -> MindParcel:
@@ -83,6 +84,7 @@ def mind_of(node: Node) -> MindParcel:
         _packed(memory.proven, memory.time),
         None if failed else min(memory.tick - memory.unproven_since, PROVEN_TICKS),
         memory.merging.state(),
+        node.doubt,
     )
 
 
@@ -94,7 +96,15 @@ def fingerprint(node: Node) -> tuple[object, ...]:
     values = (*memory.values[: ACTIVE0 + BUFFERS], *own)
     # Unknown is not equal to itself, so numbers are compared by their text.
     return (
-        *(node.stopped, repr(node.authority.state(0.0)), proven, memory.rules.version, memory.groups, repr(values)),
+        *(
+            node.stopped,
+            node.doubt,
+            repr(node.authority.state(0.0)),
+            proven,
+            memory.rules.version,
+            memory.groups,
+            repr(values),
+        ),
         memory.merging.version,
         *(tuple(memory.learned), tuple(memory.operators.values())),
     )
@@ -109,12 +119,16 @@ def put_back(parcel: MindParcel, node: Node, away: float) -> list[str]:
         node.authority.restore(parcel.authority, node.memory.time - away)
     except UNFIT as error:
         raise ParcelError(f"no mind can be made of this: {type(error).__name__}: {error}") from None
-    if parcel.stopped:
-        try:
-            node.halt()
-        except SleepcastError as error:
-            lost.append(str(error))
-    return lost
+    return lost + stand(node, parcel.doubt) if parcel.stopped else lost
+
+
+def stand(node: Node, doubt: str) -> list[str]:
+    """Let a robot begin its life stopped; gives what of it did not come to rest, as sentences."""
+    try:
+        node.halt(doubt)
+    except SleepcastError as error:
+        return [str(error)]
+    return []
 
 
 def _put_back(parcel: MindParcel, memory: RobotMemory, away: float) -> list[str]:

@@ -49,14 +49,14 @@ class LookError(SleepcastError):
 
 
 def look(
-    body: Mapping[str, object], memory: RobotMemory, stopped: bool, why: Callable[[str | None], Explanation]
+    body: Mapping[str, object], memory: RobotMemory, stopped: bool, doubt: str, why: Callable[[str | None], Explanation]
 ) -> Told:
-    """What is told to a question with this body. why: explains a command, a rule, or
+    """What is told to a question with this body. stopped, doubt: see `Embodied`. why: explains a command, a rule, or
     the last command."""
     what, of = body.get(LOOK), body.get(OF)
     try:
         if what == Look.TELEMETRY:
-            return {TOLD: telemetry(memory, stopped)}
+            return {TOLD: telemetry(memory, stopped, doubt)}
         if what == Look.VOCABULARY:
             return {TOLD: _fitting(vocabulary_text(memory.vocabulary), "it has more names")}
         if what == Look.MIND:
@@ -74,7 +74,7 @@ def digest(text: str) -> bytes:
     return sha256(text.encode()).digest()[:DIGEST_BYTES]
 
 
-def telemetry(memory: RobotMemory, stopped: bool) -> dict[str, object]:
+def telemetry(memory: RobotMemory, stopped: bool, doubt: str) -> dict[str, object]:
     """A robot's numbers and flags now.
 
     values: float64, little endian, SI, NaN for unknown: every variable of the vocabulary in its order, but for the
@@ -84,7 +84,8 @@ def telemetry(memory: RobotMemory, stopped: bool) -> dict[str, object]:
     numbers = [memory.peek(slot) for slot in slots]
     rules = list(memory.rules.in_order())
     learned = memory.learned.values()
-    return {
+    told = {"doubt": doubt} if doubt else {}
+    return told | {
         "type": digest(vocabulary_text(memory.vocabulary)),
         "mind": digest(mind_text(memory)),
         "values": pack(f"<{len(numbers)}d", *numbers),

@@ -9,15 +9,16 @@ So a command is evaluated once: one that was begun when the process ended is tol
 one that stands is evaluated again, since nothing that it did was kept. What rules change by themselves is written at
 most once in a second. Answers go on the air afterwards.
 
-If nothing can be written - a full disk, a file that is read-only - the robots go on, and say so; it is tried again and
-again.
+If nothing can be written - a full disk, a file that has become read-only - the robots go on, and say so; it is tried
+again and again. A robot that cannot be sure that it knows its latest STOP begins its life stopped, and stands until
+RELEASE: its store is damaged, gone, old or cannot be written (`integrity`), or a STOP found no room on the disk.
 """
 
 from __future__ import annotations
 
 import os
 import sqlite3
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
@@ -28,23 +29,26 @@ from sleepcast.channel.kept import News
 from sleepcast.channel.mailbox import KEEP_EVERY, Mailbox
 from sleepcast.channel.message import Kind, Message
 from sleepcast.clock import Clock
-from sleepcast.node.keeping import MindParcel, fingerprint, mind_of, put_back
+from sleepcast.node.integrity import NEWBORN, Marker, Seal
+from sleepcast.node.keeping import MindParcel, fingerprint, mind_of, put_back, stand
 from sleepcast.node.node import MAX_QUEUE, MAX_SEEN, Node
 from sleepcast.node.store_file import (
+    FORMAT,
+    MAX_MIND,
     Content,
+    Examined,
     InUseError,
     Remembered,
     StoreError,
+    connect,
+    create,
+    examine,
     lock,
-    open_file,
-    read_all,
-    read_only,
-    refuse_text,
     set_aside,
     transaction,
 )
 from sleepcast.node.unwritten import Unwritten
-from sleepcast.parcel import ParcelError, pack, unpack
+from sleepcast.parcel import ParcelError, pack
 
 __all__ = ["InUseError", "Store", "StoreError"]
 
@@ -56,10 +60,12 @@ MAX_BEGUN = 3
 """Lives in which a command that stands is begun: one that ends them all is then told as interrupted."""
 MAX_UNWRITTEN = 100_000
 """Evaluations that wait for a disk that has room again; older ones are forgotten."""
-MAX_MIND = 16 * 1024 * 1024
-"""Bytes of what one robot has learned: as many rules and operators as it may have, of the longest texts."""
+MARK_EVERY = 10.0
+"""Seconds after which the marker follows a store that was written, STOP or not."""
 LASTING = frozenset({Kind.COMMAND, Kind.STOP, Kind.RELEASE})
 """What is remembered as evaluated."""
+DECISIVE = frozenset({Kind.STOP, Kind.RELEASE})
+"""What the marker follows at once."""
 INTERRUPTED = "interrupted"
 """The outcome of a command that was begun when the process ended: nobody knows how far it came."""
 
@@ -78,22 +84,27 @@ class Robot:
 
 
 class Store:
-    """See the module. clock: Unix time. say: tells a person what goes wrong with the file, and when it is over.
+    """See the module. clock: Unix time. say: tells a person what goes wrong with the file, and when it is over. doubt:
+    why what robots knew before may be lost, "" if it is not.
 
     Raises StoreError for a file that is in use, is no store, or is one of a newer format. A damaged one is set aside.
     """
 
     def __init__(self, file: Path, clock: Clock, say: Callable[[str], None]) -> None:
-        self.file, self._clock, self._say = file, clock, say
+        self.file, self._clock, self._say = Path(os.path.realpath(file)), clock, say
+        self.doubt = ""
         self._robots: dict[str, Robot] = {}
         self._attended: tuple[Remembered, Mailbox] | None = None
         self._listening: tuple[Remembered, Mailbox] | None = None
         self._lock: int | None = None
         self._connection: sqlite3.Connection | None = None
         self._content = Content()
-        self._minds: dict[str, MindParcel] = {}
+        self._seal = Seal()
+        self._marker, self._marked, self._mark_at = Marker(self.file, FORMAT), 0, -inf
         self._unwritten = Unwritten()
         self._failing = False
+        self._decided: set[Kind] = set()
+        """Of STOP and RELEASE, what waits to be written."""
         self._try_at = self._look_at = -inf
         self._open()
 
@@ -136,9 +147,11 @@ class Store:
             self.life(node.name)
         kept = self._content.robots[node.name]
         robot = self._robots[node.name] = Robot(kept.number, node, mailbox)
-        mind = self._minds.pop(node.name, None)
+        mind, kept.mind = kept.mind, None
         if mind is not None:
             self._restore(node, mind, kept.saved)
+        elif self._seal.doubt:
+            self._tell(node, stand(node, self._seal.doubt))
         if mailbox is not None:
             mailbox.restore(self._heard(kept), kept.since)
         heard = kept if self._listening is None else self._listening[0]
@@ -171,8 +184,20 @@ class Store:
             raise StoreError(
                 f"{self.file}: {error}; name another file with --store, or take none with --no-store"
             ) from None
-        for sentence in lost:
+        self._tell(node, lost)
+
+    def _tell(self, node: Node, sentences: Sequence[str]) -> None:
+        for sentence in sentences:
             self._say(f"{node.name}: {sentence}")
+
+    def standing(self) -> str:
+        """Which robots stand because a STOP may have been forgotten, and why, in a sentence; "" if none does."""
+        found = [robot.node for robot in self._robots.values() if robot.node.doubt]
+        if not found:
+            return ""
+        names = found[0].name if len(found) == 1 else f"{found[0].name} to {found[-1].name} ({len(found)} robots)"
+        found[0].remark(f"stands until RELEASE: {found[0].doubt}")
+        return f"{names}: {found[0].doubt}, so a STOP may be forgotten; stands still until RELEASE (sleepcast release)"
 
     # ---- an operator
 
@@ -180,7 +205,7 @@ class Store:
         """The epoch of the operator of this name, and the first number in it that was never used: what he sends has an
         order, so his life goes on after his process."""
         kept = self._remembered(name)
-        if not kept.epoch:
+        if not kept.epoch or self.doubt:  # numbers that were used are not known, so none of that life is used again
             self.life(name)
         return kept.epoch, kept.sequence + 1
 
@@ -259,6 +284,8 @@ class Store:
         self._keep(ahead=0)
         self.after()
         if self._connection is not None:
+            if self._robots and not self._failing:
+                self._mark(self._clock.now(), at_once=True)
             self._connection.close()
             self._connection = None
         self._unlock()
@@ -281,6 +308,8 @@ class Store:
 
     def _finish(self, robot: Robot, message: Message, outcome: str, time: float) -> None:
         waits, which = self._unwritten, (robot.number, message.id)
+        if message.kind in DECISIVE:
+            self._decided.add(message.kind)
         robot.begun.discard(message.id)
         if robot.known.pop(message.id, None) is not None and waits.taken.pop(which, None) is None:
             waits.finished.add(which)
@@ -296,64 +325,117 @@ class Store:
     # ---- the file
 
     def _open(self) -> None:
+        found, failure = Examined(), ""
         try:
-            self._lock = lock(self.file)
-            self._connection = self._read()
+            try:
+                self._lock = lock(self.file)
+            except OSError as error:
+                failure = _reason(error)
+            found = examine(self.file)
+            self._content = found.content or Content()
+            if not failure:
+                self._connection, self._seal = self._connect(found)
         except StoreError:
             self._unlock()
             raise
         except (sqlite3.Error, OSError) as error:
-            self._content, self._minds = _readable(self.file)
+            failure = _reason(error)
+        if failure:
             self._say(
-                f"{self.file} cannot be written: {_reason(error)}. Nothing is kept there: after a restart everything "
-                "since now will have been forgotten"
+                f"{self.file} cannot be written: {failure}. Nothing is kept there: after a restart everything since "
+                "now will have been forgotten"
             )
+            self._doubt(found.doubt or "cannot be written")
+        else:
+            if found.doubt:
+                self._doubt(found.doubt)
+                self._write(self._clock.now())
+            elif self._seal.generation == NEWBORN:
+                self._mark(self._clock.now(), at_once=True)  # before anything is in it that could be missed
 
-    def _read(self) -> sqlite3.Connection:
-        """The open file, read; a new one in the place of a damaged one."""
-        try:
-            connection = open_file(self.file)
-            try:
-                self._content = read_all(connection)
-                self._minds = _unpacked(self._content)
-            except BaseException:
-                connection.close()
-                raise
-        except sqlite3.OperationalError:
-            raise
-        except sqlite3.DatabaseError as error:
-            refuse_text(self.file)
-            self._content = Content()
-            aside = set_aside(self.file, self._clock.now())
-            self._say(
-                f"{self.file} is damaged ({error}). It was set aside as {aside.name}, and what was learned is "
-                "forgotten: rules come again from the other robots"
-            )
-            return open_file(self.file)
-        return connection
+    def _connect(self, found: Examined) -> tuple[sqlite3.Connection, Seal]:
+        """The store, open to be written: a new one in the place of one that is damaged or gone."""
+        if found.content is not None:
+            if found.doubt:
+                self._say(f"{self.file} {found.doubt}. What it says is taken, but a STOP may have come after that")
+            return connect(self.file, found.seal)
+        aside = set_aside(self.file, self._clock.now())
+        if found.doubt:
+            what = f" ({found.damage})" if found.damage else f", although {self._marker.file.name} speaks of it"
+            kept = f"It was set aside as {aside.name}, and what" if aside is not None else "What"
+            lost = f"{kept} was learned is forgotten: rules come again from the other robots"
+            self._say(f"{self.file} {found.doubt}{what}. {lost}")
+        return connect(self.file, create(self.file, found.doubt and _told(found.doubt)))
+
+    def _doubt(self, reason: str) -> None:
+        """Each robot that was here may have forgotten a STOP, and stands. From now on this is another store, so that no
+        old copy is ever taken for it. reason: what is wrong with the store, as the end of a sentence about it."""
+        self.doubt = _told(reason)
+        self._seal.store, self._seal.doubt = Seal().store, self.doubt
+        for kept in self._content.robots.values():
+            if kept.mind is not None and not kept.mind.stopped:
+                kept.mind = msgspec.structs.replace(kept.mind, stopped=True, doubt=self.doubt)
+                self._unwritten.minds[kept.number] = kept.saved, pack(kept.mind, MAX_MIND)
 
     def _write(self, now: float) -> None:
+        """Write what waits, and let the marker follow. If that is a STOP and the disk refuses, the next life is in
+        doubt."""
+        if self._connection is None or not self._committed(self._connection, now):
+            if Kind.STOP in self._decided:
+                self._withdraw()
+        else:
+            self._mark(now, at_once=bool(self._decided))
+            self._decided.clear()
         if self._connection is None:
             self._unwritten = Unwritten()
-        elif now >= self._try_at:
-            try:
-                with transaction(self._connection):
-                    self._unwritten.write(self._connection)
-            except sqlite3.Error as error:
-                self._try_at = now + TRY_AGAIN
-                if not self._failing:
-                    self._failing = True
-                    self._say(
-                        f"{self.file} cannot be written: {_reason(error)}. The robot goes on; after a restart it would "
-                        f"have forgotten what comes now. It is tried again every {TRY_AGAIN:g} s"
-                    )
-                    self._remark("store cannot be written")
-                return
-            self._unwritten = Unwritten()
-            if self._failing:
-                self._failing = False
-                self._say(f"{self.file} is written again, with everything that had to wait")
-                self._remark("store is written again")
+
+    def _committed(self, connection: sqlite3.Connection, now: float) -> bool:
+        if now < self._try_at:
+            return False
+        try:
+            with transaction(connection, self._seal):
+                self._unwritten.write(connection)
+        except sqlite3.Error as error:
+            self._try_at = now + TRY_AGAIN
+            if not self._failing:
+                self._failing = True
+                self._say(
+                    f"{self.file} cannot be written: {_reason(error)}. The robot goes on; after a restart it would "
+                    f"have forgotten what comes now. It is tried again every {TRY_AGAIN:g} s"
+                )
+                self._remark("store cannot be written")
+            return False
+        self._unwritten = Unwritten()
+        if self._failing:
+            self._failing = False
+            self._say(f"{self.file} is written again, with everything that had to wait")
+            self._remark("store is written again")
+        return True
+
+    def _mark(self, now: float, *, at_once: bool) -> None:
+        """Let the marker follow the store, at once or when it is time."""
+        if self._marked == self._seal.generation or (not at_once and now < self._mark_at):
+            return
+        self._mark_at = now + MARK_EVERY
+        try:
+            self._marker.write(self._seal)
+        except OSError as error:
+            if self._marked >= 0:
+                self._say(f"{self._marker.file} cannot be written: {_reason(error)}. An old store would not be noticed")
+            self._marked = -1
+        else:
+            self._marked = self._seal.generation
+
+    def _withdraw(self) -> None:
+        """A STOP is not in the store: without its marker, a robot stands when it begins anew."""
+        self._decided.clear()
+        self._marked = 0
+        try:
+            self._marker.withdraw()
+        except OSError as error:
+            said = f"a restart would forget this STOP: {self._marker.file} cannot be removed: {_reason(error)}"
+            self._say(said)
+            self._remark("a restart would forget this STOP: its store is read-only")
 
     def _remark(self, said: str) -> None:
         """Tell the operators: one robot for all of the process."""
@@ -362,30 +444,13 @@ class Store:
             break
 
 
-def _unpacked(content: Content) -> dict[str, MindParcel]:
-    """What each robot has learned. Raises sqlite3.DatabaseError for what is damaged."""
-    try:
-        return {
-            name: unpack(MindParcel, kept.mind, MAX_MIND, f"what {name} has learned")
-            for name, kept in content.robots.items()
-            if kept.mind is not None
-        }
-    except ParcelError as error:
-        raise sqlite3.DatabaseError(str(error)) from None
-
-
-def _readable(file: Path) -> tuple[Content, dict[str, MindParcel]]:
-    """What can be read of a file that cannot be written. Raises StoreError for what is no store."""
-    content = read_only(file)
-    try:
-        return content, _unpacked(content)
-    except sqlite3.DatabaseError:
-        return Content(), {}
-
-
 def _shifted(message: Message, seconds: float) -> Message:
     times = {"issued": message.issued + seconds, "deadline": message.deadline + seconds}
     return msgspec.structs.replace(message, **times)
+
+
+def _told(doubt: str) -> str:
+    return f"its store {doubt}"
 
 
 def _reason(error: Exception) -> str:

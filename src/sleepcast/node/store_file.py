@@ -1,8 +1,8 @@
 """The file of a store: its tables, how it is opened, and what is done about one that cannot be used.
 
 It is an SQLite file in WAL mode, and what was committed outlives a kill and a loss of power. One process at a time uses
-it; others may read it meanwhile. A file that is damaged is set aside and not used again; one of a newer format, or one
-that is something else, is refused and left as it is.
+it; others may read it meanwhile. It is read as a whole before anything is written: a file that is damaged is set aside
+as it is, and not used again; one of a newer format, or one that is something else, is refused and left where it is.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import os
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from copy import copy
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,13 +21,30 @@ from sleepcast.channel.kept import Progress, Standing, Window
 from sleepcast.channel.message import Message
 from sleepcast.channel.shelf import MAX_STANDING
 from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.files import settle
+from sleepcast.node.integrity import DamageError, Marker, Seal, doubt_about, sum_of
+from sleepcast.node.keeping import MindParcel
+from sleepcast.parcel import ParcelError, unpack
 
-FORMAT = 1
-"""The version of the format of stores; a file of a newer one is refused."""
+FORMAT = 2
+"""The version of the format of stores; a file of a newer one is refused. Those of format 1 had no seal."""
 APPLICATION = 0x534C5053
 """What marks an SQLite file as a store: `SLPS`."""
 PATIENCE = 2.0
 """Seconds to wait for somebody who reads: a robot's mind waits with it."""
+MAX_MIND = 16 * 1024 * 1024
+"""Bytes of what one robot has learned: as many rules and operators as it may have, of the longest texts."""
+HEAD = 4_096
+"""Bytes by which a text is known."""
+EMPTY = "it is empty"
+PASSING = frozenset(
+    {
+        *(sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_IOERR),
+        *(sqlite3.SQLITE_FULL, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_PERM, sqlite3.SQLITE_NOMEM),
+        *(sqlite3.SQLITE_PROTOCOL, sqlite3.SQLITE_AUTH, sqlite3.SQLITE_INTERRUPT),
+    }
+)
+"""What SQLite says of disks, locks and rights: it says nothing of what is in the file."""
 
 SCHEMA = """
 CREATE TABLE robots (
@@ -57,12 +75,18 @@ CREATE TABLE evaluations (
 ) STRICT;
 CREATE VIEW journal AS
     SELECT evaluations.number, robots.name AS robot, command, kind, time, outcome
-    FROM evaluations JOIN robots ON robots.number = evaluations.robot
+    FROM evaluations JOIN robots ON robots.number = evaluations.robot;
 """
+SEAL = """
+CREATE TABLE seal (store TEXT NOT NULL, generation INTEGER NOT NULL, doubt TEXT NOT NULL, sum BLOB NOT NULL) STRICT;
+"""
+TABLES = ("robots", "streams", "windows", "standing", "taken", "evaluations")
+"""Those that the seal is over."""
 """robots: in the order in which they came, or the operator; since, saved: when it was first here, and when its mind was
 last written (s of Unix time); epoch: of the present life, or the last one; sequence: up to where an operator's numbers
 in it may have been used. See `Progress`, `Window` and `Standing` of the channel. taken: what was taken from the channel
-and not finished. evaluations: what became of each command, STOP and RELEASE, and when (s of Unix time)."""
+and not finished. evaluations: what became of each command, STOP and RELEASE, and when (s of Unix time).
+seal: see `integrity`."""
 
 
 class StoreError(MisuseError):
@@ -83,14 +107,14 @@ class Taken:
 
 @dataclass(slots=True)
 class Remembered:
-    """What a file says of one robot. mind: a packed `MindParcel`, None if it never learned anything."""
+    """What a file says of one robot. mind: None if it never learned anything."""
 
     number: int
     since: float
     epoch: int = 0
     sequence: int = 0
     saved: float = 0.0
-    mind: bytes | None = None
+    mind: MindParcel | None = None
     streams: list[Progress] = field(default_factory=list)
     windows: list[Window] = field(default_factory=list)
     taken: list[Taken] = field(default_factory=list)
@@ -104,41 +128,130 @@ class Content:
     standing: list[Standing] = field(default_factory=list)
 
 
-def open_file(file: Path) -> sqlite3.Connection:
-    """The store in a file, made if there is none. Raises StoreError, sqlite3.Error and OSError."""
-    file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    os.close(os.open(file, os.O_RDWR | os.O_CREAT, 0o600))
+@dataclass(slots=True)
+class Examined:
+    """What there is of a store. content, seal: of a file that is whole, the seal unless it is of format 1. doubt: what
+    is wrong with the store, as the end of a sentence about it, "" if nothing is; damage: the same in detail."""
+
+    content: Content | None = None
+    seal: Seal | None = None
+    doubt: str = ""
+    damage: str = ""
+
+
+def examine(file: Path) -> Examined:
+    """Read a store and judge whether it can be believed; nothing is changed. Raises StoreError for what is no store or
+    is one of a newer format, and OSError and sqlite3.Error for what cannot be read now."""
+    marker = Marker(file, FORMAT)
+    mark, lost = None, False
+    try:
+        mark = marker.read()
+    except DamageError:
+        lost = True
+    if not os.path.lexists(file):
+        return Examined(doubt="is gone" if mark or lost else "")
+    try:
+        content, seal = _load(file)
+    except DamageError as error:
+        damage = str(error)
+    except StoreError as error:
+        if not lost and (mark is None or mark.format > FORMAT):
+            raise
+        damage = str(error)  # it was a store of ours, says its marker
+    else:
+        return Examined(content, seal, "has a damaged marker" if lost else doubt_about(seal, mark))
+    return Examined(None, None, "was empty" if damage == EMPTY else "was damaged", damage)
+
+
+def _load(file: Path) -> tuple[Content, Seal | None]:
+    """All of a file that is whole. Raises as `examine` does, and DamageError."""
+    if not file.is_file():
+        raise StoreError(f"{file} is no file: name another one")
+    with file.open("rb") as opened:
+        head = opened.read(HEAD)
+    if not head:
+        raise DamageError(EMPTY)
+    if head.isascii() and b"\0" not in head:
+        raise StoreError(f"{file} is a text and no store of a robot: name another one")
+    failure = sqlite3.Error()
+    for how in ("mode=ro", "mode=ro&immutable=1"):  # the second where not even a lock can be written
+        try:
+            with closing(sqlite3.connect(f"{file.absolute().as_uri()}?{how}", uri=True)) as connection:
+                return _checked(connection, file)
+        except sqlite3.Error as error:
+            if getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT) & 0xFF not in PASSING:
+                raise DamageError(str(error)) from None
+            failure = error
+    raise failure
+
+
+def _checked(connection: sqlite3.Connection, file: Path) -> tuple[Content, Seal | None]:
+    application = connection.execute("PRAGMA application_id").fetchone()[0]
+    version = connection.execute("PRAGMA user_version").fetchone()[0]
+    if application != APPLICATION:
+        raise StoreError(f"{file} is an SQLite file, but no store of a robot: name another one")
+    if version > FORMAT:
+        raise StoreError(
+            f"{file} is a store of format {version}, and this sleepcast reads {FORMAT}: take a newer one, or another "
+            "file"
+        )
+    (found,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
+    if found != "ok":
+        raise DamageError(found)
+    if version < FORMAT:
+        return read_all(connection), None
+    with closing(sqlite3.connect(":memory:")) as model:
+        model.executescript(SCHEMA + SEAL)
+        if _shape(connection) != _shape(model):
+            raise DamageError("its tables are not those of a store")
+    numbered = connection.execute("SELECT max(number) FROM evaluations").fetchone()
+    if numbered != (connection.execute("SELECT seq FROM sqlite_sequence").fetchone() or (None,)):
+        raise DamageError("its entries are numbered in another way than they were")
+    seal = Seal.read(connection, TABLES)
+    return read_all(connection), seal
+
+
+def _shape(connection: sqlite3.Connection) -> set[tuple[str, ...]]:
+    return set(connection.execute("SELECT type, name, tbl_name, sql FROM sqlite_schema"))
+
+
+def create(file: Path, doubt: str) -> Seal:
+    """A store that has never been used: all of it or nothing, also if the process ends here. doubt: see `Seal`. Raises
+    sqlite3.Error and OSError."""
+    beside = file.with_name(f".{file.name}.new")
+    for part in _parts(beside):
+        part.unlink(missing_ok=True)
+    os.close(os.open(beside, os.O_RDWR | os.O_CREAT, 0o600))
+    with closing(sqlite3.connect(beside, isolation_level=None)) as connection:
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.executescript(SCHEMA + SEAL)
+        connection.execute(f"PRAGMA application_id = {APPLICATION}")
+        connection.execute(f"PRAGMA user_version = {FORMAT}")
+        seal = Seal(doubt=doubt)
+        seal.write(connection)
+    os.replace(beside, file)
+    settle(file.parent)
+    return seal
+
+
+def connect(file: Path, seal: Seal | None) -> tuple[sqlite3.Connection, Seal]:
+    """Open a store to write, one that has been read. seal: None for one of format 1, which gets one. Raises
+    sqlite3.Error."""
     connection = sqlite3.connect(file, timeout=PATIENCE, isolation_level=None)
     try:
-        if not _is_store(connection, file):
-            connection.execute("PRAGMA journal_mode = WAL")
-            with transaction(connection):
-                for statement in SCHEMA.split(";\n"):
-                    connection.execute(statement)
-                connection.execute(f"PRAGMA application_id = {APPLICATION}")
-                connection.execute(f"PRAGMA user_version = {FORMAT}")
         connection.execute("PRAGMA synchronous = FULL")
+        if seal is None:
+            seal = Seal(rows=sum_of(connection, TABLES))
+            with transaction(connection, seal):
+                connection.execute(SEAL)
+                connection.execute(f"PRAGMA user_version = {FORMAT}")
+        seal.watch(connection, TABLES)
+        connection.execute("BEGIN IMMEDIATE")  # a file that may not be written says so now
+        connection.execute("ROLLBACK")
     except BaseException:
         connection.close()
         raise
-    return connection
-
-
-def _is_store(connection: sqlite3.Connection, file: Path) -> bool:
-    """Whether it is one; False for an empty file. Raises StoreError for anything else."""
-    application = connection.execute("PRAGMA application_id").fetchone()[0]
-    version = connection.execute("PRAGMA user_version").fetchone()[0]
-    if application == APPLICATION:
-        if version > FORMAT:
-            raise StoreError(
-                f"{file} is a store of format {version}, and this sleepcast reads {FORMAT}: take a newer one, or "
-                "another file"
-            )
-        return True
-    with closing(connection.execute("SELECT 1 FROM sqlite_schema LIMIT 1")) as any_table:
-        if application or version or any_table.fetchone() is not None:
-            raise StoreError(f"{file} is an SQLite file, but no store of a robot: name another one")
-    return False
+    return connection, seal
 
 
 def lock(file: Path) -> int | None:
@@ -164,34 +277,35 @@ def lock(file: Path) -> int | None:
     return descriptor
 
 
-def refuse_text(file: Path) -> None:
-    """Raises StoreError for a file that is a text: somebody has named the wrong one, and it is left as it is."""
-    with file.open("rb") as opened:
-        data = opened.read(4_096)
-    if data.isascii() and b"\0" not in data:
-        raise StoreError(f"{file} is a text and no store of a robot: name another one")
-
-
-def set_aside(file: Path, now: float) -> Path:
-    """Give a file that cannot be used another name, with what SQLite keeps beside it; gives that. Raises OSError."""
+def set_aside(file: Path, now: float) -> Path | None:
+    """Give a file that cannot be used another name, with what SQLite keeps beside it; gives that, None if there was
+    nothing. Raises OSError."""
     for attempt in range(100):
         aside = file.with_name(f"{file.name}.broken-{now:.0f}" + (f"-{attempt}" if attempt else ""))
-        if not aside.exists():
+        if not any(os.path.lexists(part) for part in _parts(aside)):
             break
-    for ending in ("", "-wal", "-shm"):
-        part = file.with_name(file.name + ending)
-        if part.exists():
-            os.replace(part, aside.with_name(aside.name + ending))
-    return aside
+    found = False
+    for part, to in zip(_parts(file), _parts(aside), strict=True):
+        if os.path.lexists(part):
+            os.replace(part, to)
+            found = True
+    return aside if found else None
+
+
+def _parts(file: Path) -> list[Path]:
+    """A store with what SQLite keeps beside it; the store last, since what is without it is never taken for a store."""
+    return [file.with_name(file.name + ending) for ending in ("-wal", "-shm", "")]
 
 
 def read_all(connection: sqlite3.Connection) -> Content:
     """Everything that a file says, but for what has been evaluated. Raises sqlite3.DatabaseError for a damaged one."""
     found = Content()
     by_number: dict[int, Remembered] = {}
-    for number, name, *rest in connection.execute("SELECT * FROM robots"):
-        found.robots[name] = by_number[number] = Remembered(number, *rest)
     try:
+        for number, name, *rest, mind in connection.execute("SELECT * FROM robots"):
+            found.robots[name] = by_number[number] = Remembered(number, *rest)
+            if mind is not None:
+                by_number[number].mind = unpack(MindParcel, mind, MAX_MIND, f"what {name} has learned")
         for robot, key, epoch, *rest in connection.execute("SELECT * FROM streams"):
             by_number[robot].streams.append(Progress((key, epoch), *rest))
         for robot, key, sender, epoch, latest, numbers in connection.execute("SELECT * FROM windows"):
@@ -202,7 +316,7 @@ def read_all(connection: sqlite3.Connection) -> Content:
         for key, epoch, sequence, datagrams in connection.execute(query):
             parts = msgspec.msgpack.decode(datagrams, type=tuple[bytes, ...])
             found.standing.append(Standing((key, epoch), sequence, parts))
-    except (msgspec.DecodeError, ValueError, RecursionError, SleepcastError) as error:
+    except (msgspec.DecodeError, ParcelError, ValueError, RecursionError, SleepcastError) as error:
         raise sqlite3.DatabaseError(f"what is in it cannot be read: {error}") from None
     except KeyError as error:
         raise sqlite3.DatabaseError(f"it speaks of a robot {error} that is not there") from None
@@ -210,27 +324,17 @@ def read_all(connection: sqlite3.Connection) -> Content:
     return found
 
 
-def read_only(file: Path) -> Content:
-    """What a file says that nobody may write to; nothing if it cannot be read either. Raises StoreError for what is no
-    store."""
-    for how in ("mode=ro", "mode=ro&immutable=1"):  # the second where not even a lock can be written
-        try:
-            with closing(sqlite3.connect(f"{file.absolute().as_uri()}?{how}", uri=True)) as connection:
-                if _is_store(connection, file):
-                    return read_all(connection)
-        except sqlite3.Error:
-            continue
-    return Content()
-
-
 @contextmanager
-def transaction(connection: sqlite3.Connection) -> Iterator[None]:
-    """All or nothing."""
+def transaction(connection: sqlite3.Connection, seal: Seal) -> Iterator[None]:
+    """All or nothing, and sealed."""
+    before = copy(seal)
     connection.execute("BEGIN IMMEDIATE")
     try:
         yield
+        seal.write(connection)
         connection.execute("COMMIT")
     except BaseException:
+        seal.generation, seal.rows = before.generation, before.rows
         if connection.in_transaction:
             connection.execute("ROLLBACK")
         raise

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from sleepcast.channel.bodies import TOLD, Look
 from sleepcast.channel.message import Message
-from sleepcast.errors import SleepcastError
+from sleepcast.errors import SleepcastError, printable
 from sleepcast.language.explain import Explanation
 from sleepcast.language.functions import FUNCTIONS
 from sleepcast.language.machine import Program
@@ -52,6 +52,8 @@ ASK_AGAIN = 1.0
 """Seconds after which names or a mind that nobody told are asked for again; each time twice as long after that."""
 MAX_WAIT = 300.0
 """Seconds between two such questions at most: what is too long to tell costs next to nothing."""
+FEW = 3
+"""Names in a sentence."""
 AT_ONCE = 32
 """Robots that are asked in one message."""
 
@@ -93,6 +95,11 @@ class RemoteMind:
     @property
     def stopped(self) -> bool:
         return self.told.stopped
+
+    @property
+    def doubt(self) -> str:
+        """Why it stands although nobody may have said STOP; "" otherwise."""
+        return printable(self.told.doubt) if self.stopped else ""
 
     @property
     def learned(self) -> Learned | None:
@@ -228,6 +235,18 @@ class RemoteMinds(Mapping[str, RemoteMind]):
     def heard(self) -> Iterable[str]:
         """Every name that any robot has learned, as written."""
         return {name: None for mind in self._minds.values() for name in mind.heard()}
+
+    def standing(self) -> str:
+        """Who stands although nobody may have said STOP, and why, in a sentence; "" if nobody does."""
+        found: dict[str, list[str]] = {}
+        for name in sorted(self._minds, key=lambda name: (len(name), name)):  # r2 before r10
+            if doubt := self._minds[name].doubt:
+                found.setdefault(doubt, []).append(printable(name))
+        told = (
+            f"{', '.join(names[:FEW])}{f' and {len(names) - FEW} more' if len(names) > FEW else ''}: {doubt}"
+            for doubt, names in islice(found.items(), FEW)
+        )
+        return f"until RELEASE stand {'; '.join(told)}" if found else ""
 
     def texts(self) -> list[str]:
         """What was told of types and minds, those of types first."""

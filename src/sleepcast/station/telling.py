@@ -39,6 +39,8 @@ MAX_EXPONENT = 9
 """Of a dimension, either way."""
 MAX_LEVELS = 200
 """Parts of an explanation within each other: an expression has a hundred at most, through all that it enters."""
+MAX_DOUBT = 200
+"""Characters of why a robot stands although nobody may have stopped it."""
 DIGEST_BYTES = 8
 TOLD_SUPPORT = len(SUPPORT) - (BUFFERS - 1)
 """Support variables that are told as numbers; the others are the active flags of buffers."""
@@ -140,6 +142,7 @@ class TelemetryTold(msgspec.Struct):
     groups: Annotated[list[Name], msgspec.Meta(max_length=MAX_GROUPS)]
     stopped: bool
     driven: bool = False
+    doubt: Annotated[str, msgspec.Meta(max_length=MAX_DOUBT)] = ""
 
     def numbers(self) -> Sequence[float]:
         """The numbers, NaN for unknown: the support variables but for the active flags, sensors, actuators."""

@@ -308,16 +308,30 @@ def test_a_mind_that_no_longer_looks_loses_its_robot(running: Served) -> None:
         assert robot.state.velocities == (0, 0, 0)  # nothing old resumes
 
 
-def test_a_process_that_is_gone_loses_its_robot(running: Served, world: NomadWorld) -> None:
-    robot = reach(running)
-    until(lambda: robot.state.right_speed > 0.25, keep_on(robot, 0.3))
-    robot._nomad.connection.close()
-    until(lambda: world.observe(0).speeds[:2] == (0.0, 0.0))
-    with pytest.raises(LostError):
-        until(lambda: False, robot.sense)
-    robot.act(Setpoint(0.3, 0.0))
-    robot.stop()
-    robot.close()
+def test_a_body_that_was_out_of_reach_is_at_rest_when_it_is_found_again(running: Served, world: NomadWorld) -> None:
+    with reach(running) as robot:
+        until(lambda: robot.state.right_speed > 0.25, keep_on(robot, 0.3))
+        before = robot.reading().time
+        robot._nomad.connection.close()
+        until(lambda: robot.lost != "", robot.sense)
+        until(lambda: world.observe(0).speeds[:2] == (0.0, 0.0))  # its server has stopped it
+        with pytest.raises(LostError, match="the body is out of reach"):
+            robot.turn_axes(0.3, 0.3)
+        with pytest.raises(LostError, match="the body is out of reach"):
+            robot.say("nobody hears this")
+        robot.act(Setpoint(0.3, 0.0))
+        robot.stop()
+        assert robot.stopped
+        until(lambda: robot.lost == "", robot.sense)
+        assert robot.stopped
+        robot.act(Setpoint(0.3, 0.0))
+        until(lambda: robot.sense().time > before + 1.0)
+        assert robot.state.velocities == (0, 0, 0)
+        robot.release()
+        until(lambda: robot.state.right_speed > 0.25, keep_on(robot, 0.3))
+        found = robot.complaints()
+        assert found[0].startswith("the body is out of reach: ")
+        assert found[-1] == "the body is within reach again, and at rest until it is told to move"
 
 
 def test_zeroing_takes_its_time_and_stop_does_not_wait_for_it(running: Served) -> None:

@@ -151,14 +151,14 @@ def once_it_listens(port: int, play: Callable[[], None]) -> Iterator[None]:
 
 def test_lines_that_are_typed_are_commands(call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
     reading, writing = os.pipe()
-    os.write(writing, b'(REPORT "typed"\n\n  (+ 1 2))\n; nothing\nrelease\n(SETQ\xff 1)\n(unfinished')
+    os.write(writing, b'(REPORT "typed"\n\n  (+ 1 2))\n; nothing\nSTOP\nrelease\n(SETQ\xff 1)\n(unfinished')
     os.close(writing)
     with TextIOWrapper(os.fdopen(reading, "rb")) as typed:
         monkeypatch.setattr(sys, "stdin", typed)
         status, out, err = call(None)
     assert status == 0
     assert "r1: typed: 3\n" in out
-    assert "r1: released" in out
+    assert "r1: stopped, and at rest until RELEASE\nr1: released, and free to be moved again\n" in out
     assert out.count("r1: fault, UNKNOWN") == 2
     assert err.count("r1: ") == 3  # two faults and the end
 
@@ -226,15 +226,66 @@ def test_a_node_goes_on_from_its_store(call: Call, tmp_path: Path) -> None:
     assert "r1 is up, with 0 rules" in out, "what a robot begins with is for its first life"
 
 
-def test_a_server_that_goes_away_ends_the_node(world: NomadWorld, capfd: pytest.CaptureFixture[str]) -> None:
-    with serving(world, speed=1.0, headless=True) as served:
-        ending = Thread(target=lambda: (until(lambda: served.nserver.lines), served.end()))
+def test_a_server_in_step_that_goes_away_ends_the_node(world: NomadWorld, capfd: pytest.CaptureFixture[str]) -> None:
+    with serving(world, lockstep=True, headless=True) as served:
+        ending = Thread(target=lambda: (until(lambda: world.time > 2.0), served.end()))
         ending.start()
-        status = main(["node", "--body", f"nomad://127.0.0.1:{served.port}", "--seconds", "30"])
+        status = main(["node", "--body", f"nomad://127.0.0.1:{served.port}", "--lockstep"])
         ending.join(LONGEST)
     captured = capfd.readouterr()
     assert status == 1
     assert "see whether it is still running" in captured.err
+    assert "its body is out of reach" in captured.err
+    assert "has been stopped" not in captured.err
+
+
+def test_a_node_finds_its_server_again_with_its_body_at_rest(world: NomadWorld, tmp_path: Path) -> None:
+    rules = tmp_path / "go.sleep"
+    rules.write_text("(WHEN TRUE (VM 0.3m/s 0.3m/s))", encoding="utf-8")  # once, and no rule
+    with serving(world, speed=1.0, headless=True) as served:
+        port = served.port
+        uri = f"nomad://127.0.0.1:{port}#1"
+        process = subprocess.Popen(
+            [sys.executable, "-c", START, "node", "--body", uri, "--rules", rules],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert process.stdin is not None
+        assert process.stdout is not None
+        assert process.stderr is not None
+        try:
+            until(lambda: world.observe(0).speeds[0] > 0.2)
+            served.end()
+            assert "the body is out of reach: " in process.stderr.readline()
+            process.stdin.write("(VM 0.1m/s 0.1m/s)\n(PROGN 7)\n")
+            process.stdin.flush()
+            said = [process.stdout.readline() for _ in range(3)]
+            assert said[2] == "r1: matched, 7\n", said  # the mind lives on
+            assert "the body is out of reach, and does nothing" in process.stderr.readline()
+            anew = nomad_world(None, "ideal", 1, 1, tick=TICK, machine=NumPyMachine())
+            with serving(anew, speed=1.0, headless=True, port=port):
+                line = process.stderr.readline()
+                while "within reach" not in line:
+                    assert "no server listens" in line
+                    line = process.stderr.readline()
+                began = anew.time
+                until(lambda: anew.time > began + 1.0)
+                assert anew.observe(0).speeds[0] == 0.0, "nothing old resumes"
+                process.stdin.write("(VM 0.1m/s 0.1m/s)\n(KNOWN front_range)\n")
+                process.stdin.flush()
+                until(lambda: anew.observe(0).speeds[0] > 0.05)
+                assert [process.stdout.readline() for _ in range(2)][1] == "r1: matched, 1\n"  # it sees again
+            assert "the body is out of reach: " in process.stderr.readline()
+            process.send_signal(signal.SIGINT)
+            _, err = process.communicate(timeout=LONGEST)
+        finally:
+            process.kill()
+            process.communicate()
+        assert process.returncode == 130, err
+        assert "its body is out of reach" in err
+        assert "has been stopped" not in err
 
 
 def test_ctrl_c_stops_the_body_and_ends_it(world: NomadWorld, tmp_path: Path) -> None:

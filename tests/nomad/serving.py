@@ -35,11 +35,11 @@ class Served:
     def port(self) -> int:
         return self.nserver.port
 
-    async def run(self, world: SimulatedWorld, speed: float, options: dict[str, bool]) -> None:
+    async def run(self, world: SimulatedWorld, speed: float, port: int, options: dict[str, bool]) -> None:
         self._nserver = Nserver(world, windows=Windows(world.count), say=self.said.append, **options)
         self._loop, self._task = asyncio.get_running_loop(), asyncio.current_task()
         try:
-            await self._nserver.listen(["127.0.0.1"], 0)
+            await self._nserver.listen(["127.0.0.1"], port)
         finally:
             self._up.set()
         await self._nserver.run(Pace(WallClock(), speed))
@@ -58,13 +58,13 @@ class Served:
 
 
 @contextmanager
-def serving(world: SimulatedWorld, *, speed: float = inf, **options: bool) -> Iterator[Served]:
-    """A server of `world` with the `options` of `Nserver`, as many times as fast as real time."""
+def serving(world: SimulatedWorld, *, speed: float = inf, port: int = 0, **options: bool) -> Iterator[Served]:
+    """A server of `world` with the `options` of `Nserver`, as many times as fast as real time, at any port or this."""
     served = Served()
 
     def run() -> None:
         try:
-            asyncio.run(served.run(world, speed, options))
+            asyncio.run(served.run(world, speed, port, options))
         except asyncio.CancelledError:
             return
 

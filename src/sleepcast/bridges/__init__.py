@@ -25,8 +25,12 @@ class BodyError(MisuseError):
 class RealRobot(Robot, Protocol):
     """A body outside of this process: a `Robot` that is let go at the end, and comes to rest before that.
 
-    `sense` raises SleepcastError when the body can no longer be reached.
+    `sense` raises SleepcastError when the body can no longer be reached, and will not be.
     """
+
+    @property
+    def lost(self) -> str:
+        """Why the body cannot be reached now, "" while it can."""
 
     def now(self) -> float:
         """The time of the last reading: in step, a body is its mind's clock."""

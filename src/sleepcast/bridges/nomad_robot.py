@@ -8,7 +8,12 @@ Safety lies here and not in the language. What is asked beyond the limits is bro
 robot when this process is gone (`TIMEOUT`), and the courier brings it to rest when the mind has not looked at its body
 for `UNATTENDED` s though the process lives. No expression can change that.
 
-In step, for simulations that wait for their programs, there is no courier: each `sense` is one round.
+A server that is gone is looked for again and again, ever less often. Until it is back the mind goes on, with a body
+that is out of reach: what was sensed grows old, and what is asked is refused. Then the body is at rest, and nothing
+old resumes.
+
+In step, for simulations that wait for their programs, there is no courier: each `sense` is one round, and a server that
+is gone is the end.
 """
 
 from __future__ import annotations
@@ -25,7 +30,7 @@ from typing import Literal, NamedTuple, Self
 from sleepcast.bridges.nomad_bases import BASES, Base
 from sleepcast.clock import Clock, WallClock
 from sleepcast.errors import MisuseError, SleepcastError
-from sleepcast.nomad.client import Nomad, NomadError, Pose, RequestError, State
+from sleepcast.nomad.client import PARTING_SECONDS, LostError, Nomad, NomadError, Pose, RequestError, State
 from sleepcast.nomad.units import INCH, INFRARED_STEP, NOTHING_HEARD, NOTHING_NEAR
 from sleepcast.robot import Axes, Reading, RobotModel, Setpoint
 
@@ -37,6 +42,8 @@ ROUND = 0.05
 """Seconds between two rounds of the courier when there is nothing to take along: half of a usual tick."""
 PATIENCE = 5.0
 """Seconds for an answer: a server that needs longer has been lost."""
+SOONEST, LATEST = 0.5, 10.0
+"""Seconds between two tries to find a server that is gone: at first, and after it has not been found for long."""
 MAX_ERRANDS = 64
 """Things to be done that wait for the courier; what finds no room is refused, and the language counts a fault."""
 MAX_COMPLAINTS = 100
@@ -79,8 +86,8 @@ class NomadRobot:
     """See the module; `nomad` names what expressions may ask of it. SI units; x, y and heading are what its encoders
     give, in the frame of the server's world.
 
-    base: its sort; model: what it answers to. clock: by which the mind's looks are timed. It is a `Robot`; `sense`
-    raises LostError when the server is gone.
+    base: its sort; model: what it answers to. clock: by which the mind's looks are timed. It is a `Robot`; in step,
+    `sense` raises LostError when the server is gone.
     """
 
     def __init__(
@@ -88,6 +95,7 @@ class NomadRobot:
     ) -> None:
         self.base, self.model = base, model
         self._nomad, self._clock, self._in_step = nomad, clock or WallClock(), in_step
+        self._number = nomad.robot
         self._lock = Lock()
         """Held to change what follows; never while anybody waits for the server."""
         self._motion = REST
@@ -98,22 +106,27 @@ class NomadRobot:
         self._complaints: deque[str] = deque(maxlen=MAX_COMPLAINTS)
         self._zeroing: Thread | None = None
         self._lost: NomadError | None = None
+        """Why the server is out of reach, None while it is not."""
+        self._pause, self._next = SOONEST, 0.0
+        """Seconds to the next try to find it, and when that is."""
         self._state = nomad.state
+        self._before = 0.0
+        """Seconds that other servers had told before this one began to count."""
         self._attended = self._heard = self._clock.now()
         self._wake, self._ending = Event(), False
-        self._greet()
+        self._greet(nomad)
+        self._state = nomad.state
         self._courier = Thread(target=self._go_round, name="courier", daemon=True)
         if not in_step:
             self._courier.start()
 
-    def _greet(self) -> None:
+    def _greet(self, nomad: Nomad) -> None:
         """What a server is told first."""
-        self._nomad.conf_tm(TIMEOUT)
-        self._nomad.st()
-        self._nomad.sp(*self.base.words(self.base.speeds))
+        nomad.conf_tm(TIMEOUT)
+        nomad.st()
+        nomad.sp(*self.base.words(self.base.speeds))
         if self.base.accelerations != BASES[self.base.name].accelerations:
-            self._nomad.ac(*self.base.words(self.base.whole(self.base.accelerations)))
-        self._state = self._nomad.state
+            nomad.ac(*self.base.words(self.base.whole(self.base.accelerations)))
 
     # ---- a Robot
 
@@ -129,25 +142,27 @@ class NomadRobot:
     def sense(self) -> Reading:
         if self._in_step and self._lost is None:
             self._round()
-        if self._lost is not None:
+        if self._lost is not None and not self._courier.is_alive():  # nobody looks for it
             raise self._lost
         self._attended = self._clock.now()
         return self.reading()
 
     def reading(self) -> Reading:
         """What was sensed last, without looking anew."""
-        return Reading(self._state.time, self._values(self._state))
+        state = self._state
+        return Reading(self._before + state.time, self._values(state))
 
     def now(self) -> float:
         """The time of the last reading: in step, the robot is its mind's clock."""
-        return self._state.time
+        return self._before + self._state.time
 
     def act(self, wanted: Setpoint) -> None:
         motion = self._motion if self._motion.sort == "speeds" else REST
         speed, turn = self.base.motion(motion.axes)
-        self.drive(
-            speed if isnan(wanted.speed) else wanted.speed, turn if isnan(wanted.turn_rate) else wanted.turn_rate
-        )
+        with suppress(NomadError):  # out of reach
+            self.drive(
+                speed if isnan(wanted.speed) else wanted.speed, turn if isnan(wanted.turn_rate) else wanted.turn_rate
+            )
 
     def stop(self) -> None:
         with self._lock:
@@ -173,14 +188,24 @@ class NomadRobot:
             said.append(self._complaints.popleft())
         return said
 
+    @property
+    def lost(self) -> str:
+        return str(self._lost or "")
+
     def close(self) -> None:
         """Bring the robot to rest, if it can be reached, and let go of it."""
         self._ending = True
         self._wake.set()
         if self._courier.is_alive():
             self._courier.join(PATIENCE + 1.0)
+        if self._lost is None and self._nomad.connection.open:
+            self._nomad.timeout = PARTING_SECONDS
+            try:
+                self._nomad.st()
+            except NomadError as error:
+                self._lost = error
         with suppress(NomadError):
-            self._nomad.close()
+            self._nomad.disconnect_robot()
 
     def __enter__(self) -> Self:
         return self
@@ -275,30 +300,39 @@ class NomadRobot:
 
     def _move(self, motion: Motion) -> None:
         with self._lock:
+            self._check_reach()
             if not self._stopped:
                 self._motion = motion
         self._wake.set()
 
     def _send(self, errand: Callable[[Nomad], object]) -> None:
         with self._lock:
+            self._check_reach()
             if len(self._errands) >= MAX_ERRANDS:
                 raise BusyError(f"{MAX_ERRANDS} things wait already to be told to the robot")
             self._errands.append(errand)
         self._wake.set()
 
+    def _check_reach(self) -> None:
+        if self._lost is not None:
+            raise LostError("the body is out of reach, and does nothing")
+
     # ---- the courier
 
     def _go_round(self) -> None:
         try:
-            while not self._ending and self._lost is None:
+            while not self._ending:
                 self._wake.wait(ROUND)
                 self._wake.clear()
+                if self._lost is not None:
+                    self._seek()
+                    continue
                 if self._clock.now() - self._attended > UNATTENDED:
                     with self._lock:
                         self._motion = REST
                 self._round()
         finally:  # nothing should get here but the end; if something does, the mind must not go on without a body
-            if not self._ending and self._lost is None:
+            if not self._ending:
                 self._lost = NomadError("the thread that talks to the robot has died: please report what it said")
 
     def _round(self) -> None:
@@ -318,10 +352,41 @@ class NomadRobot:
             if not any(isinstance(answer, State) for answer in answers):
                 self._nomad.gs()
         except NomadError as error:
-            self._lost = error
+            self._lose(error)
         else:
             self._heard = self._clock.now()
         self._state = self._nomad.state
+
+    def _lose(self, why: NomadError) -> None:
+        """The server is gone: nothing that is wanted of it now will be wanted when it is back."""
+        with self._lock:
+            self._lost, self._motion, self._told = why, REST, None
+            self._errands.clear()
+        self._pause, self._next = SOONEST, self._clock.now() + SOONEST
+        self._complaints.append(f"the body is out of reach: {why}")
+
+    def _seek(self) -> None:
+        """Look for the server, if it is time to."""
+        if self._clock.now() < self._next:
+            return
+        last, connection = self.now(), self._nomad.connection
+        try:
+            found = Nomad.connect(connection.host, connection.port, robot=self._number, timeout=PATIENCE)
+            try:
+                self._greet(found)
+            except BaseException:
+                found.connection.close()
+                raise
+        except NomadError as error:
+            if str(error) != self.lost:
+                self._complaints.append(str(error))
+            self._lost, self._pause = error, min(2.0 * self._pause, LATEST)
+            self._next = self._clock.now() + self._pause
+            return
+        self._before = max(self._before, last - found.state.time)  # a server that was started anew counts from 0
+        self._nomad, self._state, self._heard = found, found.state, self._clock.now()
+        self._lost = None
+        self._complaints.append("the body is within reach again, and at rest until it is told to move")
 
     def _may_go_on(self, motion: Motion) -> bool:
         """Whether this motion keeps the body within its fence and off what is in its way."""

@@ -93,7 +93,8 @@ def node(
     Lines on standard input are commands to it, STOP and RELEASE among them. A FILE has expressions, evaluated at the
     start, or orders with their times (@10s ...). With --datagrams a datagram of three numbers as text sets `message` to
     TRUE and `m0`, `m1` and `m2` to the numbers. A body that a command from the air has moved comes to rest when nobody
-    who may command was heard for the time of --lease. If this process dies, the server stops the robot.
+    who may command was heard for the time of --lease. If this process dies, the server stops the robot; if the server
+    dies, this goes on without a body, and looks for it until it is back.
 
     A robot on a channel goes on where it was when it is started again: its rules, groups and variables, a STOP, and
     what it has heard and done lie in its store, and outlive a kill at any moment. --rules is for its first life.

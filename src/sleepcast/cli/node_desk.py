@@ -31,6 +31,8 @@ MAX_WAITING = 64
 """Datagrams that wait: one is told the robot in each tick, as they come faster than that only from a fault."""
 PIECE = 65_536
 """Bytes of standard input that are looked at in one tick."""
+SAFETY = {"stopped": "and at rest until RELEASE", "released": "and free to be moved again"}
+"""What a robot answers to STOP and RELEASE, in words: these have no value."""
 NOTHING_HEARD = "(DEFVAR message FALSE)"
 """Evaluated at the start, so that rules can ask whether a datagram has come."""
 
@@ -160,8 +162,9 @@ class NodeDesk:
             value, fault = body.get("value"), body.get("fault")
             if str(body.get("command")).startswith(f"{SENDER}-") and not fault:
                 return  # nobody waits for the answer to a datagram
-            said = format_value(value if isinstance(value, float) else nan)
-            announce(f"{self._name}: {body.get('outcome')}, {said}")
+            outcome = str(body.get("outcome"))
+            said = SAFETY.get(outcome) or format_value(value if isinstance(value, float) else nan)
+            announce(f"{self._name}: {outcome}, {said}")
             if fault:
                 complain(printable(f"{self._name}: {fault}"))
         elif message.kind is Kind.COMMAND:

@@ -149,6 +149,7 @@ class Life:
                 keeper=self.store,
             )
         finally:
+            self.robot.close()
             complain(self._account(desk))
 
     def _account(self, desk: NodeDesk) -> str:
@@ -161,4 +162,6 @@ class Life:
         if self.ears is not None:
             counts = self.ears.counts
             said += f"; {counts.taken} datagrams, {counts.dropped + desk.lost} others dropped"
+        if self.robot.lost:
+            return f"{said}; its body is out of reach, so nobody here knows what it does: a Nomad stops by itself"
         return f"{said}; its body has been stopped"

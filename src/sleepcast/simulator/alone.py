@@ -42,6 +42,11 @@ class LoneBody(Body):
         """The time of its world."""
         return self._simulator.time
 
+    @property
+    def lost(self) -> str:
+        """Why it cannot be reached: it always can."""
+        return ""
+
     def complaints(self) -> list[str]:
         """What has gone wrong since the last call: nothing does."""
         return []

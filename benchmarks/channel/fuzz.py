@@ -37,6 +37,8 @@ ROUND = 100_000
 """Datagrams of the attacker between two looks at how the robots stand."""
 SPELL, CALM = 5.0, 1.5
 """Simulated s in which they come, and then none, so that the operator's signatures are looked at again."""
+SAID = 3.0
+"""Simulated s in which the operator has said all, his digests included: of what he says in a flood some is lost."""
 TICK = 0.01
 NONSENSE = 20
 """Of the observer's datagrams in each hundredth of a round."""
@@ -175,7 +177,7 @@ class Fuzzer:
         self.desk.post(Kind.ASK, now(), text="hits")
         self.desk.post(Kind.STOP, now())
         self.desk.post(Kind.RELEASE, now())
-        for _ in range(round(1.0 / TICK)):
+        for _ in range(round(SAID / TICK)):
             self._advance()
         self.attacker.recorded += self.robot.said[-KEPT // 4 :]
         self.attacker.recorded = self.attacker.recorded[-KEPT:]

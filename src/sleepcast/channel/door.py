@@ -2,7 +2,8 @@
 
 Checks go from the cheap to the dear: length and layout, the key, what its owner may say, the deadline, whether this was
 heard before - and then the signature, for which each key has a budget, so that nobody can make a robot work by sending
-it forgeries. STOP has a budget of its own: no flood of other messages keeps it out.
+it forgeries. STOP has a larger one of its own, for all keys together: no flood of other messages keeps it out. In a
+flood chance decides which are looked at (`Budget`), so a STOP, which is repeated often, comes in soon.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from random import Random
 from typing import NamedTuple
 
 from sleepcast.channel.drops import Drop as Drop
@@ -33,6 +35,15 @@ VERIFIED_A_SECOND = 200.0
 """Signatures of one key that a robot looks at in a second, unless another rate is given."""
 VERIFIED_BY_OPERATOR = 4_000.0
 """The same of an operator, who hears a thousand robots with one key answer at once: a quarter of a core's time."""
+STOPS_A_SECOND = 5_000.0
+"""Signatures of STOPs that a robot looks at in a second, of all keys together, at the usual rate: a third of a core's
+time. Of 80,000 in a second it looks at one of sixteen; a real STOP comes a hundred times in its first second."""
+STOPS_BY_OPERATOR = 500.0
+"""The same of an operator, who only hears of it that others have stopped robots."""
+STOPS_AT_ONCE = 0.1
+"""Seconds whose STOPs are looked at at once: a flood that begins holds nobody up for longer than a tick."""
+SPAN = 0.05
+"""Seconds over which is counted how many want to be looked at."""
 SKEW = 2.0
 """Seconds that two clocks may differ, unless another bound is given."""
 TO_ROBOTS = frozenset({Kind.COMMAND, Kind.ASK})
@@ -75,21 +86,31 @@ class Entered(NamedTuple):
     datagrams: tuple[bytes, ...]
 
 
-@dataclass(slots=True)
 class Budget:
-    """Signatures that may still be looked at: `rate` a second, a second's worth at once."""
+    """Signatures that may still be looked at: `rate` a second, and at most `most` at once.
 
-    rate: float
-    left: float
-    since: float
+    While there is enough, whoever comes first is looked at. When what is left would not last, chance decides, with as
+    many winners as there is time for: so what matters in a flood is its share of all that comes, and no place in the
+    queue is better than another. Nothing that a forger sends can spend what the others would have had.
+    """
+
+    def __init__(self, rate: float, most: float, chance: Random, now: float) -> None:
+        self._rate, self._most, self._chance = rate, most, chance
+        self._left, self._since = most, now
+        self._asked, self._asked_since, self._share = 0, now, 1.0
 
     def take(self, now: float) -> bool:
         """Whether one more may be looked at."""
-        self.left = min(self.rate, self.left + (now - self.since) * self.rate)
-        self.since = now
-        if self.left < 1.0:
+        self._left = min(self._most, self._left + max(0.0, now - self._since) * self._rate)
+        self._since = now
+        passed = now - self._asked_since
+        if not 0.0 <= passed < SPAN:
+            self._share = passed * self._rate / self._asked if self._asked and passed > 0.0 else 1.0
+            self._asked, self._asked_since = 0, now
+        self._asked += 1
+        if self._left < 1.0 or (self._left < 2.0 * SPAN * self._rate and self._chance.random() >= self._share):
             return False
-        self.left -= 1.0
+        self._left -= 1.0
         return True
 
 
@@ -105,8 +126,8 @@ class Assembly:
 class Door:
     """One party's door. trust: whom it believes; fleet: whose messages it hears; robot: whether it is a robot's, which
     has no ear for what others tell the operator, or an operator's, who has none for what robots tell each other.
-    clock: Unix time, s. rate: signatures of one key that are looked at in a second; skew: s that others' clocks may be
-    wrong; None for what is usual.
+    clock: Unix time, s. rate: signatures of one key that are looked at in a second, and in proportion to what is usual
+    those of STOPs; skew: s that others' clocks may be wrong; None for what is usual. chance: decides in a flood.
 
     skews: how much the clocks of those that send heartbeats differ from ours. drops: datagrams that went no further,
     counts: by reason; taken: those that did; passed: messages that came in whole.
@@ -121,18 +142,21 @@ class Door:
         robot: bool,
         rate: float | None = None,
         skew: float | None = None,
+        chance: Random | None = None,
     ) -> None:
         self.trust, self.fleet, self.robot = trust, fleet, robot
         self.drops = Drops(clock)
         self.counts = self.drops.counts
         self.taken = self.passed = 0
         usual = VERIFIED_A_SECOND if robot else VERIFIED_BY_OPERATOR
-        self._clock, self._rate = clock, usual if rate is None else rate
+        self._clock, self._rate, self._chance = clock, usual if rate is None else rate, chance or Random()
         self.skew = SKEW if skew is None else skew
         self.skews = Skews(self.skew)
         self._heard: OrderedDict[tuple[bytes, str, int], Heard] = OrderedDict()
         self._changed: set[tuple[bytes, str, int]] = set()
-        self._budgets: dict[tuple[bytes, bool], Budget] = {}
+        stops = (STOPS_A_SECOND if robot else STOPS_BY_OPERATOR) * self._rate / usual
+        self._stops = Budget(stops, STOPS_AT_ONCE * stops, self._chance, clock.now())
+        self._budgets: dict[bytes, Budget] = {}
         self._open: OrderedDict[tuple[bytes, str, int, int], Assembly] = OrderedDict()
 
     def enter(self, datagram: bytes) -> Entered | None:
@@ -227,10 +251,11 @@ class Door:
         return waiting is not None and part.number in waiting.pieces
 
     def _budget(self, part: Part, now: float) -> Budget:
-        which = part.key, part.kind is Kind.STOP
-        found = self._budgets.get(which)
+        if part.kind is Kind.STOP:
+            return self._stops
+        found = self._budgets.get(part.key)
         if found is None:
-            found = self._budgets[which] = Budget(self._rate, self._rate, now)
+            found = self._budgets[part.key] = Budget(self._rate, self._rate, self._chance, now)
         return found
 
     def missing(self, key: bytes, sender: str, epoch: int, sequence: int) -> tuple[int, ...]:

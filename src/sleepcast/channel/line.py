@@ -9,6 +9,7 @@ line's own business, of which the mind hears nothing.
 from __future__ import annotations
 
 import select
+import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -36,6 +37,9 @@ MAX_ANSWERED = 64
 """Commands of which a party can say its answer again, as many as it can explain."""
 MAX_TOLD = 8
 """Commands that were missed whose ids are told in one report; of more, how many."""
+QUIET = 0.001
+"""Seconds for which the next look at the air waits after something came: what comes close together is dealt with
+together, and a flood costs no look for each datagram."""
 TELL_EVERY = 1.0
 """Seconds between two such reports."""
 MAX_HELD = 1_024
@@ -98,12 +102,13 @@ class Line:
         self.pump()
         return self.heard()
 
-    def pump(self) -> None:
-        """Hear, mend, and send what is due."""
-        now = self._clock.now()
-        for datagram in self.transport.receive():
+    def pump(self) -> bool:
+        """Hear, mend, and send what is due; whether anything came."""
+        now, came = self._clock.now(), self.transport.receive()
+        for datagram in came:
             self._hear(self.mailbox.take(datagram, now), now)
         self.tend()
+        return bool(came)
 
     def hear(self, messages: Iterable[Message]) -> None:
         """Take in what others say, with the times of our mind."""
@@ -146,7 +151,8 @@ class Line:
         until = self._clock.now() + seconds
         while (now := self._clock.now()) < until and not self._has_stop():
             select.select([self.transport], [], [], max(0.0, min(until, self._pump_due()) - now))
-            self.pump()
+            if self.pump() and not self._has_stop():
+                time.sleep(max(0.0, min(QUIET, until - self._clock.now())))
 
     def close(self) -> None:
         """Leave. Nothing can be sent or heard afterwards."""

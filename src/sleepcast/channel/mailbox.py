@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from sleepcast.channel.bodies import KEYS
+from sleepcast.channel.bodies import KEYS, age_of
 from sleepcast.channel.door import Door
 from sleepcast.channel.envelope import Part, encode
 from sleepcast.channel.kept import Name, News
@@ -40,9 +40,15 @@ REPEATS = (0.03, 0.09, 0.21, 0.45)
 """Seconds after which a command is sent again, unasked: at 30 % loss two of a thousand hear none of the five."""
 PIECED = 0.21
 """Seconds after which the missing parts of a command are asked for, of which others have come: three repeats later."""
-STOP_REPEATS = (0.03, 0.09, 0.15, 0.21, 0.3, 0.4)
-"""The same for STOP: of 10,000 robots two are left at 30 % loss, before half a second is over."""
-REPEATED = frozenset({Kind.COMMAND, Kind.ASK, Kind.STOP, Kind.RELEASE})
+REPEATED = frozenset({Kind.COMMAND, Kind.ASK, Kind.RELEASE})
+STOP_EVERY = 0.01
+"""Seconds between two copies of a STOP: of 15 hundred bytes a hundred are a tenth of what a slow radio carries. A robot
+looks at one of sixteen where 80,000 are forged in a second (`door.STOPS_A_SECOND`): it needs many, and soon."""
+STOP_FOR, STOP_ON = 1.0, 0.1
+"""Seconds for which copies of a STOP are sent; and of one that is sent again for those who were not heard, once the
+first is so old that all who can hear have heard it."""
+STOP_AT_FIRST = 5.0
+"""Seconds until then."""
 LIFE = 5.0
 """Seconds for which a command counts, unless its sender says otherwise: all that is no rule has an end."""
 MEND_WITHIN = 0.06
@@ -73,6 +79,14 @@ class Again(NamedTuple):
     time: float
     tie: int
     datagrams: tuple[bytes, ...]
+
+
+class Stopping(NamedTuple):
+    """Our latest STOP, of which copies are sent: the next at a time, the last before another (s)."""
+
+    time: float = inf
+    until: float = inf
+    datagrams: tuple[bytes, ...] = ()
 
 
 class Mailbox:
@@ -107,6 +121,7 @@ class Mailbox:
         self._sequence, self._issued, self._keep = first - 1, 0.0, keep
         self._out: list[bytes] = []
         self._later: list[Mend | Again] = []
+        self._stopping = Stopping()
         self._tie = count()
 
     # ---- what we say
@@ -145,9 +160,14 @@ class Mailbox:
                 self._keep()
         self._out += datagrams
         if kind in REPEATED:
-            for wait in STOP_REPEATS if kind is Kind.STOP else REPEATS:
+            for wait in REPEATS:
                 if now + wait <= until:
                     heappush(self._later, Again(now + wait, next(self._tie), datagrams))
+        if kind is Kind.STOP:
+            lasts = STOP_FOR if age_of(said) < STOP_AT_FIRST else STOP_ON
+            self._stopping = Stopping(now + STOP_EVERY, now + lasts, datagrams)
+        elif kind is Kind.RELEASE:
+            self._stopping = Stopping()
         return message
 
     def repeat(self, number: int, now: float) -> None:
@@ -356,6 +376,8 @@ class Mailbox:
         found = self._dealt_with(self.order.expire(now), now)
         while self._later and self._later[0].time <= now:
             self._do(heappop(self._later), now)
+        if self._stopping.time <= now:
+            self._stop_again(now)
         wanted = self.order.wanted(now, MAX_WANTED)
         if wanted:
             self._request(wanted, now)
@@ -365,7 +387,7 @@ class Mailbox:
 
     def due(self) -> float:
         """When `step` has something to do next, s of Unix time; it may be called earlier."""
-        later = self._later[0].time if self._later else inf
+        later = min(self._later[0].time if self._later else inf, self._stopping.time)
         return -inf if self._out else min(later, self.order.due(), self._trickle.due())
 
     def skipped(self) -> list[Skipped]:
@@ -378,6 +400,15 @@ class Mailbox:
             return
         for number, *parts in job.wanted:
             self._out += self._shelf.take(job.stream.name, number, now, now - MENDED, parts)
+
+    def _stop_again(self, now: float) -> None:
+        """Send what copies of our STOP are due: whoever is late sends those that he owes, as each may be the one that
+        is heard."""
+        time, until, datagrams = self._stopping
+        owed = int((min(now, until) - time) / STOP_EVERY) + 1
+        self._out += datagrams * owed
+        time += owed * STOP_EVERY
+        self._stopping = Stopping(time, until, datagrams) if time <= until else Stopping()
 
     def _say(self, kind: Kind, body: dict[str, object], now: float) -> None:
         message = Message(self.name, self.epoch, self._number(), kind, now, now + LIFE, body=body)

@@ -2,7 +2,8 @@
 
 A thousand robots that answer their operator are heard by a thousand robots, whom it does not concern. The kind of a
 message lies at a fixed place, so a classic BPF program of a few instructions (Linux, packet(7) and socket(7)) can tell.
-It looks at nothing else: whatever it lets through is looked at as if it were not there.
+It looks at nothing else: whatever it lets through is looked at as if it were not there. In the same way a socket can be
+had that brings STOPs and nothing else, so that neither they nor all the others can crowd each other out.
 """
 
 from __future__ import annotations
@@ -32,8 +33,7 @@ def sift(ears: socket.socket, unwanted: Iterable[Kind]) -> bool:
     """Leave out what these ears need not hear from now on; whether the system can."""
     if sys.platform != "linux":
         return False
-    kinds = set(unwanted)
-    numbers = sorted(NUMBER[kind] for kind in kinds) + [STANDING] * (Kind.COMMAND in kinds)
+    numbers = _numbers(unwanted)
     try:
         if numbers:
             _attach(ears, program(numbers))
@@ -44,8 +44,19 @@ def sift(ears: socket.socket, unwanted: Iterable[Kind]) -> bool:
     return True
 
 
-def program(numbers: Sequence[int]) -> list[Instruction]:
-    """What drops datagrams of the kinds with these numbers, and keeps all others."""
+def keep_only(ears: socket.socket, wanted: Iterable[Kind]) -> bool:
+    """Leave out all but messages of these kinds from now on; whether the system can."""
+    if sys.platform != "linux":
+        return False
+    try:
+        _attach(ears, program(_numbers(wanted), found=ALL, others=NOTHING))
+    except OSError:
+        return False
+    return True
+
+
+def program(numbers: Sequence[int], *, found: int = NOTHING, others: int = ALL) -> list[Instruction]:
+    """What keeps so many bytes of datagrams of the kinds with these numbers, and so many of all others."""
     place, count = UDP_HEADER + KIND_AT, len(numbers)
     tests = [(EQUAL, count - i, 0, number) for i, number in enumerate(numbers)]
     return [
@@ -53,9 +64,15 @@ def program(numbers: Sequence[int]) -> list[Instruction]:
         (AT_LEAST, 0, count + 1, place + 1),
         (BYTE, 0, 0, place),
         *tests,
-        (RETURN, 0, 0, ALL),
-        (RETURN, 0, 0, NOTHING),
+        (RETURN, 0, 0, others),
+        (RETURN, 0, 0, found),
     ]
+
+
+def _numbers(kinds: Iterable[Kind]) -> list[int]:
+    """Those of these kinds on the air."""
+    found = set(kinds)
+    return sorted(NUMBER[kind] for kind in found) + [STANDING] * (Kind.COMMAND in found)
 
 
 def _attach(ears: socket.socket, instructions: Sequence[Instruction]) -> None:

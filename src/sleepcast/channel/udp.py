@@ -2,30 +2,39 @@
 
     udp://GROUP_OR_BROADCAST_ADDRESS:PORT?interface=NAME
 
-Every party has a socket that hears the address and one that sends to it; several parties may live on one machine. The
-sockets never wait: whoever owns them asks at each tick, or when its `fileno` has news.
+Every party has a socket that hears the address and one that sends to it; several parties may live on one machine. Where
+the system can tell kinds of messages apart (`sieve`), STOPs come in by a socket of their own: a flood of anything else
+takes no room from them, and a flood of forged STOPs takes none from anything else. The sockets never wait: whoever owns
+them asks at each tick, or when its `fileno` has news.
 """
 
 from __future__ import annotations
 
 import errno
+import select
 import socket
 import struct
 import sys
 from collections.abc import Iterable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv6Address, ip_address
 
 from sleepcast.channel.address import AddressError, split
 from sleepcast.channel.envelope import MAX_DATAGRAM
 from sleepcast.channel.message import Kind
-from sleepcast.channel.sieve import sift
+from sleepcast.channel.sieve import keep_only, sift
 from sleepcast.errors import SleepcastError, did_you_mean
 
 EXAMPLE = "udp://239.255.83.76:47123?interface=lo"
 """Multicast that stays on this machine."""
 MOST_AT_ONCE = 2_048
 """Datagrams taken in by one call: a flood costs a tick some milliseconds and not more."""
+MOST_STOPS = 64
+"""STOPs taken in by one call, before anything else: as many as are looked at in ten milliseconds."""
+STOP_BUFFER = 64 * 1024
+"""Bytes that the system is asked to keep of STOPs: those of a second when nobody forges any. In a flood what waits is
+not worth the time: what comes next is as good."""
 BUFFER = 4 * 1024 * 1024
 """Bytes that the system is asked to keep of what comes between two calls; it may grant less."""
 HOPS = 1
@@ -83,20 +92,28 @@ class Udp:
         self.address = Address.read(uri)
         self.lost = 0
         link = self.address.link
-        family = socket.AF_INET6 if self.address.host.version == 6 else socket.AF_INET
-        self._ears = socket.socket(family, socket.SOCK_DGRAM)
-        self._mouth = socket.socket(family, socket.SOCK_DGRAM)
-        try:
-            self._listen(link)
-            self._speak(link)
-        except OSError as error:
-            self.close()
-            raise UdpError(f"{uri}: the system refuses: {error.strerror or error}{_hint(error)}") from None
+        self._family = socket.AF_INET6 if self.address.host.version == 6 else socket.AF_INET
+        with ExitStack() as opened:
+            try:
+                self._ears = self._listening(opened, link, BUFFER)
+                self._mouth = self._speaking(opened, link)
+                self._bell: socket.socket | select.epoll = self._ears
+                self._stops = self._listening(opened, link, STOP_BUFFER) if sys.platform == "linux" else None
+                if self._stops is not None and keep_only(self._stops, (Kind.STOP,)) and sift(self._ears, (Kind.STOP,)):
+                    self._bell = opened.enter_context(select.epoll())
+                    self._bell.register(self._stops, select.EPOLLIN)
+                    self._bell.register(self._ears, select.EPOLLIN)
+                elif self._stops is not None:
+                    self._stops.close()
+                    self._stops = None
+            except OSError as error:
+                raise UdpError(f"{uri}: the system refuses: {error.strerror or error}{_hint(error)}") from None
+            self._opened = opened.pop_all()
         self._own = self._mouth.getsockname()[:2]
 
     def fileno(self) -> int:
         """What to wait on for news."""
-        return self._ears.fileno()
+        return self._bell.fileno()
 
     def send(self, datagram: bytes) -> None:
         """Broadcast."""
@@ -106,11 +123,15 @@ class Udp:
             self.lost += 1
 
     def receive(self) -> list[bytes]:
-        """What has come in since the last call, in the order in which it came; nothing of our own."""
+        """What has come in since the last call, STOPs first, else in the order in which it came; nothing of our own."""
+        stops = [] if self._stops is None else self._taken(self._stops, MOST_STOPS)
+        return stops + self._taken(self._ears, MOST_AT_ONCE)
+
+    def _taken(self, ears: socket.socket, most: int) -> list[bytes]:
         found = []
-        for _ in range(MOST_AT_ONCE):
+        for _ in range(most):
             try:
-                datagram, sender = self._ears.recvfrom(MAX_DATAGRAM + 1)
+                datagram, sender = ears.recvfrom(MAX_DATAGRAM + 1)
             except BlockingIOError:
                 break
             except OSError:  # what a network may say of datagrams sent before: nothing of ours
@@ -121,30 +142,37 @@ class Udp:
 
     def ignore(self, kinds: Iterable[Kind]) -> None:
         """These kinds need not be brought here any more, all others do."""
-        sift(self._ears, kinds)
+        unwanted = {*kinds}
+        if self._stops is not None:
+            keep_only(self._stops, {Kind.STOP} - unwanted)
+            unwanted.add(Kind.STOP)
+        sift(self._ears, unwanted)
 
     def close(self) -> None:
         """Leave. Nothing can be sent or heard afterwards."""
-        self._ears.close()
-        self._mouth.close()
+        self._opened.close()
+        self._bell = self._ears
 
-    def _listen(self, link: int) -> None:
-        ears, host = self._ears, self.address.host
+    def _listening(self, opened: ExitStack, link: int, room: int) -> socket.socket:
+        """A socket that hears the address. room: bytes that the system is asked to keep of what comes."""
+        ears, host = opened.enter_context(socket.socket(self._family, socket.SOCK_DGRAM)), self.address.host
         ears.setblocking(False)
         ears.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         if sys.platform != "linux":  # there the one above is enough, and this one is for one user only
             ears.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
-        ears.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
+        ears.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, room)
         ears.bind(self._place(link))
         if not host.is_multicast:
-            return
+            return ears
         if host.version == 6:
             ears.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_JOIN_GROUP, host.packed + struct.pack("@I", link))
         else:
             ears.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, _membership(host, link))
+        return ears
 
-    def _speak(self, link: int) -> None:
-        mouth, host = self._mouth, self.address.host
+    def _speaking(self, opened: ExitStack, link: int) -> socket.socket:
+        """A socket that sends to the address."""
+        mouth, host = opened.enter_context(socket.socket(self._family, socket.SOCK_DGRAM)), self.address.host
         mouth.setblocking(False)
         mouth.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
         if not host.is_multicast:
@@ -156,6 +184,7 @@ class Udp:
             mouth.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, _membership(host, link))
             mouth.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, HOPS)
         mouth.connect(self._place(link))  # so that it has an address and a port of its own
+        return mouth
 
     def _place(self, link: int) -> tuple[str, int] | tuple[str, int, int, int]:
         """The address as the socket wants it; one of IPv6 names the interface, which tells equal ones apart."""

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 from math import inf, nan
 
 from sleepcast.channel.ear import Ear
-from sleepcast.channel.line import Line
+from sleepcast.channel.line import QUIET, Line
 from sleepcast.channel.message import Message
 from sleepcast.channel.order import Skipped
 from sleepcast.channel.roles import Role
@@ -31,10 +31,6 @@ from sleepcast.loop.real import Keeper, Watch
 from sleepcast.node.node import Node
 from sleepcast.robot import Setpoint
 from sleepcast.simulator import Guard, Simulator
-
-QUIET = 0.001
-"""Seconds for which the next look at the air waits after something came: what comes close together is dealt with
-together."""
 
 
 @dataclass(slots=True)

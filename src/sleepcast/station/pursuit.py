@@ -9,7 +9,7 @@ asked for.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import inf
 
 import msgspec
@@ -28,6 +28,8 @@ SETTLE = 0.15
 """Seconds after the time for answers before somebody counts as missed: for a tick, and the way there and back."""
 MAX_NAMED = 400
 """Names in a message that is sent again: two to four datagrams; where more are missed, everybody answers again."""
+MAX_IN_STOP = 700
+"""Bytes of names in a STOP: it stays one datagram, as in a flood of forgeries chance decides on each by itself."""
 MAX_AGAIN = 4_096
 """Messages sent again whose answers are still known to be meant for the first one."""
 LATCHING = frozenset({Kind.STOP, Kind.RELEASE})
@@ -139,11 +141,18 @@ class Pursuit:
         return now < min(command.message.deadline, command.message.issued + DEADLINE)
 
     def _missed(self, command: Command) -> dict[str, object]:
-        """Who is to answer what is sent again, as a body says it."""
-        names, missed = self._roster.names, np.flatnonzero(command.silent)
-        if len(missed) <= MAX_NAMED:
-            return {FOR: [names[place] for place in missed.tolist()]}
-        there = np.flatnonzero(command.answers.codes)
-        if FOR not in command.message.body and len(there) <= MAX_NAMED:
-            return {NOT: [names[place] for place in there.tolist()]}
+        """Who is to answer what is sent again, as a body says it: all, if those would be too many names."""
+        names, missed = self._roster.names, [self._roster.names[at] for at in np.flatnonzero(command.silent).tolist()]
+        if _fits(command.kind, missed):
+            return {FOR: missed}
+        there = [names[place] for place in np.flatnonzero(command.answers.codes).tolist()]
+        if FOR not in command.message.body and _fits(command.kind, there):
+            return {NOT: there}
         return {}
+
+
+def _fits(kind: Kind, names: Sequence[str]) -> bool:
+    """Whether so many names may be in a message of this kind."""
+    if kind is not Kind.STOP:
+        return len(names) <= MAX_NAMED
+    return len(names) <= MAX_NAMED and sum(len(name.encode()) + 2 for name in names) <= MAX_IN_STOP

@@ -2,9 +2,9 @@
 
     python -m benchmarks.channel [PROOF ...] [--quick] [--json]
 
-Proofs: rewrite, catch_up, once, census, stop, forgery, drops, latency; without any, all of them. Hosts are network
-namespaces joined by a bridge, each with losses of its own (`lab`); everything is measured in this one run. Nobody need
-be root.
+Proofs: rewrite, catch_up, once, census, stop, forgery, drops, flood, latency; without any, all of them. Hosts are
+network namespaces joined by a bridge, each with losses of its own (`lab`); everything is measured in this one run.
+Nobody need be root.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from dataclasses import asdict
 
 from benchmarks.channel import proofs
 from benchmarks.channel.drops import drops
+from benchmarks.channel.flood import flood
 from benchmarks.channel.fuzz import DATAGRAMS, fuzz
 from benchmarks.channel.lab import why_not
 from benchmarks.channel.latency import latency
@@ -52,6 +53,7 @@ FULL: dict[str, Callable[[], Proof]] = {
     "stop": lambda: proofs.stop(Size(20, 50, 100)),
     "forgery": lambda: forgery(DATAGRAMS),
     "drops": lambda: drops(20_000),
+    "flood": lambda: flood(10, 3, 20),
     "latency": lambda: latency(100, 2, 150),
 }
 QUICK: dict[str, Callable[[], Proof]] = {
@@ -62,6 +64,7 @@ QUICK: dict[str, Callable[[], Proof]] = {
     "stop": lambda: proofs.stop(Size(4, 5, 2)),
     "forgery": lambda: forgery(100_000),
     "drops": lambda: drops(500),
+    "flood": lambda: flood(10, 2, 2),
     "latency": lambda: latency(20, 2, 30),
 }
 IN_NETWORKS = frozenset({"rewrite", "catch_up", "once", "census", "stop"})

@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import os
 import select
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -95,6 +96,7 @@ class Desk:
             "began": begin,
             "issued": command.message.issued,
             "took": time.time() - begin,
+            "ended": time.time(),
             "answers": int((answers.codes != 0).sum()),
             "n_silent": command.n_silent,
             "silent": sorted(answers.names[place] for place in silent[:LISTED].tolist()),
@@ -103,6 +105,29 @@ class Desk:
     def idle(self) -> None:
         """Go on listening."""
         self._station.wait(MOMENT)
+
+
+class Ordered:
+    """A process of this module, and what it is ordered to do. Raises RuntimeError if it has ended."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self._process = process
+        self._reply()
+
+    def order(self, do: str, **arguments: object) -> Json:
+        """Have it do something, and give what became of it."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(json.dumps({"do": do, **arguments}) + "\n")
+        self._process.stdin.flush()
+        return self._reply()
+
+    def _reply(self) -> Json:
+        assert self._process.stdout is not None
+        line = self._process.stdout.readline()
+        if not line:
+            raise RuntimeError("the desk has ended")
+        found: Json = json.loads(line)
+        return found
 
 
 def command_window(command: Command) -> float:

@@ -19,6 +19,7 @@ from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Self
 
+from benchmarks.channel.desk import Ordered
 from benchmarks.channel.lab import URI, Lab
 from benchmarks.report import Json
 from sleepcast.channel.keyring import development_keys
@@ -82,8 +83,7 @@ class Experiment:
             self.begin(*self.hosts)
             command = (sys.executable, "-m", "benchmarks.channel.desk", URI)
             pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
-            self._desk = self.lab.start(DESK, *command, environment=self.environment, **pipes)
-            self._reply()
+            self.desk = Ordered(self.lab.start(DESK, *command, environment=self.environment, **pipes))
         except BaseException:
             self.close()
             raise
@@ -118,7 +118,8 @@ class Experiment:
                 str(first),
                 *(each.format(host=host, folder=self.folder) for each in self._options),
             )
-            command = (sys.executable, "-m", "benchmarks.channel.watched", self._files[-1], str(self.robots), *options)
+            words = ("swarm", str(self.robots), *options)
+            command = (sys.executable, "-m", "benchmarks.channel.watched", self._files[-1], *words)
             self._swarms[host] = self.lab.start(
                 host, *command, environment=self.environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
             )
@@ -158,23 +159,4 @@ class Experiment:
 
     def order(self, do: str, **arguments: object) -> Json:
         """Have the desk do something, and give what became of it."""
-        self.order_and_go(do, **arguments)
-        return self._reply()
-
-    def order_and_go(self, do: str, **arguments: object) -> None:
-        """The same without waiting; `result` waits."""
-        assert self._desk.stdin is not None
-        self._desk.stdin.write(json.dumps({"do": do, **arguments}) + "\n")
-        self._desk.stdin.flush()
-
-    def result(self) -> Json:
-        """Of what the desk was told before."""
-        return self._reply()
-
-    def _reply(self) -> Json:
-        assert self._desk.stdout is not None
-        line = self._desk.stdout.readline()
-        if not line:
-            raise ExperimentError("the desk has ended")
-        found: Json = json.loads(line)
-        return found
+        return self.desk.order(do, **arguments)

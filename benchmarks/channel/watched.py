@@ -1,5 +1,5 @@
-"""`sleepcast swarm`, watched: besides, it notes when each robot had dealt with each message and when its body was at
-rest after STOP.
+"""`sleepcast swarm` or `node`, watched: besides, it notes when each robot had dealt with each message and, of a swarm,
+when its body was at rest after STOP.
 
     python -m benchmarks.channel.watched FILE ARGUMENTS...
 
@@ -61,7 +61,7 @@ def main() -> None:
     sleepcast.channel.line.Line = WatchedLine  # type: ignore[misc]
     sleepcast.loop.Crew = WatchedCrew  # type: ignore[misc]
     try:
-        sleepcast_main(["swarm", *arguments])
+        sleepcast_main(arguments)
     finally:
         Path(file).write_text(json.dumps({"answers": ANSWERS, "rests": RESTS}))
 

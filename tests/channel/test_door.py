@@ -12,9 +12,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.door import MAX_OPEN, OLDEST, SKEW, VERIFIED_A_SECOND, WINDOW, Door, Drop, Entered
-from sleepcast.channel.envelope import encode
-from sleepcast.channel.keys import KeyPair, KeyRefusal, Role, Trust
+from sleepcast.channel.door import (
+    MAX_OPEN,
+    OLDEST,
+    SKEW,
+    STOPS_A_SECOND,
+    STOPS_AT_ONCE,
+    VERIFIED_A_SECOND,
+    WINDOW,
+    Door,
+    Drop,
+    Entered,
+)
+from sleepcast.channel.envelope import HEAD, encode
+from sleepcast.channel.keys import ID_BYTES, KeyPair, KeyRefusal, Role, Trust
 from sleepcast.clock import ManualClock
 
 DESK = KeyPair("desk", Role.OPERATOR, b"d" * 32)
@@ -156,6 +167,52 @@ def test_signatures_of_one_key_are_looked_at_at_a_rate_and_stop_has_its_own() ->
     assert here.enter(only(encode(message(3, sender="chief"), "lab", CHIEF))), "another key has a budget of its own"
     clock.advance(1.0)
     assert here.enter(good)
+
+
+def forged(sequence: int, kind: Kind = Kind.STOP) -> bytes:
+    """As the desk's own, but for the signature."""
+    found = only(encode(message(sequence, kind=kind), "lab", STRANGER))
+    return found[: len(HEAD)] + DESK.id + found[len(HEAD) + ID_BYTES :]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_real_stop_comes_in_within_a_second_while_80_000_are_forged(seed: int) -> None:
+    """Each hundredth of a second brings 800 forgeries, and in some place among them one copy of the real one."""
+    clock, chance = ManualClock(NOW), random.Random(seed)
+    here = Door(trust(), "lab", clock, robot=True, chance=random.Random(seed))
+    forgeries = [forged(number) for number in range(2, 1_002)]
+    stop = only(encode(message(kind=Kind.STOP), "lab", DESK))
+    for datagram in (each for _ in range(40) for each in forgeries):  # half a second: whatever was saved is spent
+        clock.advance(1.0 / 80_000)
+        here.enter(datagram)
+    begun, entered = clock.now(), None
+    while entered is None and clock.now() < begun + 1.0:
+        place = chance.randrange(800)
+        for number in range(800):
+            clock.advance(1.0 / 80_000)
+            entered = entered or (here.enter(stop) if number == place else None)
+            here.enter(forgeries[number])
+    assert entered is not None
+    assert here.counts[Drop.FORGED] <= STOPS_A_SECOND * (clock.now() - NOW + STOPS_AT_ONCE) + 1, "and no more work"
+
+
+def test_forgeries_in_a_row_do_not_keep_a_stop_out() -> None:
+    here = Door(trust(), "lab", ManualClock(NOW), robot=True)
+    for number in range(2, 402):
+        assert here.enter(forged(number)) is None
+    assert here.enter(only(encode(message(kind=Kind.STOP), "lab", DESK))) is not None
+
+
+def test_a_commands_copies_come_in_by_their_share_of_a_flood() -> None:
+    """Also where forgeries always come first: no place in the queue is better than another."""
+    clock, came = ManualClock(NOW), 0
+    here = Door(trust(), "lab", clock, robot=True, chance=random.Random(1))
+    forgeries = [forged(number, Kind.COMMAND) for number in range(10_000, 10_009)]
+    for number in range(1, 4_001):  # nine forgeries and one of ours, four hundred times a second
+        for datagram in (*forgeries, only(encode(message(number), "lab", DESK))):
+            came += here.enter(datagram) is not None
+        clock.advance(1.0 / 400.0)
+    assert came == pytest.approx(10.0 * VERIFIED_A_SECOND / 10.0, rel=0.3)
 
 
 def parts_of(text: str, sequence: int = 1) -> list[bytes]:

@@ -7,7 +7,7 @@ import pytest
 from channel.air import DESK, START, Air, Party
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import look
-from sleepcast.channel.mailbox import LIFE
+from sleepcast.channel.mailbox import LIFE, STOP_AT_FIRST, STOP_EVERY, STOP_FOR, STOP_ON
 from sleepcast.channel.message import MAX_TEXT
 
 
@@ -160,6 +160,34 @@ def test_stop_waits_for_nothing() -> None:
     air.desk.box.post(Kind.STOP, air.clock.now())
     air.run(0.02)
     assert [message.kind for message in air.robots[0].got] == [Kind.STOP]
+
+
+def test_a_stop_is_said_a_hundred_times_in_its_first_second_and_ends_with_a_release() -> None:
+    air = Air(1, seed=8)
+    air.desk.box.post(Kind.STOP, air.clock.now())
+    air.run(3.0)
+    assert air.sent[Kind.STOP] == round(STOP_FOR / STOP_EVERY) + 1
+    air.desk.box.post(Kind.STOP, air.clock.now())
+    air.run(0.1)
+    before = air.sent[Kind.STOP]
+    air.desk.box.post(Kind.RELEASE, air.clock.now())
+    air.run(1.0)
+    assert air.sent[Kind.STOP] == before
+
+
+def test_a_later_stop_takes_the_place_of_the_one_before() -> None:
+    air = Air(1, seed=8)
+    for _ in range(4):
+        air.desk.box.post(Kind.STOP, air.clock.now())
+        air.run(0.25)
+    assert air.sent[Kind.STOP] == pytest.approx(1.0 / STOP_EVERY + 4, abs=4)
+
+
+def test_a_stop_that_is_looked_for_long_after_is_said_less_often() -> None:
+    air = Air(1, seed=8)
+    air.desk.box.post(Kind.STOP, air.clock.now(), body={"first": "desk-1.1", "age": 2.0 * STOP_AT_FIRST})
+    air.run(1.0)
+    assert air.sent[Kind.STOP] == round(STOP_ON / STOP_EVERY) + 1
 
 
 def test_the_same_chance_makes_the_same_traffic() -> None:

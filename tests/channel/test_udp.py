@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+import select
 import socket
+import sys
 import time
+from contextlib import closing
 
 import pytest
 
@@ -13,8 +16,10 @@ from channel_contract import message
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.address import AddressError
 from sleepcast.channel.door import Drop
+from sleepcast.channel.envelope import encode
 from sleepcast.channel.keys import KeyPair, Role
-from sleepcast.channel.udp import UdpError
+from sleepcast.channel.transport import open_transport
+from sleepcast.channel.udp import MOST_STOPS, UdpError
 
 
 @pytest.mark.parametrize(
@@ -57,3 +62,31 @@ def test_a_port_that_somebody_has_for_himself_alone_is_named() -> None:
         uri = f"udp://127.255.255.255:{greedy.getsockname()[1]}"
         with pytest.raises(UdpError, match="take another port"):
             channel(uri, DESK)
+
+
+def test_a_stop_is_heard_behind_a_flood_of_anything_else() -> None:
+    """More than the system keeps, before anybody looks: STOP has a socket of its own, where there is a sieve."""
+    uri = f"udp://239.255.83.76:{free_port()}?interface=lo"
+    with closing(open_transport(uri)) as ears, closing(open_transport(uri)) as mouth:
+        flood = encode(message(Kind.COMMAND), "lab", DESK)[0]
+        (stop,) = encode(message(Kind.STOP, sequence=2), "lab", DESK)
+        for _ in range(30_000):
+            mouth.send(flood)
+        mouth.send(stop)
+        if sys.platform == "linux":
+            assert ears.receive()[0] == stop
+        assert select.select([ears], [], [], PATIENCE)[0]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such sieves")
+def test_all_else_is_heard_behind_a_flood_of_stops() -> None:
+    uri = f"udp://239.255.83.76:{free_port()}?interface=lo"
+    with closing(open_transport(uri)) as ears, closing(open_transport(uri)) as mouth:
+        (flood,) = encode(message(Kind.STOP), "lab", DESK)
+        command = encode(message(Kind.COMMAND, sequence=2), "lab", DESK)[0]
+        for _ in range(30_000):
+            mouth.send(flood)
+        mouth.send(command)
+        found = ears.receive()
+        assert found.count(flood) == MOST_STOPS
+        assert found[-1] == command

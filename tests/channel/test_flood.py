@@ -1,0 +1,21 @@
+"""A flood of forgeries on the loopback, among real processes; `python -m benchmarks.channel flood` is the large one."""
+
+from __future__ import annotations
+
+import sys
+from math import inf
+
+import pytest
+from benchmarks.channel.flood import tried
+
+RATE = 20_000
+"""Forgeries a second: what a busy machine can send beside the robots."""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such sieves")
+@pytest.mark.parametrize("words", [["swarm", "5"], ["node"]])
+def test_stop_and_commands_come_through_a_flood_of_forged_stops(words: list[str]) -> None:
+    found = tried(words, 5 if words[0] == "swarm" else 1, "stop", RATE, 1)
+    assert max(found.stops) < inf
+    assert found.silent == 0
+    assert found.through == found.pairs

@@ -202,9 +202,9 @@ class Receiver:
         if part.kind in mute:
             return "not for us"
         ends = part.deadline if part.stands else min(part.deadline, part.issued + NEWS)
-        if self.now > ends + SKEW:
+        if self.now > ends + SKEW and part.kind != "stop":
             return "late"
-        if part.issued > self.now + SKEW:
+        if part.issued > self.now + SKEW and part.kind != "stop":
             return "from the future"
         if not key.owner.endswith("*") and self._knows(part, key.owner):
             return "repeated"

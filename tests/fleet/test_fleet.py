@@ -14,7 +14,7 @@ from sleepcast.channel.message import Kind, Message
 from sleepcast.errors import SleepcastError
 from sleepcast.fleet import Fleet, FleetError, columns, limits
 from sleepcast.language import CheckError, ReadError, Vocabulary
-from sleepcast.node import authority, memory, node, scheduler, speech
+from sleepcast.node import memory, node, scheduler, speech
 from sleepcast.station.minds import FleetNames
 from sleepcast.units import Quantity
 
@@ -36,7 +36,6 @@ def test_its_bounds_are_those_of_a_node() -> None:
     for name in ("MAX_FAULTS", "PROVEN_TICKS", "FAILED"):
         assert getattr(limits, name) == getattr(memory, name), name
     assert limits.TICK_STEPS == scheduler.TICK_STEPS
-    assert limits.MAX_SKEW == authority.MAX_SKEW
 
 
 def test_a_rule_is_stored_by_those_only_for_whom_the_test_holds() -> None:

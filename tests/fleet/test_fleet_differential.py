@@ -163,10 +163,17 @@ def install(twins: Twins, chance: Random, text: str) -> None:
 
 
 def order(twins: Twins, chance: Random) -> None:
-    """STOP or RELEASE, late perhaps, or sent again for others."""
+    """STOP or RELEASE of somebody, late perhaps, sent again for others, or naming what it ends."""
     kind, those = chance.choice((Kind.STOP, Kind.RELEASE)), some(chance, len(twins.nodes))
     issued = twins.now - chance.choice((0.0, 0.0, 0.2, 30.0))
-    body = chance.choice(({}, {"age": 0.5}, {"age": 20.0, "for": ["r0"]}, {"not": ["r0"]}))
-    note(f"{kind.value} {those} {issued} {body}")
+    sender, epoch = chance.choice(("desk", "desk", "anna", "bert")), chance.choice((1, 1, 2))
+    first = f"{sender}-{epoch}.{chance.randint(0, twins.sent + 2)}"
+    ends = [[chance.choice(("desk", "anna")), 1, chance.randint(0, twins.sent + 1)], chance.choice(("none", []))]
+    body = chance.choice(
+        ({}, {"age": 0.5}, {"age": 20.0, "for": ["r0"]}, {"not": ["r0"]}, {"first": first, "age": 1.0}, {"age": "old"})
+    )
+    body = body | chance.choice(({}, {}, {"ends": ends}))
+    number = max(1, twins.sent + 1 - chance.choice((0, 0, 0, 1, 4)))
+    note(f"{kind.value} {sender} {epoch} {number} {those} {issued} {body}")
     twins.sent += 1
-    twins.hear(Message("desk", 1, twins.sent, kind, issued, body=body), those)
+    twins.hear(Message(sender, epoch, number, kind, issued, body=body), those)

@@ -59,9 +59,9 @@ def test_a_fleet_goes_on_as_if_it_had_never_been_put_away(start: int) -> None:
 def test_a_stop_still_holds_against_a_release_that_was_sent_before_it() -> None:
     twins = Twins(ROBOTS, seed=SEED)
     twins.think(10)
-    twins.hear(Message("desk", 1, 1, Kind.STOP, 0.9), [0, 1])
+    twins.hear(Message("desk", 1, 2, Kind.STOP, 0.9), [0, 1])
     replace(twins)
-    twins.hear(Message("desk", 1, 2, Kind.RELEASE, 0.8))
+    twins.hear(Message("desk", 1, 1, Kind.RELEASE, 0.8))
     assert [view.stopped for view in twins.views] == [True, True, False, False]
     twins.compare()
 

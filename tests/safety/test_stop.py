@@ -7,6 +7,7 @@ import pytest
 
 from safety.scene import KEYS, START, Scene
 from sleepcast.channel import Kind, Message
+from sleepcast.channel.envelope import look
 from sleepcast.station.aired import AirStation, RoleError
 
 
@@ -123,7 +124,7 @@ def test_a_release_that_was_decided_before_a_stop_does_not_end_it() -> None:
     anna.stop()
     scene.run(5.0)
     assert all(robot.node.stopped for robot in scene.fleet.values())
-    assert "a STOP that was sent later holds" in chief.accounting(release.id).faults["r1"]
+    assert "the STOP anna-1000000000.1 holds" in chief.accounting(release.id).faults["r1"]
 
 
 def test_a_stop_that_goes_on_looking_for_a_robot_does_not_undo_a_later_release() -> None:
@@ -149,10 +150,10 @@ def test_a_new_stop_is_obeyed_whatever_the_clocks_say() -> None:
     scene = Scene()
     chief = scene.desk("chief")
     scene.desk("anna")
-    chief.stop()
+    stop = chief.stop().message
     scene.run(0.5)
-    ahead = scene.clock.now() + 1.9
-    scene.say(Message("anna", 1, 1, Kind.RELEASE, ahead, ahead + 5.0), KEYS["anna"])
+    ahead, ends = scene.clock.now() + 1.9, [[stop.sender, stop.epoch, stop.sequence]]
+    scene.say(Message("anna", 1, 1, Kind.RELEASE, ahead, ahead + 5.0, body={"ends": ends}), KEYS["anna"])
     scene.run(0.2)
     assert not scene.fleet["r1"].node.stopped
     scene.isolate("r1")
@@ -271,3 +272,102 @@ def test_a_stop_is_given_up_by_hand_only() -> None:
     scene.run(5.0)
     assert desk.line.mailbox.next_number <= before + 2, "nothing but digests"
     assert silent(desk, stop.id) == ("r1",), "and what is not known stays unknown"
+
+
+@pytest.mark.parametrize("off", [3_600.0, -3_600.0, 86_400.0, -86_400.0, 4.0, -9.0, -START])
+def test_stop_is_obeyed_whatever_its_time_says(off: float) -> None:
+    """Must 2: an operator with a wrong clock stops everybody; of all else of his nothing is obeyed."""
+    scene = Scene(robots=1)
+    scene.desk("chief")
+    issued = scene.clock.now() + off
+    scene.say(Message("anna", 1, 1, Kind.STOP, issued, issued + 5.0), KEYS["anna"])
+    scene.run(0.1)
+    assert scene.fleet["r0"].node.stopped
+    scene.say(Message("anna", 1, 2, Kind.RELEASE, issued, issued + 5.0), KEYS["anna"])
+    scene.run(0.1)
+    assert scene.fleet["r0"].node.stopped
+
+
+def test_a_recorded_stop_that_was_released_is_over_years_later() -> None:
+    """Its number says so; also to a robot that has forgotten which numbers it has heard, as far as it can."""
+    scene = Scene(robots=1)
+    desk = scene.desk()
+    desk.stop()
+    scene.run(0.3)
+    recorded = [datagram for datagram in scene.sent if look(datagram).kind is Kind.STOP]
+    desk.release()
+    scene.run(1.0)
+    robot = scene.fleet["r0"]
+    assert not robot.node.stopped
+    robot.line.mailbox.door._heard.clear()
+    scene.clock.advance(1e8)
+    for datagram in recorded:
+        scene.fly("stranger", datagram)
+    scene.run(0.3)
+    assert not robot.node.stopped
+
+
+def test_a_release_by_somebody_who_heard_the_stop_ends_it() -> None:
+    scene = Scene()
+    chief, anna = scene.desk("chief"), scene.desk("anna")
+    anna.stop()
+    scene.run(0.5)
+    release = chief.release()
+    scene.run(0.5)
+    assert not any(robot.node.stopped for robot in scene.fleet.values())
+    assert chief.accounting(release.id).n_matched == 3
+
+
+def test_a_release_by_somebody_who_did_not_hear_of_a_stop_is_refused_until_robots_have_told_him() -> None:
+    scene = Scene()
+    chief, anna = scene.desk("chief"), scene.desk("anna")
+    scene.deaf.add(("anna", "chief"))
+    anna.stop()
+    scene.run(0.5)
+    release = chief.release()
+    scene.run(0.5)
+    assert all(robot.node.stopped for robot in scene.fleet.values())
+    assert chief.accounting(release.id).n_fault == 3
+    decided = chief.now
+    chief.post(Kind.ASK, body={"look": "telemetry"})
+    scene.run(0.5)
+    again = chief.release(decided)
+    scene.run(0.5)
+    assert chief.accounting(again.id).n_matched == 3
+    assert not any(robot.node.stopped for robot in scene.fleet.values())
+
+
+def test_a_stop_that_came_after_a_release_was_decided_is_not_named_by_it() -> None:
+    """While a RELEASE asks who is stopped, somebody stops: that holds."""
+    scene = Scene()
+    chief, anna = scene.desk("chief"), scene.desk("anna")
+    scene.deaf.add(("anna", "chief"))
+    decided = chief.now
+    scene.run(0.2)
+    anna.stop()
+    chief.post(Kind.ASK, body={"look": "telemetry"})
+    scene.run(0.5)
+    chief.release(decided)
+    scene.run(0.5)
+    assert all(robot.node.stopped for robot in scene.fleet.values())
+
+
+def test_a_relay_that_delays_repeats_and_reorders_neither_frees_nor_loses_a_stop() -> None:
+    """Two operators stop and release by turns; what they say comes up to two seconds late, twice, and in any order. In
+    the end everybody is as the last word of each had it, and nobody was freed while a STOP that he knew of held."""
+    for seed in range(8):
+        scene = Scene(seed=seed, twice=0.5, delay=2.0, loss=0.2)
+        desks = scene.desk("chief"), scene.desk("anna")
+        chance = scene.chance
+        for _ in range(6):
+            desk = chance.choice(desks)
+            (desk.stop if chance.random() < 0.5 else desk.release)()
+            scene.run(chance.uniform(0.0, 1.5))
+        last = chance.choice(desks).stop()
+        scene.run(8.0)
+        assert all(robot.node.stopped for robot in scene.fleet.values()), seed
+        assert last.n_silent == 0
+        for desk in desks:  # each has heard of the other one's
+            desk.release()
+            scene.run(8.0)
+        assert not any(robot.node.stopped for robot in scene.fleet.values()), seed

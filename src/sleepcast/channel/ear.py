@@ -44,12 +44,11 @@ class Ear:
 
     def take(self) -> list[Message]:
         """What has come and can be dealt with now, with the times of the minds."""
-        now = self._clock.now()
-        return [
-            message
-            for datagram in self._branch.drain()
-            for message in self._in_time(self.mailbox.take(datagram, now), now)
-        ]
+        found: list[Message] = []
+        for datagram in self._branch.drain():
+            now = self._clock.now()
+            found += self._in_time(self.mailbox.take(datagram, now), now)
+        return found
 
     def tend(self) -> list[Message]:
         """Mend, and send what is due; gives what waits no longer."""

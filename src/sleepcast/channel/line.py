@@ -104,8 +104,9 @@ class Line:
 
     def pump(self) -> bool:
         """Hear, mend, and send what is due; whether anything came."""
-        now, came = self._clock.now(), self.transport.receive()
+        came = self.transport.receive()
         for datagram in came:
+            now = self._clock.now()
             self._hear(self.mailbox.take(datagram, now), now)
         self.tend()
         return bool(came)
@@ -240,10 +241,10 @@ class Line:
 
 
 def in_time(message: Message, zero: float, door: Door, now: float) -> Message:
-    """A message with its times as those of a mind, which began at `zero`, s of Unix time. A deadline is of its sender's
-    clock: what the door has seen of how that differs from ours is reckoned with."""
-    times = {"issued": message.issued - zero, "deadline": message.deadline + door.skews.of(message.sender, now) - zero}
-    return msgspec.structs.replace(message, **times)
+    """A message that was heard `now`, with its times as those of a mind, which began at `zero`, s of Unix time. A
+    deadline is of its sender's clock: what the door has seen of how that differs from ours is reckoned with."""
+    deadline = message.deadline + door.skews.of(message.sender, now) - zero
+    return msgspec.structs.replace(message, issued=message.issued - zero, deadline=deadline, heard=now - zero)
 
 
 def _within(asked: Message) -> float:

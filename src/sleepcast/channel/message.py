@@ -62,8 +62,8 @@ class Message(msgspec.Struct, frozen=True, dict=True):
     issued: when it was sent; deadline: after which nobody acts on it any more (inf: always good); both in
     seconds of the swarm's clock. standing: whether it must reach everybody in the end, late joiners too
     (rules and operators). body: what else it carries: names to plain values (`bodies`). role: of the key that
-    signed it, as its receiver knows it and never as it says itself; "" where nobody signs. Raises MessageError past a
-    bound.
+    signed it, as its receiver knows it and never as it says itself; "" where nobody signs. heard: when it reached its
+    receiver, s of his clock, None where nobody looked. Raises MessageError past a bound.
     """
 
     sender: str
@@ -76,6 +76,7 @@ class Message(msgspec.Struct, frozen=True, dict=True):
     standing: bool = False
     body: dict[str, object] = {}
     role: str = ""
+    heard: float | None = None
 
     def __post_init__(self) -> None:
         if not (0 < len(self.sender) <= MAX_NAME and self.sender.isprintable()):  # it will stand on terminals

@@ -9,11 +9,12 @@ import os
 import select
 import sys
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from math import nan
 from typing import TYPE_CHECKING
 
 from sleepcast.channel import Channel, Kind, Message
+from sleepcast.channel.bodies import ENDS
 from sleepcast.channel.datagrams import Datagrams, Numbers
 from sleepcast.channel.message import MAX_TEXT
 from sleepcast.cli.standard_memory import reported_body
@@ -102,7 +103,7 @@ class NodeDesk:
 
     orders: what is to be done when, s after the start. typed: where an operator types. ears: plain datagrams, of which
     one is told in each tick. line: the radio, if there is one. All this is received in the order given here. epoch: of
-    what is typed and told.
+    what is typed and told. stops: those that hold the robot, which a RELEASE that is typed here ends.
     """
 
     def __init__(
@@ -114,11 +115,12 @@ class NodeDesk:
         ears: Datagrams | None,
         line: Channel | None = None,
         epoch: int = 0,
+        stops: Callable[[], Sequence[object]] = tuple,
     ) -> None:
         self._name, self._clock, self._start = name, clock, clock.now()
         self._orders, self._typed, self._ears, self._line = deque(orders), typed, ears, line
         self._waiting: deque[Numbers] = deque()
-        self._epoch, self._sequence = epoch, 0
+        self._epoch, self._sequence, self._stops = epoch, 0, stops
         self.lost = 0
         """Datagrams that found no room."""
 
@@ -147,7 +149,8 @@ class NodeDesk:
         kind = {"STOP": Kind.STOP, "RELEASE": Kind.RELEASE}.get(text.upper(), Kind.COMMAND)
         self._sequence += 1
         said = text[:MAX_TEXT] if kind is Kind.COMMAND else ""
-        return Message(sender, self._epoch, self._sequence, kind, self._clock.now() - self._start, text=said)
+        body: dict[str, object] = {ENDS: list(self._stops())} if kind is Kind.RELEASE else {}
+        return Message(sender, self._epoch, self._sequence, kind, self._clock.now() - self._start, text=said, body=body)
 
     def send(self, message: Message) -> None:
         """Print what the robot says to the terminal, and send all else."""

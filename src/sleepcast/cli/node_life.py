@@ -125,7 +125,10 @@ class Life:
         seconds: to live, None for ever. Raises SleepcastError when the body fails."""
         clock: Clock = WallClock() if tick else self.robot
         line = self.line
-        desk = NodeDesk(self.node.name, clock, self._orders, Typed(), self.ears, line, int(self.node.zero * 1000.0))
+        epoch, authority = int(self.node.zero * 1000.0), self.node.authority
+        desk = NodeDesk(
+            self.node.name, clock, self._orders, Typed(), self.ears, line, epoch, lambda: authority.latch.holding
+        )
         end = inf if seconds is None else clock.now() + seconds
         news = None if line is None else news_of(line.mailbox.door)
 

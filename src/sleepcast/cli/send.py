@@ -237,8 +237,10 @@ def release(air: Air, as_json: bool) -> int:
     Examples:
       sleepcast release
     """
-    with station_for(air, complain) as station:
-        return gathered(station, station.release(), PATIENCE, as_json)
+    with looking_for(air, complain) as (station, looker):
+        decided = station.now
+        look_around(station, looker, patience=AHEAD)  # whose STOPs hold, which a RELEASE has to name
+        return gathered(station, station.release(decided), PATIENCE, as_json)
 
 
 def gathered(station: AirStation, sent: Command, patience: float, as_json: bool) -> int:

@@ -1,23 +1,24 @@
 """Bodies: what a fleet asks of its robots' bodies by itself - to stop, to be let go, to keep still while a robot sleeps
 or is frozen - of many at once where they can be asked so.
 
-STOP and RELEASE may come late, and in another order than they were sent in: each robot obeys them as a node does, see
-`node.authority`."""
+STOP and RELEASE may come late, and in another order than they were sent in: each robot obeys them as a node does, by
+its `Latch`; robots that have heard the same share one."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import inf
+from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from sleepcast.channel.bodies import age_of
+from sleepcast.channel.latch import Latch
 from sleepcast.channel.message import Message
 from sleepcast.fleet.columns import FleetState, Index, Mask, Rows
-from sleepcast.fleet.limits import MAX_SKEW
-from sleepcast.language.vocabulary import FROZEN, SLEEPING, TIME_SLOT
+from sleepcast.language.vocabulary import FROZEN, SLEEPING
 from sleepcast.robot import Robot
+
+MAX_LATCHES = 16
+"""Latches that are kept before those that no robot has any more are left out."""
 
 
 @runtime_checkable
@@ -40,28 +41,43 @@ class Embodied:
         self._any_still = False
         """Whether any body is held still."""
 
-    def obey_stop(self, message: Message, rows: Rows) -> Mask:
-        """Stop these robots, unless the message is sent again for others and was decided so long before a RELEASE that
-        was obeyed that no clocks can be wrong by as much; gives which have stopped."""
-        age, state = age_of(message.body), self._state
-        obeyed = np.ones(rows.size, np.bool_)
-        if age not in (0.0, inf):
-            obeyed = message.issued - age > state.order("released")[rows.index] - 2.0 * MAX_SKEW
-        some = rows.take(obeyed)
-        latest = state.order("stopped")
-        latest[some.index] = np.maximum(latest[some.index], message.issued)
-        self._stop(some)
-        return obeyed
+    def obey_stop(self, message: Message, rows: Rows) -> tuple[Rows, Rows]:
+        """Stop these robots; gives which have stopped, and those for which a RELEASE has ended it."""
+        stopped = np.zeros(rows.size, np.bool_)
+        for some, found in self._latched(rows, lambda latch: latch.stop(message)):
+            stopped[some] = found is not None
+        self._stop(rows.take(stopped))
+        return rows.take(stopped), rows.take(~stopped)
 
-    def obey_release(self, message: Message, rows: Rows) -> Mask:
-        """Release those of these robots that have obeyed no STOP which was sent after this was decided; gives which."""
-        decided, state = message.issued - age_of(message.body), self._state
-        obeyed: Mask = decided >= state.order("stopped")[rows.index]
-        some = rows.take(obeyed)
-        latest = state.order("released")
-        latest[some.index] = np.maximum(latest[some.index], np.minimum(decided, state.column(TIME_SLOT, some)))
-        self._release(some)
-        return obeyed
+    def obey_release(self, message: Message, rows: Rows) -> tuple[Rows, list[tuple[Rows, str]]]:
+        """Release these robots; gives which are free, and those that are not, each with the reason."""
+        free, refused = np.zeros(rows.size, np.bool_), []
+        for some, found in self._latched(rows, lambda latch: latch.release(message)):
+            free[some] = found is not None and not found.holding
+            if found is None or found.holding:
+                refused.append((rows.take(some), self._latch_of(rows.take(some)).refusal()))
+        self._release(rows.take(free))
+        return rows.take(free), refused
+
+    def _latch_of(self, rows: Rows) -> Latch:
+        """That of the first of these robots."""
+        return self._state.latches[int(self._state.latch[rows.index][0])]
+
+    def _latched(self, rows: Rows, order: Callable[[Latch], Latch | None]) -> Iterator[tuple[Mask, Latch | None]]:
+        """Give each of these robots the latch that an order makes of its own, or none; robots with the same one
+        together."""
+        state = self._state
+        before = state.latch[rows.index].copy()
+        for number in np.flatnonzero(np.bincount(before)).tolist():
+            some, found = before == number, order(state.latches[number])
+            if found is not None:
+                if found not in state.latches:
+                    state.latches.append(found)
+                state.latch[rows.take(some).index] = state.latches.index(found)
+            yield some, found
+        if len(state.latches) > MAX_LATCHES:  # most are those of robots before they heard this
+            numbers, state.latch[:] = np.unique(state.latch, return_inverse=True)
+            state.latches = [state.latches[number] for number in numbers.tolist()]
 
     def _stop(self, rows: Rows) -> None:
         """Stop these robots; where the body has no latch of its own, functions that act are refused instead."""

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from copy import copy
-from math import inf, nan
+from math import nan
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.arrays import filled
+from sleepcast.channel.latch import Latch
 from sleepcast.fleet.chance import streams
 from sleepcast.fleet.parcels import StateParcel, ValuesParcel
 from sleepcast.language.vocabulary import (
@@ -27,7 +28,7 @@ from sleepcast.language.vocabulary import (
     TIME_SLOT,
     Vocabulary,
 )
-from sleepcast.parcel import Array, ParcelError, kept, put_back
+from sleepcast.parcel import Array, ParcelError, kept, put_back, within
 
 Column: TypeAlias = NDArray[np.float64]
 """One number for each of some rows, in their order."""
@@ -162,8 +163,10 @@ class FleetState:
         self.reported = np.zeros(count, np.int32)
         """Its reports in that second."""
         self.stopped = np.zeros(count, np.bool_)
-        self._orders: dict[str, Column] = {}
-        """When the latest STOP, and the latest RELEASE, that each robot obeyed was decided (s); see `order`."""
+        self.latches: list[Latch] = [Latch()]
+        """Which STOPs hold, and which are over: each one that some robots have."""
+        self.latch = np.zeros(count, np.int32)
+        """Which of these each robot has."""
         self.held = np.zeros(count, np.bool_)
         """Whether functions that act are refused: the robot is stopped and its body has no latch of its own."""
         self.still = np.zeros(count, np.bool_)
@@ -270,20 +273,12 @@ class FleetState:
             found = self.actuated[slot] = filled(0, np.bool_, self.count)
         return found
 
-    def order(self, sort: str) -> Column:
-        """When the latest order of a sort that each robot obeyed was decided, s, -inf for none; made now if it is the
-        first one."""
-        found = self._orders.get(sort)
-        if found is None:
-            found = self._orders[sort] = np.full(self.count, -inf)
-        return found
-
     # ---- kept and made again
 
     def state(self) -> StateParcel:
         """All of it but the chance, which comes from the seed."""
         actuated = {slot: Array.of(robots) for slot, robots in self.actuated.items()}
-        return StateParcel(self.values(), kept(self._arrays()), actuated, kept(self._orders))
+        return StateParcel(self.values(), kept(self._arrays()), actuated, kept({"latch": self.latch}), self.latches)
 
     def values(self) -> ValuesParcel:
         """The variables that nobody else keeps, and the groups."""
@@ -301,7 +296,10 @@ class FleetState:
             slot: robots.made(np.bool_, (self.count,), f"who assigned actuator {slot}")
             for slot, robots in parcel.actuated.items()
         }
-        self._orders = {sort: when.made(np.float64, (self.count,), sort) for sort, when in parcel.orders.items()}
+        if parcel.latches:  # else it was kept before STOPs were known by their numbers: the next RELEASE ends them
+            put_back(parcel.orders, {"latch": self.latch})
+            within(self.latch, 0, len(parcel.latches) - 1, "the latch of a robot")
+            self.latches = list(parcel.latches)
 
     def refill(self, parcel: ValuesParcel) -> None:
         """Have those values. Raises ParcelError if they are of another fleet."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.bodies import FOR, NOT, is_addressed
 from sleepcast.channel.chorus import Answers, Chorus
+from sleepcast.channel.latch import ENDED
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.names import Names
 from sleepcast.errors import MisuseError, SleepcastError
@@ -188,14 +189,15 @@ class Core:
             meant = np.array([i for i in heard.tolist() if is_addressed(message.body, self.names[i])], np.intp)
         if message.kind is Kind.STOP:  # whoever hears it stops; those that are not addressed need not say so again
             rows = Rows.of(heard)
-            obeyed = self._embodied.obey_stop(message, rows)
-            self._answer_alike(message, Rows.of(np.intersect1d(rows.take(obeyed).robots, meant)), "stopped")
-            self._answer_alike(message, rows.take(~obeyed), "fault", "a RELEASE that was sent later holds")
+            stopped, others = self._embodied.obey_stop(message, rows)
+            self._answer_alike(message, Rows.of(np.intersect1d(stopped.robots, meant)), "stopped")
+            self._answer_alike(message, others, "fault", ENDED)
         elif message.kind is Kind.RELEASE:
             rows = Rows.of(meant)
-            obeyed = self._embodied.obey_release(message, rows)
-            self._answer_alike(message, rows.take(obeyed), "released")
-            self._answer_alike(message, rows.take(~obeyed), "fault", "a STOP that was sent later holds")
+            free, refused = self._embodied.obey_release(message, rows)
+            self._answer_alike(message, free, "released")
+            for some, why in refused:
+                self._answer_alike(message, some, "fault", why)
         elif message.kind in (Kind.COMMAND, Kind.ASK):
             self.state.lost[self.inbox.put(message, meant)] += 1
 

@@ -24,8 +24,6 @@ MAX_FAULTS_IN_ROW = 10
 """Evaluations with a fault, one after the other, after which a rule is deactivated."""
 TELL_SECONDS = 5.0
 """How long what a robot tells others may still be acted on."""
-MAX_SKEW = 2.0
-"""Seconds by which somebody's clock may be wrong."""
 TICK_STEPS = 50_000
 """Steps that one robot's rules may use in one tick."""
 

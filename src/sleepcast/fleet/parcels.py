@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import msgspec
 
+from sleepcast.channel.latch import Latch
 from sleepcast.channel.message import Message
 from sleepcast.channel.parcels import ChorusParcel
 from sleepcast.parcel import Array, Arrays
@@ -23,13 +24,14 @@ class ValuesParcel(msgspec.Struct):
 
 
 class StateParcel(msgspec.Struct):
-    """`FleetState`: its values, its arrays by name, by slot who has assigned an actuator, and by sort when the latest
-    order that each robot obeyed was decided."""
+    """`FleetState`: its values, its arrays by name, by slot who has assigned an actuator, and which of the latches
+    each robot has (`orders`)."""
 
     values: ValuesParcel
     arrays: Arrays
     actuated: dict[int, Array]
     orders: Arrays = {}
+    latches: list[Latch] = []
 
 
 class ToldParcel(msgspec.Struct):

@@ -8,17 +8,15 @@ a robot's own host says to it, and what is typed at it, comes without a role and
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from math import inf, isfinite
 
-from sleepcast.channel.bodies import LEASE, age_of
+from sleepcast.channel.bodies import LEASE
+from sleepcast.channel.latch import Latch, Life, mark_of, restored
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.roles import Role
 from sleepcast.language.machine import Program
 from sleepcast.language.parts import label_of, rules, walk
 from sleepcast.node.leases import Leases, Wish
 
-MAX_SKEW = 2.0
-"""Seconds by which somebody's clock may be wrong, as the channel has it."""
 OPERATORS = frozenset({Role.OPERATOR.value, Role.COMMANDER.value})
 
 
@@ -27,23 +25,30 @@ class Authority:
 
     def __init__(self) -> None:
         self.leases = Leases()
-        self._stopped = self._released = -inf
-        """When the latest STOP, and the latest RELEASE, that was obeyed was decided."""
+        self.latch = Latch()
+        self._since: dict[Life, float] = {}
+        """When the latest STOP of each sender that holds came."""
 
-    def may_stop(self, message: Message) -> bool:
-        """Whether to obey a STOP: always, but for one that is sent again for others and was decided so long before the
-        latest RELEASE that no clocks can be wrong by as much."""
-        if age_of(message.body) in (0.0, inf) or _decided(message) > self._released - 2.0 * MAX_SKEW:
-            self._stopped = max(self._stopped, message.issued)
-            return True
-        return False
-
-    def may_release(self, message: Message, now: float) -> bool:
-        """Whether to obey a RELEASE: it was decided after the latest STOP, also where it is sent again, or late."""
-        if _decided(message) < self._stopped:
+    def may_stop(self, message: Message, now: float) -> bool:
+        """Whether to obey a STOP: always, but for one that a RELEASE has ended."""
+        found = self.latch.stop(message)
+        if found is None:
             return False
-        self._released = max(self._released, min(_decided(message), now))
+        if found.holding != self.latch.holding:
+            since = {**self._since, mark_of(message).life: now if message.heard is None else message.heard}
+            self._since = {mark.life: since.get(mark.life, now) for mark in found.holding}
+        self.latch = found
         return True
+
+    def may_release(self, message: Message) -> bool:
+        """Whether to obey a RELEASE: no STOP holds that it does not end."""
+        found = self.latch.release(message)
+        self.latch = found or self.latch
+        return found is not None and not found.holding
+
+    def stops(self, now: float) -> list[list[object]]:
+        """The STOPs that hold, each with the seconds since it came; after a restart, those since then."""
+        return [[*mark, max(0.0, now - self._since.get(mark.life, 0.0))] for mark in self.latch.holding]
 
     def lease(self, message: Message, now: float) -> tuple[str, str]:
         """Do what a message asks for with the lease of a group: the group's key, and why it is refused, if it is."""
@@ -64,20 +69,14 @@ class Authority:
 
     def state(self, now: float) -> dict[str, object]:
         """What must outlive a restart, as plain data with times as seconds from `now`."""
-        stopped = now - self._stopped
-        return {"stopped": stopped if isfinite(stopped) else None, "leases": self.leases.state(now)}
+        return {**self.latch._asdict(), "leases": self.leases.state(now)}
 
     def restore(self, state: Mapping[str, object], now: float) -> None:
         """Know what was kept. Raises TypeError and ValueError for what is nothing of the sort."""
-        stopped, leases = state.get("stopped"), state.get("leases")
-        if isinstance(stopped, float | int):
-            self._stopped = now - stopped
+        self.latch = restored(state)
+        leases = state.get("leases")
         if isinstance(leases, Mapping):
             self.leases.restore(leases, now)
-
-
-def _decided(message: Message) -> float:
-    return message.issued - age_of(message.body)
 
 
 def _entered(program: Program) -> set[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from sleepcast.channel.bodies import is_addressed
+from sleepcast.channel.latch import ENDED
 from sleepcast.channel.message import Message
 from sleepcast.errors import SleepcastError
 from sleepcast.language.vocabulary import FROZEN, SLEEPING
@@ -41,8 +42,8 @@ class Embodied(Speaker):
         self._memory.variables.stop()
 
     def _stop(self, message: Message) -> None:
-        if not self.authority.may_stop(message):
-            self._answer(message, "fault", fault="a RELEASE that was sent later holds")
+        if not self.authority.may_stop(message, self._now):
+            self._answer(message, "fault", fault=ENDED)
             return
         fault = ""
         try:
@@ -53,8 +54,8 @@ class Embodied(Speaker):
             self._answer(message, "stopped", fault=fault)
 
     def _release(self, message: Message) -> None:
-        if not self.authority.may_release(message, self._now):
-            self._answer(message, "fault", fault="a STOP that was sent later holds")
+        if not self.authority.may_release(message):
+            self._answer(message, "fault", fault=self.authority.latch.refusal())
             return
         self.stopped = self._memory.held = False
         self.doubt = ""

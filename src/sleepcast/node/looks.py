@@ -12,14 +12,14 @@ need not ask for it, and nobody has to be believed about what a digest stands fo
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from hashlib import sha256
 from math import isfinite, isnan
 from struct import pack
 from types import MappingProxyType
 from weakref import WeakKeyDictionary
 
-from sleepcast.channel.bodies import LOOK, OF, TOLD, Look
+from sleepcast.channel.bodies import LOOK, OF, STOPS, TOLD, Look
 from sleepcast.channel.message import MAX_TEXT
 from sleepcast.errors import SleepcastError, printable
 from sleepcast.language.explain import Explanation, Step
@@ -49,14 +49,19 @@ class LookError(SleepcastError):
 
 
 def look(
-    body: Mapping[str, object], memory: RobotMemory, stopped: bool, doubt: str, why: Callable[[str | None], Explanation]
+    body: Mapping[str, object],
+    memory: RobotMemory,
+    stopped: bool,
+    doubt: str,
+    stops: Sequence[object],
+    why: Callable[[str | None], Explanation],
 ) -> Told:
-    """What is told to a question with this body. stopped, doubt: see `Embodied`. why: explains a command, a rule, or
-    the last command."""
+    """What is told to a question with this body. stopped, doubt: see `Embodied`; stops: see `Authority.stops`. why:
+    explains a command, a rule, or the last command."""
     what, of = body.get(LOOK), body.get(OF)
     try:
         if what == Look.TELEMETRY:
-            return {TOLD: telemetry(memory, stopped, doubt)}
+            return {TOLD: telemetry(memory, stopped, doubt), **({STOPS: stops} if stops else {})}
         if what == Look.VOCABULARY:
             return {TOLD: _fitting(vocabulary_text(memory.vocabulary), "it has more names")}
         if what == Look.MIND:

@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import FOR, LOOK, WITHIN
+from sleepcast.channel.bodies import ENDS, FOR, LOOK, STOPS, WITHIN
 from sleepcast.channel.bodies import MATCHED as WOULD
 from sleepcast.channel.keys import MAY
+from sleepcast.channel.latch import MAX_MARKS, Life, Mark, mark_of, marks_and_ages
 from sleepcast.channel.line import LONGEST, Line
 from sleepcast.channel.message import TO_OPERATOR
 from sleepcast.channel.roles import Role
@@ -111,6 +112,8 @@ class AirStation(Station):
         self._drivers: deque[Command] = deque(maxlen=MAX_DRIVERS)
         """Commands that may have set robots in motion, since they were last stopped."""
         self._beat = -inf
+        self._stops: dict[Life, tuple[Mark, float]] = {}
+        """The latest STOP that is known of each other sender, and when robots had it, s."""
         for name, time in (heard or {}).items():
             self._roster.hear(name, time)
 
@@ -179,10 +182,12 @@ class AirStation(Station):
         self._drivers.clear()
         return super().stop()
 
-    def release(self) -> Command:
-        """As every station. Raises RoleError for an observer."""
+    def release(self, decided: float | None = None) -> Command:
+        """As every station; it ends the STOPs of others, too, of which the desk knows that they were there when this
+        was decided (s of Unix time, None: now). Raises RoleError for an observer."""
         self._settle_role(Kind.RELEASE)
-        return super().release()
+        known = [mark for mark, since in self._stops.values() if decided is None or since <= decided]
+        return self._broadcast(Kind.RELEASE, body={ENDS: [[*mark] for mark in known]} if known else {})
 
     def give_up(self, command: str) -> None:
         """Miss nobody any more who has not answered this command. Raises NoSuchCommandError."""
@@ -245,7 +250,8 @@ class AirStation(Station):
                 if message.kind in TO_OPERATOR:
                     heard.append(self._pursuit.known(message))
                     self.hear(heard[-1])
-                elif message.role != Role.ROBOT:
+                    self._learn_stops(heard[-1])
+                elif message.role != Role.ROBOT or message.kind is Kind.STOP:
                     self._overhear(message)
         for listener in self.listeners if heard else ():
             listener(heard)
@@ -292,12 +298,25 @@ class AirStation(Station):
         self._note(Event.HEARD, message.sender, subject=message.id, text=message.text, details=details)
         if message.kind is Kind.STOP:
             self._drivers.clear()
+            self._note_stop(mark_of(message), self.now)
         self._pursuit.overtaken(message.kind)
 
     def notices(self) -> list[str]:
         """What is going on that a person should know of, as sentences: forgeries, keys that nobody trusts."""
         door = self.line.mailbox.door
         return [notice.text for notice in door.drops.notices(door.trust)]
+
+    def _learn_stops(self, answer: Message) -> None:
+        """A robot tells which STOPs hold it, each with the seconds since it came."""
+        for mark, age in marks_and_ages(answer.body.get(STOPS)):
+            self._note_stop(mark, self.now - age)
+
+    def _note_stop(self, mark: Mark, since: float) -> None:
+        known, before = self._stops.pop(mark.life, (mark, since))
+        since = min(since, before) if known == mark else since
+        self._stops[mark.life] = (mark, since) if mark >= known else (known, before)
+        if len(self._stops) > MAX_MARKS:
+            del self._stops[next(iter(self._stops))]
 
     # ---- at every moment
 

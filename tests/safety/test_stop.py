@@ -371,3 +371,17 @@ def test_a_relay_that_delays_repeats_and_reorders_neither_frees_nor_loses_a_stop
             desk.release()
             scene.run(8.0)
         assert not any(robot.node.stopped for robot in scene.fleet.values()), seed
+
+
+def test_a_robot_in_doubt_moves_after_a_release_that_was_sent_since_it_started() -> None:
+    """What it has forgotten may have come after a RELEASE that is played again now."""
+    scene = Scene(robots=1)
+    scene.run(1.0)
+    node = scene.fleet["r0"].node
+    node.halt("its store is damaged")
+    scene.say(Message("anna", 1, 1, Kind.RELEASE, START - 0.5), KEYS["anna"])
+    scene.run(0.1)
+    assert node.stopped
+    scene.desk().release()
+    scene.run(0.5)
+    assert not node.stopped

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sleepcast.channel.bodies import is_addressed
+from sleepcast.channel.bodies import age_of, is_addressed
 from sleepcast.channel.latch import ENDED
 from sleepcast.channel.message import Message
 from sleepcast.errors import SleepcastError
@@ -54,6 +54,11 @@ class Embodied(Speaker):
             self._answer(message, "stopped", fault=fault)
 
     def _release(self, message: Message) -> None:
+        if self.doubt and message.issued < age_of(
+            message.body
+        ):  # it may have been sent before a STOP that is forgotten
+            self._answer(message, "fault", fault=f"{self.doubt}: a RELEASE from before the start does not end that")
+            return
         if not self.authority.may_release(message):
             self._answer(message, "fault", fault=self.authority.latch.refusal())
             return

@@ -336,9 +336,7 @@ class Node(Embodied):
         memory = self._memory
         if message.kind is Kind.ASK and LOOK in message.body:
             stops = self.authority.stops(now)
-            self._answer(
-                message, "answer", told=look(message.body, memory, self.stopped, self.doubt, stops, self.why)
-            )
+            self._answer(message, "answer", told=look(message.body, memory, self.stopped, self.doubt, stops, self.why))
             return
         if message.kind is Kind.COMMAND and LEASE in message.body:
             group, refusal = self.authority.lease(message, now)

@@ -2,8 +2,9 @@
 
     KEYS/desk.key        the secret half of the key of `desk`
     KEYS/trust.json      whom this machine believes
+    KEYS/in-use.json     which of these keys are taken where nobody says another one
 
-Both are JSON, so that a person can look at them and another program can write them. A file that others may read is no
+All are JSON, so that a person can look at them and another program can write them. A file that others may read is no
 secret, and is refused.
 """
 
@@ -26,6 +27,7 @@ FORMAT = 1
 MAX_BYTES = 8 * 1024 * 1024
 """Of a trust file: as many keys as `Trust` takes."""
 TRUST_FILE = "trust.json"
+USED_FILE = "in-use.json"
 DEVELOPMENT_TRUST = "development-trust.json"
 """What was heard of whom to trust while the development keys were in use."""
 DEVELOPMENT_DESK, DEVELOPMENT_ROBOTS = "development-desk", "development-robots"
@@ -69,7 +71,19 @@ class TrustFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     vouched: list[str] = []
 
 
-File = TypeVar("File", SecretFile, TrustFile)
+class UsedKeys(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Owners of the keys that desks and robots take where nobody says another one; None for the development key."""
+
+    format: int
+    desk: str | None = None
+    robots: str | None = None
+
+    def of(self, *, robot: bool) -> str | None:
+        """For a robot, or for a desk."""
+        return self.robots if robot else self.desk
+
+
+File = TypeVar("File", SecretFile, TrustFile, UsedKeys)
 
 
 def keys_folder() -> Path:
@@ -160,6 +174,24 @@ def find_key(folder: Path, owner: str) -> KeyPair:
     return load_key(file)
 
 
+def used_keys(folder: Path) -> UsedKeys:
+    """Which keys this user takes where he says no other. Raises KeyFileError."""
+    file = folder / USED_FILE
+    return _decoded(file, UsedKeys, "which keys are in use") if file.exists() else UsedKeys(FORMAT)
+
+
+def use_key(folder: Path, key: PublicKey) -> None:
+    """Take this user's key from now on where he says no other: on robots if it is a robot's, on desks otherwise. Raises
+    KeyFileError and KeyFileLostError."""
+    which = "robots" if key.role is Role.ROBOT else "desk"
+    _save(folder / USED_FILE, msgspec.structs.replace(used_keys(folder), **{which: key.owner}), private=False)
+
+
+def use_development_keys(folder: Path) -> None:
+    """End `use_key`. Raises KeyFileLostError."""
+    _save(folder / USED_FILE, UsedKeys(FORMAT), private=False)
+
+
 def retire_key(folder: Path, owner: str, new: KeyPair) -> Path:
     """Put `new` in the place of this user's key of `owner`; gives the file in which the old one lies from now on.
     Raises KeyFileError if there is none, and KeyFileLostError."""
@@ -216,7 +248,7 @@ def half(digits: str) -> bytes:
         raise KeyRefusal(f"a key is written in hexadecimal digits, not as {digits!r}") from None
 
 
-def _save(file: Path, content: SecretFile | TrustFile, *, private: bool) -> None:
+def _save(file: Path, content: SecretFile | TrustFile | UsedKeys, *, private: bool) -> None:
     data = msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n"
     try:
         file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)

@@ -38,10 +38,10 @@ Command = TypeVar("Command", bound=Callable[..., object])
 
 @dataclass(frozen=True, slots=True)
 class Air:
-    """channel: its address; fleet: its name. key: the owner of ours, None for the development key of this machine;
-    trust: the file of those who are believed, None for the one beside the keys, or for the development keys alone.
-    folder: where keys lie, None for the one in the user's settings. within: s for answers, None: by the roster.
-    journal: the file in which it is written down, None for the fleet's own. skew: s that others' clocks may be wrong;
+    """channel: its address; fleet: its name. key: the owner of ours, None for the one in use, or the development key of
+    this machine; trust: the file of those who are believed, None for the one beside the keys, or for the development
+    keys alone. folder: where keys lie, None for the one in the user's settings. within: s for answers, None: by the
+    roster. journal: the file in which it is written down, None for the fleet's own. skew: s that others' clocks may be wrong;
     rate: signatures of one key that are looked at in a second; None for what is usual."""
 
     channel: str
@@ -70,7 +70,7 @@ def options(command: Command) -> Command:
         ),
         click.option("--keys", "folder", type=click.Path(path_type=Path), help="Where keys lie."),
         click.option("--trust", type=click.Path(path_type=Path), help="The file of keys that are believed."),
-        click.option("--key", metavar="OWNER", help="Whose key is ours; else the development key of this machine."),
+        click.option("--key", metavar="OWNER", help="Whose key is ours; else the one of `keys use`."),
         click.option("--fleet", default=FLEET, show_default=True, help="Messages of other fleets are not heard."),
     ):
         command = option(command)
@@ -250,20 +250,22 @@ def _keys(air: Air, robot: bool, say: Callable[[str], None]) -> tuple[KeyPair, T
         find_key,
         keys_folder,
         load_trust,
+        used_keys,
     )
     from sleepcast.channel.keys import Trust
     from sleepcast.errors import SleepcastError
 
     folder = air.folder or keys_folder()
     file = air.trust or folder / TRUST_FILE
-    if air.key is None and air.trust is None:
+    owner = used_keys(folder).of(robot=robot) if air.key is None else air.key
+    if owner is None and air.trust is None:
         file = folder / DEVELOPMENT_TRUST
         desk, robots = development_keys(folder)
         say(f"development keys of this machine, in {folder}: to try things out; whoever reads them can command")
         pair, trust = (robots if robot else desk), load_trust(file) if file.exists() else Trust()
         trust.merge(Trust((desk.public, robots.public)))
     else:
-        pair = development_keys(folder)[robot] if air.key is None else find_key(folder, air.key)
+        pair = development_keys(folder)[robot] if owner is None else find_key(folder, owner)
         trust = load_trust(file)
 
     def keep(trust: Trust) -> None:

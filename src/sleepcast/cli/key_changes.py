@@ -36,7 +36,7 @@ def on_air_if_asked(command: Command) -> Command:
     for option in (
         click.option("--json", "as_json", is_flag=True, help="Print JSON instead."),
         click.option("--fleet", default=FLEET, show_default=True, help="The fleet that is told."),
-        click.option("--key", metavar="OWNER", help="The commander's key that says so; else the only one here."),
+        click.option("--key", metavar="OWNER", help="The commander's key that says so; else the one in use."),
         click.option("--channel", metavar="URI", help="Tell the robots on this channel, too."),
     ):
         command = option(command)
@@ -44,8 +44,9 @@ def on_air_if_asked(command: Command) -> Command:
 
 
 def commander(folder: Path, owner: str | None) -> KeyPair:
-    """The commander's key that speaks: that of `owner`, or the only one here. Raises MisuseError if there is none."""
-    from sleepcast.channel.keyring import DEVELOPMENT_DESK, KeyFileError, find_key, load_key
+    """The commander's key that speaks: that of `owner`, or the one in use, or the only one here. Raises MisuseError if
+    there is none."""
+    from sleepcast.channel.keyring import DEVELOPMENT_DESK, KeyFileError, find_key, load_key, used_keys
     from sleepcast.channel.keys import Role
     from sleepcast.errors import MisuseError
 
@@ -63,6 +64,8 @@ def commander(folder: Path, owner: str | None) -> KeyPair:
             continue
         if key.public.role is Role.COMMANDER and file.stem == key.public.owner != DEVELOPMENT_DESK:
             here.append(key)
+    used = used_keys(folder).desk
+    here = [key for key in here if key.public.owner == used] or here
     if len(here) != 1:
         there = f"there are {', '.join(key.public.owner for key in here)}" if here else f"there is none in {folder}"
         raise MisuseError(f"only a commander says whom to trust, and {there}: say with --key whose key speaks")

@@ -91,17 +91,56 @@ def list_(folder: Path | None, file: Path | None, as_json: bool) -> int:
     Example:
       sleepcast keys list
     """
+    from sleepcast.channel.keyring import used_keys
+
     folder, file, trust = _opened(folder, file)
-    own = _own(folder)
+    own, used = _own(folder), used_keys(folder)
+    in_use = {key.id for key in trust.keys if key.id in own and key.owner in (used.desk, used.robots)}
     if as_json:
-        put(json.dumps([{**_as_dict(key), "own": key.id in own} for key in trust.keys]))
+        rows = ({**_as_dict(key), "own": key.id in own, "in_use": key.id in in_use} for key in trust.keys)
+        put(json.dumps(list(rows)))
         return 0
     if not trust.keys:
         complain(f"nobody is trusted in {file}: sleepcast keys new makes a key, sleepcast keys trust takes one in")
     width = max((len(key.owner) for key in trust.keys), default=0)
     for key in trust.keys:
-        notes = [note for note, there in (("yours", key.id in own), ("REVOKED", key.revoked)) if there]
+        marks = (("yours", key.id in own), ("in use", key.id in in_use), ("REVOKED", key.revoked))
+        notes = [note for note, there in marks if there]
         put("  ".join((f"{key.owner:<{width}}", f"{key.role:<9}", key.id.hex(), *notes)))
+    return 0
+
+
+@keys.command("use", short_help="Take a key wherever no other is named.")
+@click.argument("owner", required=False)
+@click.option("--development", is_flag=True, help="Take the development keys of this machine again.")
+@FOLDER
+def use(owner: str | None, development: bool, folder: Path | None) -> int:
+    """Take the key of OWNER, which lies here, wherever --key names no other: by `node` and `swarm` if it is a robot's,
+    by the commands of a desk if it is not.
+
+    \b
+    Examples:
+      sleepcast keys use chief
+      sleepcast keys use 'r*'
+      sleepcast keys use --development
+    """
+    from sleepcast.channel.keyring import USED_FILE, find_key, keys_folder, use_development_keys, use_key, used_keys
+
+    folder = folder or keys_folder()
+    if development == (owner is not None):
+        raise MisuseError("say whose key is to be used, or --development")
+    if owner is None:
+        use_development_keys(folder)
+        put("The development keys of this machine are in use again")
+        return 0
+    key = find_key(folder, owner).public
+    use_key(folder, key)
+    robot, used = key.role == "robot", used_keys(folder)
+    who = "node and swarm take" if robot else "the commands of a desk take"
+    put(f"{who} the key of {key.owner} ({key.role}) from now on ({folder / USED_FILE})")
+    if used.of(robot=not robot) is None:
+        others = "desks take" if robot else "node and swarm take"
+        complain(f"{others} the development key as yet, and do not know this one: keys use gives them another, too")
     return 0
 
 

@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 from sleepcast.channel.bodies import TOLD, Look
 from sleepcast.channel.message import Message
+from sleepcast.channel.names import natural
 from sleepcast.errors import SleepcastError, printable
 from sleepcast.language.explain import Explanation
 from sleepcast.language.functions import FUNCTIONS
@@ -239,7 +240,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
     def standing(self) -> str:
         """Who stands although nobody may have said STOP, and why, in a sentence; "" if nobody does."""
         found: dict[str, list[str]] = {}
-        for name in sorted(self._minds, key=lambda name: (len(name), name)):  # r2 before r10
+        for name in sorted(self._minds, key=natural):
             if doubt := self._minds[name].doubt:
                 found.setdefault(doubt, []).append(printable(name))
         told = (

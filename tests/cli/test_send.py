@@ -61,6 +61,31 @@ def test_a_dozen_robots_are_commanded_with_care(channel: str, tmp_path: Path) ->
         assert (stopped.status, told(stopped)["n_silent"], told(stopped)["matched"]) == (1, ROBOTS, [])
 
 
+def test_a_name_that_no_robot_has_is_told_before_anything_is_sent(channel: str, tmp_path: Path) -> None:
+    def on_air(*arguments: str) -> Called:
+        return called(*arguments, "--channel", channel)
+
+    wrong = "(WHEN (> feul 50%) (MARK))"
+    with swarm(3, channel):
+        for asked in (("ask", "feul"), ("send", wrong), ("send", wrong, "--json"), ("ask", "(TUMBEL)")):
+            refused = on_air(*asked)
+            assert (refused.status, refused.out) == (2, ""), asked
+            assert "did you mean" in refused.err
+            assert "none of the 3 robots that told of themselves has " in refused.err
+            assert "nothing was sent. Send it as it is with --anyway" in refused.err
+        insisted = on_air("ask", "feul", "--anyway")
+        assert (insisted.status, "none of them knows the value" in insisted.out) == (0, True)
+        assert told(on_air("send", wrong, "--anyway", "--json"))["n_not_matched"] == 3
+        for typed, said in (("n\r", "so nothing was sent"), ("y\r", "did not match 3")):
+            with terminal(["send", wrong, "--channel", channel], tmp_path) as person:
+                person.wait_for("has feul. Send it all the same?")
+                person.type(typed)
+                person.wait_for(said)
+        assert on_air("ask", "fuel").status == 0
+        assert on_air("send", "(DEFVAR feul 1)", "--all").status == 0
+        assert told(on_air("ask", "feul", "--json"))["n"] == 3, "now they have"
+
+
 def test_what_does_not_go_together(channel: str, capsys: pytest.CaptureFixture[str]) -> None:
     """Misuse of every sort: exit status 2, nothing on standard output, a sentence, and nothing is sent."""
     wrong = {

@@ -80,6 +80,8 @@ def told(command: Command, found: Accounting) -> Iterator[str]:
     if command.kind == ASK and found.values is not None:
         least, mean, greatest = map(format_value, (found.values.least, found.values.mean, found.values.greatest))
         yield f"  {found.values.count} know it: min {least}, mean {mean}, max {greatest}"
+    elif command.kind == ASK and len(found.matched):
+        yield "  none of them knows the value: it is unknown there"
     elif command.kind == "command":
         yield f"  {listed('noted outside it by' if leasing else 'did not match', found.not_matched)}"
     for name in _sorted(found.fault)[:FEW]:

@@ -41,8 +41,8 @@ class Air:
     """channel: its address; fleet: its name. key: the owner of ours, None for the one in use, or the development key of
     this machine; trust: the file of those who are believed, None for the one beside the keys, or for the development
     keys alone. folder: where keys lie, None for the one in the user's settings. within: s for answers, None: by the
-    roster. journal: the file in which it is written down, None for the fleet's own. skew: s that others' clocks may be wrong;
-    rate: signatures of one key that are looked at in a second; None for what is usual."""
+    roster. journal: the file in which it is written down, None for the fleet's own. skew: s that others' clocks may be
+    wrong; rate: signatures of one key that are looked at in a second; None for what is usual."""
 
     channel: str
     fleet: str

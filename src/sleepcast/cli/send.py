@@ -37,6 +37,9 @@ TELL_EVERY = 1.0
 """Seconds between two sentences on how far a STOP has come."""
 
 
+anyway_option = click.option("--anyway", is_flag=True, help="Send it although no robot has a name that is in it.")
+
+
 @click.command("send", cls=NegativeNumbersAllowed, short_help="Send an expression to robots on the air.")
 @click.argument("text")
 @click.option("--standing", is_flag=True, help="It must reach everybody in the end, also those that come later.")
@@ -48,6 +51,7 @@ TELL_EVERY = 1.0
 @click.option("--hold", metavar="S", type=Seconds(0.0, MAX_HOLD), help="Keep driving robots going so long.")
 @click.option("--strict", is_flag=True, help="Send nothing that is only doubtful.")
 @click.option("--blind", is_flag=True, help="Do not ask the robots beforehand who would obey.")
+@anyway_option
 @operator
 def send(
     text: str,
@@ -60,6 +64,7 @@ def send(
     hold: float | None,
     strict: bool,
     blind: bool,
+    anyway: bool,
     air: Air,
     as_json: bool,
 ) -> int:
@@ -72,10 +77,10 @@ def send(
 
     \b
     Examples:
-      sleepcast send '(WHEN (> front_range 1m) (VM 0.2m/s 0.2m/s))'
-      sleepcast send --standing --all '(RULE keep (WHEN (< front_range 10in) (ST)))'
-      sleepcast send --only r7 --hold 10 '(VM 0.2m/s 0.2m/s)'
-      sleepcast send --staged --count 48 '(WHEN (> battery 20%) (GOTO 10m 5m))'
+      sleepcast send '(WHEN (> fuel 50%) (JOIN bravo))'
+      sleepcast send --standing --all '(RULE rest (WHEN (< fuel 10%) (SLEEP)))'
+      sleepcast send --only r7 --hold 10 '(SETQ drive_speed 1m/s)'
+      sleepcast send --staged --count 48 '(WHEN (> fuel 20%) (GOTO 10mi 5mi))'
     """
     from sleepcast.station.audience import Audience
     from sleepcast.station.settling import CountNeededError, Draft
@@ -91,8 +96,9 @@ def send(
         if not blind:
             _refuse_early(station, draft)
             _ask_first(station, looker, text)
-        for finding in station.check(text).warnings if looker.minds else ():
-            complain(finding.render(text))
+        warn(station, looker, text)
+        if not (blind or anyway):
+            refuse_unknown(station, looker, text, as_json)
         complain(foreseen(station.foresee(text, only=audience.only)))
         try:
             station.settle(draft)
@@ -104,6 +110,24 @@ def send(
         if hold is not None:
             station.wait(hold)
         return status
+
+
+def warn(station: AirStation, looker: Looker, text: str) -> None:
+    """Tell what the checker doubts, in the names of the robots that told of themselves."""
+    for finding in station.check(text).warnings if looker.minds else ():
+        complain(finding.render(text))
+
+
+def refuse_unknown(station: AirStation, looker: Looker, text: str, as_json: bool) -> None:
+    """Let the desk refuse names that no robot has, where all have told their names; a person may insist."""
+    from sleepcast.station.settling import UnknownNameError
+
+    names, robots = station.check(text).unknown, len(looker.minds) if looker.minds.complete else 0
+    if not (names and robots):
+        return
+    person = not as_json and sys.stdin is not None and sys.stdin.isatty()
+    if not (person and click.confirm(f"{UnknownNameError(names, robots).why}. Send it all the same?", err=True)):
+        station.caution = replace(station.caution, known=robots)
 
 
 def _refuse_early(station: AirStation, draft: Draft) -> None:
@@ -175,16 +199,23 @@ def _typed(error: Exception) -> int:
 
 @click.command("ask", cls=NegativeNumbersAllowed, short_help="Ask robots on the air for a value.")
 @click.argument("text")
+@anyway_option
 @operator
-def ask(text: str, air: Air, as_json: bool) -> int:
+def ask(text: str, anyway: bool, air: Air, as_json: bool) -> int:
     """Ask every robot for the value of an expression, which changes nothing: how many answer, the least, the mean and
-    the greatest value, and how they are spread.
+    the greatest value, and how they are spread. Robots are asked for their names first, if one in it is not known here.
 
     \b
     Examples:
-      sleepcast ask battery
+      sleepcast ask fuel
+      sleepcast ask '(DIST x y 0 0)' --json
     """
-    with station_for(air, complain) as station:
+    with looking_for(air, complain) as (station, looker):
+        if not anyway and station.check(text).unknown:
+            look_around(station, looker, patience=AHEAD)
+        warn(station, looker, text)
+        if not anyway:
+            refuse_unknown(station, looker, text, as_json)
         return gathered(station, station.ask(text), PATIENCE, as_json)
 
 

@@ -36,12 +36,14 @@ MAX_SUGGESTIONS = 20
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something wrong ("error") or doubtful ("warning") at the offsets start..end of the checked text."""
+    """Something wrong ("error") or doubtful ("warning") at the offsets start..end of the checked text. unknown: the
+    name that nobody has declared, if it is about that."""
 
     severity: str
     message: str
     start: int
     end: int
+    unknown: str = ""
 
     def render(self, text: str) -> str:
         """The message, the line it is about, and carets under the spot."""
@@ -83,12 +85,17 @@ class Checker:
         self._find("error", message, form)
         return Part("const", form, number=nan)
 
-    def warn(self, message: str, form: Form) -> None:
-        """Note a warning at `form`."""
-        self._find("warning", message, form)
+    def warn(self, message: str, form: Form, unknown: str = "") -> None:
+        """Note a warning at `form`. unknown: see `Finding`."""
+        self._find("warning", message, form, unknown)
 
-    def _find(self, severity: str, message: str, form: Form) -> None:
-        self.findings.append(Finding(severity, placed(message, self.text, form.start), form.start, form.end))
+    def unknown(self, what: str, symbol: Symbol) -> None:
+        """Note that nobody has declared a name. what: the sort of it."""
+        self.warn(f'unknown {what} "{symbol.text}" @@{self.suggestion(symbol.text)}', symbol, symbol.text)
+
+    def _find(self, severity: str, message: str, form: Form, unknown: str = "") -> None:
+        found = Finding(severity, placed(message, self.text, form.start), form.start, form.end, unknown)
+        self.findings.append(found)
 
     def suggestion(self, name: str) -> str:
         """` (did you mean X?)` out of every name that this robot knows, for the first unknown names of a text."""
@@ -200,7 +207,7 @@ class Checker:
             return self.error(f"{symbol.text} @@ is a group: write (IN {symbol.text})", symbol)
         if sort == "operator":
             return self.error(f"{symbol.text} @@ is an operator: write ({symbol.text} ...)", symbol)
-        self.warn(f'unknown name "{symbol.text}" @@{self.suggestion(symbol.text)}', symbol)
+        self.unknown("name", symbol)
         return Part("absent", symbol, name=symbol.key)
 
     def _call(self, form: List) -> Part:
@@ -276,7 +283,7 @@ class Checker:
 
     def _missing(self, form: List, head: Symbol) -> Part:
         self.uses.add(head.key)
-        self.warn(f'unknown function "{head.text}" @@{self.suggestion(head.text)}', head)
+        self.unknown("function", head)
         self.parts(form.items[1:])
         return Part("missing", form, name=head.text)
 

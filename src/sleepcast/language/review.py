@@ -38,6 +38,11 @@ class Checked:
     def warnings(self) -> list[Finding]:
         return [finding for finding in self.findings if finding.severity == "warning"]
 
+    @property
+    def unknown(self) -> list[str]:
+        """The names that nobody has declared, each once."""
+        return list(dict.fromkeys(finding.unknown for finding in self.findings if finding.unknown))
+
     def required(self) -> Program:
         """The program. Raises CheckError with every error if there is none."""
         if self.program is None:

@@ -250,7 +250,7 @@ def _rule_key(checker: Checker, target: Form) -> str:
         return f"e{number}"
     meaning = checker.meaning(target.key)
     if meaning is None:
-        checker.warn(f'unknown rule "{target.text}" @@{checker.suggestion(target.text)}', target)
+        checker.unknown("rule", target)
     elif meaning not in ("rule", "operator"):
         checker.error(f"{target.text} @@ is a {meaning}, not a rule", target)
     return target.key

@@ -39,6 +39,7 @@ from sleepcast.station.settling import (
     Draft,
     Foreseen,
     Settled,
+    UnknownNameError,
     settle_address,
     settle_count,
     settle_sort,
@@ -128,6 +129,8 @@ class Station(Hearing):
         program = checked.required()
         if self.caution.strict and checked.findings:
             raise CheckError(list(checked.findings), text)
+        if self.caution.known and checked.unknown:
+            raise UnknownNameError(checked.unknown, self.caution.known)
         return program
 
     # ---- sending

@@ -237,6 +237,11 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         """Every name that any robot has learned, as written."""
         return {name: None for mind in self._minds.values() for name in mind.heard()}
 
+    @property
+    def complete(self) -> bool:
+        """Whether every robot that told of itself has told all the names that it knows."""
+        return not self._waiting and all(mind.learned is not None for mind in self._minds.values())
+
     def standing(self) -> str:
         """Who stands although nobody may have said STOP, and why, in a sentence; "" if nobody does."""
         found: dict[str, list[str]] = {}

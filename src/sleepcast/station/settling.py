@@ -52,14 +52,24 @@ class CountNeededError(MisuseError):
         super().__init__(f"{why}: {may or 'nobody'} may obey, {said}. {right}")
 
 
+class UnknownNameError(MisuseError):
+    """A text with names that none of the robots has that told of themselves. why: the same in a sentence."""
+
+    def __init__(self, names: Sequence[str], robots: int) -> None:
+        self.why = f"none of the {robots} robots that told of themselves has {' or '.join(names)}"
+        super().__init__(f"{self.why}, so nothing was sent. Send it as it is with --anyway")
+
+
 @dataclass(frozen=True, slots=True)
 class Caution:
     """When a desk asks how many are meant. above: more than so many that may obey, None for never; irreversible: a form
-    that cannot be undone. strict: whether it refuses what is only doubtful (warnings)."""
+    that cannot be undone. strict: whether it refuses what is only doubtful (warnings); known: how many robots have told
+    all their names, where it refuses other names, 0 where it does not."""
 
     above: int | None = None
     irreversible: bool = False
     strict: bool = False
+    known: int = 0
 
 
 @dataclass(frozen=True, slots=True)

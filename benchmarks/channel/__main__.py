@@ -2,9 +2,9 @@
 
     python -m benchmarks.channel [PROOF ...] [--quick] [--json]
 
-Proofs: rewrite, catch_up, once, census, stop, forgery, drops, flood, latency; without any, all of them. Hosts are
-network namespaces joined by a bridge, each with losses of its own (`lab`); everything is measured in this one run.
-Nobody need be root.
+Proofs: rewrite, catch_up, once, census, stop, forgery, drops, amplification, flood, latency; without any, all of
+them. Hosts are network namespaces joined by a bridge, each with losses of its own (`lab`); everything is measured in
+this one run. Nobody need be root.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 
 from benchmarks.channel import proofs
+from benchmarks.channel.amplification import amplification
 from benchmarks.channel.drops import drops
 from benchmarks.channel.flood import flood
 from benchmarks.channel.fuzz import DATAGRAMS, fuzz
@@ -53,6 +54,7 @@ FULL: dict[str, Callable[[], Proof]] = {
     "stop": lambda: proofs.stop(Size(20, 50, 100)),
     "forgery": lambda: forgery(DATAGRAMS),
     "drops": lambda: drops(20_000),
+    "amplification": lambda: amplification(60.0),
     "flood": lambda: flood(10, 3, 20),
     "latency": lambda: latency(100, 2, 150),
 }
@@ -64,6 +66,7 @@ QUICK: dict[str, Callable[[], Proof]] = {
     "stop": lambda: proofs.stop(Size(4, 5, 2)),
     "forgery": lambda: forgery(100_000),
     "drops": lambda: drops(500),
+    "amplification": lambda: amplification(5.0),
     "flood": lambda: flood(10, 2, 2),
     "latency": lambda: latency(20, 2, 30),
 }

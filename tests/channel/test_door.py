@@ -24,8 +24,9 @@ from sleepcast.channel.door import (
     Drop,
     Entered,
 )
-from sleepcast.channel.envelope import HEAD, encode
+from sleepcast.channel.envelope import HEAD, PAYLOAD_AT, SIGNATURE_HEAD, encode, look, signed_bytes
 from sleepcast.channel.keys import ID_BYTES, KeyPair, KeyRefusal, Role, Trust
+from sleepcast.channel.message import MAX_TEXT
 from sleepcast.clock import ManualClock
 
 DESK = KeyPair("desk", Role.OPERATOR, b"d" * 32)
@@ -34,6 +35,8 @@ WATCH = KeyPair("watch", Role.OBSERVER, b"w" * 32)
 ROBOTS = KeyPair("r*", Role.ROBOT, b"r" * 32)
 STRANGER = KeyPair("desk", Role.COMMANDER, b"s" * 32)
 NOW = 1_000.0
+SEQUENCE_AT = 13
+"""Where a message's number lies in what is signed: after its epoch, with its own head."""
 
 
 def trust() -> Trust:
@@ -238,6 +241,32 @@ def test_long_messages_that_are_never_completed_take_bounded_room() -> None:
     assert len(here._open) <= MAX_OPEN
     datagrams = parts_of("y" * 5_000, 10 * MAX_OPEN)
     assert [heard.message.text for heard in map(here.enter, datagrams) if heard] == ["y" * 5_000]
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_flood_of_messages_in_96_parts_pushes_out_no_long_message_of_others(known: bool) -> None:
+    """An observer's, well signed, of which no one is ever complete; and forged ones of the desk's own key."""
+    here, text = door(rate=1e9), "y" * 5_000
+    first, *others = parts_of(text)
+    assert here.enter(first) is None
+    asked = encode(message(1, sender="watch", kind=Kind.ASK, text="\N{SNOWMAN}" * MAX_TEXT), "lab", WATCH)
+    for sequence in range(20 * MAX_OPEN):
+        if known:
+            flood = replaced(asked[sequence % len(asked)], sequence, WATCH)
+        else:
+            flood = replaced(asked[sequence % len(asked)], sequence, STRANGER, DESK.id)
+        assert here.enter(flood) is None
+    assert here.counts[Drop.FORGED] == (0 if known else 20 * MAX_OPEN)
+    assert len(here._open) == (MAX_OPEN if known else 1)
+    assert [heard.message.text for heard in map(here.enter, others) if heard] == [text]
+
+
+def replaced(datagram: bytes, sequence: int, key: KeyPair, named: bytes = b"") -> bytes:
+    """The part of another message, signed with this key. named: the id that it says instead."""
+    payload = bytearray(look(datagram).payload)
+    payload[SEQUENCE_AT : SEQUENCE_AT + 8] = (sequence + 1_000).to_bytes(8, "big")
+    head = datagram[: len(HEAD)] + (named or key.id) + datagram[PAYLOAD_AT - 3 : PAYLOAD_AT]
+    return head + payload + SIGNATURE_HEAD + key.sign(signed_bytes(bytes(payload)))
 
 
 @given(st.lists(st.tuples(st.integers(0, 2), st.integers(0, 3 * WINDOW)), min_size=1, max_size=60))

@@ -8,7 +8,7 @@ flood chance decides which are looked at (`Budget`), so a STOP, which is repeate
 
 from __future__ import annotations
 
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from random import Random
@@ -30,7 +30,7 @@ WHOLE_WINDOW = (1 << WINDOW) - 1
 MAX_SENDERS = 16_384
 """Senders, in each of their epochs, whose numbers are remembered; the one that was silent longest is forgotten."""
 MAX_OPEN = 64
-"""Long messages that wait for their other parts, of all senders together."""
+"""Long messages that wait for their other parts, of all senders together; seven megabytes at most."""
 VERIFIED_A_SECOND = 200.0
 """Signatures of one key that a robot looks at in a second, unless another rate is given."""
 VERIFIED_BY_OPERATOR = 4_000.0
@@ -275,7 +275,7 @@ class Door:
             waiting.pieces[part.number] = content, datagram
             if len(waiting.pieces) < part.parts:
                 if len(self._open) > MAX_OPEN:
-                    self._open.popitem(last=False)
+                    self._make_room()
                 return None
             del self._open[which]
             contents, datagrams = zip(*(waiting.pieces[number] for number in range(part.parts)), strict=True)
@@ -288,6 +288,13 @@ class Door:
         if not part.standing:
             self.note(part.key, piece.sender, part.epoch, part.sequence, lasting=part.kind in LASTING)
         return Entered(message, datagrams)
+
+    def _make_room(self) -> None:
+        """The oldest one goes of the long messages that wait, of the key that has most of them: whoever begins many
+        pushes out his own."""
+        waiting = Counter(key for key, *_ in self._open)
+        most = max(waiting.values())
+        del self._open[next(which for which in self._open if waiting[which[0]] == most)]
 
     def note(self, key: bytes, sender: str, epoch: int, sequence: int, *, lasting: bool = False) -> None:
         """This message is no news any more, whoever sends it again; so is what we have said ourselves. lasting: whether

@@ -81,7 +81,7 @@ def test_robots_on_the_air_obey_answer_and_are_missed(home: Path, served: Served
         assert (rule["matched"], rule["silent"]) == (["r1", "r2"], [])
         told = account(channel, "send", "(WHEN (> id 1) (SETQ drive_turn 0.3))")
         assert (told["matched"], told["not_matched"], told["fault"]) == (["r2"], ["r1"], [])
-        assert account(channel, "send", "(WHEN (FOO 1) (ST))")["fault"] == ["r1", "r2"]
+        assert account(channel, "send", "--anyway", "(WHEN (FOO 1) (ST))")["fault"] == ["r1", "r2"]
         asked = account(channel, "ask", "id")
         assert [asked[key] for key in ("n", "min", "mean", "max")] == [2, 1.0, 1.5, 2.0]
         assert account(channel, "stop")["matched"] == ["r1", "r2"]

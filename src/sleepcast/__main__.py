@@ -4,6 +4,7 @@ The command's libraries take a moment to load. Ctrl-C ends the process on the sp
 the middle of an import, it would come out as a traceback, or be swallowed.
 """
 
+import gc
 import os
 import signal
 import sys
@@ -20,7 +21,9 @@ def start() -> int:
 
     if ours:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    return main()
+    status = main()
+    gc.freeze()  # nobody looks for garbage at the end: all of it goes anyway, and after a run the search takes longest
+    return status
 
 
 if __name__ == "__main__":

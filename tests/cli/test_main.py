@@ -166,3 +166,32 @@ def test_any_label_prints_whatever_the_encoding() -> None:
     assert done.stdout == b"1\nUNKNOWN\n"
     assert b"gr\\xf6\\xdfe: 1" in done.stderr
     assert b"Traceback" not in done.stderr
+
+
+ENDING = """
+import atexit, gc, sys
+from sleepcast.__main__ import start
+
+atexit.register(lambda: print(gc.get_freeze_count() > 1_000))
+sys.argv[1:] = ["eval", "(+ 1 2)"]
+sys.exit(start())
+"""
+
+
+def test_nobody_looks_for_garbage_at_the_end() -> None:
+    """Of a process that has simulated it takes a quarter of a second."""
+    done = subprocess.run([sys.executable, "-c", ENDING], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("3\nTrue\n", "")
+
+
+HEADLESS = """
+import sys
+import sleepcast.cli.headless
+heavy = {"nacl", "cbor2", "rich", "prompt_toolkit", "starlette", "uvicorn", "mcap", "numba", "llvmlite"}
+print(sorted(heavy & sys.modules.keys()), [name for name in sys.modules if name.startswith("sleepcast.node")])
+"""
+
+
+def test_a_run_without_a_page_loads_neither_nodes_nor_what_others_need() -> None:
+    done = subprocess.run([sys.executable, "-c", HEADLESS], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("[] []\n", "")

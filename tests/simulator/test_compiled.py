@@ -30,6 +30,18 @@ print(kernels.__file__, *kernels.begin.stats.cache_misses.values())
 """
 
 
+LOAD_THEN_COMPILE = (
+    CALL
+    + """
+import sys
+print("numba.np.linalg" in sys.modules)  # which only compiling takes
+order = np.zeros(3, np.int32)
+kernels.place(np.array([0, 2, 0], np.int32), 0, 3, np.array([0, 2, 2], np.int32), order)
+print(order.tolist(), *kernels.place.stats.cache_misses.values())
+"""
+)
+
+
 def misses(package: Path, caches: Path) -> int:
     """How often a process with this package compiles a small kernel."""
     environment = {
@@ -55,6 +67,16 @@ def test_kernels_of_one_installation_serve_another_one(tmp_path: Path) -> None:
         file.write("\n# changed\n")
     assert misses(copy, caches) == 1
     assert misses(SOURCE, caches) == 0
+
+
+def test_a_kernel_is_loaded_without_what_compiling_takes_and_another_one_compiled_after_it(tmp_path: Path) -> None:
+    assert misses(SOURCE, tmp_path) == 1
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", LOAD_THEN_COMPILE], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[1:] == ["False", "[0, 2, 1] 1"]
 
 
 @pytest.mark.parametrize("hindrance", ["a file where the folder should be", "damage"])

@@ -1,10 +1,18 @@
 """The loop owns time: of a simulated swarm, which can be put away between two ticks, to go on later; and of a mind with
 a real body."""
 
-from sleepcast.loop.crew import Crew, Member
-from sleepcast.loop.real import Watch, run_robot, step_robot
+from importlib import import_module
+from typing import TYPE_CHECKING
+
 from sleepcast.loop.snapshots import SnapshotError, load, resume, save, snapshot
 from sleepcast.loop.swarm import LONGEST_CATCH_UP, MAX_MINDS, Desk, Pace, Swarm, Witness, step_swarm, vocabulary_of
+
+if TYPE_CHECKING:
+    from sleepcast.loop.crew import Crew, Member
+    from sleepcast.loop.real import Watch, run_robot, step_robot
+
+_LATER = {"Crew": "crew", "Member": "crew", "Watch": "real", "run_robot": "real", "step_robot": "real"}
+"""What takes nodes and the air, and where it is: a simulated swarm starts without."""
 
 __all__ = [
     "LONGEST_CATCH_UP",
@@ -26,3 +34,9 @@ __all__ = [
     "step_swarm",
     "vocabulary_of",
 ]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_LATER[name]}"), name)

@@ -25,6 +25,7 @@ from numba.core import serialize, types
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.registry import cpu_target
+from numba.core.runtime.nrt import rtsys
 from numba.extending import overload, register_jitable
 
 from sleepcast.code_cache import CodeCache
@@ -64,7 +65,7 @@ class KernelCache(NullCache):
         kept = CACHE.load(self._name(sig))
         if kept is None:
             return None
-        target_context.refresh()
+        rtsys.initialize(target_context)  # and no more: all that compiling takes would take four times as long
         types_kept, payload = pickle.loads(kept)
         rebuild: Any = CompileResult._rebuild
         return rebuild(target_context, *payload) if types_kept == sig else None

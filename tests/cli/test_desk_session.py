@@ -172,6 +172,25 @@ def test_many_are_counted_by_hand() -> None:
     assert session.pending is None, "STOP ends all that waits"
 
 
+def test_what_is_hardly_meant_is_entered_twice(seat: Seat) -> None:
+    session, doubted = seat.session, "(WHEN (> id 0) (> id 1) (DRIVE 1))"
+    sent = len(seat.kinds())
+    assert not session.enter(doubted), "the text stays typed"
+    assert session.wrong
+    assert session.said.startswith(
+        "(> id 1) at 1:16 decides nothing: its value goes nowhere (did you mean (AND (> id 0)"
+    )
+    assert session.said.endswith("Press Enter once more to send it as it stands")
+    session.address("r2")
+    assert not session.enter(doubted), "to somebody else it is another command"
+    assert not session.enter("(WHEN (> id 0) (> id 5) (DRIVE 1))")
+    assert not session.enter(doubted)
+    assert len(seat.kinds()) == sent
+    assert session.enter(doubted)
+    assert len(seat.kinds()) == sent + 1
+    assert not session.enter(doubted), "confirmed once is not confirmed for ever"
+
+
 def test_stages_go_on_while_all_goes_well() -> None:
     seat = Seat(12)
     session = seat.session

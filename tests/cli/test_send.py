@@ -17,6 +17,7 @@ __all__ = ["channel"]
 
 ROBOTS = 12
 MARK = "(WHEN (> id 0) (MARK))"
+DOUBTED = "(WHEN (> id 0) (> id 6) (MARK))"
 
 
 def told(found: Called) -> dict[str, Any]:
@@ -36,6 +37,17 @@ def test_a_dozen_robots_are_commanded_with_care(channel: str, tmp_path: Path) ->
             person.wait_for("would obey 12: r1, r2, r3")
             person.wait_for("Robots that are meant:")
             person.type("12\r")
+            person.wait_for("matched 12")
+            assert person.status() == 0
+        doubted = on_air("send", "--count", "12", DOUBTED)
+        assert (doubted.status, doubted.out) == (2, "")
+        assert "(did you mean (AND (> id 0) (> id 6))?)" in doubted.err
+        assert "Nothing was sent" in doubted.err
+        assert told(on_air("send", "--anyway", "--count", "12", DOUBTED, "--json"))["n_matched"] == ROBOTS
+        with terminal(["send", DOUBTED, "--count", "12", "--channel", channel], tmp_path) as person:
+            person.wait_for("did you mean (AND (> id 0) (> id 6))?")
+            person.wait_for("Send it as it stands?")
+            person.type("y\r")
             person.wait_for("matched 12")
             assert person.status() == 0
         staged = told(on_air("send", "--staged", "--count", "12", MARK, "--json"))

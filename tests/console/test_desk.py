@@ -17,7 +17,7 @@ from sleepcast.console.ledger import MOST_ROWS
 from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.loop import Pace, Swarm
 from sleepcast.simulator import Wall
-from sleepcast.station import FAULT, MATCHED, NO, NOT_MATCHED, SILENT, UNKNOWN, YES, Station
+from sleepcast.station import FAULT, MATCHED, NO, NOT_MATCHED, SILENT, UNKNOWN, YES, Caution, DoubtError, Station
 from small_worlds import simulator
 
 FULL = "(WHEN (> battery 60%) (JOIN crew))"
@@ -43,7 +43,7 @@ class Stand:
 @pytest.fixture
 def stand(tmp_path: Path) -> Stand:
     swarm = Swarm(simulator(tmp_path))
-    swarm.desk = station = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm)
+    swarm.desk = station = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm, caution=Caution(doubts=True))
     clock = ManualClock()
     on_page = SwarmOnPage(swarm)
     found = Stand(swarm, station, clock, Desk(on_page, station, Driver(on_page, Pace(clock, swarm, 1.0), clock), clock))
@@ -112,6 +112,15 @@ class TestSending:
             stand.desk.send(1, "(MARK)", False)
         assert stand.desk.commands().rows == []
         stand.desk.send(1, "(MARK)", True)
+        stand.run()
+        assert stand.desk.commands().rows[-1].matched == 20
+
+    def test_what_is_hardly_meant_is_sent_when_it_is_confirmed(self, stand: Stand) -> None:
+        doubted = "(WHEN (> battery 1%) (> battery 200%) (MARK))"
+        with pytest.raises(DoubtError):
+            stand.desk.send(1, doubted, False)
+        assert stand.desk.commands().rows == []
+        stand.desk.send(1, doubted, False, confirmed=True)
         stand.run()
         assert stand.desk.commands().rows[-1].matched == 20
 

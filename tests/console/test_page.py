@@ -334,6 +334,18 @@ def test_what_is_for_everybody_must_be_meant(rovers: Page) -> None:
     expect(box).not_to_be_checked()  # meant once is not meant for ever
 
 
+def test_what_is_hardly_meant_is_sent_by_a_second_enter(rovers: Page) -> None:
+    before = rovers.locator("#commands tr").count()
+    type_in(rovers, "(WHEN (> battery 1%) (< battery 101%) (MARK))")
+    previewed(rovers, "20")
+    rovers.locator("#text").press("Enter")
+    expect(rovers.locator("#findings")).to_contain_text("Press Enter once more to send it as it stands.")
+    expect(rovers.locator("#findings")).to_contain_text("did you mean (AND (> battery 1%) (< battery 101%))?")
+    assert rovers.locator("#commands tr").count() == before
+    row = send(rovers)
+    expect(row.locator(".matched")).to_have_text("20")
+
+
 def test_a_question_is_asked_from_the_keyboard_and_changes_nothing(rovers: Page) -> None:
     before = rovers.locator("#commands tr").count()
     type_in(rovers, "(PROGN (JOIN asked) battery)")

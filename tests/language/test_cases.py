@@ -11,7 +11,7 @@ pytestmark = pytest.mark.usefixtures("rules_elsewhere")
 BLOCKS = blocks()
 FEWEST = 300
 TOPICS = {
-    "arithmetic", "assignment", "body", "boolean", "bounds", "buffers", "chance", "comparison", "control",
+    "arithmetic", "assignment", "body", "boolean", "bounds", "buffers", "chance", "comparison", "control", "doubts",
     "errors", "faults", "groups", "operators", "rules", "speaking", "support", "units",
 }  # fmt: skip
 

@@ -8,7 +8,7 @@ from safety.scene import Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.bodies import FOR, NOT
 from sleepcast.language import CheckError
-from sleepcast.station import AddressError, CountNeededError, NobodyHeardError, SortError, UnknownRobotError
+from sleepcast.station import AddressError, CountNeededError, DoubtError, NobodyHeardError, SortError, UnknownRobotError
 from sleepcast.station.aired import ABOVE, AirStation
 from sleepcast.station.audience import MAX_LISTED, AudienceError
 from sleepcast.station.settling import Caution, Draft
@@ -177,6 +177,25 @@ def test_a_desk_may_be_strict() -> None:
     with pytest.raises(CheckError):
         desk.send("(WHEN (> fuel 50) (DRIVE 1))")
     desk.send("(WHEN (> fuel 20%) (DRIVE 1))")
+    scene.run(0.5)
+    assert driven(scene) == set(scene.fleet)
+
+
+DOUBTED = "(WHEN (> fuel 1%) (> x 50m) (DRIVE 1))"
+
+
+def test_what_is_hardly_meant_is_sent_only_when_it_is_confirmed() -> None:
+    """A comparison whose value goes nowhere lets every robot through."""
+    scene = Scene()
+    desk = scene.desk()
+    before = sends_nothing(desk)
+    with pytest.raises(DoubtError, match=r"\(AND \(> fuel 1%\) \(> x 50m\)\)") as refused:
+        desk.send(DOUBTED)
+    assert "^" * len("(> x 50m)") in str(refused.value)
+    scene.run(0.3)
+    assert sends_nothing(desk) == before
+    desk.ask(DOUBTED)  # a question changes nothing
+    desk.send(DOUBTED, confirmed=True)
     scene.run(0.5)
     assert driven(scene) == set(scene.fleet)
 

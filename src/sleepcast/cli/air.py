@@ -141,7 +141,7 @@ def looking_for(air: Air, say: Callable[[str], None], *, strict: bool = False) -
             minds,
             heard=contacts.heard,
             journal=journal,
-            caution=Caution(ABOVE, irreversible=True, strict=strict),
+            caution=Caution(ABOVE, irreversible=True, strict=strict, doubts=True),
             within=air.within,
         )
         looker = Looker(station, minds)

@@ -31,7 +31,7 @@ from sleepcast.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.language import ReadError, read
 from sleepcast.language.vocabulary import Variable
 from sleepcast.station.preview import NO, UNKNOWN, YES
-from sleepcast.station.settling import AddressError, CountNeededError, Draft
+from sleepcast.station.settling import AddressError, CountNeededError, DoubtError, Draft
 
 if TYPE_CHECKING:
     from sleepcast.station.accounting import Command
@@ -78,6 +78,7 @@ class Session:
         station.holding = True  # somebody sits here: robots that are driven go on
         self._looked = -inf
         self._asked_why: tuple[Command, str] | None = None
+        self._doubted: Request | None = None
         self._pressed: tuple[str, float] = ("", -inf)
         self._foreseen: tuple[tuple[str, Addressee, Sort, int] | None, Foresight] = (None, Foresight())
         self._rested = -inf
@@ -218,6 +219,8 @@ class Session:
         """What Enter does with a text; gives whether it is dealt with, so that the prompt can be emptied."""
         text, pending = text.strip(), self.pending
         self.said, self.pending = "", None
+        doubted, self._doubted = self._doubted, None
+        request = Request(text, self.sort, self.to)
         try:
             if pending is not None:
                 if text == str(pending.may):
@@ -227,9 +230,13 @@ class Session:
             elif text.startswith(":"):
                 self._obey(text)
             elif text:
-                self._send(Request(text, self.sort, self.to))
+                self._send(replace(request, confirmed=request == doubted))
         except AddressError as error:
             self.complain(f"{error}. Shift-Tab lets it go to all")
+            return False
+        except DoubtError as error:
+            self._doubted = request
+            self.complain(f"{error.why}. Press Enter once more to send it as it stands")
             return False
         except SleepcastError as error:
             self.complain(str(error))
@@ -241,18 +248,30 @@ class Session:
         if self.staging is not None:
             raise MisuseError("a command is still sent in stages: wait until that is over, or stop the robots")
         only = [to.robot] if to.robot else None
-        self.station.check(request.text).required()  # its carets stand under what was typed, without what is put before
+        checked = self.station.check(request.text)  # places are of what was typed, without what is put before
+        checked.required()
         text = to.wrapped(request.text, request.sort)
         if request.sort is Sort.ASK:
             self.station.ask(text, only=only)
             return
+        if checked.doubts and not request.confirmed:
+            raise DoubtError(checked)
         standing = request.sort is Sort.STANDING
         try:
             if request.sort is Sort.STAGED and not to.robot:
-                self.staging = Staging(self.station, Draft(text, everybody=to.everybody, count=request.count))
+                self.staging = Staging(
+                    self.station, Draft(text, everybody=to.everybody, count=request.count, confirmed=request.confirmed)
+                )
                 self.say(self.staging.said)
                 return
-            self.station.send(text, standing=standing, everybody=to.everybody, count=request.count, only=only)
+            self.station.send(
+                text,
+                standing=standing,
+                everybody=to.everybody,
+                count=request.count,
+                only=only,
+                confirmed=request.confirmed,
+            )
         except CountNeededError as error:
             self.pending = replace(request, may=error.may)
             self.say(f"{error.why}: {_robots(error.may)} may obey. Type {error.may} to send it, anything else not to")

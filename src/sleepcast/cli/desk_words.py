@@ -62,13 +62,15 @@ class Foresight:
 @dataclass(frozen=True, slots=True)
 class Request:
     """A text that is to be sent. count: how many robots are meant, once its sender has typed that; may: how many may
-    obey, where that has to be typed first."""
+    obey, where that has to be typed first. confirmed: whether it was entered twice, since the first time it was
+    doubted."""
 
     text: str
     sort: Sort
     to: Addressee
     count: int | None = None
     may: int | None = None
+    confirmed: bool = False
 
 
 def spot_in(checked: Checked) -> Spot | None:
@@ -85,7 +87,8 @@ QUESTIONS = ("to", "show", "why", "look", "hold", "help", "quit")
 HELP = """
 F9 or Ctrl-X  STOP every robot: at once, and again until each is accounted for
 F7 twice      RELEASE: end STOP; nothing that was asked before resumes by itself
-Enter         send what is typed, once its parentheses are closed
+Enter         send what is typed, once its parentheses are closed; once more where
+              it is hardly meant as it stands
 Tab           complete a name; with nothing typed, to whom: as it is written,
               all, each group, what :to has named (Shift-Tab at any time)
 F3            once: obeyed within 5 s or never; staged: one robot, a tenth, all,

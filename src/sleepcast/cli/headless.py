@@ -17,7 +17,7 @@ from sleepcast.cli.streams import complain
 from sleepcast.errors import MisuseError
 from sleepcast.loop import Swarm, load, resume
 from sleepcast.simulator import Scenario, Simulator, rehearse
-from sleepcast.station import Journal, Station
+from sleepcast.station import Caution, Journal, Station
 
 if TYPE_CHECKING:
     from sleepcast.cli.recording import Wanted
@@ -55,7 +55,7 @@ def assemble_from(
 
 def desk_of(swarm: Swarm, journal: Journal | None = None) -> Station:
     """The operator's desk for a swarm."""
-    return Station(swarm.vocabulary, swarm.minds, swarm.post, swarm, journal=journal)
+    return Station(swarm.vocabulary, swarm.minds, swarm.post, swarm, journal=journal, caution=Caution(doubts=True))
 
 
 def warm_up(scenario: Scenario, threads: int | None) -> None:

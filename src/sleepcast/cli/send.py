@@ -37,7 +37,9 @@ TELL_EVERY = 1.0
 """Seconds between two sentences on how far a STOP has come."""
 
 
-anyway_option = click.option("--anyway", is_flag=True, help="Send it although no robot has a name that is in it.")
+anyway_option = click.option(
+    "--anyway", is_flag=True, help="Send it although no robot has a name in it, or it is hardly meant so."
+)
 
 
 @click.command("send", cls=NegativeNumbersAllowed, short_help="Send an expression to robots on the air.")
@@ -72,8 +74,9 @@ def send(
     where it went wrong, and who said nothing.
 
     Robots are asked first who would obey. Where more than ten may, or the expression cannot be undone, their number
-    must be typed, or said with --count. A robot that drives stops by itself when it hears nobody for a second; --hold
-    keeps it going until so many seconds are over, or Ctrl-C.
+    must be typed, or said with --count. What is hardly meant as it stands (a comparison whose value goes nowhere, a
+    PROB of 50) must be confirmed, or sent with --anyway. A robot that drives stops by itself when it hears nobody for a
+    second; --hold keeps it going until so many seconds are over, or Ctrl-C.
 
     \b
     Examples:
@@ -90,7 +93,7 @@ def send(
     audience = Audience(None if only is None else only.replace(",", " ").split())
     if audience.only == []:
         raise click.UsageError("--only names nobody: wanted robots, as in --only r1,r2")
-    draft = Draft(text, standing, deadline, everybody, count, audience)
+    draft = Draft(text, standing, deadline, everybody, count, audience, anyway)
     with looking_for(air, complain, strict=strict) as (station, looker):
         station.holding = hold is not None
         if not blind:
@@ -99,6 +102,7 @@ def send(
         warn(station, looker, text)
         if not (blind or anyway):
             refuse_unknown(station, looker, text, as_json)
+        draft = _confirmed(station, looker, draft, as_json)
         complain(foreseen(station.foresee(text, only=audience.only)))
         try:
             station.settle(draft)
@@ -125,9 +129,25 @@ def refuse_unknown(station: AirStation, looker: Looker, text: str, as_json: bool
     names, robots = station.check(text).unknown, len(looker.minds) if looker.minds.complete else 0
     if not (names and robots):
         return
-    person = not as_json and sys.stdin is not None and sys.stdin.isatty()
+    person = not as_json and _somebody_there()
     if not (person and click.confirm(f"{UnknownNameError(names, robots).why}. Send it all the same?", err=True)):
         station.caution = replace(station.caution, known=robots)
+
+
+def _confirmed(station: AirStation, looker: Looker, draft: Draft, as_json: bool) -> Draft:
+    """The draft, confirmed if it was doubted and a person at a terminal says so; else `settle` refuses it."""
+    from sleepcast.station.settling import DoubtError
+
+    try:
+        checked = station.check(draft.text)
+    except SleepcastError:
+        return draft  # `settle` says it, and writes it down
+    if draft.confirmed or checked.errors or not checked.doubts or as_json or not _somebody_there():
+        return draft
+    if not looker.minds:  # else they were told already
+        complain(DoubtError(checked).shown)
+    click.confirm("Send it as it stands?", abort=True, err=True)
+    return replace(draft, confirmed=True)
 
 
 def _refuse_early(station: AirStation, draft: Draft) -> None:
@@ -142,7 +162,7 @@ def _refuse_early(station: AirStation, draft: Draft) -> None:
         return  # it may be there all the same: everybody is asked who he is
     except SleepcastError:
         may = None  # `settle` says it once more, and writes it down
-    station.settle(replace(draft, count=may))
+    station.settle(replace(draft, count=may, confirmed=True))  # what is doubted is asked when all is known
 
 
 def _ask_first(station: AirStation, looker: Looker, text: str) -> None:
@@ -166,6 +186,7 @@ def _at_once(station: AirStation, draft: Draft, as_json: bool) -> int:
         everybody=draft.everybody,
         count=draft.count,
         only=draft.audience.only,
+        confirmed=draft.confirmed,
     )
     return gathered(station, sent, GRACE, as_json)
 
@@ -190,11 +211,16 @@ def _in_stages(station: AirStation, draft: Draft, as_json: bool) -> int:
 
 def _typed(error: Exception) -> int:
     """The number that a person types. Raises the error where nobody can, and click.Abort at the end of input."""
-    if sys.stdin is None or not sys.stdin.isatty():
+    if not _somebody_there():
         raise error
     complain(str(error))
     number: int = click.prompt("Robots that are meant", type=int, err=True)
     return number
+
+
+def _somebody_there() -> bool:
+    """Whether a person can be asked."""
+    return sys.stdin is not None and sys.stdin.isatty()
 
 
 @click.command("ask", cls=NegativeNumbersAllowed, short_help="Ask robots on the air for a value.")
@@ -237,7 +263,7 @@ def stop(air: Air, seconds: float | None, as_json: bool) -> int:
     """
     with station_for(air, complain) as station:
         sent = station.stop()
-        watched = sys.stdin is not None and sys.stdin.isatty()
+        watched = _somebody_there()
         until = sent.message.issued + (seconds if seconds is not None else float("inf") if watched else UNWATCHED)
         try:
             _insist(station, sent, until, watched and not as_json)

@@ -33,11 +33,12 @@ class Hello(Said):
 
 class Refused(Said):
     """A message that was not obeyed, and why, in words for a person. count: whether it would be obeyed if it came with
-    the number of robots that are meant."""
+    the number of robots that are meant; doubt: whether it would be if it came once more, confirmed."""
 
     reason: str
     serial: int | None = None
     count: bool = False
+    doubt: bool = False
 
 
 class Alive(Said):

@@ -94,12 +94,20 @@ class Desk:
     # ---- sending
 
     def send(
-        self, serial: int, text: str, everybody: bool, sort: Sort = "once", count: int | None = None
+        self,
+        serial: int,
+        text: str,
+        everybody: bool,
+        sort: Sort = "once",
+        count: int | None = None,
+        confirmed: bool = False,
     ) -> answers.Sent:
-        """Broadcast `text`. count: how many robots may obey, where the station wants to be told."""
+        """Broadcast `text`. count, confirmed: where the station wants to be told, see `Station.send`."""
         if sort == "ask":
             return answers.Sent(serial, self._station.ask(text).id)
-        sent = self._station.send(text, standing=sort == "standing", everybody=everybody, count=count)
+        sent = self._station.send(
+            text, standing=sort == "standing", everybody=everybody, count=count, confirmed=confirmed
+        )
         return answers.Sent(serial, sent.id)
 
     def stop(self) -> None:

@@ -40,13 +40,15 @@ class Preview(Message):
 
 class Send(Message):
     """Broadcast a text. everybody: the sender has said that all robots are meant. sort: to be done once and soon,
-    without a deadline, or a question, to which each robot answers with the value. count: how many robots may obey."""
+    without a deadline, or a question, to which each robot answers with the value. count: how many robots may obey.
+    confirmed: it is meant as it stands, whatever is doubted."""
 
     serial: Serial
     text: Text
     everybody: bool = False
     sort: Sort = "once"
     count: Annotated[int, Meta(ge=0, le=10_000_000)] | None = None
+    confirmed: bool = False
 
 
 class Names(Message):

@@ -191,7 +191,7 @@ class ReplayDesk:
         """Refused."""
         self._refuse()
 
-    def send(self, serial: int, text: str, everybody: bool, sort: Sort, count: int | None) -> NoReturn:
+    def send(self, serial: int, text: str, everybody: bool, sort: Sort, count: int | None, confirmed: bool) -> NoReturn:
         """Refused."""
         self._refuse()
 

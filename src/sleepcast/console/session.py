@@ -20,7 +20,7 @@ from sleepcast.console.desk import Desk
 from sleepcast.console.line import Line, encode
 from sleepcast.console.replay import ReplayDesk
 from sleepcast.errors import SleepcastError
-from sleepcast.station.settling import CountNeededError
+from sleepcast.station.settling import CountNeededError, DoubtError
 
 Answer = msgspec.Struct
 NEWS_PERIOD = 0.25
@@ -76,8 +76,8 @@ class Session:
                 await self._do(desk.release)
             case messages.Preview(serial, text):
                 await self._reply(serial, lambda: desk.preview(serial, text))
-            case messages.Send(serial, text, everybody, sort, count):
-                await self._reply(serial, lambda: desk.send(serial, text, everybody, sort, count))
+            case messages.Send(serial, text, everybody, sort, count, confirmed):
+                await self._reply(serial, lambda: desk.send(serial, text, everybody, sort, count, confirmed))
             case messages.Names(serial):
                 await self._reply(serial, lambda: desk.names(serial))
             case messages.Why(serial, robot, command):
@@ -99,6 +99,8 @@ class Session:
         except CountNeededError as error:
             why = error.why[:1].upper() + error.why[1:]
             said = Refused(f"{why}: {error.may} may obey. Type their number to send it.", serial, True)
+        except DoubtError as error:
+            said = Refused(f"{error.shown}\nPress Enter once more to send it as it stands.", serial, doubt=True)
         except SleepcastError as error:
             said = Refused(str(error), serial)
         if isinstance(said, Awaitable):

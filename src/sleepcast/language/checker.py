@@ -12,10 +12,12 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import nan
+from re import compile as pattern
 
 from sleepcast.errors import MisuseError, did_you_mean, placed, with_caret
 from sleepcast.language.form import Form, List, Number, Symbol, Text, walk
 from sleepcast.language.functions import FUNCTIONS, MANY, Function
+from sleepcast.language.infix import ALIASES, rows, written
 from sleepcast.language.names import Group, Names, Operator, Stored, UserVariable, circle, uses_in
 from sleepcast.language.parts import Label, Part
 from sleepcast.language.vocabulary import (
@@ -26,6 +28,7 @@ from sleepcast.language.vocabulary import (
     buffer_number,
     describe,
 )
+from sleepcast.units import UNITS
 
 MAX_COST = 10_000
 """Steps that one expression may cost by its own static bound; the same as an evaluation's budget."""
@@ -33,17 +36,24 @@ MAX_COST = 10_000
 MAX_SUGGESTIONS = 20
 """Unknown names of one text for which a likely meant one is looked for: looking takes long beside all other checks."""
 
+_NUMBER_BEFORE = pattern(r"(?:^|[\s(])([+-]?\d[\d.]*)[ \t]+\Z")
+"""A number without a unit, and blanks, at the end of a text."""
+
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Something wrong ("error") or doubtful ("warning") at the offsets start..end of the checked text. unknown: the
-    name that nobody has declared, if it is about that."""
+    """Something wrong ("error") or doubtful ("warning") at the offsets start..end of the checked text.
+
+    unknown: the name that nobody has declared, if it is about that. confirm: whether a desk asks once more before it
+    sends such a text.
+    """
 
     severity: str
     message: str
     start: int
     end: int
     unknown: str = ""
+    confirm: bool = False
 
     def render(self, text: str) -> str:
         """The message, the line it is about, and carets under the spot."""
@@ -71,6 +81,8 @@ class Checker:
         self.locals = 0
         self.loops = 0
         self.suggestions = 0
+        self.joining: set[int] = set()
+        """Where the operators stand that a finding about a whole row of them is about."""
         self.pending: dict[str, str] = {}
         """Names that this very text declares: key to "variable", "rule", "group" or "operator"."""
         self.pending_parameters: dict[str, int] = {}
@@ -82,26 +94,30 @@ class Checker:
 
     def error(self, message: str, form: Form) -> Part:
         """Note an error at `form` (`@@` becomes its line and column) and go on with a part that is unknown."""
-        self._find("error", message, form)
+        self._find("error", message, form.start, form.end)
         return Part("const", form, number=nan)
 
     def warn(self, message: str, form: Form, unknown: str = "") -> None:
         """Note a warning at `form`. unknown: see `Finding`."""
-        self._find("warning", message, form, unknown)
+        self._find("warning", message, form.start, form.end, unknown=unknown)
 
     def unknown(self, what: str, symbol: Symbol) -> None:
         """Note that nobody has declared a name. what: the sort of it."""
-        self.warn(f'unknown {what} "{symbol.text}" @@{self.suggestion(symbol.text)}', symbol, symbol.text)
+        hint = self._unit(symbol) or self.suggestion(symbol.text)
+        self.warn(f'unknown {what} "{symbol.text}" @@{hint}', symbol, symbol.text)
 
-    def _find(self, severity: str, message: str, form: Form, unknown: str = "") -> None:
-        found = Finding(severity, placed(message, self.text, form.start), form.start, form.end, unknown)
-        self.findings.append(found)
+    def _find(
+        self, severity: str, message: str, start: int, end: int, *, unknown: str = "", confirm: bool = False
+    ) -> None:
+        self.findings.append(Finding(severity, placed(message, self.text, start), start, end, unknown, confirm))
 
     def suggestion(self, name: str) -> str:
         """` (did you mean X?)` out of every name that this robot knows, for the first unknown names of a text."""
         self.suggestions += 1
         if self.suggestions > MAX_SUGGESTIONS:
             return ""
+        if name.casefold() in ALIASES:
+            return f" (did you mean {ALIASES[name.casefold()]}?)"
         return did_you_mean(name, (*self.names.vocabulary.names(), *self.names.heard(), *self.pending))
 
     # ---- names
@@ -151,6 +167,11 @@ class Checker:
             return "function"
         binding = self.names.vocabulary.bindings.get(key)
         return describe(binding) if binding else self.sort_of(key)
+
+    def may_be_local(self, symbol: Symbol) -> None:
+        """Note an error for a local name that would hide a constant: TRUE is TRUE everywhere."""
+        if isinstance(self.names.vocabulary.bindings.get(symbol.key), Constant):
+            self.error(f"{symbol.text} @@ is a constant: choose another name", symbol)
 
     def user_slot(self, symbol: Symbol) -> int:
         """The slot of a user variable; an error and slot 0 if the vocabulary is full."""
@@ -207,13 +228,21 @@ class Checker:
             return self.error(f"{symbol.text} @@ is a group: write (IN {symbol.text})", symbol)
         if sort == "operator":
             return self.error(f"{symbol.text} @@ is an operator: write ({symbol.text} ...)", symbol)
-        self.unknown("name", symbol)
+        if symbol.start not in self.joining:
+            self.unknown("name", symbol)
         return Part("absent", symbol, name=symbol.key)
+
+    def _unit(self, symbol: Symbol) -> str:
+        """` (did you mean 50%?)` for a unit that stands apart from its number."""
+        before = _NUMBER_BEFORE.search(self.text[max(0, symbol.start - 32) : symbol.start])
+        return f" (did you mean {before[1]}{symbol.text}?)" if before and symbol.key in UNITS else ""
 
     def _call(self, form: List) -> Part:
         if not form.items:
             return self.error("nothing in the parentheses @@: wanted (function argument ...)", form)
         head = form.items[0]
+        if not self.prefixed(form, 1 if isinstance(head, Symbol) and self._is_callable(head.key) else 0):
+            return Part("const", form, number=nan)
         if not isinstance(head, Symbol):
             self.parts(form.items[1:])
             return self.error("a list @@ begins with a function's name: wanted (function argument ...)", head)
@@ -231,6 +260,34 @@ class Checker:
         if self.sort_of(head.key) == "operator":
             return self._operator(form, head)
         return self._missing(form, head)
+
+    def _is_callable(self, key: str) -> bool:
+        return (
+            key in FUNCTIONS
+            or isinstance(self.names.vocabulary.bindings.get(key), HostFunction)
+            or self.sort_of(key) == "operator"
+        )
+
+    def prefixed(self, form: List, begin: int, *, is_call: bool = True) -> bool:
+        """Whether no operator among the items of `form` from `begin` on stands between its arguments, having noted an
+        error if one does, and a warning if it is one that could be a name."""
+        fine = True
+        for first, last in rows(form, begin):
+            row = form.items[first : last + 1]
+            operators = [item for item in row[1::2] if isinstance(item, Symbol)]
+            wrong = (first == 0 and is_call) or any(operator.key in FUNCTIONS for operator in operators)
+            if not wrong and not all(map(self._is_unknown, operators)):
+                continue
+            fine = fine and not wrong
+            self.joining.update(operator.start for operator in operators)
+            here = written(row, self.text)
+            message = f"an operator comes before what it joins @@{here and f': write {here}'}"
+            self._find("error" if wrong else "warning", message, row[0].start, row[-1].end, confirm=not wrong)
+        return fine
+
+    def _is_unknown(self, symbol: Symbol) -> bool:
+        key = symbol.key
+        return self.local(key) is None and key not in self.names.vocabulary.bindings and self.sort_of(key) is None
 
     def _builtin(self, form: List, function: Function) -> Part:
         if not self.counts(form, function.least, function.most, function.usage):

@@ -11,6 +11,7 @@ import re
 
 from sleepcast.errors import MisuseError, did_you_mean, placed, printable, with_caret
 from sleepcast.language.form import PREFIXES, Form, List, Number, Symbol, Text
+from sleepcast.language.infix import brief
 from sleepcast.units import UNITS, to_si
 
 MAX_TEXT = 16_384
@@ -93,7 +94,7 @@ def read_all(text: str) -> list[Form]:
         elif kind == "name":
             form = Symbol(match.group("name"), start, end)
         elif kind == "odd":
-            form = _symbol(match.group("odd"), text, start, end)
+            form = _symbol(match.group("odd"), text, start, end, items)
         elif kind == "number" or kind == "unit":
             form = _number(match.group("number"), match.group("unit"), text, start, end)
         elif kind == "label":
@@ -124,14 +125,17 @@ def _looks_numeric(text: str) -> bool:
     return re.match(r"[+-]?\.?[0-9]", text) is not None
 
 
-def _symbol(name: str, text: str, start: int, end: int) -> Symbol:
-    """The symbol of a name that the token pattern was not sure of. Raises ReadError."""
+def _symbol(name: str, text: str, start: int, end: int, before: list[Form]) -> Symbol:
+    """The symbol of a name that the token pattern was not sure of, after other forms of its list. Raises ReadError."""
     if is_name(name):
         return Symbol(name, start, end)
     if len(name) > MAX_NAME:
         raise ReadError(f"name of {len(name)} characters @@: at most {MAX_NAME}", text, start, end)
     if _looks_numeric(name):
         raise ReadError(f'"{name}" @@ is neither a number nor a name', text, start, end)
+    if name == "||":
+        left = brief(before[-1], text) if before else "test"
+        raise ReadError(f'"||" @@ is no name here: write (OR {left} ...)', text, start, end)
     raise ReadError(
         f'"{name}" @@ has a character that no name has: wanted letters, digits and _ - + * / < > = . ? !',
         text,

@@ -12,6 +12,7 @@ from math import inf, isfinite
 
 from sleepcast.errors import placed
 from sleepcast.language.checker import Checker, CheckError, Finding
+from sleepcast.language.doubts import doubts
 from sleepcast.language.form import Form, Number, show
 from sleepcast.language.machine import Program, build
 from sleepcast.language.names import Names
@@ -43,6 +44,11 @@ class Checked:
         """The names that nobody has declared, each once."""
         return list(dict.fromkeys(finding.unknown for finding in self.findings if finding.unknown))
 
+    @property
+    def doubts(self) -> list[Finding]:
+        """Warnings that a desk wants confirmed before it sends the text."""
+        return [finding for finding in self.findings if finding.confirm]
+
     def required(self) -> Program:
         """The program. Raises CheckError with every error if there is none."""
         if self.program is None:
@@ -65,11 +71,16 @@ class _Advice:
     def __init__(self, text: str, names: Names) -> None:
         self.text, self.names = text, names
         self.findings: list[Finding] = []
+        self.dimensions: dict[Part, Dimension | None] = {}
 
     def on(self, program: Program, form: Form, checker: Checker) -> list[Finding]:
-        self.dimension(program.root)
-        for body in checker.kept:
-            self.dimension(body)
+        said = [(found.start, found.end) for found in checker.findings if found.confirm]
+        wrong = any(found.severity == "error" for found in checker.findings)  # what is mended first
+        for tree in (program.root, *checker.kept):
+            self.dimension(tree)
+            for doubt in () if wrong else doubts(tree, self.text, self.dimensions.__getitem__):
+                if not any(start <= doubt.start < end for start, end in said):
+                    self.findings.append(doubt)
         return self.findings
 
     def warn(self, message: str, form: Form) -> None:
@@ -77,7 +88,10 @@ class _Advice:
 
     def dimension(self, part: Part) -> Dimension | None:
         """The dimension of `part`'s value; what is doubtful inside it is noted on the way."""
-        inside = [self.dimension(p) for p in part.parts]
+        found = self.dimensions[part] = self._dimension(part, [self.dimension(p) for p in part.parts])
+        return found
+
+    def _dimension(self, part: Part, inside: list[Dimension | None]) -> Dimension | None:
         if part.op == "const":
             return part.form.dimension if isinstance(part.form, Number) else self._constant(part)
         if part.op in ("var", "linked"):

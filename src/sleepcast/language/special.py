@@ -54,6 +54,10 @@ def _cond(checker: Checker, form: List) -> Part:
 
 
 def _clause(checker: Checker, where: List, items: tuple[Form, ...]) -> Part:
+    if items is where.items and not checker.prefixed(
+        where, 0, is_call=False
+    ):  # a WHEN was looked at as the call that it is
+        return Part("clause", where, (Part("const", where, number=nan),))
     return Part("clause", where, checker.parts(items))
 
 
@@ -79,6 +83,7 @@ def _let(checker: Checker, form: List) -> Part:
         if isinstance(item, List) and len(item.items) == 2 and isinstance(item.items[0], Symbol):
             if item.items[0].key in names:
                 checker.error(f"{item.items[0].text} @@ is named twice in one LET", item)
+            checker.may_be_local(item.items[0])
             names.append(item.items[0].key)
             values.append(checker.part(item.items[1]))
         else:
@@ -103,6 +108,7 @@ def _dotimes(checker: Checker, form: List) -> Part:
         return checker.error(f"the count of DOTIMES @@ must be a whole number from 0 to {MAX_REPEATS}", count)
     if checker.loops >= MAX_LOOPS:
         return checker.error(f"DOTIMES @@ stands inside {MAX_LOOPS} others: at most {MAX_LOOPS} nest", form)
+    checker.may_be_local(name)  # type: ignore[arg-type]
     checker.loops += 1
     with checker.scope([name.key], fixed=True) as (number,):  # type: ignore[attr-defined]
         body = checker.parts(form.items[2:])
@@ -218,6 +224,8 @@ def _defun(checker: Checker, form: List) -> Part:
     keys = [p.key for p in parameters.items if isinstance(p, Symbol)]
     if len(set(keys)) < len(keys):
         return checker.error("a parameter @@ is named twice", parameters)
+    for parameter in parameters.items:
+        checker.may_be_local(parameter)  # type: ignore[arg-type]
     if not _is_free_for(checker, target, "operator"):
         return Part("const", form, number=nan)
     checker.stored(target.key, form.items[3:], keys, target)

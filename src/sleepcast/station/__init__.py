@@ -8,7 +8,15 @@ from sleepcast.station.minds import FleetNames, ManyMinds, Mind, Minds, Telemetr
 from sleepcast.station.preview import NO, UNKNOWN, YES, Preview
 from sleepcast.station.roster import UnknownRobotError
 from sleepcast.station.sent import NoSuchCommandError
-from sleepcast.station.settling import DEADLINE, AddressError, Caution, CountNeededError, NobodyHeardError, SortError
+from sleepcast.station.settling import (
+    DEADLINE,
+    AddressError,
+    Caution,
+    CountNeededError,
+    DoubtError,
+    NobodyHeardError,
+    SortError,
+)
 
 __all__ = [
     "DEADLINE",
@@ -25,6 +33,7 @@ __all__ = [
     "Caution",
     "Command",
     "CountNeededError",
+    "DoubtError",
     "Entry",
     "Event",
     "FleetNames",

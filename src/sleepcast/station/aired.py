@@ -101,7 +101,7 @@ class AirStation(Station):
             epoch=box.epoch,
             journal=journal,
             stale_after=stale_after,
-            caution=Caution(ABOVE, irreversible=True) if caution is None else caution,
+            caution=Caution(ABOVE, irreversible=True, doubts=True) if caution is None else caution,
         )
         self.line, self.within, self.holding = line, within, False
         self.news: deque[Message] = deque(maxlen=MAX_NEWS)

@@ -36,6 +36,7 @@ from sleepcast.station.roster import Index, Some
 from sleepcast.station.settling import (
     DEADLINE,
     Caution,
+    DoubtError,
     Draft,
     Foreseen,
     Settled,
@@ -124,13 +125,16 @@ class Station(Hearing):
         told = self._rows if self._told is None else self._told
         return preview(program, self._roster, told, self._clock.now(), self.stale_after)
 
-    def _program(self, text: str) -> Program:
+    def _program(self, text: str, *, sure: bool = True) -> Program:
+        """The program of a text that may be sent. sure: whether its sender means it although it is doubted."""
         checked = self.check(text)
         program = checked.required()
         if self.caution.strict and checked.findings:
             raise CheckError(list(checked.findings), text)
         if self.caution.known and checked.unknown:
             raise UnknownNameError(checked.unknown, self.caution.known)
+        if checked.doubts and not sure:
+            raise DoubtError(checked)
         return program
 
     # ---- sending
@@ -138,7 +142,7 @@ class Station(Hearing):
     def settle(self, draft: Draft) -> Settled:
         """Everything that `send` does before it sends, and raises; nothing is sent."""
         try:
-            program = self._program(draft.text)
+            program = self._program(draft.text, sure=draft.confirmed or not self.caution.doubts)
             settle_address(program, draft.everybody or draft.audience.named, len(self._roster))
             seconds = settle_sort(program, draft.standing, draft.deadline)
             codes, places = self._judged(program, draft.audience)
@@ -175,17 +179,20 @@ class Station(Hearing):
         count: int | None = None,
         only: Sequence[str] | None = None,
         but: Sequence[str] | None = None,
+        confirmed: bool = False,
     ) -> Command:
         """Broadcast an expression and keep account of it.
 
         A one-shot command (the default) is evaluated within `deadline` seconds from now (`DEADLINE` unless given) or
         never; a standing one is good until it has reached everybody. count: how many robots may obey (see `foresee`),
-        where the desk wants to be told. only, but: for these robots, or for all except these. Raises ReadError and
-        CheckError for a text that no robot could run, AddressError if it would go to everybody and neither `everybody`
-        nor `only` says so, CountNeededError for a missing or wrong count, SortError for a standing command that has a
-        test and joins a group (who matches is a matter of the moment) or a deadline, UnknownRobotError, AudienceError.
+        where the desk wants to be told. only, but: for these robots, or for all except these. confirmed: it is meant as
+        it stands, whatever is doubted. Raises ReadError and CheckError for a text that no robot could run, DoubtError
+        for one that is hardly meant, where the desk asks about that, AddressError if it would go to everybody and
+        neither `everybody` nor `only` says so, CountNeededError for a missing or wrong count, SortError for a standing
+        command that has a test and joins a group (who matches is a matter of the moment) or a deadline,
+        UnknownRobotError, AudienceError.
         """
-        settled = self.settle(Draft(text, standing, deadline, everybody, count, Audience(only, but)))
+        settled = self.settle(Draft(text, standing, deadline, everybody, count, Audience(only, but), confirmed))
         return self._broadcast(Kind.COMMAND, text, *settled)
 
     def ask(self, text: str, *, only: Sequence[str] | None = None, but: Sequence[str] | None = None) -> Command:

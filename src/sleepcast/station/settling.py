@@ -11,6 +11,7 @@ from math import inf
 from typing import NamedTuple
 
 from sleepcast.errors import MisuseError
+from sleepcast.language import Checked
 from sleepcast.language.machine import Program
 from sleepcast.language.parts import irreversible, walk
 from sleepcast.station.audience import EVERYBODY, Audience
@@ -22,6 +23,8 @@ DEADLINE = 5.0
 for a command to take effect when nobody thinks of it any more."""
 MAX_DEADLINE = 3600.0
 """Seconds for which a one-shot command may be good at most; what must hold longer is a rule."""
+MOST_DOUBTS = 5
+"""Of one text that are shown when it is refused."""
 
 
 class AddressError(MisuseError):
@@ -60,16 +63,27 @@ class UnknownNameError(MisuseError):
         super().__init__(f"{self.why}, so nothing was sent. Send it as it is with --anyway")
 
 
+class DoubtError(MisuseError):
+    """A text that is hardly meant as it stands. why: the first doubt, on one line; shown: the doubts, with carets."""
+
+    def __init__(self, checked: Checked) -> None:
+        self.why = checked.doubts[0].message
+        self.shown = "\n".join(doubt.render(checked.text) for doubt in checked.doubts[:MOST_DOUBTS])
+        super().__init__(f"{self.shown}\nNothing was sent: change it, or say that it is meant so (--anyway)")
+
+
 @dataclass(frozen=True, slots=True)
 class Caution:
     """When a desk asks how many are meant. above: more than so many that may obey, None for never; irreversible: a form
     that cannot be undone. strict: whether it refuses what is only doubtful (warnings); known: how many robots have told
-    all their names, where it refuses other names, 0 where it does not."""
+    all their names, where it refuses other names, 0 where it does not. doubts: whether it asks once more for what is
+    hardly meant (see `Checked.doubts`)."""
 
     above: int | None = None
     irreversible: bool = False
     strict: bool = False
     known: int = 0
+    doubts: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +96,7 @@ class Draft:
     everybody: bool = False
     count: int | None = None
     audience: Audience = EVERYBODY
+    confirmed: bool = False
 
 
 class Foreseen(NamedTuple):

@@ -60,6 +60,7 @@ class Stages:
             count=self._station.foresee(draft.text, only=audience.only, but=audience.but).may,
             only=audience.only,
             but=audience.but,
+            confirmed=draft.confirmed,
         )
 
 

@@ -27,6 +27,7 @@ export class Prompt extends EventTarget {
     this.search = new Search(root, this.history);
     this.preview = null; // what the station said of the text that stands there now
     this.refused = []; // why the station would not send it: until the text, or its sort, is another
+    this.doubted = null; // the text that was doubted when it was sent: sent once more it is meant as it stands
     this.sending = false;
     this.ready = [];
     this.sent = new Set(); // texts of commands that went out
@@ -127,6 +128,7 @@ export class Prompt extends EventTarget {
   changed() {
     this.preview = null;
     this.refused = []; // and leaves the screen with the findings, when there is more to say
+    this.doubted = null;
     this.askCount("");
     this.showPreview();
     this.showSend();
@@ -228,7 +230,7 @@ export class Prompt extends EventTarget {
     try {
       const typed = this.find("meant").hidden ? NaN : this.find("meant-count").valueAsNumber;
       const count = Number.isInteger(typed) && typed >= 0 ? typed : null;
-      const answer = await this.wire.ask("send", { text, everybody: box.checked, sort: this.sort, count });
+      const answer = await this.wire.ask("send", { text, everybody: box.checked, sort: this.sort, count, confirmed: text === this.doubted });
       this.setSending(false);
       this.history.add(text);
       this.find("sort").value = "once"; // what comes next is not meant to stand because this was
@@ -238,7 +240,9 @@ export class Prompt extends EventTarget {
     } catch (refusal) {
       this.setSending(false);
       if (!(refusal instanceof Refusal)) throw refusal;
+      if (refusal.doubt) this.doubted = text;
       if (refusal.count) this.askCount(refusal.message);
+      else if (refusal.doubt) this.refuse(refusal.message, "warning");
       else this.refuse(refusal.message);
     }
   }
@@ -251,8 +255,8 @@ export class Prompt extends EventTarget {
     this.showSend();
   }
 
-  refuse(reason) {
-    this.refused = reason ? [{ severity: "error", shown: reason, message: reason }] : [];
+  refuse(reason, severity = "error") {
+    this.refused = reason ? [{ severity, shown: reason, message: reason }] : [];
     this.showFindings();
   }
 

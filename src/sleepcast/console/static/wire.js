@@ -11,10 +11,11 @@ const SILENCE = 6000; // ms without a word after which the station may not be th
 const LOOK = 1000; // ms between two looks for that
 
 export class Refusal extends Error {
-  // count: whether it would be obeyed if it came with the number of robots that are meant
-  constructor(reason, count = false) {
+  // count: whether it would be obeyed if it came with the number of robots that are meant; doubt: if it came confirmed
+  constructor(reason, count = false, doubt = false) {
     super(reason);
     this.count = count;
+    this.doubt = doubt;
   }
 }
 
@@ -80,7 +81,7 @@ export class Wire extends EventTarget {
     }
     this.waiting.delete(message.serial);
     clearTimeout(asked.timer);
-    if (message.type === "refused") asked.reject(new Refusal(message.reason, message.count));
+    if (message.type === "refused") asked.reject(new Refusal(message.reason, message.count, message.doubt));
     else asked.resolve(message);
   }
 

@@ -94,6 +94,24 @@ def test_the_start_benchmark_sees_kernels_kept_and_used_again() -> None:
     assert all(best < cold for best, cold in times if cold is not None)
 
 
+WHOLE = """
+import os
+from benchmarks.start.__main__ import Row, bars, rivals, whole
+
+taken = whole(100)(os.environ)
+assert taken.wall > 0.0
+assert rivals(None) == {}
+rows = [Row(name, taken, (taken,), 0, 0) for name in ("run crowd --robots 100, whole", "ARGoS, 100 robots, whole")]
+print([(bar.name, bar.wanted) for bar in bars(rows)])
+"""
+
+
+def test_the_start_benchmark_times_a_whole_run() -> None:
+    """With what is compiled already; a rival has no bar."""
+    done = subprocess.run([sys.executable, "-c", WHOLE], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("[('run crowd --robots 100, whole, warm', 0.5)]\n", "")
+
+
 def test_the_rivals_benchmark_names_everybody() -> None:
     command = [sys.executable, "-m", "benchmarks.rivals", "--quick", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

@@ -1,4 +1,4 @@
-"""Prints how long the program takes to start: an expression's value, a page's first picture, and a short run as a whole.
+"""Prints how long the program takes to start: a value, a page's first picture, and a short run as a whole.
 
     python -m benchmarks.start [--quick] [--json] [--argos FOLDER]
 

@@ -11,6 +11,7 @@ Fenced blocks are told apart by the word after the fence:
     python     a program that runs, and prints what its comments `# prints: ...` say
     sh         command lines of sleepcast that its parser takes
     console    command lines, each after `$ `, and what they print; `...` stands for anything
+    terminal, air    a page that is followed as a whole: see tests/test_howto.py
 
 A path behind that word makes the block a file, which the page's commands and programs find in their folder.
 """

@@ -1,0 +1,103 @@
+"""A how-to is followed as a reader follows it: word by word, from its first line on, with programs in their terminals.
+
+    terminal    programs that go on running, each in a terminal of its own, and what they print first; one of the same
+                line as an earlier one takes its place, after a Ctrl-C
+    air         commands, each after `$ `, and what they print; `...` stands for anything
+
+What these say without a channel is said on a channel of our own.
+"""
+
+from __future__ import annotations
+
+import doctest
+import os
+import re
+import shlex
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import click
+import pytest
+
+from channel.test_udp import free_port
+from sleepcast.cli import program
+from test_docs import ROOT, SHELL, blocks_of
+
+PAGE = ROOT / "docs" / "howto" / "on-the-air.md"
+LONGEST = 120.0
+"""Seconds to wait for what a program prints at its start, or for its end."""
+
+
+def shown_alike(shown: str, printed: str) -> bool:
+    return doctest.OutputChecker().check_output(shown, printed, doctest.ELLIPSIS)
+
+
+@dataclass
+class Reader:
+    """Somebody who follows a page, with settings, data and a channel of his own."""
+
+    folder: Path
+    channel: str
+    running: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
+
+    def start(self, line: str, output: int) -> subprocess.Popen[bytes]:
+        words = shlex.split(line, comments=True)
+        _, command, _ = program.resolve_command(click.Context(program), words[1:])
+        assert command is not None
+        if any(each.name == "channel" for each in command.params):
+            line = line.replace(words[1], f"{words[1]} --channel '{self.channel}'", 1)
+        return subprocess.Popen(
+            ["env", "--default-signal=INT", "bash", "-c", f"exec 2>&1; exec {line}"],
+            cwd=self.folder,
+            env={**SHELL, "HOME": str(self.folder), "PYTHONWARNINGS": "ignore"},
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+        )
+
+    def leave_running(self, line: str, shown: str) -> None:
+        """Start a program in a terminal of its own, and read there what it says."""
+        if line in self.running:
+            self.end(self.running.pop(line))
+        screen = self.folder / f"terminal-{len(list(self.folder.glob('terminal-*')))}"
+        with screen.open("wb") as output:
+            process = self.running[line] = self.start(line, output.fileno())
+        until = time.monotonic() + LONGEST
+        while not shown_alike(f"{shown}...", screen.read_text()):
+            assert time.monotonic() < until, f"{line}\nprinted\n{screen.read_text()}\nwanted\n{shown}"
+            assert process.poll() is None, f"{line}\nended: {screen.read_text()}"
+            time.sleep(0.05)
+
+    def run(self, line: str, shown: str) -> None:
+        """Run a command to its end, and read what it says."""
+        printed = self.start(line, subprocess.PIPE).communicate(timeout=LONGEST)[0].decode()
+        assert shown_alike(shown, printed), f"{line}\nprinted\n{printed}\nwanted\n{shown}"
+
+    def end(self, process: subprocess.Popen[bytes]) -> None:
+        process.send_signal(signal.SIGINT)
+        process.wait(LONGEST)
+
+
+@pytest.fixture
+def reader(tmp_path: Path) -> Iterator[Reader]:
+    found = Reader(tmp_path, f"udp://239.255.83.79:{free_port()}?interface=lo")
+    yield found
+    for process in found.running.values():
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+def test_the_how_to_on_the_air_can_be_followed(reader: Reader) -> None:
+    followed = 0
+    for block in blocks_of(PAGE):
+        for session in re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:]:
+            line, _, shown = session.partition("\n")
+            if block.sort == "terminal":
+                reader.leave_running(line, shown)
+            elif block.sort == "air":
+                reader.run(line, shown)
+                followed += 1
+    assert followed > 20

@@ -15,6 +15,7 @@ from playwright.sync_api import BrowserContext, expect
 from channel.test_udp import free_port
 from cli.calling import called
 from cli.test_crew import swarm
+from cli.test_notices import attacked
 from console.running import PATIENCE, Page, Program, number, open_page
 
 TEACHING = """(DEFUN late (n) (> id n))
@@ -79,6 +80,12 @@ def test_robots_are_where_they_say_they_are(air: Page) -> None:
     end = time.monotonic() + PATIENCE
     while all(a == b for a, b in zip(now, positions(air), strict=True)):
         assert time.monotonic() < end, "they drive, and it is to be seen"
+
+
+def test_forgeries_are_told_while_somebody_sends_them(air: Page, channel: str) -> None:
+    with attacked(channel) as key:
+        air.until("safety", lambda news: f"forged messages a second under key {key} (desk)." in news["sentence"])
+    air.until("safety", lambda news: "forged" not in news["sentence"])
 
 
 def test_what_is_typed_is_foreseen_counted_sent_and_explained(air: Page, channel: str) -> None:
@@ -214,6 +221,7 @@ def test_the_map_grows_with_where_robots_drive(elsewhere: str, context: BrowserC
         page.goto(program.address)
         expect(page.locator("#legend")).to_contain_text("1 robot")
         scale = page.locator("#scale-text")
-        expect(scale).to_have_text(re.compile(r"^\d00 ft$"))  # it drives on, and nobody touches the map
+        far = re.compile(r"^\d00 ft$")
+        expect(scale).to_have_text(far, timeout=1e3 * PATIENCE)  # it drives on, and nobody touches the map
         page.locator("#zoom-in").click()  # but who has moved it is left alone
         expect(scale).to_have_text(re.compile("ft$"))

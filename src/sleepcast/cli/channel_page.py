@@ -263,6 +263,10 @@ class FleetOnPage:
         mind = self._looker.minds.get(robot)
         return "" if mind is None else mind.doubt
 
+    def notices(self) -> list[str]:
+        """What else is going on that a person should know of."""
+        return self._station.notices()
+
     def silent(self) -> NDArray[np.bool_]:
         """Who has told nothing of himself of late."""
         late = self._station.now - self._station.stale_after

@@ -236,6 +236,12 @@ def trouble(session: Session, width: int) -> Line:
     return [("class:wrong", _filled(f" JOURNAL: {session.station.trouble}", width))]
 
 
+def notice(session: Session, width: int) -> Line:
+    """What else is going on, the worst of it: forgeries, keys that nobody trusts."""
+    told = session.station.notices()
+    return [("class:warned", _filled(f" {printable(told[0])}" if told else "", width))]
+
+
 def keys(width: int) -> Line:
     """The keys, as many as fit."""
     text = " F9 STOP  F7 RELEASE  F1 help  Tab to whom  F3 sort  F4 order  Ctrl-Q leave"

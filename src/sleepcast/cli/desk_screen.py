@@ -257,6 +257,7 @@ class Screen:
         narrow = Condition(lambda: get_app().output.get_size().columns < NARROW)
         reading = Condition(lambda: bool(session.page))
         troubled = Condition(lambda: bool(session.station.trouble))
+        noticed = Condition(lambda: bool(session.station.notices()))
         robots = _headed(lambda: panes.robots_title(session), Pane(self._robots), Dimension(weight=3))
         sent = _headed(lambda: "Commands", Pane(lambda w, h: panes.commands(session, w, h)), Dimension(weight=5))
         told = _headed(lambda: "Reports", Pane(lambda w, h: panes.reports(session, w, h)), Dimension(weight=5))
@@ -275,6 +276,7 @@ class Screen:
                 self._typed(),
                 Window(Pane(self._hint), height=Dimension(min=1, preferred=3, max=4), dont_extend_height=True),
                 ConditionalContainer(_one_line(lambda w: panes.trouble(session, w)), troubled),
+                ConditionalContainer(_one_line(lambda w: panes.notice(session, w)), noticed),
                 _one_line(panes.keys),
             ]
         )

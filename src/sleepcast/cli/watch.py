@@ -48,7 +48,7 @@ def watch(text: str | None, show: str | None, every: float, once: bool, air: Air
     whether it is stopped, its groups, and the variables that you name. With TEXT, an expression such as (IN bravo),
     only robots for which it is true.
 
-    With --json, a line each time: an object with `time` and `robots`.
+    With --json, a line each time: an object with `time`, `robots` and `notices`.
 
     \b
     Examples:
@@ -115,7 +115,8 @@ class Window:
         """All of it for a script."""
         now, columns = self.station.now, self.columns()
         heard = self.station.roster
-        return {"time": now, "robots": [self._robot(name, heard[name], columns, now) for name in self.robots()]}
+        robots = [self._robot(name, heard[name], columns, now) for name in self.robots()]
+        return {"time": now, "robots": robots, "notices": self.station.notices()}
 
     def _robot(self, name: str, heard: float | None, columns: Sequence[str], now: float) -> dict[str, object]:
         found: dict[str, object] = {"name": name, "heard": None if heard is None else now - heard}
@@ -136,7 +137,7 @@ class Window:
 
         columns, names, now = self.columns(), self.robots(), self.station.now
         heard, table = self.station.roster, Table(box=SIMPLE_HEAD, pad_edge=False)
-        table.caption, table.caption_justify = self._caption(len(names), most), "left"
+        table.caption, table.caption_justify = Text(self._caption(len(names), most)), "left"
         table.add_column("robot", no_wrap=True)
         table.add_column("told", justify="right", no_wrap=True)
         table.add_column("state", no_wrap=True)
@@ -152,7 +153,8 @@ class Window:
         more = f", {count - most} more than fit here" if count > most else ""
         which = "robots" if self.text is None else "robots for which it is true"
         standing = self.looker.minds.standing()
-        return f"{count} {which}{more}" + (f"\n{standing}" if standing else "")
+        told = [standing] if standing else []
+        return "\n".join(map(printable, (f"{count} {which}{more}", *told, *self.station.notices())))
 
     def _row(self, name: str, heard: float | None, columns: Sequence[str], now: float) -> list[str]:
         mind = self.looker.minds.get(name)

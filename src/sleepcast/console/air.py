@@ -27,6 +27,8 @@ AT_LEAST_EVERY = 0.5
 """Seconds after which a new frame is drawn even if nobody told anything: the clock goes on."""
 LONGEST_WHY = 3.0
 """Seconds for which a robot is waited for that is to say why."""
+MOST_NOTICES = 2
+"""Sentences on what else is going on."""
 NOT_TOLD = "not told"
 """What a rule last came to on a robot, which nobody knows but the robot."""
 
@@ -65,6 +67,9 @@ class Fleet(Swarm, Protocol):
 
     def doubt(self, robot: str) -> str:
         """Why this one does, "" if it does not."""
+
+    def notices(self) -> list[str]:
+        """What else is going on that a person should know of, as sentences."""
 
     def silent(self) -> NDArray[np.bool_]:
         """Who has told nothing of himself of late."""
@@ -176,6 +181,9 @@ class AirDesk(Desk):
             if standing := self._fleet.standing():
                 said += f" {standing[0].upper()}{standing[1:]}."
             found = answers.Safety(found.latched or stopped > 0, said)
+        more = " ".join(f"{notice[0].upper()}{notice[1:]}." for notice in self._fleet.notices()[:MOST_NOTICES])
+        if more:
+            found = answers.Safety(found.latched, f"{found.sentence} {printable(more)}")
         self.driver.latched = found.latched
         return found
 

@@ -339,6 +339,10 @@ class SimulatedWorld(Protocol):
     def move(self, corners: Corners, across: float, up: float) -> bool:
         """Move the polygon with these corners by so many m; False if there is none."""
 
+    def fill(self, polygons: Sequence[Corners]) -> bool:
+        """Put up these in place of all polygons that there are; False, and nothing changes, if they do not fit in or
+        one is none."""
+
     def clear(self) -> None:
         """Take everything away, the edge of the world apart."""
 

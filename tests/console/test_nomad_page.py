@@ -335,6 +335,166 @@ def test_robots_and_obstacles_are_put_elsewhere_by_hand(page: Page, robot: Nomad
     until(page, lambda: not solid(page, at(250, -500)))
 
 
+def test_the_pad_drives_at_its_first_press_after_a_click_on_the_map(page: Page, robot: Nomad) -> None:
+    at = Map(page)
+    page.mouse.click(*at(-700, -700))  # the keys belong to the map now
+    box = page.locator("[data-way=forward]").bounding_box()
+    assert box
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    until(page, lambda: numbers(page, "real")[0] > 100)  # and it goes on for as long as it is held
+    expect(page.locator("[data-way=forward]")).to_have_class("held")
+    page.mouse.up()
+    expect(page.locator("#motion")).to_contain_text("standing")
+
+    page.locator("#map").focus()
+    page.keyboard.down("ArrowDown")
+    expect(page.locator("#motion")).to_contain_text("moving")
+    page.locator("#pad").focus()  # the map has lost the keys
+    expect(page.locator("#motion")).to_contain_text("standing")
+    page.keyboard.up("ArrowDown")
+
+
+def test_who_drives_a_robot_that_a_program_drives_is_told(page: Page, robot: Nomad, nomads: Program) -> None:
+    order(page, "vm 20 20")
+    expect(page.locator("#answer")).to_have_text("Robot 1 was given: vm 20 20")
+    expect(page.locator("#contest")).to_be_hidden()
+    with ThreadPoolExecutor() as pool:
+        driving = True
+
+        def drive() -> None:
+            while driving:
+                robot.vm(30, -30)
+
+        done = pool.submit(drive)
+        try:
+            until(page, lambda: numbers(page, "real")[2] > 0)
+            order(page, "vm 50 50")
+            both = r"given: vm 50 50\. It is driven by 127\.0\.0\.1:\d+ \(process \d+\) and the page: each replaces"
+            expect(page.locator("#answer")).to_contain_text(re.compile(both))
+            expect(page.locator("#contest")).to_contain_text("and the page: each replaces what the other asks.")
+        finally:
+            driving = False
+            done.result(PATIENCE)
+    expect(page.locator("#contest")).to_be_hidden()  # once the page has asked nothing for a while
+    robot.st()
+    program = connected(nomads)
+    with program as other:
+        until(page, lambda: bool(robot.vm(10, 10) and other.vm(-10, -10)) and page.locator("#contest").is_visible())
+        expect(page.locator("#contest")).not_to_contain_text("the page")
+        expect(page.locator("#chooser .rivals")).to_have_count(1)
+
+
+def connected(nomads: Program) -> Nomad:
+    """One more program for robot 1."""
+    found = re.search(r"port (\d+)", nomads.said)
+    assert found
+    return Nomad.connect("127.0.0.1", int(found[1]), robot=1)
+
+
+def test_gs_and_ws_say_how_the_robot_is(page: Page, robot: Nomad) -> None:
+    robot.place_robot(123, -45, 900, 900)
+    order(page, "gs")
+    expect(page.locator("#answer")).to_contain_text(
+        "Robot 1 was given: gs. x 123, y -45, steering 900, turret 900; speeds 0 0 0; sonars "
+    )
+    expect(page.locator("#answer")).to_contain_text("bumper 0")
+    order(page, "pr 200 200")
+    order(page, "ws")
+    expect(page.locator("#answer")).to_contain_text("Robot 1 was given: ws. x 123, y 155")
+
+
+def test_no_trace_leads_to_where_a_robot_was_put(page: Page, robot: Nomad) -> None:
+    robot.refresh()
+    robot.place_robot(-500, 0, 0, 0)
+    robot.pr(200, 200)
+    robot.ws(True, True, seconds=100)
+    until(page, lambda: ink(page) > 0)
+    before = ink(page)
+    robot.place_robot(700, 500, 0, 0)
+    until(page, lambda: numbers(page, "real")[:2] == [700, 500])
+    page.wait_for_timeout(300)
+    assert ink(page) < 1.2 * before  # a line over there would be five times as long
+    robot.dp(-700, -500)
+    until(page, lambda: numbers(page, "believed")[:2] == [-700, -500])
+    page.wait_for_timeout(300)
+    assert ink(page) < 1.2 * before
+    robot.da(0, 0)
+    robot.zr()
+    until(page, lambda: numbers(page, "real") == [0, 0, 0, 0])
+    page.wait_for_timeout(300)
+    assert ink(page) < 1.2 * before
+
+
+def test_a_world_is_saved_and_loaded(page: Page, robot: Nomad, nomads: Program, tmp_path: Path) -> None:
+    at = Map(page)
+    page.locator("#build").click()
+    for corner in ((-600, -600), (-300, -600), (-300, -300)):
+        page.mouse.click(*at(*corner))
+    page.locator("#map").press("Enter")
+    until(page, lambda: solid(page, at(-350, -500)))
+    with page.expect_download() as download:
+        page.locator("#save").click()
+    expect(page.locator("#answer")).to_have_text("The obstacles were saved as world.txt.")
+    saved = tmp_path / "saved.txt"
+    download.value.save_as(saved)
+    lines = [line for line in saved.read_text().splitlines() if not line.startswith("#")]
+    assert lines[:4] == ROOM.splitlines()
+    assert len(lines) == 5
+
+    other = tmp_path / "other.txt"
+    other.write_text(ROOM + "4 400 400 700 400 700 700 400 700  # a box\n")
+    page.locator("#file").set_input_files(other)
+    expect(page.locator("#answer")).to_have_text("The obstacles are those of other.txt.")
+    until(page, lambda: solid(page, at(550, 550)) and not solid(page, at(-350, -500)))
+    for text, wrong in (
+        ("4 0 0 1 1\n", "bad.txt:1: wanted x and y of 4 corners, 8 numbers, not 4"),
+        (
+            "3 0 0 100 0 200 0\n",
+            "bad.txt: its 1 polygons are too many for a running server, or one of them has no area",
+        ),
+        ("#" * 100_001, "bad.txt has more than 100000 bytes: start the server with it"),
+    ):
+        bad = tmp_path / "bad.txt"
+        bad.write_text(text)
+        page.locator("#file").set_input_files(bad)
+        expect(page.locator("#answer.wrong")).to_contain_text(wrong)
+    assert solid(page, at(550, 550)), "what is wrong changes nothing"
+    page.locator("#file").set_input_files(saved)
+    until(page, lambda: solid(page, at(-350, -500)) and not solid(page, at(550, 550)))
+    with Program("nserver", saved, "--page-port", "0") as again:  # the same file begins a server
+        second = page.context.new_page()
+        second.goto(again.address)
+        until(second, lambda: solid(second, Map(second)(-350, -500)))
+        second.close()
+    page.mouse.click(*at(-350, -500))
+    page.locator("#map").press("Delete")
+    until(page, lambda: not solid(page, at(-350, -500)))
+
+
+def test_the_sensors_have_a_past(page: Page, robot: Nomad) -> None:
+    past, bumps = page.locator("#long-past"), page.locator("#short-past")
+    robot.refresh()
+    robot.place_robot(780, 0, 0, 0)
+    robot.vm(30, 30)  # against the wall
+    until(page, lambda: "hit" in (page.locator("#short").get_attribute("aria-label") or ""))
+    robot.st()
+    robot.place_robot(0, 0, 0, 0)
+    expect(bumps).to_have_attribute("aria-label", "Bumper in the last minute: hit once")
+    expect(past).to_have_attribute("aria-label", re.compile("the nearest reading was [6-9] inches"))
+    page.locator("#map").focus()
+    page.keyboard.press("2")
+    expect(bumps).to_have_attribute("aria-label", "Bumper in the last minute: hit 0 times")
+    page.keyboard.press("1")
+    expect(bumps).to_have_attribute("aria-label", "Bumper in the last minute: hit once")
+    second = page.context.new_page()  # the server keeps it
+    second.goto(page.url)
+    expect(second.locator("#short-past")).to_have_attribute("aria-label", "Bumper in the last minute: hit once")
+    second.close()
+    robot.refresh()
+    expect(bumps).to_have_attribute("aria-label", "Bumper in the last minute: hit 0 times")
+
+
 def test_stop_holds_against_a_program_that_drives_on(page: Page, robot: Nomad) -> None:
     robot.vm(100, 100)
     expect(page.locator("#motion")).to_contain_text("moving")

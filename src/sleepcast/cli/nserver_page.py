@@ -8,10 +8,16 @@ from sleepcast.cli.page import Address
 from sleepcast.cli.streams import announce
 from sleepcast.clock import WallClock
 from sleepcast.console import serve_nomads
+from sleepcast.errors import MisuseError
 from sleepcast.nomad import Nserver, Pace, RobotWindow, Sketch
+from sleepcast.nomad.hand import PAGE
+from sleepcast.nomad.state import in_words
 from sleepcast.nomad.units import TENTH, TENTH_DEGREE
 from sleepcast.robot import Corners
+from sleepcast.simulator.polygons import read_polygons, write_polygons
 
+ASKING = ("gs", "ws")
+"""Orders of which a person wants to see the reply."""
 Area = tuple[float, float, float, float]
 
 
@@ -75,9 +81,13 @@ class NomadsOnPage:
         """Let one tick pass."""
         self._nserver.step()
 
-    async def perform(self, robot: int, order: str, numbers: Sequence[int]) -> None:
+    async def perform(self, robot: int, order: str, numbers: Sequence[int]) -> str:
         """Do what a program's request does, until it is done. Raises MisuseError."""
-        await self._nserver.perform(robot, order, numbers)
+        state = await self._nserver.perform(robot, order, numbers)
+        if order in ASKING:
+            return in_words(state)
+        rivals = self.window(robot).rivals
+        return f"It is driven by {rivals}: each replaces what the other asks." if PAGE in rivals else ""
 
     def say(self, robot: int, text: str) -> None:
         """What a program's `tk` does."""
@@ -102,6 +112,17 @@ class NomadsOnPage:
     def move(self, corners: Corners, across: float, up: float) -> bool:
         """See `SimulatedWorld`."""
         return self._world.move(corners, across, up)
+
+    def load(self, name: str, text: str) -> None:
+        """Have the world of this text. Raises SleepcastError."""
+        polygons = list(read_polygons(name, text))
+        if not self._world.fill(polygons):
+            many = f"{name}: its {len(polygons)} polygons are too many for a running server, or one of them has no area"
+            raise MisuseError(f"{many}; the command `sleepcast nserver FILE` takes more")
+
+    def written(self) -> str:
+        """The world as a text that can be loaded."""
+        return write_polygons(self.title, self._world.solids())
 
     async def live(self) -> None:
         """Serve programs and let time pass until cancelled, or until a program ends the server."""

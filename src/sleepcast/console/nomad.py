@@ -19,6 +19,9 @@ Layer = Literal["actual", "encoder", "bumper", "infrared", "sonar", "laser", "gr
 Saying = tuple[float, str]
 """When, in simulated seconds, and what."""
 
+Looked = tuple[float, tuple[float, ...], tuple[float, ...]]
+"""When, in simulated seconds; what each sensor measured, m, NaN for nothing; and contacts, rad from the heading."""
+
 
 class Sketch(Protocol):
     """Something that a program has drawn. kind and numbers: "robot", x, y, heading, turret; "line", x and y of both
@@ -36,10 +39,11 @@ class Sketch(Protocol):
 class RobotWindow(Protocol):
     """What there is to see of one robot. Each of the rows forgets its oldest entries.
 
-    actual, encoder: where it was, and where it believed to be. echoes: what its sonars saw. commands: what it was
-    asked. said: text that its program has sent. condition: the latest, None before the first. waiting: how many
-    programs wait until somebody points at a place. client: who drives it, "" for nobody. erased: how often each layer
-    has been erased.
+    actual, encoder: where it was, and where it believed to be; a point of NaN is a gap. echoes: what its sonars saw.
+    far, near: what its sonars, and its infrared sensors and bumper, measured lately. commands: what it was asked. said:
+    text that its program has sent. condition: the latest, None before the first. waiting: how many programs wait until
+    somebody points at a place. client: who is connected to it, "" for nobody. rivals: those who drive it together, ""
+    while one alone does. erased: how often each layer has been erased.
     """
 
     @property
@@ -58,6 +62,12 @@ class RobotWindow(Protocol):
     def waiting(self) -> int: ...
     @property
     def client(self) -> str: ...
+    @property
+    def rivals(self) -> str: ...
+    @property
+    def far(self) -> Sequence[Looked]: ...
+    @property
+    def near(self) -> Sequence[Looked]: ...
     @property
     def erased(self) -> Mapping[Layer, int]: ...
 
@@ -108,8 +118,8 @@ class Nomads(Protocol):
     def step(self) -> None:
         """Let one tick pass."""
 
-    async def perform(self, robot: int, order: str, numbers: Sequence[int]) -> None:
-        """What a program's request of this name does, until it is done."""
+    async def perform(self, robot: int, order: str, numbers: Sequence[int]) -> str:
+        """What a program's request of this name does, until it is done; gives what there is to say of it."""
 
     def say(self, robot: int, text: str) -> None:
         """What a program's `tk` does."""
@@ -128,6 +138,12 @@ class Nomads(Protocol):
 
     def move(self, corners: Corners, across: float, up: float) -> bool:
         """Move the polygon with these corners by so many m; False if there is none that can be moved."""
+
+    def load(self, name: str, text: str) -> None:
+        """Have the polygons of this text in place of all that there are. name: of the file that has it."""
+
+    def written(self) -> str:
+        """All polygons as a text that can be loaded."""
 
     async def live(self) -> None:
         """Serve programs and let time pass until cancelled."""

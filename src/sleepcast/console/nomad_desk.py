@@ -63,9 +63,17 @@ class Safety(Said):
 
 
 class Done(Said):
-    """It was done."""
+    """It was done. note: what there is to say of it, in words for a person."""
 
     serial: int
+    note: str = ""
+
+
+class World(Said):
+    """All polygons as the text of a file."""
+
+    serial: int
+    text: str
 
 
 class NomadDesk:
@@ -122,24 +130,24 @@ class NomadDesk:
 
     # ---- orders
 
-    async def perform(self, robot: int, order: str, numbers: list[int], text: str) -> None:
-        """What a program's request would do."""
+    async def perform(self, robot: int, order: str, numbers: list[int], text: str) -> str:
+        """What a program's request would do, and what there is to say of it."""
         self._check_robot(robot)
         known = ORDERS.get(order)
         if known is not None and known.text:
             if not text or numbers:
                 raise MisuseError(f"{order} takes words, and no numbers beside them")
             self.nomads.say(robot, text)
-            return
+            return ""
         if text:
             raise MisuseError(f"{order} takes numbers, not words")
-        await self.nomads.perform(robot, order, check(order, numbers, steers=self.nomads.steers(robot)))
+        return await self.nomads.perform(robot, order, check(order, numbers, steers=self.nomads.steers(robot)))
 
-    async def drive(self, robot: int, numbers: list[int]) -> None:
+    async def drive(self, robot: int, numbers: list[int]) -> str:
         """Turn the axes this fast; rest where all are 0."""
         self._check_robot(robot)
         order, given = ("vm", check("vm", numbers)) if any(numbers) else ("st", [])
-        await self.nomads.perform(robot, order, given)
+        return await self.nomads.perform(robot, order, given)
 
     def click(self, robot: int, x: float, y: float) -> None:
         """Answer a program that waits for somebody to point at a place."""
@@ -186,6 +194,11 @@ class NomadDesk:
     def clear(self, version: int, solid: int) -> None:
         """Take a polygon away, by its place among those of this version."""
         self._changed(self.nomads.remove(self._solid(version, solid)), "this one cannot be taken away")
+
+    def load(self, name: str, text: str) -> None:
+        """Have the polygons of this text in place of all that there are."""
+        self.nomads.load(name, text)
+        self._looked = -LOOK_AGAIN
 
     def _solid(self, version: int, place: int) -> Corners:
         if version != self._solids.version or place >= len(self._solids.solids):

@@ -13,6 +13,10 @@ MOST_CORNERS = 64
 """Of a polygon drawn on the page: somebody clicks each of them."""
 MOST_NUMBERS = 64
 """Of an order: more than any has."""
+MOST_NAME = 200
+"""Characters of a file's name."""
+MOST_WORLD = 100_000
+"""Characters of a world: a thousand polygons and more; with what JSON adds they stay below `messages.MAX_BYTES`."""
 MOST_TEXT = 256
 """Characters of a text that a robot says."""
 FARTHEST = 1e5
@@ -78,7 +82,21 @@ class Clear(Message):
     solid: Index
 
 
-Incoming = Perform | Drive | Click | Build | Shift | Clear | Stop | Release | Pace | Step | Watch | Drawn
+class Load(Message):
+    """The world of a file, in place of the one that there is. name: of the file."""
+
+    serial: Serial
+    name: Annotated[str, Meta(max_length=MOST_NAME)]
+    text: Annotated[str, Meta(max_length=MOST_WORLD)]
+
+
+class Save(Message):
+    """The world as the text of a file."""
+
+    serial: Serial
+
+
+Incoming = Perform | Drive | Click | Build | Shift | Clear | Load | Save | Stop | Release | Pace | Step | Watch | Drawn
 
 _DECODER: msgspec.json.Decoder[Incoming] = msgspec.json.Decoder(Incoming)
 

@@ -92,6 +92,18 @@ ORDERS: dict[str, Order] = {
         Order("pr", "Go this far with each wheel, and stop.", _axes(AWAY, -FAR, FAR), shown=True),
         Order("st", "Stop and hold the position.", shown=True),
         Order("lp", "Let go: the wheels roll out.", shown=True),
+        Order("gs", "Ask for the state, and show it.", shown=True),
+        Order(
+            "ws",
+            "Wait until the axes marked 1 stand still, for so many seconds at most; 0: as long as it takes.",
+            (
+                Field("right", "", 0, 1, 1, "way"),
+                Field("left", "", 0, 1, 1, "steering"),
+                Field("third", "", 0, 1, 0, "turret"),
+                Field("s", "s", 0, 255, 0),
+            ),
+            shown=True,
+        ),
         Order("zr", "Zero: stand at the origin with heading 0.", shown=True),
         Order("dp", "Say where the robot is; it does not move.", _PLACE[:2], shown=True),
         Order("da", "Say which way the robot looks; it does not turn.", _PLACE[2:], shown=True),

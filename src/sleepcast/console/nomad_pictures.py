@@ -15,7 +15,7 @@ from typing import Generic, TypeVar
 import msgspec
 
 from sleepcast.console.answers import Said
-from sleepcast.console.nomad import Layer, Nomads, Point, RobotWindow, Saying, Sketch
+from sleepcast.console.nomad import Layer, Looked, Nomads, Point, RobotWindow, Saying, Sketch
 from sleepcast.robot import Condition, Pose
 
 FASTEST = 10_000.0
@@ -34,12 +34,12 @@ class Added(msgspec.Struct, Generic[T], array_like=True):
 
 
 class Trace(msgspec.Struct, array_like=True):
-    """What came to a trace. layer: 0 actual, 1 encoder. points: x, y of each in turn, m."""
+    """What came to a trace. layer: 0 actual, 1 encoder. points: x, y of each in turn, m; None for both is a gap."""
 
     robot: int
     layer: int
     anew: bool
-    points: list[float]
+    points: list[float | None]
 
 
 class ShownRobot(msgspec.Struct, array_like=True):
@@ -50,6 +50,7 @@ class ShownRobot(msgspec.Struct, array_like=True):
     touched: int
     waiting: bool
     client: str
+    rivals: str
 
 
 class ShownSketch(msgspec.Struct, array_like=True):
@@ -60,8 +61,17 @@ class ShownSketch(msgspec.Struct, array_like=True):
     mode: int
 
 
+class Look(msgspec.Struct, array_like=True):
+    """What sensors measured, s of simulated time. ranges: m, None for nothing. touched: rad."""
+
+    time: float
+    ranges: list[float | None]
+    touched: tuple[float, ...] = ()
+
+
 class Chosen(msgspec.Struct):
-    """The robot that the page looks at. sonars, infrared: m, None for nothing measured yet. touched: rad."""
+    """The robot that the page looks at. sonars, infrared: m, None for nothing measured yet. touched: rad. far, near: as
+    in `nomad.RobotWindow`."""
 
     robot: int
     speeds: list[float]
@@ -74,6 +84,8 @@ class Chosen(msgspec.Struct):
     echoes: Added[Point]
     commands: Added[Saying]
     said: Added[Saying]
+    far: Added[Look]
+    near: Added[Look]
 
 
 class Picture(Said):
@@ -146,7 +158,7 @@ class Pictures:
             for layer, (tail, row) in enumerate(zip(tails, (window.actual, window.encoder), strict=True)):
                 added = tail.take(row)
                 if added.anew or added.items:
-                    points = [round(number, 3) for point in added.items for number in point]
+                    points = [None if isnan(n) else round(n, 3) for point in added.items for n in point]
                     found.append(Trace(robot, layer, added.anew, points))
         return found
 
@@ -158,6 +170,8 @@ class _Rows:
         self._echoes: Tail[Point] = Tail()
         self._commands: Tail[Saying] = Tail()
         self._said: Tail[Saying] = Tail()
+        self._far: Tail[Looked] = Tail()
+        self._near: Tail[Looked] = Tail()
 
     def show(self, robot: int, window: RobotWindow) -> Chosen | None:
         condition = window.condition
@@ -175,7 +189,13 @@ class _Rows:
             self._echoes.take(window.echoes),
             self._commands.take(window.commands),
             self._said.take(window.said),
+            _looks(self._far.take(window.far)),
+            _looks(self._near.take(window.near)),
         )
+
+
+def _looks(added: Added[Looked]) -> Added[Look]:
+    return Added(added.anew, [Look(time, _measured(ranges), touched) for time, ranges, touched in added.items])
 
 
 def _shown(window: RobotWindow) -> ShownRobot:
@@ -183,7 +203,7 @@ def _shown(window: RobotWindow) -> ShownRobot:
     nowhere = Pose(0.0, 0.0, 0.0, 0.0)
     real, believed = (nowhere, nowhere) if condition is None else (condition.real, condition.believed)
     touched = 0 if condition is None else len(condition.touched)
-    return ShownRobot(real, believed, touched, window.waiting > 0, window.client)
+    return ShownRobot(real, believed, touched, window.waiting > 0, window.client, window.rivals)
 
 
 def _measured(readings: Sequence[float]) -> list[float | None]:

@@ -16,7 +16,7 @@ from sleepcast.clock import Clock
 from sleepcast.console import messages, nomad_messages
 from sleepcast.console.answers import Refused
 from sleepcast.console.line import Line, encode
-from sleepcast.console.nomad_desk import Done, NomadDesk
+from sleepcast.console.nomad_desk import Done, NomadDesk, World
 from sleepcast.console.nomad_pictures import Pictures
 from sleepcast.errors import SleepcastError
 
@@ -91,6 +91,10 @@ class NomadSession:
                 await self._try(lambda: desk.build(corners), serial)
             case nomad_messages.Shift(serial, version, solid, across, up):
                 await self._try(lambda: desk.shift(version, solid, across, up), serial)
+            case nomad_messages.Load(serial, name, text):
+                await self._try(lambda: desk.load(name, text), serial)
+            case nomad_messages.Save(serial):
+                await self._line.say(World(serial, desk.nomads.written()))
             case nomad_messages.Clear(serial, version, solid):
                 await self._try(lambda: desk.clear(version, solid), serial)
 
@@ -109,20 +113,20 @@ class NomadSession:
         await self._line.say(Refused("too many orders wait to be done; this one was not begun", serial))
         return False
 
-    def _begin(self, order: Coroutine[None, None, None], serial: int | None) -> None:
+    def _begin(self, order: Coroutine[None, None, str], serial: int | None) -> None:
         """Do it beside everything else: some orders take as long as the robot's motion."""
         task = asyncio.create_task(self._see_through(order, serial))
         self._under_way.add(task)
         task.add_done_callback(self._under_way.discard)
 
-    async def _see_through(self, order: Coroutine[None, None, None], serial: int | None) -> None:
+    async def _see_through(self, order: Coroutine[None, None, str], serial: int | None) -> None:
         try:
-            await order
+            note = await order
         except SleepcastError as error:
             await self._line.say(Refused(str(error), serial))
         else:
             if serial is not None:
-                await self._line.say(Done(serial))
+                await self._line.say(Done(serial, note))
 
     # ---- driving by hand
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from sleepcast.errors import SleepcastError
 from sleepcast.nomad import units
-from sleepcast.nomad.behaviour import COMMANDS, LONGEST_TIMEOUT, MOTIONS, NO_LASER, Behaviour
+from sleepcast.nomad.behaviour import COMMANDS, LONGEST_TIMEOUT, MOTIONS, NO_LASER, STOPS, Behaviour
 from sleepcast.nomad.packets import packet_reply
 from sleepcast.nomad.relay import Pending, Relay
 from sleepcast.nomad.requests import Fault, Kind, Reply, misfit, name_of
@@ -95,7 +95,7 @@ def _relayed(session: Session, relay: Relay, behaviour: Behaviour, kind: int, wo
 
 def _command(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
     """Command the robot; the reply has the state once that is done, if it is something that takes its time."""
-    if kind in MOTIONS:
+    if kind in MOTIONS or kind in STOPS:
         session.drive(behaviour, kind)
     behaviour.command(kind, words)
     if kind == Kind.PLACE_ROBOT:

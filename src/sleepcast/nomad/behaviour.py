@@ -68,8 +68,8 @@ class Behaviour:
 
     def rivals(self) -> str:
         """Those who drive it together, "" while one alone does."""
-        latest = [who for who, at in self._drivers.items() if self.world.time - at <= TOGETHER]
-        return " and ".join(latest) if len(latest) > 1 else ""
+        *others, last = sorted(who for who, at in self._drivers.items() if self.world.time - at <= TOGETHER) or [""]
+        return f"{', '.join(others)} and {last}" if others else ""
 
     def let_go_by(self, who: str) -> bool:
         """This client no longer drives it; whether it was the last that did."""
@@ -121,6 +121,7 @@ class Behaviour:
         self._last = (0, ())
         if self._zeroing and not any(self.condition().moving):
             self._zeroing = False
+            self.window.lift(self.window.actual, self.window.encoder)
         if self.timeout and self.world.time - self._asked > self.timeout and not self._zeroing:
             self._asked = inf
             self._note("stopped: nothing came in time")
@@ -216,6 +217,7 @@ class Behaviour:
         self.world.zero(self.robot)
 
     def _define_place(self, words: Words) -> None:
+        self.window.lift(self.window.encoder)
         self.world.believe(self.robot, x=units.metres(words[0]), y=units.metres(words[1]))
 
     def _define_angles(self, words: Words) -> None:
@@ -223,6 +225,7 @@ class Behaviour:
         self.world.believe(self.robot, heading=units.radians(words[0]), turret=turret)
 
     def _place(self, words: Words) -> None:
+        self.window.lift(self.window.actual, self.window.encoder)
         self.world.place(self.robot, self.pose(words))
 
     def _watch(self, words: Words) -> None:
@@ -268,7 +271,8 @@ COMMANDS: dict[int, Callable[[Behaviour, Words], None]] = {
 
 MOTIONS = frozenset({Kind.VM, Kind.PR, Kind.MV, Kind.ZR})
 """Those that move it,"""
-RESTS = frozenset({Kind.ST, Kind.LP, Kind.PLACE_ROBOT})
+STOPS = frozenset({Kind.ST, Kind.LP})
+RESTS = STOPS | {Kind.PLACE_ROBOT}
 """and those that end a motion; both end zeroing."""
 
 

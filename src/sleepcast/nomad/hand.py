@@ -14,14 +14,17 @@ from sleepcast.nomad.wire import CONNECTING, Parser, Request
 
 NAMES = {kind.name.lower(): kind for kind in Kind if kind not in CONNECTING}
 """What can be asked, as the functions of the C library are called."""
+PAGE = "the page"
+"""What a person there is called among those who drive a robot."""
 
 
 class Hand:
-    """One robot's person. wait: the reply that is still to come. turn: one request at a time."""
+    """One robot's person. wait: the reply that is still to come. reply: the last. turn: one request at a time."""
 
     def __init__(self, service: Service, robot: int) -> None:
         self.wait: Wait | None = None
-        self.session = Session(service, "the page", Parser(), self.look)
+        self.reply = b""
+        self.session = Session(service, PAGE, Parser(), self.look)
         self.session.robot, self.session.behaviour = robot, service.behaviours[robot]
         self.turn = asyncio.Lock()
         self._done = asyncio.Event()
@@ -40,6 +43,8 @@ class Hand:
         if isinstance(answer, Wait):
             self.wait = answer
             self._done.clear()
+        else:
+            self.reply = answer or b""
 
     async def done(self) -> None:
         """Wait until what was asked is done."""
@@ -48,6 +53,6 @@ class Hand:
 
     def look(self) -> None:
         """See whether it is done."""
-        if self.wait is not None and self.wait.ready() is not None:
-            self.wait = None
+        if self.wait is not None and (reply := self.wait.ready()) is not None:
+            self.wait, self.reply = None, reply
             self._done.set()

@@ -24,6 +24,7 @@ from sleepcast.nomad.relay import RealRobot, Relay
 from sleepcast.nomad.session import Service
 from sleepcast.nomad.texts import ByteOrder
 from sleepcast.nomad.windows import Windows
+from sleepcast.nomad.wire import HEADER, decode
 from sleepcast.robot import SimulatedWorld
 
 DEFAULT_PORT = 7019
@@ -140,9 +141,9 @@ class Nserver:
 
     # ---- for the page
 
-    async def perform(self, robot: int, name: str, numbers: Sequence[int]) -> None:
+    async def perform(self, robot: int, name: str, numbers: Sequence[int]) -> Sequence[int]:
         """Do what a client's request would do, until it is done: `name` as in the C library, such as vm, `numbers` as
-        on the wire. Raises MisuseError for what is refused."""
+        on the wire. Gives the words of its reply. Raises MisuseError for what is refused."""
         hand = self._hands.get(robot)
         if hand is None:
             hand = self._hands[robot] = Hand(self.service, robot)
@@ -156,6 +157,7 @@ class Nserver:
                 finally:
                     hand.wait = None
                     self.waiting.discard(hand)
+            return decode(hand.reply[HEADER.size :])
 
     def click(self, robot: int, x: float, y: float) -> None:
         """Somebody has clicked in this robot's window, at x, y in m: whoever waits for that gets it."""

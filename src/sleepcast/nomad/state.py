@@ -85,6 +85,19 @@ def tail(condition: Condition) -> tuple[int, int, int]:
     return (units.milliseconds(condition.time), charge, charge)
 
 
+def in_words(state: Sequence[int]) -> str:
+    """A state vector for a person, in the Nomad's units."""
+    x, y, steering, turret = state[POSITION:VELOCITY]
+    said = f"x {x}, y {y}, steering {steering}, turret {turret}; speeds {_row(state[VELOCITY:MOTORS])}"
+    if any(near < units.NOTHING_NEAR for near in state[INFRARED:SONAR]):
+        said += f"; infrared {_row(state[INFRARED:SONAR])}"
+    return f"{said}; sonars {_row(state[SONAR:BUMPER])}; bumper {state[BUMPER]}"
+
+
+def _row(numbers: Sequence[int]) -> str:
+    return " ".join(map(str, numbers))
+
+
 @dataclass(slots=True)
 class Mask:
     """Which entries of the state vector one client wants, and what they were when it last wanted them.

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import cos, hypot, pi, sin
-from typing import Literal
+from math import cos, hypot, isnan, nan, pi, sin
+from typing import Literal, NamedTuple
 
 from sleepcast.nomad.units import INCH, NOTHING_HEARD
 from sleepcast.robot import Condition
@@ -20,6 +20,9 @@ MAX_TRACE = 2000
 """Points of a trace: 40 m and more."""
 MAX_LINES = 200
 """Commands, and texts, that are kept: more than anybody scrolls back."""
+MAX_HISTORY = 120
+HISTORY_STEP = 0.5
+"""Looks at the sensors that are kept, and simulated seconds between two: the last minute, in 90 kB for each robot."""
 MAX_ECHOES = 1000
 """Points that sonars saw: some sixty rings of sixteen."""
 MAX_SKETCHES = 5000
@@ -39,6 +42,18 @@ Point = tuple[float, float]
 
 def _trace() -> deque[Point]:
     return deque(maxlen=MAX_TRACE)
+
+
+class Look(NamedTuple):
+    """What some sensors measured at `time`, simulated s. ranges: m, NaN for nothing; touched: as in `Condition`."""
+
+    time: float
+    ranges: tuple[float, ...]
+    touched: tuple[float, ...] = ()
+
+
+def _history() -> deque[Look]:
+    return deque(maxlen=MAX_HISTORY)
 
 
 def _lines() -> deque[tuple[float, str]]:
@@ -67,10 +82,12 @@ class Sketch:
 class RobotWindow:
     """What the windows of one robot show.
 
-    actual, encoder: traces of where it was and of where it believed to be. commands, said: with the time (simulated s)
-    at which each came. echoes: what its sonars saw, placed by where it believed to be. condition: the latest. waiting:
-    how many clients wait for a click in this window. client: who drives it, "" for nobody. erased: how often each layer
-    was. rivals: those who drive it together, "" while one alone does.
+    actual, encoder: traces of where it was and of where it believed to be; a point of NaN is a gap, behind which it was
+    put elsewhere. far, near: what its sonars, and its infrared sensors and bumper, measured in the last minute.
+    commands, said: with the time (simulated s) at which each came. echoes: what its sonars saw, placed by where it
+    believed to be. condition: the latest. waiting: how many clients wait for a click in this window. client: who is
+    connected to it, "" for nobody. rivals: those who drive it together, "" while one alone does. erased: how often each
+    layer was.
     """
 
     actual: deque[Point] = field(default_factory=_trace)
@@ -78,6 +95,8 @@ class RobotWindow:
     commands: deque[tuple[float, str]] = field(default_factory=_lines)
     said: deque[tuple[float, str]] = field(default_factory=_lines)
     echoes: deque[Point] = field(default_factory=lambda: deque(maxlen=MAX_ECHOES))
+    far: deque[Look] = field(default_factory=_history)
+    near: deque[Look] = field(default_factory=_history)
     condition: Condition | None = None
     waiting: int = 0
     client: str = ""
@@ -87,6 +106,11 @@ class RobotWindow:
     def look(self, condition: Condition, radius: float) -> None:
         """The robot's body, of `radius` m, is now like this."""
         before, self.condition = self.condition, condition
+        if not self.far or condition.time - self.far[-1].time >= HISTORY_STEP:
+            self.far.append(Look(condition.time, condition.sonars))
+        bumped = condition.touched and self.near and not self.near[-1].touched  # which may be over in less than a step
+        if bumped or not self.near or condition.time - self.near[-1].time >= HISTORY_STEP:
+            self.near.append(Look(condition.time, condition.infrared, condition.touched))
         _trail(self.actual, (condition.real.x, condition.real.y))
         _trail(self.encoder, (condition.believed.x, condition.believed.y))
         heard = before.sonars if before is not None else ()
@@ -99,6 +123,12 @@ class RobotWindow:
                 away = radius + reading
                 self.echoes.append((x + away * cos(angle), y + away * sin(angle)))
 
+    def lift(self, *traces: deque[Point]) -> None:
+        """The robot is put elsewhere: no line of these traces leads there."""
+        for trace in traces:
+            if trace and not isnan(trace[-1][0]):
+                trace.append((nan, nan))
+
     def erase(self, layers: Sequence[Layer]) -> None:
         """Clear these layers."""
         for layer in layers:
@@ -109,6 +139,9 @@ class RobotWindow:
             self.encoder.clear()
         if "sonar" in layers:
             self.echoes.clear()
+            self.far.clear()
+        if "infrared" in layers or "bumper" in layers:
+            self.near.clear()
 
 
 class Windows:
@@ -128,5 +161,5 @@ class Windows:
 
 
 def _trail(trace: deque[Point], point: Point) -> None:
-    if not trace or hypot(point[0] - trace[-1][0], point[1] - trace[-1][1]) > TRACE_STEP:
+    if not trace or not hypot(point[0] - trace[-1][0], point[1] - trace[-1][1]) <= TRACE_STEP:  # NaN is no distance
         trace.append(point)

@@ -277,6 +277,9 @@ class NomadWorld:
     def move(self, corners: Corners, across: float, up: float) -> bool:
         return self._changed(self._obstacles.move(corners, across, up))
 
+    def fill(self, polygons: Sequence[Corners]) -> bool:
+        return self._changed(self._obstacles.fill(polygons))
+
     def clear(self) -> None:
         self._obstacles.clear()
         self._forget()

@@ -6,7 +6,7 @@ agree as well as whole tenths of an inch can say.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import cos, isfinite, pi, sin
 
 import numpy as np
@@ -58,9 +58,21 @@ class Obstacles:
         """Put a polygon up; False if that is none or there are too many."""
         points = self._points(corners)
         full = len(self._put_up) >= MAX_OBSTACLES or sum(self._put_up.values()) + len(points) > MAX_SIDES
-        if full or not 3 <= len(points) <= MAX_CORNERS or not encloses(np.array(points), FLAT):
+        if full or not _is_polygon(points):
             return False
         self._put_up[self._world.add(Polygon(points))] = len(points)
+        return True
+
+    def fill(self, polygons: Sequence[Corners]) -> bool:
+        """Have just these polygons beside the edge; False, and nothing changes, if one is none or they are too many."""
+        found = [self._points(corners) for corners in polygons]
+        if len(found) > MAX_OBSTACLES or sum(map(len, found)) > MAX_SIDES or not all(map(_is_polygon, found)):
+            return False
+        begin = self._world.following
+        shapes: dict[int, Shape] = {self._edge: self._world.shapes[self._edge]}
+        shapes |= {number: Polygon(points) for number, points in enumerate(found, begin)}
+        self._world.fill(shapes, begin + len(found))
+        self._put_up = {number: len(points) for number, points in enumerate(found, begin)}
         return True
 
     def remove(self, corners: Corners) -> bool:
@@ -82,9 +94,7 @@ class Obstacles:
 
     def clear(self) -> None:
         """Take everything away but the edge."""
-        edge = self._world.shapes[self._edge]
-        self._world.fill({self._edge: edge}, self._world.following)
-        self._put_up.clear()
+        self.fill(())
 
     def _points(self, corners: Corners) -> tuple[Point, ...]:
         """The corners in the world's frame, each once; none for what is no polygon."""
@@ -103,6 +113,10 @@ class Obstacles:
             if isinstance(shape, Polygon) and len(shape.corners) == len(wanted) and _same(shape.corners, wanted):
                 return number
         return None
+
+
+def _is_polygon(points: tuple[Point, ...]) -> bool:
+    return 3 <= len(points) <= MAX_CORNERS and encloses(np.array(points), FLAT)
 
 
 def _same(one: tuple[Point, ...], other: tuple[Point, ...]) -> bool:

@@ -18,17 +18,17 @@ All lengths in a file are in the file's own frame.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from math import ceil, isfinite, pi
+from math import ceil, pi
 from pathlib import Path
 
-from sleepcast.simulator.robot_settings import INCH, MAX_WORLD, TENTH
+from sleepcast.simulator.polygons import read_polygons
+from sleepcast.simulator.robot_settings import INCH, MAX_WORLD
 from sleepcast.simulator.ros_map import read_map
 from sleepcast.simulator.scenario import FILE
 from sleepcast.simulator.settings import SettingsError, Table, read_text, toml_document
 from sleepcast.simulator.world import Point, Polygon, Shape, shifted
-from sleepcast.simulator.world_settings import MAX_POINTS, MAX_SEED, MAX_SHAPES, Changes, read_world
+from sleepcast.simulator.world_settings import MAX_SEED, Changes, read_world
 from sleepcast.units import LENGTH
 
 FORMAT = 1
@@ -126,46 +126,9 @@ def _of_map(file: Path, seed: int) -> Site:
 
 def _of_polygons(file: Path, seed: int) -> Site:
     """A text of polygons, with the origin in the middle of a square of whole cells round them."""
-    polygons = tuple(_polygons(file, read_text(file)))
+    polygons = tuple(Polygon(tuple(corners)) for corners in read_polygons(str(file), read_text(file)))
     farthest = max((abs(value) for each in polygons for corner in each.corners for value in corner), default=0.0)
     half = max(ROOM / 2.0, CELL * ceil((farthest + BEYOND) / CELL))
     return Site(
         file, 2.0 * half, 2.0 * half, tuple(shifted(each, half, half) for each in polygons), (half, half), seed=seed
     )
-
-
-def _polygons(file: Path, text: str) -> Iterator[Polygon]:
-    """The polygons of the lines, m from the origin; what follows a # is for people."""
-    count = 0
-    for line, written in enumerate(text.splitlines(), 1):
-        words = written.partition("#")[0].split()
-        if not words:
-            continue
-        count += 1
-        if count > MAX_SHAPES:
-            raise SettingsError(f"{file}:{line}: more than {MAX_SHAPES} polygons; so many fit into one file")
-        numbers = [_number(file, line, word) for word in words]
-        corners, values = numbers[0], numbers[1:]
-        if not (corners.is_integer() and 3 <= corners <= MAX_POINTS):
-            raise SettingsError(
-                f"{file}:{line}: wanted the number of corners first, from 3 to {MAX_POINTS}, not {words[0]}"
-            )
-        if len(values) != 2 * corners:
-            raise SettingsError(
-                f"{file}:{line}: wanted x and y of {corners:.0f} corners, {2 * corners:.0f} numbers, not {len(values)}"
-            )
-        points = tuple(zip(values[::2], values[1::2], strict=True))
-        if any(here == before for here, before in zip(points, (*points[-1:], *points[:-1]), strict=True)):
-            raise SettingsError(f"{file}:{line}: the same corner twice in a row; leave one of them out")
-        yield Polygon(tuple((x * TENTH, y * TENTH) for x, y in points))
-
-
-def _number(file: Path, line: int, word: str) -> float:
-    """A number in tenths of an inch, or a count. Raises SettingsError."""
-    try:
-        value = float(word)
-    except ValueError:
-        raise SettingsError(f'{file}:{line}: wanted numbers, n x1 y1 ... xn yn, not "{word[:40]}"') from None
-    if not (isfinite(value) and abs(value) * TENTH <= MAX_WORLD):
-        raise SettingsError(f'{file}:{line}: "{word[:40]}" lies beyond the world: at most {MAX_WORLD / TENTH:g}')
-    return value

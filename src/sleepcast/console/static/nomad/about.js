@@ -84,10 +84,13 @@ export class About extends EventTarget {
     const { robot, own } = state;
     if (!robot) return;
     write(this.find("robot-state"), robot.client ? `driven by ${robot.client}` : "no program drives it");
+    this.find("contest").hidden = !robot.rivals;
+    if (robot.rivals) write(this.find("contest"), `Driven by ${robot.rivals}: each replaces what the other asks.`);
     this.row("believed", robot.believed);
     this.row("real", robot.real);
     [...this.find("chooser").children].forEach((button, index) => {
       button.classList.toggle("asks", state.robots[index]?.waiting ?? false);
+      button.classList.toggle("rivals", Boolean(state.robots[index]?.rivals));
       button.classList.toggle("driven", Boolean(state.robots[index]?.client));
     });
     this.find("asked").hidden = !robot.waiting;

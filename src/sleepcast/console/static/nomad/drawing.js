@@ -41,11 +41,18 @@ export function drawSolids(pen, view, solids, chosen, colours) {
   });
 }
 
-// A trace of x, y in turn; the encoders' is dashed.
+// A trace of x, y in turn, null for a gap; the encoders' is dashed.
 export function drawTrace(pen, view, points, colour, dashed) {
   if (points.length < 4) return;
   pen.beginPath();
-  for (let i = 0; i < points.length; i += 2) pen.lineTo(view.toScreenX(points[i]), view.toScreenY(points[i + 1]));
+  for (let i = 0, gap = true; i < points.length; i += 2) {
+    if (points[i] !== null) {
+      const at = [view.toScreenX(points[i]), view.toScreenY(points[i + 1])];
+      if (gap) pen.moveTo(...at);
+      else pen.lineTo(...at);
+    }
+    gap = points[i] === null;
+  }
   pen.strokeStyle = colour;
   pen.lineWidth = 1.6;
   pen.lineJoin = "round";

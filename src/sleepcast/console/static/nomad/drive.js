@@ -15,7 +15,7 @@ export class Driver {
     this.state = state;
     this.pad = root.querySelector("#pad");
     this.pace = root.querySelector("#pace");
-    this.held = new Set(); // ways: forward, back, left, right
+    this.held = new Map(); // ways (forward, back, left, right) to what holds them: "key" or "hand"
     this.robot = null; // the one that is driven
     this.timer = null;
     this.paced = () => {
@@ -34,9 +34,9 @@ export class Driver {
         if (!way || event.target === this.pace) return;
         if (event.shiftKey || event.ctrlKey || event.altKey || event.metaKey) return;
         event.preventDefault();
-        this.hold(way);
+        this.hold(way, "key");
       });
-      place.addEventListener("blur", () => this.release());
+      place.addEventListener("blur", () => this.leave());
     }
     window.addEventListener("keyup", (event) => this.letGo(KEYS[event.key]));
     window.addEventListener("blur", () => this.release());
@@ -44,7 +44,7 @@ export class Driver {
     for (const button of this.pad.querySelectorAll("button")) {
       button.addEventListener("pointerdown", (event) => {
         button.setPointerCapture(event.pointerId);
-        this.hold(button.dataset.way);
+        this.hold(button.dataset.way, "hand");
       });
       for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
         button.addEventListener(end, () => this.letGo(button.dataset.way));
@@ -53,9 +53,9 @@ export class Driver {
     }
   }
 
-  hold(way) {
+  hold(way, by) {
     if (this.held.has(way)) return;
-    this.held.add(way);
+    this.held.set(way, by);
     this.robot ??= this.state.chosen;
     this.timer ??= setInterval(() => this.drive(), AGAIN);
     this.drive();
@@ -65,6 +65,11 @@ export class Driver {
     if (!this.held.delete(way)) return;
     if (this.held.size) this.drive();
     else this.release();
+  }
+
+  // The keys go elsewhere from now on, which is nothing to a button that is pressed.
+  leave() {
+    for (const [way, by] of [...this.held]) if (by === "key") this.letGo(way);
   }
 
   // All hands off.

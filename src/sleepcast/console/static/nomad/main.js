@@ -7,6 +7,7 @@ import { Time } from "../time.js";
 import { Refusal, Wire } from "../wire.js";
 import { About } from "./about.js";
 import { Driver } from "./drive.js";
+import { Files } from "./files.js";
 import { Layers } from "./layers.js";
 import { Orders } from "./orders.js";
 import { Own } from "./own.js";
@@ -27,6 +28,7 @@ const sensors = new Sensors(document, state);
 const about = new About(document, state);
 const orders = new Orders(document.querySelector(".desk"), wire, state);
 const layers = new Layers(document.querySelector(".world"), state);
+const files = new Files(document.querySelector(".world"), wire);
 const driver = new Driver(document, wire, state, [find("map"), find("own")]);
 new Safety(document, wire);
 const time = new Time(document, wire);
@@ -110,6 +112,7 @@ function look() {
 about.addEventListener("choose", ({ detail }) => choose(detail));
 world.addEventListener("choose", ({ detail }) => choose(detail));
 world.builder.addEventListener("ask", ({ detail }) => ask(...detail));
+files.addEventListener("told", ({ detail }) => orders.answer(detail.text, detail.wrong));
 own.addEventListener("answer", ({ detail }) => ask("click", detail));
 
 world.addEventListener("place", ({ detail: { robot, pose } }) => {

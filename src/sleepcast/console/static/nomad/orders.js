@@ -220,15 +220,16 @@ export class Orders {
     const said = [order, ...numbers, ...(text ? [text] : [])].join(" ");
     const number = ++this.given;
     this.answer(`Robot ${this.state.kinds[robot].name} is to do: ${said}`, false);
+    let note = "";
     try {
-      await this.wire.ask("perform", { robot, order, numbers, text }, Infinity);
+      ({ note } = await this.wire.ask("perform", { robot, order, numbers, text }, Infinity));
     } catch (refusal) {
       if (!(refusal instanceof Refusal)) throw refusal;
       this.answer(`${said}: ${refusal.message}`, true);
       return false;
     }
     const last = number === this.given; // what was said of a later order stays
-    if (last) this.answer(`Robot ${this.state.kinds[robot].name} was given: ${said}`, false);
+    if (last) this.answer([`Robot ${this.state.kinds[robot].name} was given: ${said}`, note].filter(Boolean).join(". "), false);
     return true;
   }
 

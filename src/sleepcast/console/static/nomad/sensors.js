@@ -1,8 +1,10 @@
 // LongSensors: the sonars, each a sector with its reading in inches. ShortSensors: the bumper's contacts and, where
 // there are infrared sensors, each a bar. What lies in front of the robot, or of the turret that carries its sensors, is up.
+// Below each is its last minute.
 
 import { palette } from "../shapes.js";
 import { colourOf } from "./drawing.js";
+import { Past } from "./past.js";
 
 const TURN = 2 * Math.PI;
 const FARTHEST = 255; // inches: what a sonar reads where there is nothing
@@ -14,6 +16,8 @@ export class Sensors {
     this.state = state;
     this.long = root.querySelector("#long");
     this.short = root.querySelector("#short");
+    this.longPast = root.querySelector("#long-past");
+    this.shortPast = root.querySelector("#short-past");
     this.colours = palette();
   }
 
@@ -27,6 +31,35 @@ export class Sensors {
     if (!own) return;
     this.drawLong(sheet(this.long), own);
     this.drawShort(sheet(this.short), own);
+    this.drawLongPast(new Past(sheet(this.longPast), this.state.time, this.colours));
+    this.drawShortPast(new Past(sheet(this.shortPast), this.state.time, this.colours));
+  }
+
+  drawLongPast(past) {
+    const { colours, state } = this;
+    const farthest = (FARTHEST - 0.5) * 10 * state.tenth;
+    const shown = state.shown.sonar ? state.far : [];
+    let nearest = farthest;
+    for (const [span, [, ranges]] of past.spans(shown)) {
+      past.ranges(span, ranges, farthest, colourOf(state.chosen, colours));
+      nearest = Math.min(nearest, ...ranges.map((range) => range ?? farthest));
+    }
+    const said = nearest < farthest ? `the nearest reading was ${state.inches(nearest)} inches` : "nothing was near";
+    this.longPast.setAttribute("aria-label", `Sonars in the last minute: ${said}`);
+  }
+
+  drawShortPast(past) {
+    const { colours, state } = this;
+    const farthest = (INFRARED - 0.5) * 10 * state.tenth;
+    let [hits, before] = [0, false];
+    for (const [span, [, ranges, touched]] of past.spans(state.near)) {
+      if (state.shown.infrared) past.ranges(span, ranges, farthest, colours.lit);
+      if (!state.shown.bumper) continue;
+      past.bumps(span, touched, colours.place);
+      hits += Number(touched.length > 0 && !before);
+      before = touched.length > 0;
+    }
+    this.shortPast.setAttribute("aria-label", `Bumper in the last minute: hit ${hits === 1 ? "once" : `${hits} times`}`);
   }
 
   drawLong({ pen, width, height }, own) {

@@ -1,8 +1,7 @@
 // What the server has told: the robots, their traces, what programs drew, and the robot that is looked at.
 
 const MOST_POINTS = 4000; // of a trace that are kept here
-const MOST_ECHOES = 1000;
-const MOST_LINES = 200;
+const ROWS = { echoes: 1000, commands: 200, said: 200, far: 150, near: 150 }; // of the chosen robot
 const MOST_CONTACTS = 200; // places where the bumper felt something
 const APART = 0.05; // m between two of them
 const MOST_SKETCHES = 5000;
@@ -22,8 +21,8 @@ export const LAYERS = [
 export class State {
   constructor() {
     this.kinds = []; // {name, steers, radius}
-    this.robots = []; // {real, believed, touched, waiting, client}
-    this.traces = []; // of each robot: [actual, encoder], each x, y in turn
+    this.robots = []; // {real, believed, touched, waiting, client, rivals}
+    this.traces = []; // of each robot: [actual, encoder], each x, y in turn, null for a gap
     this.sketches = []; // {kind, numbers, mode}
     this.solids = [];
     this.version = 0;
@@ -53,6 +52,8 @@ export class State {
     this.echoes = [];
     this.commands = [];
     this.said = [];
+    this.far = []; // what its sonars measured: [time, ranges in m, ..]
+    this.near = []; // its infrared sensors and its bumper: [time, ranges, angles touched]
     this.contacts = []; // where the bumper was touched, x, y in turn, by belief
     this.erased = {};
   }
@@ -73,8 +74,8 @@ export class State {
   // Take a picture in; whether traces or drawings have changed.
   take(picture) {
     this.time = picture.time;
-    const named = ([real, believed, touched, waiting, client]) => ({ real, believed, touched, waiting, client });
-    this.robots = picture.robots.map(named);
+    const names = ["real", "believed", "touched", "waiting", "client", "rivals"];
+    this.robots = picture.robots.map((robot) => Object.fromEntries(names.map((name, at) => [name, robot[at]])));
     for (const [robot, layer, anew, points] of picture.traces) {
       if (anew) this.traces[robot][layer] = [];
       grow(this.traces[robot][layer], points, 2 * MOST_POINTS);
@@ -88,7 +89,7 @@ export class State {
 
   look(own) {
     this.own = own;
-    for (const [name, most] of [["echoes", MOST_ECHOES], ["commands", MOST_LINES], ["said", MOST_LINES]]) {
+    for (const [name, most] of Object.entries(ROWS)) {
       const [anew, items] = own[name];
       if (anew) this[name] = [];
       grow(this[name], items, most);

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from math import nan, pi
+from dataclasses import replace
+from math import isnan, nan, pi
 
 import pytest
 
-from sleepcast.nomad.windows import LAYERS, MAX_ECHOES, MAX_SKETCHES, MAX_TRACE, Sketch, Windows
+from sleepcast.nomad.windows import LAYERS, MAX_ECHOES, MAX_HISTORY, MAX_SKETCHES, MAX_TRACE, Sketch, Windows
 from sleepcast.robot import Axes, Condition, Pose
 
 RADIUS = 0.2
@@ -54,3 +55,29 @@ def test_layers_are_erased_one_by_one_and_graphics_for_everybody() -> None:
     assert [len(each) for each in (windows.robots[0].encoder, windows.robots[0].echoes, windows.sketches)] == [0, 0, 0]
     assert windows.robots[0].erased == dict.fromkeys(LAYERS, 1) | {"actual": 2}
     assert windows.robots[1].erased == dict.fromkeys(LAYERS, 0) | {"graphics": 1}
+
+
+def test_a_trace_has_a_gap_where_the_robot_was_put_elsewhere() -> None:
+    window = Windows(1).robots[0]
+    window.lift(window.actual)  # nothing is there yet, so there is no gap
+    window.look(condition(0.0), RADIUS)
+    for _ in range(2):  # one gap is enough
+        window.lift(window.encoder)
+    window.look(condition(0.0), RADIUS)  # not even a step away
+    assert list(window.actual) == [(0.0, 0.0)]
+    assert [isnan(x) for x, _ in window.encoder] == [False, True, False]
+
+
+def test_the_last_minute_of_the_sensors_is_kept() -> None:
+    window = Windows(1).robots[0]
+    for tick in range(4000):  # 80 s
+        felt = (0.5,) if tick == 3901 else ()  # between two looks, and over at the next one
+        window.look(replace(condition(0.0, (tick / 1000, nan)), time=0.02 * tick, touched=felt), RADIUS)
+    assert len(window.far) == MAX_HISTORY
+    assert window.far[0].time == pytest.approx(window.far[-1].time - 60.0, abs=1.0)
+    assert window.far[-1].ranges[0] == pytest.approx(4.0, abs=0.03)
+    assert [look.time for look in window.near if look.touched] == [pytest.approx(78.02)]
+    window.erase(["bumper"])
+    assert (len(window.far), len(window.near)) == (MAX_HISTORY, 0)
+    window.erase(["sonar"])
+    assert len(window.far) == 0

@@ -16,7 +16,9 @@ from sleepcast.simulator.engine import choose
 from sleepcast.simulator.keyholes import without_holes
 from sleepcast.simulator.nomad_worlds import nomad_world
 from sleepcast.simulator.nomads import NomadWorld
+from sleepcast.simulator.obstacles import MAX_OBSTACLES
 from sleepcast.simulator.outlines import outlines
+from sleepcast.simulator.polygons import read_polygons, write_polygons
 from sleepcast.simulator.setups import SETUPS, read_setup, setup_names
 from sleepcast.simulator.sites import ROOM, read_site
 from small_worlds import SCOUTS
@@ -285,3 +287,42 @@ class TestSetups:
             ring = world.setup.robots.ring
             assert ring is not None
             assert (ring.crosstalk is not None) is wanted
+
+
+def test_polygons_are_written_as_they_are_read(tmp_path: Path) -> None:
+    polygons: list[Corners] = [
+        [(2.0, 0.0), (3.0, 0.0), (3.0, 1.234567)],
+        [(-200.0, 1e-9), (-100.0, -1e-9), (-100.0, 300.0), (-100.0, 300.000001)],  # the last corner is there once
+    ]
+    wall: Corners = [(1.0, 5.0), (3.0, 5.0)]
+    text = write_polygons("a\nhall", [*polygons, wall])
+    assert text.splitlines() == [
+        "# a hall: n x1 y1 ... xn yn, in tenths of an inch",
+        "3 787.4 0 1181.1 0 1181.1 486.05",
+        "3 -78740.16 0 -39370.08 0 -39370.08 118110.24",
+        "# a wall without width: 2 393.7 1968.5 1181.1 1968.5",
+    ]
+    again = list(read_polygons("again", text))
+    assert [len(corners) for corners in again] == [3, 3]
+    assert np.asarray(again[0]) == pytest.approx(np.asarray(polygons[0]), abs=3e-5)
+    file = tmp_path / "world.txt"
+    file.write_text(text)
+    shown = nomad_world(file).solids()
+    for each, wanted in zip(shown, again, strict=True):
+        assert np.asarray(each) == pytest.approx(np.asarray(wanted), abs=1e-6)
+
+
+def test_a_world_is_filled_whole_or_not_at_all() -> None:
+    world = nomad_world(None)
+    box: Corners = [(1.0, 1.0), (2.0, 1.0), (2.0, 2.0)]
+    assert world.add(box)
+    before = world.solids()
+    flat: Corners = [(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)]
+    for wrong in ([box, flat], [box] * (MAX_OBSTACLES + 1)):
+        assert not world.fill(wrong)
+        assert world.solids() == before
+    other: Corners = [(3.0, 3.0), (4.0, 3.0), (4.0, 4.0)]
+    assert world.fill([other, box])
+    assert [corners[0] for corners in world.solids()] == [pytest.approx((3.0, 3.0)), pytest.approx((1.0, 1.0))]
+    assert world.remove(other)
+    assert world.add(other)

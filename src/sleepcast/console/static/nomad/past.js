@@ -24,7 +24,7 @@ export class Past {
     pen.textBaseline = "middle";
     pen.textAlign = "right";
     pen.lineWidth = 1;
-    pen.strokeStyle = colours.grid;
+    pen.strokeStyle = colours.edge;
     pen.fillStyle = colours.quiet;
     pen.strokeRect(LEFT, 0.5, PAST * across, high - 1);
     for (const [side, down] of SIDES) {

@@ -1,7 +1,8 @@
 """`python -m sleepcast` is the command `sleepcast`, and so is the script that an installation makes.
 
 The command's libraries take a moment to load. Ctrl-C ends the process on the spot meanwhile: raised as an exception in
-the middle of an import, it would come out as a traceback, or be swallowed.
+the middle of an import, it would come out as a traceback, or be swallowed. SIGTERM ends it as Ctrl-C does, here and
+later, so that bodies are stopped and files are closed.
 """
 
 import gc
@@ -9,18 +10,20 @@ import os
 import signal
 import sys
 
-INTERRUPTED = 130
+USUAL = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+"""What signals do unless whoever started the process has said something else, who is obeyed."""
 
 
 def start() -> int:
     """Load the command and run it on this process's arguments; gives the exit status."""
-    ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    if ours:
-        signal.signal(signal.SIGINT, lambda number, frame: os._exit(INTERRUPTED))
+    ours = [each for each, usual in USUAL.items() if signal.getsignal(each) is usual]
+    for each in ours:
+        signal.signal(each, lambda number, frame: os._exit(128 + number))
     from sleepcast.cli import main
+    from sleepcast.cli.interrupts import terminate
 
-    if ours:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+    for each in ours:
+        signal.signal(each, terminate if each is signal.SIGTERM else signal.default_int_handler)
     status = main()
     gc.freeze()  # nobody looks for garbage at the end: all of it goes anyway, and after a run the search takes longest
     return status

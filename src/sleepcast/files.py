@@ -16,6 +16,11 @@ def data_folder() -> Path:
     return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "sleepcast"
 
 
+def config_folder() -> Path:
+    """Where sleepcast keeps a person's settings and keys."""
+    return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "sleepcast"
+
+
 def open_file(file: Path) -> FileIO:
     """Open a file to read. Raises OSError, also for a pipe, where opening would wait for somebody who writes, and for
     what else can be read only once or has no end."""

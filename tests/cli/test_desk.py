@@ -72,7 +72,7 @@ def test_stop_is_one_key_and_its_account_is_true(desk: Terminal, channel: str) -
     desk.type("(WHEN (> id 1) (VM 1 1")  # what is half typed is in nobody's way
     desk.wait_to_see("parenthes")
     desk.type(F9)
-    lines = desk.wait_to_see("stopped 3, silent 1: r9", "S  r1", "S  r3")
+    lines = desk.wait_to_see("stopped 3, silent 1 of 4 robots heard so far: r9", "S  r1", "S  r3")
     assert lines[1].startswith(" STOP ")
     desk.type(CTRL_C + CTRL_Q)
     desk.wait_to_see("STOP is still sent to 1 robot: leave once more to give up")
@@ -85,7 +85,7 @@ def test_stop_is_one_key_and_its_account_is_true(desk: Terminal, channel: str) -
     desk.wait_to_see("stopped 3, silent 1", "S  r1")
     desk.type(CTRL_Q + CTRL_Q)
     assert desk.status() == 0
-    assert "STOP holds: stopped 3, silent 1: r9" in desk.screen
+    assert "STOP holds: stopped 3, silent 1 of 4 robots heard so far: r9" in desk.screen
     events = [json.loads(line) for line in called("journal", "export").out.splitlines()]
     kinds = [event["details"]["kind"] for event in events if event["event"] == "sent"]
     assert kinds == ["stop", "release", "stop"]

@@ -211,7 +211,10 @@ def test_stages_go_on_while_all_goes_well() -> None:
 
 @pytest.mark.parametrize(
     ("text", "lost", "said"),
-    [("(WHEN (> id 0) (DRIVE (/ 1 0)))", "", "fault on r1"), ("(WHEN (> id 0) (DRIVE 1))", "r1", "silent 1: r1")],
+    [
+        ("(WHEN (> id 0) (DRIVE (/ 1 0)))", "", "fault on r1"),
+        ("(WHEN (> id 0) (DRIVE 1))", "r1", "silent 1 of 1 robots: r1"),
+    ],
 )
 def test_stages_end_where_one_goes_wrong(text: str, lost: str, said: str) -> None:
     seat = Seat(5)
@@ -271,7 +274,7 @@ def test_who_leaves_while_robots_are_not_stopped_is_asked_once(seat: Seat) -> No
     seat.scene.isolate("r1")
     session.stop()
     seat.run(1.0)
-    assert "silent 1: r1" in seat.shown()
+    assert "silent 1 of 3 robots heard so far: r1" in seat.shown()
     session.leave()
     assert not session.leaving
     assert "STOP is still sent to 1 robot" in session.said

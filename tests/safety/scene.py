@@ -19,6 +19,7 @@ from sleepcast.clock import ManualClock
 from sleepcast.language import HostFunction, Vocabulary
 from sleepcast.node.node import Node
 from sleepcast.station.aired import AirStation
+from sleepcast.station.expectation import NOBODY_SAID, Expectation
 from sleepcast.station.minds import Minds
 from sleepcast.station.settling import Caution
 from sleepcast.units import Quantity
@@ -133,8 +134,15 @@ class Scene:
         node.sense((float(number), 0.5), 0.0)
         return Robot(node, line, wire, body)
 
-    def desk(self, owner: str = "chief", heard: Iterable[str] | None = None, minds: Minds | None = None) -> AirStation:
-        """The desk of an operator. heard: who was heard before, by default all robots. minds: that it knows of."""
+    def desk(
+        self,
+        owner: str = "chief",
+        heard: Iterable[str] | None = None,
+        minds: Minds | None = None,
+        expected: Expectation = NOBODY_SAID,
+    ) -> AirStation:
+        """The desk of an operator. heard: who was heard before, by default all robots. minds: that it knows of.
+        expected: which robots there are, as somebody has said."""
         if owner not in self._desks:
             line, _ = self._line(owner, KEYS[owner], robot=False)
             names = self.fleet if heard is None else heard
@@ -145,6 +153,7 @@ class Scene:
                 {} if minds is None else minds,
                 heard=dict.fromkeys(names, START - 8.0),
                 caution=self.caution,
+                expected=expected,
             )
         return self._desks[owner]
 

@@ -23,7 +23,8 @@ def test_anybody_with_a_role_may_stop(owner: str) -> None:
     stop = desk.stop()
     scene.run(0.5)
     assert all(robot.node.stopped for robot in scene.fleet.values())
-    assert desk.accounting(stop.id).sentence() == "matched 3, did not match 0, fault 0, silent 0"
+    found = desk.accounting(stop.id).sentence()
+    assert found == "matched 3, did not match 0, fault 0, silent 0 of 3 robots heard so far"
 
 
 def test_a_robot_may_stop_the_others() -> None:
@@ -62,7 +63,7 @@ def test_the_account_never_takes_silence_for_obedience() -> None:
     stop = desk.stop()
     scene.run(2.0)
     assert desk.accounting(stop.id).sentence() == (
-        "matched 2, did not match 0, fault 0, silent 1: r2 last heard 10 s ago"
+        "matched 2, did not match 0, fault 0, silent 1 of 3 robots heard so far: r2 (last heard 10 s ago)"
     )
 
 

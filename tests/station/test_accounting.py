@@ -22,7 +22,7 @@ def test_before_anybody_has_answered_everybody_is_silent(fleet: Fleet) -> None:
     found = fleet.station.accounting(command.id)
     assert found.n_silent == 10
     assert not found.complete
-    assert found.sentence().startswith("matched 0, did not match 0, fault 0, silent 10: s0 never heard")
+    assert found.sentence().startswith("matched 0, did not match 0, fault 0, silent 10 of 10 robots: s0 (never heard)")
 
 
 def test_four_ways_for_every_robot(fleet: Fleet) -> None:
@@ -38,7 +38,7 @@ def test_four_ways_for_every_robot(fleet: Fleet) -> None:
     assert found.silent == ("s2",)
     assert found.last_heard == {"s2": 0.0}
     assert "division by zero" in found.faults["s8"]
-    assert found.sentence() == "matched 3, did not match 5, fault 1, silent 1: s2 last heard 8 s ago"
+    assert found.sentence() == "matched 3, did not match 5, fault 1, silent 1 of 10 robots: s2 (last heard 8 s ago)"
     assert found.to_dict() == {
         "text": command.text,
         "matched": 3,
@@ -111,7 +111,7 @@ def test_a_command_heard_too_late_is_a_fault_with_its_reason(fleet: Fleet) -> No
 def test_many_silent_robots_are_counted_not_listed() -> None:
     message = Message("desk", 1, 1, Kind.COMMAND, 0.0, text="(MARK)")
     found = account(Command(message, Names(f"s{i}" for i in range(100))), 3.0, np.full(100, -inf))
-    assert found.sentence().endswith("s4 never heard, and 95 more")
+    assert found.sentence().endswith("s4 (never heard), and 95 more")
 
 
 def test_answers_are_kept_with_value_and_time(fleet: Fleet) -> None:

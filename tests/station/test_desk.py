@@ -320,4 +320,5 @@ def test_a_desk_without_robots_sends_all_the_same() -> None:
     station = Station(vocabulary(), {}, sent.append, ManualClock(), operator="bridge", epoch=3)
     command = station.send(HALF)
     assert command.id == "bridge-3.1"
-    assert station.accounting(command.id).sentence() == "matched 0, did not match 0, fault 0, silent 0"
+    found = station.accounting(command.id).sentence()
+    assert found == "matched 0, did not match 0, fault 0, silent 0 of 0 robots heard so far"

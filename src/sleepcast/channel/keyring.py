@@ -21,7 +21,7 @@ import msgspec
 
 from sleepcast.channel.keys import FINGERPRINT_BYTES, ID_BYTES, KeyChange, KeyPair, KeyRefusal, PublicKey, Role, Trust
 from sleepcast.errors import MisuseError, SleepcastError, did_you_mean
-from sleepcast.files import replace_file
+from sleepcast.files import config_folder, replace_file
 
 FORMAT = 1
 MAX_BYTES = 8 * 1024 * 1024
@@ -88,7 +88,7 @@ File = TypeVar("File", SecretFile, TrustFile, UsedKeys)
 
 def keys_folder() -> Path:
     """Where this user's keys lie."""
-    return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "sleepcast" / "keys"
+    return config_folder() / "keys"
 
 
 def load_trust(file: Path) -> Trust:

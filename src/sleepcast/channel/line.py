@@ -20,7 +20,7 @@ from random import Random
 
 import msgspec
 
-from sleepcast.channel.bodies import AGAIN, FOR, KEYS, MISSED, WITHIN
+from sleepcast.channel.bodies import AGAIN, FOR, KEYS, MISSED, NOT, WITHIN
 from sleepcast.channel.door import Door
 from sleepcast.channel.keys import KeyChange, KeyRefusal
 from sleepcast.channel.mailbox import LIFE, Mailbox
@@ -180,9 +180,11 @@ class Line:
             self._post(heappop(self._held).message)
 
     def _say_again(self, asked: Message) -> None:
-        """Somebody has missed answers; ours is among them if we are named."""
-        names, answer = asked.body.get(FOR), self._answered.get(str(asked.body[AGAIN]))
-        if answer is None or not isinstance(names, list) or self.mailbox.name not in names:
+        """Somebody has missed answers; ours is among them if we are named, or others are whose answers have come."""
+        named, heard = asked.body.get(FOR), asked.body.get(NOT)
+        answer, name = self._answered.get(str(asked.body[AGAIN])), self.mailbox.name
+        missed = name in named if isinstance(named, list) else isinstance(heard, list) and name not in heard
+        if answer is None or not missed:
             return
         if all(held.message is not answer for held in self._held):  # else it is about to be said anyway
             self._hold(answer, _within(asked))

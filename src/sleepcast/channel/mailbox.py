@@ -190,6 +190,11 @@ class Mailbox:
         return self._sequence + 1
 
     @property
+    def key_id(self) -> bytes:
+        """Of our key."""
+        return self._key.id
+
+    @property
     def role(self) -> Role:
         """Of our key."""
         return self._key.public.role

@@ -10,6 +10,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 from importlib import import_module
 
@@ -40,7 +41,7 @@ COMMANDS = {
     "who": ("sleepcast.cli.who", "who"),
     "send": ("sleepcast.cli.send", "send"),
     "ask": ("sleepcast.cli.send", "ask"),
-    "stop": ("sleepcast.cli.send", "stop"),
+    "stop": ("sleepcast.cli.stop", "stop"),
     "release": ("sleepcast.cli.send", "release"),
     "lease": ("sleepcast.cli.lease", "lease"),
     "desk": ("sleepcast.cli.desk", "desk"),
@@ -115,8 +116,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ReaderGone, BrokenPipeError):
         _forget_output()
         return READER_GONE
-    except OSError as error:
-        if error.errno not in NO_ROOM:
+    except Exception as error:
+        if _lacks_files(error):
+            _tell_few_files()
+            return 1
+        if not isinstance(error, OSError) or error.errno not in NO_ROOM:
             raise
         _forget_output()
         complain(f"cannot write the output: {error.strerror}")
@@ -137,6 +141,24 @@ def _run(arguments: list[str]) -> int:
     except (KeyboardInterrupt, click.Abort):
         return INTERRUPTED
     return status if isinstance(status, int) else 0
+
+
+def _lacks_files(error: BaseException | None) -> bool:
+    """Whether something went wrong because this process may open no more files; a library may say it in its own way."""
+    while error is not None:
+        if isinstance(error, OSError | ImportError) and os.strerror(errno.EMFILE) in str(error):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
+def _tell_few_files() -> None:
+    """Say so, and nothing of what libraries could not finish."""
+    complain(
+        "this process may open too few files and sockets at once: allow more with `ulimit -n 1024`, and begin anew"
+    )
+    sys.unraisablehook = lambda _: None
+    warnings.simplefilter("ignore")
 
 
 def _forget_output() -> None:

@@ -27,17 +27,26 @@ SORTS = ("matched", "not_matched", "fault", "silent")
 def as_dict(command: Command, found: Accounting) -> dict[str, object]:
     """The account as plain data: counts always, names while they are few."""
     names = {"predicted": command.predicted} | {sort: getattr(found, sort) for sort in SORTS}
-    about = {"id": command.id, "kind": str(command.kind), "text": command.message.text}
+    about = {"id": command.id, "kind": str(command.kind), "text": command.message.text} | among(found)
     faults = {"faults": found.faults} if len(found.fault) <= MANY else {}
-    return {**about, **_counted(names), **faults, **(census(found) if command.kind == ASK else {})}
+    counts = _counted(names) | {"n_silent": found.n_silent}
+    return {**about, **counts, **faults, **(census(found) if command.kind == ASK else {})}
+
+
+def among(found: Accounting) -> dict[str, object]:
+    """Among how many robots silence was counted, and whether these are all that are expected or those heard so far; how
+    many of the silent ones were never heard, so that nobody knows their names."""
+    return {"robots": found.total, "expected": bool(found.size), "n_nameless": found.n_nameless}
 
 
 def stages_as_dict(text: str, stages: Sequence[tuple[Command, Accounting]]) -> dict[str, object]:
     """The account of a command that was sent in stages: of all together, and of each."""
     names: dict[str, Collection[str]] = {"predicted": set().union(*(command.predicted for command, _ in stages))}
     names |= {sort: set().union(*(getattr(found, sort) for _, found in stages)) for sort in SORTS}
-    about = {"id": stages[0][0].id, "kind": str(stages[0][0].kind), "text": text}
-    return {**about, **_counted(names), "stages": [as_dict(*stage) for stage in stages]}
+    about = {"id": stages[0][0].id, "kind": str(stages[0][0].kind), "text": text} | among(stages[-1][1])
+    counts = _counted(names)
+    counts["n_silent"] = len(names["silent"]) + stages[-1][1].n_nameless
+    return {**about, **counts, "stages": [as_dict(*stage) for stage in stages]}
 
 
 def _counted(names: Mapping[str, Collection[str]]) -> dict[str, object]:
@@ -63,14 +72,16 @@ def foreseen(found: Foreseen) -> str:
     """Who would obey, as far as the desk knows: to be said before anything is sent."""
     if not found.may + len(found.no):
         return "nobody was heard before, so nobody knows who will obey"
-    return f"{listed('would obey', found.yes)}; {listed('cannot say', found.unknown)}; would not {len(found.no)}"
+    unheard = f", and {found.nameless} that were never heard" if found.nameless else ""
+    may = f"{listed('cannot say', found.unknown)}{unheard}"
+    return f"{listed('would obey', found.yes)}; {may}; would not {len(found.no)}"
 
 
 def told(command: Command, found: Accounting) -> Iterator[str]:
     """The account, for a person."""
     from sleepcast.language import format_value
 
-    if not len(found.answers.names):
+    if not found.total:
         asked = "is a node up on this channel, with these keys?"
         yield f"{command.id}: nobody answered, and nobody was heard before: {asked}"
         return
@@ -88,13 +99,7 @@ def told(command: Command, found: Accounting) -> Iterator[str]:
         yield f"  fault on {name}: {printable(found.answers[name].fault or '')}"
     if len(found.fault) > FEW:
         yield f"  faults on {len(found.fault)} robots in all"
-    yield f"  {silence(found)}"
-
-
-def silence(found: Accounting) -> str:
-    """Who said nothing, each with when it was heard last."""
-    shown = [f"{name} ({found.ago(name)})" for name in _sorted(found.first_silent(MANY))[:FEW]]
-    return listed("silent", shown, found.n_silent)
+    yield f"  {found.silence(FEW)}"
 
 
 def listed(what: str, names: Sequence[str], count: int | None = None) -> str:

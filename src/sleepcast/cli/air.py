@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from sleepcast.channel.trunk import Trunk
     from sleepcast.node.store import Store
     from sleepcast.station.aired import AirStation
+    from sleepcast.station.expectation import Expectation
     from sleepcast.station.looking import Looker
 
 FLEET = "sleepcast"
@@ -42,7 +43,8 @@ class Air:
     this machine; trust: the file of those who are believed, None for the one beside the keys, or for the development
     keys alone. folder: where keys lie, None for the one in the user's settings. within: s for answers, None: by the
     roster. journal: the file in which it is written down, None for the fleet's own. skew: s that others' clocks may be
-    wrong; rate: signatures of one key that are looked at in a second; None for what is usual."""
+    wrong; rate: signatures of one key that are looked at in a second; None for what is usual. expect: how many robots
+    there are, or the file of their names; None for what is kept of this channel and fleet."""
 
     channel: str
     fleet: str
@@ -53,6 +55,15 @@ class Air:
     journal: Path | None = None
     skew: float | None = None
     rate: float | None = None
+    expect: str | None = None
+
+
+expect_option = click.option(
+    "--expect",
+    metavar="N|FILE",
+    help="Robots that there are: their number, or a file of their names. Those that were never heard then count as "
+    "silent. Else what `roster --expect` keeps.",
+)
 
 
 def options(command: Command) -> Command:
@@ -89,6 +100,7 @@ def on_air(command: Callable[..., int]) -> Callable[..., int]:
 
     @click.option("--channel", metavar="URI", default=CHANNEL, show_default=True, help="The radio.")
     @options
+    @expect_option
     @click.option("--within", type=Seconds(0.0, 60.0), help="Seconds for answers; else a millisecond for each robot.")
     @journal_option
     @wraps(command)
@@ -102,32 +114,55 @@ def on_air(command: Callable[..., int]) -> Callable[..., int]:
         journal: Path | None,
         skew: float | None,
         rate: float | None,
+        expect: str | None,
         **others: object,
     ) -> int:
-        return command(air=Air(channel, fleet, key, trust, folder, within, journal, skew, rate), **others)
+        return command(air=Air(channel, fleet, key, trust, folder, within, journal, skew, rate, expect), **others)
 
     return placed
 
 
+def expectation(air: Air) -> Expectation:
+    """Which robots there are, by what was said with this command, or is kept. Raises ExpectationError."""
+    from sleepcast.station.expectation import FleetFile, read_expectation
+
+    return FleetFile(air.channel, air.fleet).read() if air.expect is None else read_expectation(air.expect)
+
+
 @contextmanager
-def station_for(air: Air, say: Callable[[str], None], *, strict: bool = False) -> Iterator[AirStation]:
+def station_for(
+    air: Air, say: Callable[[str], None], *, strict: bool = False, expected: Expectation | None = None
+) -> Iterator[AirStation]:
     """An operator's desk on this channel, which remembers at its end who was heard. say: tells the person what he must
-    know. strict: whether what is only doubtful is refused. Raises what the channel raises."""
-    with looking_for(air, say, strict=strict) as (station, _):
+    know. strict: whether what is only doubtful is refused. expected: which robots there are, None for `expectation`.
+    Raises what the channel raises, and ExpectationError."""
+    with looking_for(air, say, strict=strict, expected=expected) as (station, _):
         yield station
 
 
 @contextmanager
-def looking_for(air: Air, say: Callable[[str], None], *, strict: bool = False) -> Iterator[tuple[AirStation, Looker]]:
+def looking_for(
+    air: Air, say: Callable[[str], None], *, strict: bool = False, expected: Expectation | None = None
+) -> Iterator[tuple[AirStation, Looker]]:
     """The same, with what asks robots to tell of themselves. It remembers what they told, too."""
     from sleepcast.clock import UnixClock
+    from sleepcast.errors import MisuseError
     from sleepcast.station.aired import ABOVE, AirStation
     from sleepcast.station.contacts import Contacts, ContactsLostError
+    from sleepcast.station.expectation import NOBODY_SAID
     from sleepcast.station.looking import Looker
     from sleepcast.station.remote import RemoteMinds
     from sleepcast.station.seen import Seen
     from sleepcast.station.settling import Caution
 
+    if expected is None:
+        try:
+            expected = expectation(air)
+        except MisuseError as error:
+            if air.expect is not None:
+                raise
+            expected = NOBODY_SAID
+            say(f"{error}. Until then silence is counted among robots heard so far")
     contacts, minds, seen = Contacts.of(air.fleet), RemoteMinds(), Seen.of(air.fleet)
     seen.restore(minds, UnixClock().now())
     with (
@@ -143,6 +178,7 @@ def looking_for(air: Air, say: Callable[[str], None], *, strict: bool = False) -
             journal=journal,
             caution=Caution(ABOVE, irreversible=True, strict=strict, doubts=True),
             within=air.within,
+            expected=expected,
         )
         looker = Looker(station, minds)
         station.listeners.append(looker.hear)

@@ -50,7 +50,8 @@ def console(
         from sleepcast.console import DEFAULT_PORT, Scene, serve_fleet
 
         if scenario is None:
-            ground = Scene(TITLE, STORY, "robots", (), EMPTY, "m", ())
+            noun = "robots" if station.fleet_size else "robots heard so far"
+            ground = Scene(TITLE, STORY, noun, (), EMPTY, "m", ())
         else:
             from msgspec.structs import replace
 

@@ -71,9 +71,9 @@ def _check_terminal() -> None:
 def _tell_end(session: Session) -> None:
     """Leave behind on the plain screen what became of a STOP."""
     from sleepcast.channel import Kind
-    from sleepcast.cli.account import silence
+    from sleepcast.cli.account import FEW
 
     latch = session.latch
     if latch is not None and latch.kind is Kind.STOP:
         found = session.station.accounting(latch.id)
-        complain(f"STOP holds: stopped {found.n_matched}, {silence(found)}; sleepcast release ends it")
+        complain(f"STOP holds: stopped {found.n_matched}, {found.silence(FEW)}; sleepcast release ends it")

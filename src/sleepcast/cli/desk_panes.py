@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from prompt_toolkit.utils import get_cwidth
 
 from sleepcast.channel import Kind
-from sleepcast.cli.account import silence
+from sleepcast.cli.account import FEW
 from sleepcast.cli.told import said
 from sleepcast.errors import printable
 from sleepcast.language import Variable
 from sleepcast.station.accounting import Accounting, Command
+from sleepcast.station.roster import of_robots
 from sleepcast.units import shown
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def safety(session: Session, width: int) -> Line:
     latch, minds = session.latch, session.looker.minds
     stopped = sum(mind.stopped for mind in minds.values())
     if latch is None:
-        told = f"{stopped} of {len(session.station.roster)} say that they are stopped"
+        told = f"{stopped} {_of_all(session)} say that they are stopped"
         if standing := minds.standing():
             told += f"; {standing}"
         if not stopped:
@@ -64,9 +65,15 @@ def safety(session: Session, width: int) -> Line:
     return [("class:warned", _filled(f" RELEASE {ago}: released {found.n_matched}, {_silence(found)}", width))]
 
 
+def _of_all(session: Session) -> str:
+    """Among whom robots are counted."""
+    size = session.station.fleet_size
+    return of_robots(max(size, len(session.station.roster)), size > 0)
+
+
 def _silence(found: Accounting) -> str:
     fault = f"fault {found.n_fault}, " if found.n_fault else ""
-    return f"{fault}{silence(found)}"
+    return f"{fault}{found.silence(FEW)}"
 
 
 # ---- robots
@@ -102,7 +109,10 @@ def robots_title(session: Session) -> str:
     late = session.station.now - _lost_after(session)
     lost = sum(heard is None or heard < late for heard in roster.values())
     shown = f"; {', '.join(session.shown)}" if session.shown else ""
-    return f"Robots {len(roster)}: S {stopped}, L {lost}{', by age' if session.by_age else ''}{shown}"
+    size = session.station.fleet_size
+    lost += max(0, size - len(roster))
+    unheard = f" of {size}" if size > len(roster) else ""
+    return f"Robots {len(roster)}{unheard}: S {stopped}, L {lost}{', by age' if session.by_age else ''}{shown}"
 
 
 def _lost_after(session: Session) -> float:

@@ -197,7 +197,7 @@ class Session:
     def _counted(self, text: str) -> str:
         """Who would obey, in a sentence; "" for a text that no robot could run."""
         if self.sort is Sort.ASK:
-            count = 1 if self.to.robot else len(self.station.roster)
+            count = 1 if self.to.robot else max(self.station.fleet_size, len(self.station.roster))
             return f"a question to {_robots(count)}"
         try:
             found = self.station.preview(self.to.wrapped(text, self.sort))
@@ -208,6 +208,7 @@ class Session:
             place = list(found.names).index(self.to.robot)
             codes = codes[place : place + 1]
         yes, no, unknown = (int((codes == code).sum()) for code in (YES, NO, UNKNOWN))
+        unknown += 0 if self.to.robot else found.nameless
         reason = next(iter(found.reasons), "")
         why = f" ({reason})" if unknown and reason and not self.to.robot else ""
         who = ", EVERYBODY" if found.everybody and not self.to.robot else ""

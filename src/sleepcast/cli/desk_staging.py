@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sleepcast.cli.account import silence
+from sleepcast.cli.account import FEW
 from sleepcast.errors import SleepcastError, printable
 from sleepcast.station.aired import ANSWERS_A_SECOND, AirStation
 from sleepcast.station.settling import Draft
@@ -44,4 +44,4 @@ class Staging:
         elif found.complete:
             self._send()
         elif self._station.now > self._until:
-            raise HaltedError(f"halted after stage {self._number}: {silence(found)}")
+            raise HaltedError(f"halted after stage {self._number}: {found.silence(FEW)}")

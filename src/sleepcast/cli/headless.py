@@ -10,7 +10,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, cast
 
-from sleepcast.cli.interrupts import Interrupts
+from sleepcast.cli.interrupts import Interrupts, Terminated
 from sleepcast.cli.progress import steps
 from sleepcast.cli.snapshots import Keeping
 from sleepcast.cli.streams import complain
@@ -177,12 +177,12 @@ def _ticks(swarm: Swarm, seconds: float | None) -> int:
 
 @contextmanager
 def _told(swarm: Swarm, wanted: Wanted | None, keeping: Keeping | None) -> Iterator[None]:
-    """Say where Ctrl-C has ended the run, once everything is closed; take the snapshot that was due at its end."""
+    """Say where a signal has ended the run, once everything is closed; take the snapshot that was due at its end."""
     try:
         yield
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Terminated) as error:
         kept = [] if wanted is None else [f"{wanted.file} holds what came before"]
         if keeping is not None and keeping.at is None and keeping.take(swarm):
             kept.append(f"go on with --from {keeping.file}")
-        complain("; ".join((f"ended by Ctrl-C at {swarm.now():g} s of simulated time", *kept)))
+        complain("; ".join((f"ended by {str(error) or 'Ctrl-C'} at {swarm.now():g} s of simulated time", *kept)))
         raise

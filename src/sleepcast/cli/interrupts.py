@@ -1,9 +1,12 @@
-"""Ctrl-C where Python's own way might lose it, or break what is being written.
+"""Ctrl-C and SIGTERM where Python's own way might lose them, or break what is being written.
 
 Python raises KeyboardInterrupt wherever it stands: in an import, a finalizer or a callback from compiled code, where it
 is swallowed, or in the middle of a record for a file. So while a run is set up, when nothing is open yet, Ctrl-C ends
 the process on the spot; and while it goes on, Ctrl-C waits until a tick is over. Pressed once more there, it is raised
 at once. Whoever has told the process to ignore Ctrl-C (nohup and the like do) is obeyed.
+
+SIGTERM, by which services and containers are ended, does the same: bodies are stopped, files closed, and the account is
+told. Only the exit status is another.
 """
 
 from __future__ import annotations
@@ -11,48 +14,71 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from threading import current_thread, main_thread
 from types import FrameType, TracebackType
 from typing import NoReturn
 
-INTERRUPTED = 130
-"""The exit status of a program that Ctrl-C ended (128 + SIGINT), as a shell reports it."""
-TOO_EARLY = "ended by Ctrl-C before anything had begun"
+INTERRUPTED = 128 + signal.SIGINT
+"""The exit status of a program that Ctrl-C ended, as a shell reports it."""
+TERMINATED = 128 + signal.SIGTERM
+"""The same for SIGTERM."""
+NAMES = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM"}
+TOO_EARLY = "ended by {} before anything had begun"
+
+
+class Terminated(SystemExit):
+    """SIGTERM has come."""
+
+    def __init__(self) -> None:
+        super().__init__(TERMINATED)
+
+    def __str__(self) -> str:
+        return NAMES[signal.SIGTERM]
+
+
+def terminate(number: int, frame: FrameType | None) -> NoReturn:
+    """What SIGTERM does unless something more careful is wanted: raise Terminated, so that all is closed."""
+    raise Terminated
+
+
+PYTHONS = {signal.SIGINT: (signal.default_int_handler,), signal.SIGTERM: (terminate, signal.SIG_DFL)}
+"""What a signal does unless somebody else has said something, who is obeyed."""
 
 
 class Interrupts:
-    """What Ctrl-C does while this is entered: it ends the process on the spot; after `defer`, it waits for `check`.
+    """What Ctrl-C and SIGTERM do while this is entered: they end the process on the spot; after `defer`, they wait for
+    `check`.
 
-    said: what a person is told if it ends the process on the spot."""
+    said: what a person is told if one ends the process on the spot; `{}` is which."""
 
     def __init__(self, said: str = TOO_EARLY) -> None:
         self._said = said
-        self._pressed = False
-        self._ours = False
+        self._pressed: int | None = None
+        self._ours: list[signal.Signals] = []
 
     def __enter__(self) -> Interrupts:
         # Only the main thread may say what a signal does, and hears it.
-        self._ours = current_thread() is main_thread() and signal.getsignal(signal.SIGINT) is signal.default_int_handler
-        if self._ours:
-            signal.signal(signal.SIGINT, self._end_here)
+        if current_thread() is main_thread():
+            self._ours = [each for each, usual in PYTHONS.items() if signal.getsignal(each) in usual]
+        self._set(self._end_here)
         return self
 
     def defer(self) -> None:
         """From here on something is open that wants to be closed, and `check` is called now and then."""
-        if self._ours:
-            signal.signal(signal.SIGINT, self._note)
+        self._set(self._note)
 
     def check(self) -> None:
-        """Raise KeyboardInterrupt if Ctrl-C was pressed."""
-        if self._pressed:
-            raise KeyboardInterrupt
+        """Raise KeyboardInterrupt if Ctrl-C was pressed, Terminated if SIGTERM has come."""
+        if self._pressed is not None:
+            _raise(self._pressed)
 
     def release(self) -> None:
-        """From here on Ctrl-C does what it does in Python."""
-        if self._ours:
-            self._ours = False
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+        """From here on Ctrl-C does what it does in Python, and SIGTERM raises Terminated."""
+        for each in self._ours:
+            signal.signal(each, PYTHONS[each][0])
+        self._ours = []
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
         self.release()
@@ -61,20 +87,28 @@ class Interrupts:
         """End without asking Python, which may be anywhere; not even its streams, which may be in the middle of a
         line."""
         if sys.stderr is not None:
-            os.write(2, f"{self._said}\n".encode())
-        os._exit(INTERRUPTED)
+            os.write(2, f"{self._said.format(NAMES[signal.Signals(number)])}\n".encode())
+        os._exit(128 + number)
+
+    def _set(self, handler: Callable[[int, FrameType | None], object]) -> None:
+        for each in self._ours:
+            signal.signal(each, handler)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        if self._pressed:
-            raise KeyboardInterrupt
-        self._pressed = True
+        if self._pressed is not None:
+            _raise(number)
+        self._pressed = number
 
 
-def end_now() -> NoReturn:
-    """End as Ctrl-C does, without asking Python: a thread may be compiling, which nothing can interrupt. For when all
+def end_now(status: int) -> NoReturn:
+    """End as a signal does, without asking Python: a thread may be compiling, which nothing can interrupt. For when all
     that was open is closed."""
     for stream in (sys.stdout, sys.stderr):
         if stream is not None:
             with suppress(OSError, ValueError):
                 stream.flush()
-    os._exit(INTERRUPTED)
+    os._exit(status)
+
+
+def _raise(number: int) -> NoReturn:
+    raise Terminated if number == signal.SIGTERM else KeyboardInterrupt

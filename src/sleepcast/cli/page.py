@@ -10,7 +10,7 @@ from math import cos, pi, sin
 from threading import Event
 
 from sleepcast.cli.headless import warm_up
-from sleepcast.cli.interrupts import end_now
+from sleepcast.cli.interrupts import INTERRUPTED, TERMINATED, Terminated, end_now
 from sleepcast.cli.recording import Wanted, recorded
 from sleepcast.cli.snapshots import Keeping
 from sleepcast.cli.streams import announce
@@ -150,9 +150,9 @@ def show(
             prepare=prepare,
             around=_kept(swarm, station, wanted, keeping),
         )
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Terminated) as error:
         if not warm.is_set():
-            end_now()
+            end_now(TERMINATED if isinstance(error, Terminated) else INTERRUPTED)
         raise
 
 

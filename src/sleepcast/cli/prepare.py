@@ -45,7 +45,7 @@ def prepare(as_json: bool, quiet: bool) -> int:
     from sleepcast.simulator import scenario_names
 
     began, names = perf_counter(), scenario_names()
-    with Interrupts("ended by Ctrl-C; what has been compiled is kept"), _progress(len(names), quiet) as tell:
+    with Interrupts("ended by {}; what has been compiled is kept"), _progress(len(names), quiet) as tell:
         if without_numba():
             raise PrepareError(f"there is nothing to compile: {WITHOUT}")
         for name in names:

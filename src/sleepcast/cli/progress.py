@@ -1,10 +1,12 @@
-"""How far long work has come: a bar on standard error, if that is a terminal and the work takes its time."""
+"""How far long work has come: a bar on standard error, if that is a terminal and the work takes its time, or a line
+that is renewed in place."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
+from shutil import get_terminal_size
 from threading import Timer
 from time import perf_counter
 
@@ -12,6 +14,52 @@ from sleepcast.cli.streams import complain
 
 PATIENCE = 2.0
 """Seconds of work after which a person wants to know how long it will take."""
+
+
+RENEWED = 0.1
+"""Seconds between two looks of a line on a terminal; nobody reads faster."""
+LOGGED = 1.0
+"""The same where each look is a line of its own."""
+
+
+class Status:
+    """A line on standard error of how far something has come: on a terminal it is renewed in place, and gone at the
+    end; elsewhere, in a log, there is a new one when something has changed."""
+
+    def __init__(self) -> None:
+        self._terminal = sys.stderr is not None and sys.stderr.isatty()
+        self._said, self._due, self._wide = "", 0.0, 0
+
+    def __enter__(self) -> Status:
+        return self
+
+    def __exit__(self, *ended: object) -> None:
+        self.clear()
+
+    def show(self, text: str) -> None:
+        """Say this, if it is new and something else was not said a moment ago."""
+        now = perf_counter()
+        if text == self._said or now < self._due:
+            return
+        self._said, self._due = text, now + (RENEWED if self._terminal else LOGGED)
+        if self._terminal:
+            width = get_terminal_size().columns - 1
+            self._put(f"\r{text[:width]:<{min(self._wide, width)}}")
+            self._wide = min(len(text), width)
+        else:
+            complain(text)
+
+    def clear(self) -> None:
+        """Make room for other lines."""
+        if self._terminal and self._wide:
+            self._put(f"\r{'':<{self._wide}}\r")
+            self._said, self._wide = "", 0
+
+    @staticmethod
+    def _put(text: str) -> None:
+        if sys.stderr is not None:
+            sys.stderr.write(text)
+            sys.stderr.flush()
 
 
 def steps(count: int, title: str, *, quiet: bool) -> Generator[int, None, None]:

@@ -1,34 +1,56 @@
-"""`sleepcast roster`: which robots were heard on the air, and when."""
+"""`sleepcast roster`: which robots were heard on the air, and when, and which belong to the fleet."""
 
 from __future__ import annotations
 
 import json
 import time
+from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.air import FLEET
+from sleepcast.cli.air import CHANNEL, FLEET
 from sleepcast.cli.streams import put
 from sleepcast.errors import MisuseError, did_you_mean, printable
+
+if TYPE_CHECKING:
+    from sleepcast.station.contacts import Contacts
+    from sleepcast.station.expectation import FleetFile
+
+HEARD, NONE = "heard", "none"
+"""What --expect says besides a number and a file: the robots that were heard, and that nobody knows who there is."""
 
 
 @click.command("roster", short_help="List the robots that were heard on the air.")
 @click.option("--fleet", default=FLEET, show_default=True, help="Of which fleet.")
+@click.option("--channel", metavar="URI", default=CHANNEL, show_default=True, help="The radio, for --expect.")
+@click.option(
+    "--expect",
+    metavar="N|FILE|heard|none",
+    help="Robots that belong to the fleet, for every desk from now on: their number, a file of their names, those that "
+    "were heard, or none known.",
+)
 @click.option("--forget", metavar="NAMES", help="Miss these robots no more, as r1,r2; `all` for all of them.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def roster(fleet: str, forget: str | None, as_json: bool) -> int:
+def roster(fleet: str, channel: str, expect: str | None, forget: str | None, as_json: bool) -> int:
     """List the robots of a fleet that were ever heard from here, and when each was heard last. Whoever is on this list
     and does not answer counts as silent: STOP is repeated for it, and every account names it. A robot that is gone for
     good is taken off with --forget; it is on the list again as soon as it is heard.
+
+    A robot that was never heard from here is missed by nobody, unless you say which robots there are: --expect keeps
+    that for this channel and fleet, and every desk and command then counts those that say nothing as silent. STOP goes
+    on until each of them has confirmed it.
 
     \b
     Examples:
       sleepcast roster
       sleepcast roster --forget r7,r12
+      sleepcast roster --expect 100
+      sleepcast roster --expect fleet.txt
     """
     from sleepcast.station.contacts import Contacts
+    from sleepcast.station.expectation import FleetFile
 
-    contacts = Contacts.of(fleet)
+    contacts, kept = Contacts.of(fleet), FleetFile(channel, fleet)
     if forget is not None:
         names = sorted(contacts.heard) if forget == "all" else forget.replace(",", " ").split()
         for name in names:
@@ -36,15 +58,38 @@ def roster(fleet: str, forget: str | None, as_json: bool) -> int:
                 known = did_you_mean(name, contacts.heard)
                 raise MisuseError(f"no robot {name!r:.80} was ever heard in the fleet {fleet!r}{known}")
         contacts.forget(names)
+    if expect is not None:
+        _expect(expect, contacts, kept)
+    expected = kept.read()
     now = time.time()
     heard = sorted(contacts.heard.items(), key=lambda each: -each[1])
     if as_json:
-        put(json.dumps({"fleet": fleet, "robots": [{"name": name, "heard": now - at} for name, at in heard]}))
+        found = {"fleet": fleet, "robots": [{"name": name, "heard": now - at} for name, at in heard]}
+        put(json.dumps(found | {"expected": expected.size or None, "names": expected.names}))
         return 0
     put(f"{len(heard)} robots were heard in the fleet {printable(fleet)}")
     for name, at in heard:
         put(f"  {printable(name)}  {_ago(now - at)}")
+    missing = [name for name in expected.names if name not in contacts.heard]
+    for name in missing:
+        put(f"  {printable(name)}  never heard")
+    nameless = expected.size - len(heard) - len(missing)
+    if nameless > 0:
+        put(f"  {nameless} more that were never heard")
+    said = f"{expected.size} are expected" if expected else "nobody has said how many there are (--expect)"
+    put(f"{said} on {printable(channel)}")
     return 0
+
+
+def _expect(said: str, contacts: Contacts, kept: FleetFile) -> None:
+    """Keep which robots belong to the fleet. Raises ExpectationError, FleetFileLostError."""
+    from sleepcast.channel.names import natural
+    from sleepcast.station.expectation import Expectation, read_expectation
+
+    if said == NONE:
+        kept.remove()
+    else:
+        kept.write(Expectation.of(sorted(contacts.heard, key=natural)) if said == HEARD else read_expectation(said))
 
 
 def _ago(seconds: float) -> str:

@@ -1,4 +1,4 @@
-"""`sleepcast send`, `ask`, `stop` and `release`: one message to robots on the air, and what became of it."""
+"""`sleepcast send`, `ask` and `release`: one message to robots on the air, and what became of it."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.account import as_dict, foreseen, silence, stages_as_dict, told
-from sleepcast.cli.air import Air, looking_for, operator, station_for
+from sleepcast.cli.account import as_dict, foreseen, stages_as_dict, told
+from sleepcast.cli.air import Air, looking_for, operator
 from sleepcast.cli.evaluate import NegativeNumbersAllowed
 from sleepcast.cli.streams import complain, put
 from sleepcast.cli.times import Seconds
@@ -29,12 +29,8 @@ AHEAD = 0.3
 """The same before anything is sent: who is silent then counts as one who may obey."""
 PATIENCE = 2.0
 """The same for a question, which is asked again where its answer was lost."""
-UNWATCHED = 10.0
-"""Seconds after which a STOP gives up on silent robots where nobody sits at a terminal who could."""
 MAX_HOLD = 86_400.0
 """Seconds for which a command of one line may keep robots going: what drives longer than a day wants a rule."""
-TELL_EVERY = 1.0
-"""Seconds between two sentences on how far a STOP has come."""
 
 
 anyway_option = click.option(
@@ -243,46 +239,6 @@ def ask(text: str, anyway: bool, air: Air, as_json: bool) -> int:
         if not anyway:
             refuse_unknown(station, looker, text, as_json)
         return gathered(station, station.ask(text), PATIENCE, as_json)
-
-
-@click.command("stop", short_help="Stop every robot on the air.")
-@click.option(
-    "--seconds", metavar="S", type=Seconds(0.0), help="Give up on silent robots after so long; else at Ctrl-C."
-)
-@operator
-def stop(air: Air, seconds: float | None, as_json: bool) -> int:
-    """Stop every robot that hears it, and keep it stopped until `sleepcast release`. Any key that is trusted may.
-
-    It is sent again until every robot that was ever heard is accounted for. Ctrl-C gives the others up; where nobody
-    sits at a terminal, ten seconds do. The exit status is 0 only if all robots say that they are stopped.
-
-    \b
-    Examples:
-      sleepcast stop
-      sleepcast stop --seconds 30 --json
-    """
-    with station_for(air, complain) as station:
-        sent = station.stop()
-        watched = _somebody_there()
-        until = sent.message.issued + (seconds if seconds is not None else float("inf") if watched else UNWATCHED)
-        try:
-            _insist(station, sent, until, watched and not as_json)
-        finally:
-            _show(station, sent, as_json)
-        found = station.accounting(sent.id)
-        return 0 if found.complete and found.n_matched else 1
-
-
-def _insist(station: AirStation, sent: Command, until: float, aloud: bool) -> None:
-    """Go on until everybody is accounted for, or it is time to give up."""
-    station.gather(sent, GRACE if not sent.addressed else 0.0)
-    told_at = station.now
-    while sent.n_silent and station.now < until:
-        station.wait(min(0.05, until - station.now))
-        if aloud and station.now - told_at >= TELL_EVERY:
-            told_at = station.now
-            found = station.accounting(sent.id)
-            complain(f"stopped {found.n_matched}, {silence(found)}")
 
 
 @click.command("release", short_help="End a stop.")

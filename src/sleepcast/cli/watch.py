@@ -116,7 +116,14 @@ class Window:
         now, columns = self.station.now, self.columns()
         heard = self.station.roster
         robots = [self._robot(name, heard[name], columns, now) for name in self.robots()]
-        return {"time": now, "robots": robots, "notices": self.station.notices()}
+        found = {"time": now, "robots": robots, "notices": self.station.notices()}
+        return found | {"expected": self.station.fleet_size or None, "silent": self.silent()}
+
+    def silent(self) -> int:
+        """How many robots have told nothing of late, those included that are expected and were never heard."""
+        roster, late = self.station.roster, self.station.now - self.station.stale_after
+        told = sum(mind.told_at >= late for name, mind in self.looker.minds.items() if name in roster)
+        return max(self.station.fleet_size, len(roster)) - told
 
     def _robot(self, name: str, heard: float | None, columns: Sequence[str], now: float) -> dict[str, object]:
         found: dict[str, object] = {"name": name, "heard": None if heard is None else now - heard}
@@ -152,9 +159,14 @@ class Window:
     def _caption(self, count: int, most: int) -> str:
         more = f", {count - most} more than fit here" if count > most else ""
         which = "robots" if self.text is None else "robots for which it is true"
+        from sleepcast.station.roster import of_robots
+
+        size, known = self.station.fleet_size, len(self.station.roster)
+        unheard = f", {size - known} of them never heard, and nobody knows their names" if size > known else ""
+        among = of_robots(max(size, known), size > 0)
         standing = self.looker.minds.standing()
-        told = [standing] if standing else []
-        return "\n".join(map(printable, (f"{count} {which}{more}", *told, *self.station.notices())))
+        told = [f"{count} {which}{more}; silent {self.silent()} {among}{unheard}", *filter(None, [standing])]
+        return "\n".join(map(printable, (*told, *self.station.notices())))
 
     def _row(self, name: str, heard: float | None, columns: Sequence[str], now: float) -> list[str]:
         mind = self.looker.minds.get(name)

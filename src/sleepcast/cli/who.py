@@ -36,7 +36,9 @@ class SilentError(SleepcastError):
 @dataclass(slots=True)
 class Obeyers:
     """Who would obey: names. unknown: with the reason. everybody: whether all that hear it would. oldest: s since the
-    oldest news that a yes or no rests on; None where the robots were asked themselves. standing: see `RemoteMinds`."""
+    oldest news that a yes or no rests on; None where the robots were asked themselves. standing: see `RemoteMinds`.
+    nameless: how many robots are expected besides that were never heard; expected: whether anybody has said how many
+    there are."""
 
     yes: list[str] = field(default_factory=list)
     no: list[str] = field(default_factory=list)
@@ -44,25 +46,38 @@ class Obeyers:
     everybody: bool = False
     oldest: float | None = None
     standing: str = ""
+    nameless: int = 0
+    expected: bool = False
+
+    @property
+    def total(self) -> int:
+        """How many robots there are, as far as anybody knows."""
+        return len(self.yes) + len(self.no) + len(self.unknown) + self.nameless
 
     def as_dict(self, text: str) -> dict[str, object]:
         """For a script: counts always, names while they are few."""
         sorts = {"yes": self.yes, "no": self.no, "unknown": self.unknown}
         found: dict[str, object] = {"text": text, "polled": self.oldest is None, "everybody": self.everybody}
+        found |= {"robots": self.total, "expected": self.expected, "n_nameless": self.nameless}
         found |= {f"n_{sort}": len(names) for sort, names in sorts.items()}
+        found["n_unknown"] = len(self.unknown) + self.nameless
         found["standing"] = self.standing
         return found | {"oldest": self.oldest} | {s: names for s, names in sorts.items() if len(names) <= MANY}
 
     def told(self) -> Iterator[str]:
         """For a person."""
-        if not (self.yes or self.no or self.unknown):
+        from sleepcast.station.roster import of_robots
+
+        if not self.total:
             yield "nobody is known here: is a node up on this channel, with these keys?"
             return
         yield listed("would obey", self.yes)
         yield f"  {listed('would not', self.no)}"
-        if self.unknown:
+        if self.unknown or self.nameless:
             few = [f"{name} ({printable(why)})" for name, why in list(self.unknown.items())[: FEW + 1]]
-            yield f"  {listed('unknown', few, len(self.unknown))}"
+            unheard = f"; {self.nameless} more that were never heard" if self.nameless else ""
+            yield f"  {listed('unknown', few, len(self.unknown))}{unheard}"
+        yield f"  {of_robots(self.total, self.expected)}"
         if self.standing:
             yield f"  {self.standing}"
         if self.oldest is not None and (self.yes or self.no):
@@ -95,6 +110,7 @@ def who(text: str, poll: bool, told: bool, air: Air, as_json: bool) -> int:
         asked = f"(WHEN {text} 1)" if _is_test(checked.required()) else text
         found = _polled(station, asked) if poll else _foreseen(station, asked)
         found.standing = looker.minds.standing()
+        found.expected = station.fleet_size > 0
         for finding in checked.findings:
             complain(finding.render(text))
         for notice in station.notices():
@@ -130,15 +146,15 @@ def look_around(
 def _foreseen(station: AirStation, text: str) -> Obeyers:
     """By what the robots told."""
     found = station.preview(text)
-    return Obeyers(
-        sorted(found.yes), sorted(found.no), dict(sorted(found.unknown.items())), found.everybody, found.oldest
-    )
+    unknown = dict(sorted(found.unknown.items()))
+    return Obeyers(sorted(found.yes), sorted(found.no), unknown, found.everybody, found.oldest, nameless=found.nameless)
 
 
 def _polled(station: AirStation, text: str) -> Obeyers:
     """By what the robots say."""
     asked, poll = station.poll(text, PATIENCE)
     found, account = Obeyers(everybody=station.preview(text).everybody), station.accounting(asked.id)
+    found.nameless = account.n_nameless
     faults = account.faults
     for name in sorted((*account.matched, *account.not_matched, *account.fault)):
         if poll.said.get(name) is True:

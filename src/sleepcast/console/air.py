@@ -20,6 +20,7 @@ from sleepcast.console.swarm import RobotMind, Rule, Swarm
 from sleepcast.errors import SleepcastError, printable
 from sleepcast.language import Explanation
 from sleepcast.station import Station
+from sleepcast.station.roster import of_robots
 
 LISTEN = 0.02
 """Seconds between two looks at the air: a robot's answer is on the page before anybody could say it is late."""
@@ -147,7 +148,9 @@ class AirDesk(Desk):
         """What a page needs first, and again as soon as the scene is another one."""
         scene = self._swarm.scene
         if self._greeting is None or self._greeting.scene is not scene:
-            self._greeting = answers.Hello(scene, len(scene.names), names_of(self._swarm), air=True)
+            count = len(scene.names)
+            unheard = max(0, self._station.fleet_size - count)
+            self._greeting = answers.Hello(scene, count, names_of(self._swarm), air=True, unheard=unheard)
         return self._greeting
 
     def news(self, watched: int) -> Iterator[answers.Said]:
@@ -176,8 +179,9 @@ class AirDesk(Desk):
             found, since = answers.Safety(other.stop, ""), other.issued
             by = f"STOP by {printable(other.sender)}: " if other.stop else ""
         if not found.sentence:
-            stopped, count = self._fleet.stopped(since), len(self._fleet.minds)
-            said = f"{by}{stopped:,} of {count:,} robots say that they are stopped."
+            stopped, size = self._fleet.stopped(since), self._station.fleet_size
+            scope = of_robots(max(size, len(self._fleet.minds)), size > 0)
+            said = f"{by}{stopped:,} {scope} say that they are stopped."
             if standing := self._fleet.standing():
                 said += f" {standing[0].upper()}{standing[1:]}."
             found = answers.Safety(found.latched or stopped > 0, said)

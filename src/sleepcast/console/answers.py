@@ -20,7 +20,7 @@ class Said(msgspec.Struct, tag_field="type", tag=str.lower):
 class Hello(Said):
     """The first words: what there is to see, and the names that a text may use. began, recorded: the time at which a
     recording begins and ends, s; 0 where the swarm lives. part: of a recording in several files, from 1; 0 if there is
-    one. air: whether the robots are on the air, where time is real."""
+    one. air: whether the robots are on the air, where time is real. unheard: how many others are expected there."""
 
     scene: Scene
     count: int
@@ -29,6 +29,7 @@ class Hello(Said):
     began: float = 0.0
     part: int = 0
     air: bool = False
+    unheard: int = 0
 
 
 class Refused(Said):

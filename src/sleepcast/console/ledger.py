@@ -17,7 +17,8 @@ NAMED = 3
 
 class Row(msgspec.Struct, frozen=True):
     """One command. at: when it was sent, in simulated s. kind: command, ask, stop or release. Then counts of robots.
-    standing: whether it has no deadline. values: what was answered to a question, in words."""
+    standing: whether it has no deadline. values: what was answered to a question, in words. scope: among whom silence
+    was counted, in words."""
 
     id: str
     kind: str
@@ -30,6 +31,7 @@ class Row(msgspec.Struct, frozen=True):
     predicted: int
     standing: bool = False
     values: str = ""
+    scope: str = ""
 
 
 class Ledger:
@@ -38,15 +40,16 @@ class Ledger:
 
     def __init__(self, station: Station, swarm: Swarm, began: float = 0.0) -> None:
         self._station, self._swarm, self._began = station, swarm, began
-        self._rows: dict[str, tuple[int, Row]] = {}
+        self._rows: dict[str, tuple[tuple[int, int], Row]] = {}
 
     def rows(self) -> list[Row]:
         """The latest commands, oldest first."""
-        kept: dict[str, tuple[int, Row]] = {}
+        kept: dict[str, tuple[tuple[int, int], Row]] = {}
         for command in self._station.commands()[-MOST_ROWS:]:
             known = self._rows.get(command.id)
-            if known is None or known[0] != len(command.answers):
-                known = (len(command.answers), self._row(command, self._station.accounting(command.id)))
+            state = len(command.answers), command.addressed
+            if known is None or known[0] != state:
+                known = (state, self._row(command, self._station.accounting(command.id)))
             kept[command.id] = known
         self._rows = kept
         return [row for _, row in kept.values()]
@@ -64,6 +67,7 @@ class Ledger:
             len(command.expected),
             command.message.standing,
             values_in_words(command, found, self._swarm.vocabulary),
+            found.scope,
         )
 
     def outcomes(self, command: str) -> bytes:
@@ -87,20 +91,14 @@ class Ledger:
         if not total:
             return "STOP was sent, but no robot has been heard yet: nobody says that he is stopped."
         if found.complete:
-            return f"STOP: all {total:,} robots say that they are stopped."
+            return f"STOP: all {found.scope.removeprefix('of ')} say that they are stopped."
         if paused:
             return (
                 f"STOP is on its way: {found.n_matched:,} of {total:,} robots say that they are stopped. Time stands "
                 "still, so nothing moves; the others hear it with the next tick."
             )
-        silent = ", ".join(_heard(name, found) for name in found.first_silent(NAMED))
-        more = f" and {found.n_silent - NAMED:,} more" if found.n_silent > NAMED else ""
-        return f"STOP: {found.n_matched:,} of {total:,} robots say that they are stopped; silent: {silent}{more}."
-
-
-def _heard(name: str, found: Accounting) -> str:
-    heard = found.heard_at(name)
-    return f"{name} (never heard)" if heard is None else f"{name} (last heard {found.now - heard:.0f} s ago)"
+        said = f"{found.n_matched:,} {found.scope} say that they are stopped"
+        return f"STOP: {said}; silent: {found.missing(NAMED)}."
 
 
 def values_in_words(command: Command, account: Accounting, vocabulary: Vocabulary) -> str:

@@ -15,13 +15,18 @@ from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.bodies import LOOK
-from sleepcast.channel.names import Names
+from sleepcast.channel.names import Names, natural
 from sleepcast.channel.parcels import ascending
+from sleepcast.errors import printable
 from sleepcast.parcel import Array, ParcelError
 from sleepcast.station.answers import FAULT, MATCHED, NOT_MATCHED, OUTCOMES, SILENT, Answers
 from sleepcast.station.parcels import CommandParcel
-from sleepcast.station.roster import Index, Seconds
+from sleepcast.station.roster import Index, Seconds, of_robots
 
+SHOWN = 5
+"""Silent robots named in a sentence; more are counted."""
+SORTED = 1_000
+"""Of which those are chosen, in the order in which people look for names: of more, nobody does."""
 BINS = 10
 """Bars of a histogram of what was answered."""
 
@@ -31,7 +36,8 @@ class Command:
 
     addressed: how many robots, from the first on, were on the roster when it went out; only: the places of those among
     them for whom it was, None for all. expected: the places of those of which the desk was certain that they would
-    obey. answers: by robot, the first answer of each.
+    obey. answers: by robot, the first answer of each. size: how many robots there are for whom it is, also such as
+    were never heard; 0 where nobody knows.
     """
 
     def __init__(
@@ -41,8 +47,10 @@ class Command:
         expected: Index | None = None,
         last_sent: float = -inf,
         only: Index | None = None,
+        size: int = 0,
     ) -> None:
         self.message, self.addressed, self.last_sent, self.only = message, len(names), last_sent, only
+        self.size = size
         self.expected: Index = np.empty(0, np.intp) if expected is None else expected
         self.answers = Answers(names)
 
@@ -57,7 +65,7 @@ class Command:
         found = cls(parcel.message, names, ascending(parcel.expected, len(names)), parcel.last_sent)
         if not 0 <= parcel.addressed <= len(names):
             raise ParcelError(f"a command to {parcel.addressed} robots, of which there are {len(names)}")
-        found.addressed = parcel.addressed
+        found.addressed = found.size = parcel.addressed  # what is kept is a swarm, of which all are on the roster
         found.only = None if parcel.only is None else ascending(parcel.only, parcel.addressed)
         found.answers.restore(parcel.answers)
         return found
@@ -97,8 +105,13 @@ class Command:
 
     @property
     def n_silent(self) -> int:
-        """How many of the addressed robots have not answered."""
-        return int(np.count_nonzero(self.silent))
+        """How many of the addressed robots have not answered, those included of which nobody knows a name."""
+        return int(np.count_nonzero(self.silent)) + self.n_nameless
+
+    @property
+    def n_nameless(self) -> int:
+        """How many robots are expected that are neither on the roster nor have answered."""
+        return _nameless(self.size, self.answers.codes, self.addressed, self.only)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +139,7 @@ class Accounting:
     is stopped; for a RELEASE, that it is not stopped any more; for a question, that it has answered.
 
     codes: by place, as in `Answers.codes`; addressed: so many of them, from the first on, count as silent.
-    heard: when each was last heard (s of the desk's clock, -inf: never). only: see `Command`.
+    heard: when each was last heard (s of the desk's clock, -inf: never). only, size: see `Command`.
     """
 
     command: str
@@ -137,6 +150,7 @@ class Accounting:
     heard: Seconds
     answers: Answers
     only: Index | None = None
+    size: int = 0
 
     @cached_property
     def counts(self) -> list[int]:
@@ -167,7 +181,24 @@ class Accounting:
 
     @cached_property
     def n_silent(self) -> int:
-        return int(np.count_nonzero(self._silent))
+        """How many of those for whom it was have not answered, named or not."""
+        return int(np.count_nonzero(self._silent)) + self.n_nameless
+
+    @cached_property
+    def n_nameless(self) -> int:
+        """How many silent robots there are of which nobody knows a name."""
+        return _nameless(self.size, self.codes, self.addressed, self.only)
+
+    @property
+    def total(self) -> int:
+        """How many robots it tells of."""
+        return len(self.codes) - self.counts[SILENT] + self.n_silent
+
+    @property
+    def scope(self) -> str:
+        """Among whom silence was counted: `of 100 robots`, or, where nobody has said how many there are, `of 64 robots
+        heard so far`."""
+        return of_robots(self.total, self.size > 0)
 
     @cached_property
     def matched(self) -> tuple[str, ...]:
@@ -235,17 +266,26 @@ class Accounting:
         return not self.n_silent
 
     def sentence(self) -> str:
-        """The account for a person: `matched 29, did not match 970, fault 0, silent 1: r12 last heard 8 s ago`."""
-        counts = (
-            f"matched {self.n_matched}, did not match {self.n_not_matched}, "
-            f"fault {self.n_fault}, silent {self.n_silent}"
-        )
+        """The account for a person: `matched 29, did not match 970, fault 0, silent 1 of 1,000 robots: r12 (last heard
+        8 s ago)`."""
+        counts = f"matched {self.n_matched}, did not match {self.n_not_matched}, fault {self.n_fault}"
+        return f"{counts}, {self.silence()}"
+
+    def silence(self, most: int = SHOWN) -> str:
+        """How many said nothing, among whom, and who: `silent 1 of 1,000 robots: r12 (last heard 8 s ago)`."""
         if self.complete:
-            return counts
-        shown = [f"{name} {self.ago(name)}" for name in self.first_silent(SHOWN)]
-        if self.n_silent > SHOWN:
-            shown.append(f"and {self.n_silent - SHOWN} more")
-        return f"{counts}: {', '.join(shown)}"
+            return "silent 0" if self.size else f"silent 0 {self.scope}"
+        return f"silent {self.n_silent} {self.scope}: {self.missing(most)}"
+
+    def missing(self, most: int) -> str:
+        """Who said nothing, so many of them by name in the order in which people look for them, each with when it was
+        heard last."""
+        named = sorted(self.first_silent(SORTED), key=natural)[:most]
+        shown = [f"{name} ({self.ago(name)})" for name in named]
+        more = self.n_silent - self.n_nameless - len(named)
+        shown += [f"and {more} more"] if more else []
+        shown += [f"{'and ' if shown else ''}{self.n_nameless} that were never heard"] if self.n_nameless else []
+        return printable(", ".join(shown))
 
     def to_dict(self) -> dict[str, object]:
         """The counts, as the command line prints them."""
@@ -263,15 +303,24 @@ class Accounting:
         return "never heard" if heard is None else f"last heard {self.now - heard:.0f} s ago"
 
 
-SHOWN = 5
-"""Silent robots named in a sentence; more are counted."""
-
-
 def account(command: Command, now: float, heard: Seconds) -> Accounting:
     """The account of `command` at `now`. heard: when each robot was last heard (-inf: never), by place."""
     answers = command.answers
     codes = answers.codes.copy()
-    return Accounting(command.id, command.text, now, codes, command.addressed, heard.copy(), answers, command.only)
+    return Accounting(
+        command.id, command.text, now, codes, command.addressed, heard.copy(), answers, command.only, command.size
+    )
+
+
+def _nameless(size: int, codes: NDArray[np.uint8], addressed: int, only: Index | None) -> int:
+    """How many of so many robots are missing besides those that were asked and those that have answered unasked."""
+    asked = addressed if only is None else len(only)
+    if size <= asked:
+        return 0
+    unasked = np.count_nonzero(codes[addressed:])
+    if only is not None:
+        unasked += np.count_nonzero(codes[:addressed]) - np.count_nonzero(codes[only])
+    return max(0, size - asked - int(unasked))
 
 
 def _silent(codes: NDArray[np.uint8], addressed: int, only: Index | None) -> NDArray[np.bool_]:

@@ -34,6 +34,7 @@ from sleepcast.station.accounting import Command, account
 from sleepcast.station.answers import MATCHED
 from sleepcast.station.audience import Audience
 from sleepcast.station.desk import STALE_AFTER, Station
+from sleepcast.station.expectation import NOBODY_SAID, Expectation
 from sleepcast.station.journal import Event, Journal
 from sleepcast.station.minds import Index, Minds
 from sleepcast.station.preview import NO, UNKNOWN, YES
@@ -72,8 +73,9 @@ class RoleError(MisuseError):
 
 class AirStation(Station):
     """See the module. line: the way onto the air, whose times are those of `clock` (Unix time, s). heard: when robots
-    were heard before (`Contacts.heard`). within: s for answers, None: by the roster. holding: whether robots that are
-    driven at our word are to go on. news: what other operators said, the latest last.
+    were heard before (`Contacts.heard`). expected: which robots there are, heard or not. within: s for answers, None:
+    by the roster. holding: whether robots that are driven at our word are to go on. news: what other operators said,
+    the latest last.
 
     Whoever waits calls `pump` or `wait`; nothing happens otherwise.
     """
@@ -90,6 +92,7 @@ class AirStation(Station):
         caution: Caution | None = None,
         stale_after: float = STALE_AFTER,
         within: float | None = None,
+        expected: Expectation = NOBODY_SAID,
     ) -> None:
         box = line.mailbox
         super().__init__(
@@ -116,6 +119,9 @@ class AirStation(Station):
         """The latest STOP that is known of each other sender, and when robots had it, s."""
         for name, time in (heard or {}).items():
             self._roster.hear(name, time)
+        self._roster.size = expected.size
+        for name in expected.names:
+            self._roster.enrol(name)
 
     @property
     def now(self) -> float:
@@ -223,7 +229,7 @@ class AirStation(Station):
         """Give a message to the mailbox; it leaves with `pump_out`, STOP and RELEASE at once."""
         body, kind = dict(message.body), message.kind
         named = body.get(FOR)
-        within = self._within(len(named) if isinstance(named, list) else len(self._roster))
+        within = self._within(len(named) if isinstance(named, list) else max(self._roster.size, len(self._roster)))
         body.setdefault(WITHIN, within)
         # Nobody keeps a RELEASE back and brings it later: it ends like everything that is done once.
         deadline = None if kind is Kind.RELEASE else message.deadline
@@ -270,10 +276,13 @@ class AirStation(Station):
     def gather(self, command: Command, patience: float) -> None:
         """Wait until everybody has answered, or the time for answers and `patience` s more are over, or nobody is on
         the roster who could be missed and that time is over."""
-        within = self._within(command.addressed)
-        until = command.message.issued + within + patience
-        while (now := self._clock.now()) < until and (command.n_silent or not command.addressed):
+        until = self.answered(command) + patience
+        while (now := self._clock.now()) < until and (command.n_silent or not (command.size or command.addressed)):
             self.wait(min(LEAST_WITHIN, until - now))
+
+    def answered(self, command: Command) -> float:
+        """When the time for answers to a command is over, s of Unix time."""
+        return command.message.issued + self._within(max(command.size, command.addressed))
 
     def due(self) -> float:
         """When there is something to be sent again, or a heartbeat, s of Unix time."""

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
+from sleepcast.channel.bodies import FOR
 from sleepcast.clock import Clock
 from sleepcast.errors import SleepcastError
 from sleepcast.language import Checked, CheckError, Explanation, check
@@ -143,11 +144,12 @@ class Station(Hearing):
         """Everything that `send` does before it sends, and raises; nothing is sent."""
         try:
             program = self._program(draft.text, sure=draft.confirmed or not self.caution.doubts)
-            settle_address(program, draft.everybody or draft.audience.named, len(self._roster))
+            there = len(self._roster) + self._roster.nameless
+            settle_address(program, draft.everybody or draft.audience.named, there)
             seconds = settle_sort(program, draft.standing, draft.deadline)
             codes, places = self._judged(program, draft.audience)
-            may = int(np.count_nonzero(codes != NO))
-            settle_count(program, may, len(self._roster), draft.count, self.caution)
+            may = int(np.count_nonzero(codes != NO)) + self._nameless(draft.audience)
+            settle_count(program, may, there, draft.count, self.caution)
             body = draft.audience.body()
         except SleepcastError as error:
             self._refuse(draft.text, error)
@@ -157,10 +159,15 @@ class Station(Hearing):
 
     def foresee(self, text: str, *, only: Sequence[str] | None = None, but: Sequence[str] | None = None) -> Foreseen:
         """Who would obey, of these. Raises ReadError, CheckError, UnknownRobotError."""
-        codes, places = self._judged(self._program(text), Audience(only, but))
+        audience = Audience(only, but)
+        codes, places = self._judged(self._program(text), audience)
         there = np.arange(len(codes)) if places is None else places
         yes, no, unknown = (Some(self._roster.names, there[codes == code]) for code in (YES, NO, UNKNOWN))
-        return Foreseen(yes, no, unknown)
+        return Foreseen(yes, no, unknown, self._nameless(audience))
+
+    def _nameless(self, audience: Audience) -> int:
+        """How many robots a message would be for that were never heard, so that nobody can say whether they obey."""
+        return 0 if audience.named else self._roster.nameless
 
     def _judged(self, program: Program, audience: Audience) -> tuple[NDArray[np.uint8], Index | None]:
         """The codes of a preview, and the places that they are for, None for all."""
@@ -247,7 +254,7 @@ class Station(Hearing):
             now = self._clock.now()
             number, until, said = self._number(), now + seconds, dict(body or {})
             message = Message(self.operator, self.epoch, number, kind, now, until, text, standing, said)
-            command = Command(message, self._roster.names, expected, now, only)
+            command = Command(message, self._roster.names, expected, now, only, self._meant(only, FOR in said))
             urgent = kind in (Kind.STOP, Kind.RELEASE)
             if urgent:  # nothing comes before these, not even the journal
                 self._outbox(message)
@@ -265,6 +272,13 @@ class Station(Hearing):
                 self._outbox(message)
             self._begun(command)
             return command
+
+    def _meant(self, only: Index | None, named: bool) -> int:
+        """How many robots a message is for, those included that were never heard; 0 where nobody knows. only: the
+        places of those on the roster, None for all; named: whether it is for these alone."""
+        if only is None:
+            return self._roster.size
+        return len(only) if named else self._roster.size and len(only) + self._roster.nameless
 
     def _begun(self, command: Command) -> None:
         """An account of what was sent has begun: for desks that have more to do then."""

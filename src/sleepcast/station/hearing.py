@@ -41,7 +41,7 @@ class Hearing:
         self.reports: deque[Report] = deque(maxlen=MAX_REPORTS)
         """What robots said unasked, the latest last."""
         self._minds, self._clock = minds, clock
-        self._roster = Roster(minds.names if isinstance(minds, ManyMinds) else minds)
+        self._roster = Roster(minds.names if isinstance(minds, ManyMinds) else minds, len(minds))
         self._rows = Rows(minds)
         self._told: ToldByMany | None = minds.told if isinstance(minds, ManyMinds) else None
         self._sent = Sent()
@@ -68,6 +68,11 @@ class Hearing:
         with self._lock:
             heard = self._roster.heard.tolist()
             return {name: at if at > -inf else None for name, at in zip(self._roster.names, heard, strict=False)}
+
+    @property
+    def fleet_size(self) -> int:
+        """How many robots there are at least, heard or not; 0 where nobody has said."""
+        return self._roster.size
 
     # ---- what comes in
 

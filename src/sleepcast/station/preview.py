@@ -8,6 +8,7 @@ certain no.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -40,7 +41,8 @@ class Preview:
 
     codes: NO, YES or UNKNOWN of each robot by its place, uint8. reason: why a robot is unknown, uint8, which of
     `listed` from 1. names: of the robots, by place. everybody: the command has no test, or one that is true whatever
-    the robot. oldest: the age in s of the oldest news that a yes or no rests on (0 if none does).
+    the robot. oldest: the age in s of the oldest news that a yes or no rests on (0 if none does). nameless: how many
+    robots there are besides that were never heard, all of them unknown.
     """
 
     codes: NDArray[np.uint8]
@@ -49,10 +51,11 @@ class Preview:
     names: Sequence[str]
     everybody: bool
     oldest: float
+    nameless: int = 0
 
     def count(self, code: int) -> int:
         """How many robots there are of this code."""
-        return int(np.count_nonzero(self.codes == code))
+        return int(np.count_nonzero(self.codes == code)) + (self.nameless if code == UNKNOWN else 0)
 
     @cached_property
     def yes(self) -> tuple[str, ...]:
@@ -74,8 +77,10 @@ class Preview:
     def reasons(self) -> dict[str, int]:
         """Why robots are unknown, and how many for each reason, the most frequent first."""
         counts = np.bincount(self.reason[self.codes == UNKNOWN], minlength=len(self.listed) + 1)[1:].tolist()
-        found = [(reason, count) for reason, count in zip(self.listed, counts, strict=True) if count]
-        return dict(sorted(found, key=lambda each: -each[1]))
+        found = Counter({reason: count for reason, count in zip(self.listed, counts, strict=True) if count})
+        if self.nameless:
+            found[NEVER_HEARD] += self.nameless
+        return dict(found.most_common())
 
     def _named(self, code: int) -> tuple[str, ...]:
         return tuple(self.names[place] for place in np.flatnonzero(self.codes == code).tolist())
@@ -208,7 +213,7 @@ def preview(program: Program, roster: Roster, told: Told, now: float, stale_afte
         reason[robots] = why + np.uint8(len(listed))
         listed += reasons
         oldest = float(np.min(times[robots][known], initial=now))
-    return Preview(codes, reason, tuple(listed), roster.names, is_for_everybody(program), now - oldest)
+    return Preview(codes, reason, tuple(listed), roster.names, is_for_everybody(program), now - oldest, roster.nameless)
 
 
 _DEEDS = frozenset({"set_user", "write", "defvar", "store", "act"})

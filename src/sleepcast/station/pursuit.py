@@ -121,8 +121,11 @@ class Pursuit:
         """Have those that are missed say their answer again. They may have missed the command as well: it goes
         out once more, which nobody evaluates twice."""
         self._mailbox.repeat(command.message.sequence, now)
-        missed = np.flatnonzero(command.silent)[:MAX_NAMED].tolist()
-        body = {AGAIN: command.id, FOR: [self._roster.names[place] for place in missed], WITHIN: within}
+        missed = self._missed(command)
+        if not missed:  # not everybody: those that are known first
+            places = np.flatnonzero(command.silent)[:MAX_NAMED].tolist()
+            missed = {FOR: [self._roster.names[place] for place in places]}
+        body = {AGAIN: command.id, WITHIN: within, **missed}
         self._mailbox.post(Kind.ASK, now, deadline=now + DEADLINE, body=body)
 
     def _send_again(self, command: Command, within: float, now: float) -> None:
@@ -143,7 +146,7 @@ class Pursuit:
     def _missed(self, command: Command) -> dict[str, object]:
         """Who is to answer what is sent again, as a body says it: all, if those would be too many names."""
         names, missed = self._roster.names, [self._roster.names[at] for at in np.flatnonzero(command.silent).tolist()]
-        if _fits(command.kind, missed):
+        if _fits(command.kind, missed) and not command.n_nameless:
             return {FOR: missed}
         there = [names[place] for place in np.flatnonzero(command.answers.codes).tolist()]
         if FOR not in command.message.body and _fits(command.kind, there):

@@ -32,14 +32,21 @@ class UnknownRobotError(MisuseError):
         super().__init__(f'there is no robot "{name}" among the {len(names)} on the roster{did_you_mean(name, names)}')
 
 
+def of_robots(count: int, expected: bool) -> str:
+    """Among whom silence was counted. expected: whether these are all that there are, as somebody has said."""
+    return f"of {count:,} robots" + ("" if expected else " heard so far")
+
+
 class Roster:
     """Robots by name, in the order in which they were enrolled.
 
     heard: when each last sent anything, told: when it last told of itself; s of the desk's clock, -inf for never, by
-    place, with room for robots that are still to come.
+    place, with room for robots that are still to come. size: how many robots there are at least, heard or not; 0 where
+    nobody has said.
     """
 
-    def __init__(self, names: Iterable[str] = ()) -> None:
+    def __init__(self, names: Iterable[str] = (), size: int = 0) -> None:
+        self.size = size
         self.names = names.copy() if isinstance(names, Names) else Names()
         self.heard: Seconds = np.full(len(self.names), -inf)
         self.told: Seconds = np.full(len(self.names), -inf)
@@ -49,6 +56,11 @@ class Roster:
 
     def __len__(self) -> int:
         return len(self.names)
+
+    @property
+    def nameless(self) -> int:
+        """How many robots there are, as somebody has said, that are not on the roster."""
+        return max(0, self.size - len(self.names))
 
     def place(self, name: str) -> int:
         """The place of a robot. Raises UnknownRobotError."""

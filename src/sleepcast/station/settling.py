@@ -100,16 +100,18 @@ class Draft:
 
 
 class Foreseen(NamedTuple):
-    """Robots that will obey for certain, that will not, and of which the desk cannot say."""
+    """Robots that will obey for certain, that will not, and of which the desk cannot say. nameless: how many others
+    are expected that were never heard, so that nobody can say of them either."""
 
     yes: Sequence[str]
     no: Sequence[str]
     unknown: Sequence[str]
+    nameless: int = 0
 
     @property
     def may(self) -> int:
         """How many may obey."""
-        return len(self.yes) + len(self.unknown)
+        return len(self.yes) + len(self.unknown) + self.nameless
 
 
 class Settled(NamedTuple):

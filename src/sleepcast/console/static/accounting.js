@@ -101,7 +101,7 @@ export class Accounting extends EventTarget {
     const row = this.get(this.chosen);
     if (row) {
       const first = row.kind === "ask" ? `${row.values}; answered` : "matched";
-      const counts = `${first} ${row.matched}, not matched ${row.not_matched}, fault ${row.fault}, silent ${row.silent}`;
+      const counts = `${first} ${row.matched}, not matched ${row.not_matched}, fault ${row.fault}, silent ${row.silent} ${row.scope}`;
       this.root.querySelector("#counts").textContent = counts;
     }
     this.dispatchEvent(new CustomEvent(event, { detail: row ?? null }));

@@ -34,7 +34,7 @@ let foretelling = false; // whether they are those that would obey what is typed
 showLine(wire, find("offline"), "the station");
 
 wire.addEventListener("hello", ({ detail }) => {
-  const scene = { ...detail.scene, count: detail.count, groups };
+  const scene = { ...detail.scene, count: detail.count, unheard: detail.unheard, groups };
   document.body.classList.toggle("replay", detail.recorded > 0);
   document.body.classList.toggle("air", detail.air);
   find("recorded").hidden = detail.recorded === 0;
@@ -159,6 +159,7 @@ function drawLegend() {
     const style = styleOf(index + 1);
     if (group.count) lines.push(line(picture(style, colours.robots[style]), group.count, group.name));
   });
+  if (scene.unheard) lines.push(line(document.createElement("span"), scene.unheard, "never heard"));
   if (lit) {
     const glow = Object.assign(document.createElement("span"), { className: "glow" });
     const last = line(glow, lit.count, lit.caption);

@@ -1,0 +1,155 @@
+"""`sleepcast stop`: stop every robot on the air, and go on until each of them has confirmed it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator
+from math import inf
+from typing import TYPE_CHECKING
+
+import click
+
+from sleepcast.cli.account import as_dict, told
+from sleepcast.cli.air import Air, expectation, operator, station_for
+from sleepcast.cli.interrupts import Interrupts, Terminated
+from sleepcast.cli.progress import Status
+from sleepcast.cli.streams import complain, put
+from sleepcast.cli.times import Seconds
+from sleepcast.errors import MisuseError, printable
+
+if TYPE_CHECKING:
+    from sleepcast.station.accounting import Accounting, Command
+    from sleepcast.station.aired import AirStation
+    from sleepcast.station.expectation import Expectation
+
+GRACE = 1.0
+"""Seconds after the time for answers for which they are taken where nobody is known who could be missed."""
+UNWATCHED = 10.0
+"""Seconds after which a STOP gives up on silent robots where nobody has said which robots there are, and nobody sits at
+a terminal who could give up."""
+PATIENCE = 2.0
+"""Seconds without any answer after which the reasons for that are told."""
+PAUSE = 0.05
+"""Seconds between two looks at what has come, and whether somebody wants to end it."""
+STRANGERS = 4
+"""Unknown keys on the air that are told, those with the most messages."""
+NAMED = 3
+"""Silent robots that are named while it goes on; the account at the end names more."""
+
+
+@click.command("stop", short_help="Stop every robot on the air.")
+@click.option(
+    "--timeout",
+    "--seconds",
+    "seconds",
+    metavar="S",
+    type=Seconds(0.0),
+    help="Give up on silent robots after so long; else at Ctrl-C.",
+)
+@operator
+def stop(air: Air, seconds: float | None, as_json: bool) -> int:
+    """Stop every robot that hears it, and keep it stopped until `sleepcast release`. Any key that is trusted may.
+
+    It is sent again until every robot that is expected (--expect, `sleepcast roster --expect`) or was ever heard has
+    confirmed it. Ctrl-C gives the others up; where nobody sits at a terminal and nobody has said which robots there
+    are, ten seconds do. The exit status is 0 only if all robots say that they are stopped.
+
+    \b
+    Examples:
+      sleepcast stop
+      sleepcast stop --expect 100
+      sleepcast stop --timeout 30 --json
+    """
+    with Interrupts() as interrupts:
+        interrupts.defer()  # STOP goes out whatever comes
+        expected, sure = _expected(air)
+        with station_for(air, complain, expected=expected) as station:
+            sent = station.stop()
+            complain(f"STOP goes out with {_our_key(station)}")
+            watched = sys.stdin is not None and sys.stdin.isatty()
+            patience = inf if watched or expected else UNWATCHED
+            until = sent.message.issued + (patience if seconds is None else seconds)
+            try:
+                _insist(station, sent, until, interrupts.check)
+            except (KeyboardInterrupt, Terminated) as error:
+                complain(f"ended by {str(error) or 'Ctrl-C'}; STOP is not sent any more")
+            found = station.accounting(sent.id)
+            _show(sent, found, as_json)
+            if not found.complete:
+                complain(f"not confirmed by {found.n_silent} {found.scope}")
+        return 0 if sure and found.complete and found.n_matched else 1
+
+
+def _expected(air: Air) -> tuple[Expectation, bool]:
+    """Which robots there are, and whether that is known as it was meant: STOP waits for no file."""
+    from sleepcast.station.expectation import NOBODY_SAID
+
+    try:
+        return expectation(air), True
+    except MisuseError as error:
+        complain(f"{error}. STOP is sent all the same, and counts only robots heard so far")
+        return NOBODY_SAID, False
+
+
+def _insist(station: AirStation, sent: Command, until: float, check: Callable[[], None]) -> None:
+    """Go on until everybody has confirmed, or it is time to give up, telling how far it has come. check: raises what
+    ends it early."""
+    nobody = not (sent.size or sent.addressed)
+    until = min(until, station.answered(sent) + GRACE) if nobody else until
+    reasons = sent.message.issued + PATIENCE
+    with Status() as status:
+        while station.now < until and (sent.n_silent or nobody):
+            station.wait(min(PAUSE, until - station.now))
+            check()
+            found = station.accounting(sent.id)
+            names = printable(", ".join(found.first_silent(NAMED)))
+            status.show(f"stopped {found.n_matched}, silent {found.n_silent} {found.scope}{names and f': {names}'}")
+            if not found.n_matched and station.now >= reasons:
+                reasons = inf
+                _tell_reasons(station, status.clear)
+        if not sent.answers and reasons < inf:
+            _tell_reasons(station, status.clear)
+
+
+def _our_key(station: AirStation) -> str:
+    box = station.line.mailbox
+    return printable(f"the key of {box.name} ({box.role}, {box.key_id.hex()})")
+
+
+def _tell_reasons(station: AirStation, clear: Callable[[], None]) -> None:
+    clear()
+    for reason in _reasons(station):
+        complain(printable(reason))
+
+
+def _reasons(station: AirStation) -> Iterator[str]:
+    """Why nobody may have answered, what is known for certain first."""
+    from sleepcast.channel.drops import Drop
+    from sleepcast.channel.roles import Role
+    from sleepcast.cli.told import heard_at
+
+    box = station.line.mailbox
+    drops, keys = box.door.drops, [key for key in box.door.trust.keys if not key.revoked]
+    yield f"no robot has confirmed STOP yet: {heard_at(box.door)}"
+    yield from (f"  {notice}" for notice in station.notices())
+    strangers = {key.hex(): count for (key, why), count in drops.by_key.items() if why is Drop.UNKNOWN_KEY and key}
+    for key, count in Counter(strangers).most_common(STRANGERS):
+        yield f"  somebody is there under key {key}, which our trust file does not know: {count} messages"
+    if all(key.id != box.key_id for key in keys):
+        yield f"  our own trust file does not believe {_our_key(station)}: perhaps robots do not, either"
+    if all(key.role is not Role.ROBOT for key in keys):
+        yield "  our trust file knows no robot's key, so that no answer is believed (sleepcast keys trust)"
+    yield (
+        f"  a robot obeys only if it trusts {_our_key(station)}, is of the fleet {box.door.fleet!r}, and hears this "
+        "channel; see --key, --fleet and --channel"
+    )
+
+
+def _show(sent: Command, found: Accounting, as_json: bool) -> None:
+    if as_json:
+        put(json.dumps(as_dict(sent, found)))
+        return
+    for line in told(sent, found):
+        put(line)

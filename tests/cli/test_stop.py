@@ -1,0 +1,144 @@
+"""`stop` as a person and a script meet it: it goes on until everybody has confirmed, and says why nobody does."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from cli.calling import LONGEST, Called, called
+from cli.terminal import terminal
+from cli.test_crew import channel, swarm
+from sleepcast.station.expectation import FleetFile
+
+__all__ = ["channel"]
+
+
+@contextmanager
+def running(*arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """A command without a terminal."""
+    process = subprocess.Popen(
+        ["env", "--default-signal=INT", sys.executable, "-m", "sleepcast", *arguments],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def wait_for(process: subprocess.Popen[str], text: str) -> list[str]:
+    """The lines on standard error up to the first one with this text."""
+    assert process.stderr is not None
+    lines: list[str] = []
+    for line in process.stderr:
+        lines.append(line.rstrip("\n"))
+        if text in line:
+            return lines
+    raise AssertionError(f"it ended, and said {lines}")
+
+
+def test_it_goes_on_until_each_expected_robot_has_confirmed(channel: str, tmp_path: Path) -> None:
+    def on_air(*arguments: str) -> Called:
+        return called(*arguments, "--channel", channel)
+
+    fleet = tmp_path / "fleet.txt"
+    fleet.write_text("r1 r2 r3\nr4 # in the workshop\n")
+    with swarm(3, channel):
+        asked = json.loads(on_air("ask", "id", "--expect", "5", "--json").out)
+        assert (asked["answers"], asked["n_silent"], asked["n_nameless"]) == (3, 2, 2)
+        assert (asked["robots"], asked["expected"]) == (5, True)
+        assert "silent 0 of 3 robots heard so far" in on_air("ask", "id").out
+        assert "would obey 3" in on_air("who", "(> id 0)").out
+        who = json.loads(on_air("who", "(> id 0)", "--expect", str(fleet), "--json").out)
+        assert (who["n_yes"], who["unknown"]) == (3, {"r4": "it has told nothing of itself yet"})
+        watched = json.loads(on_air("watch", "--once", "--expect", str(fleet), "--json").out)
+        assert (len(watched["robots"]), watched["expected"], watched["silent"]) == (4, 4, 1)
+
+        given_up = on_air("stop", "--expect", str(fleet), "--timeout", "1")
+        assert given_up.status == 1
+        assert "silent 1 of 4 robots: r4 (never heard)" in given_up.out
+        assert "not confirmed by 1 of 4 robots" in given_up.err
+        assert "STOP goes out with the key of desk (commander, " in given_up.err
+
+        kept = on_air("roster", "--expect", str(fleet))
+        assert kept.status == 0
+        assert "r4  never heard" in kept.out
+        assert f"4 are expected on {channel}" in kept.out
+        with running("stop", "--channel", channel) as stop:
+            said = wait_for(stop, "stopped 3, silent 1 of 4 robots: r4")
+            assert len([line for line in said if "stopped" in line]) <= 3, "a line where something has changed"
+            stop.send_signal(signal.SIGINT)
+            out, err = stop.communicate(timeout=LONGEST)
+            assert stop.returncode == 1
+            assert "ended by Ctrl-C; STOP is not sent any more" in err
+            assert "stopped 3: r1, r2, r3" in out
+            assert "silent 1 of 4 robots: r4 (never heard)" in out
+        with running("stop", "--channel", channel) as stop:
+            wait_for(stop, "silent 1 of 4 robots: r4")
+            with swarm(1, channel, "--first", "4"):
+                out, _ = stop.communicate(timeout=LONGEST)
+                assert stop.returncode == 0
+                assert "stopped 4: r1, r2, r3, r4" in out
+        gone = on_air("stop", "--timeout", "1")
+        assert (gone.status, "silent 1 of 4 robots: r4 (last heard" in gone.out) == (1, True)
+
+        file = FleetFile(channel, "sleepcast").file
+        file.write_bytes(b"{")
+        stopped = on_air("stop", "--timeout", "2")
+        assert (stopped.status, "stopped 3: r1, r2, r3" in stopped.out) == (1, True), "STOP waits for no file"
+        assert "sleepcast roster --expect" in stopped.err
+        assert "sleepcast roster --expect" in on_air("ask", "id").err
+        assert on_air("roster", "--forget", "r4", "--expect", "heard").status == 0
+        assert on_air("stop").status == 0
+        assert on_air("roster", "--expect", "none").status == 0
+        assert not file.exists()
+        assert on_air("stop", "--expect", str(tmp_path / "none")).status == 1
+        assert on_air("ask", "id", "--expect", str(tmp_path / "none")).status == 2
+
+
+def test_it_tells_its_progress_in_one_line_of_a_terminal(channel: str, tmp_path: Path) -> None:
+    with swarm(2, channel), terminal(["stop", "--channel", channel, "--expect", "3"], tmp_path) as person:
+        person.wait_for("stopped 2, silent 1 of 3 robots")
+        person.interrupt()
+        person.wait_for("not confirmed by 1 of 3 robots")
+        assert person.status() == 1
+
+
+def test_sigterm_tells_the_truth_as_well(channel: str) -> None:
+    with swarm(1, channel), running("stop", "--channel", channel, "--expect", "2") as stop:
+        wait_for(stop, "stopped 1, silent 1 of 2 robots")
+        stop.terminate()
+        out, err = stop.communicate(timeout=LONGEST)
+        assert stop.returncode == 1
+        assert "ended by SIGTERM" in err
+        assert "silent 1 of 2 robots: 1 that were never heard" in out
+
+
+def test_a_key_that_robots_do_not_trust_is_no_radio_silence(channel: str) -> None:
+    """Robots say nothing to a stranger. The stranger is told so, and what else is on the air."""
+    made = called("keys", "new", "anna", "--role", "operator")
+    assert made.status == 0, made.err
+    with swarm(2, channel), running("ask", "id", "--channel", channel, "--expect", "9"):
+        refused = called("stop", "--channel", channel, "--key", "anna", "--timeout", "4")
+    assert refused.status == 1
+    assert "no robot has confirmed STOP yet" in refused.err
+    assert "knows no robot's key" in refused.err
+    assert "somebody is there under key " in refused.err
+    assert "a robot obeys only if it trusts the key of anna (operator, " in refused.err
+    assert "is of the fleet 'sleepcast'" in refused.err
+
+
+def test_another_fleet_is_no_radio_silence(channel: str) -> None:
+    with swarm(2, channel, "--fleet", "other"):
+        refused = called("stop", "--channel", channel, "--timeout", "3")
+    assert refused.status == 1
+    assert "is of the fleet 'sleepcast'" in refused.err

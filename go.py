@@ -15,6 +15,8 @@ ROOT = Path(__file__).resolve().parent
 VENV = ROOT / ".venv"
 PYTHON = VENV / "bin" / "python"
 RUN, DEV = "requirements/run.txt", "requirements/dev.txt"
+FAST = ("llvmlite==", "numba==")
+"""What not every computer that runs Python can have (Macs with Intel's processors, Linux with musl), nor needs."""
 VERSION = "{}.{}".format(*sys.version_info)
 
 
@@ -56,6 +58,7 @@ def prepare(lock: str) -> None:
     stamp = VENV / "installed"
     if PYTHON.exists() and stamp.exists() and stamp.read_text() in (state(lock), state(DEV)):
         return
+    import re
     import subprocess
 
     print(f"sleepcast: installing {lock} into {VENV} ...", file=sys.stderr)
@@ -65,10 +68,16 @@ def prepare(lock: str) -> None:
     except (OSError, subprocess.CalledProcessError) as error:
         raise refusal(f"Cannot make the virtual environment {VENV}: {error}", 1) from None
     install = ("pip", "install", "--quiet", "--disable-pip-version-check")
+    locked = ("--require-hashes", "-r", str(VENV / "lock.txt"))
+    packages = re.split(r"(?m)^(?=\w)", (ROOT / lock).read_text())
+    (VENV / "lock.txt").write_text("".join(each for each in packages if not each.startswith(FAST)))
     # The lock holds the build backend too, so the project itself is installed without the network.
     itself = ("--no-index", "--no-deps", "--no-build-isolation", "--editable", ".")
-    if not (run(*install, "--require-hashes", "-r", lock) and run(*install, *itself)):
+    if not (run(*install, *locked) and run(*install, *itself)):
         raise refusal("Installing failed; pip says why above. Then run the same command again.", 1)
+    (VENV / "lock.txt").write_text("".join(each for each in packages if each.startswith(FAST)))
+    if not run(*install, "--no-deps", "--only-binary=:all:", *locked):  # to build LLVM would take an hour
+        print("sleepcast: numba cannot be installed here, as pip says above: simulations are slower.", file=sys.stderr)
     stamp.write_text(state(lock))
     run("sleepcast", "prepare", aside=True)  # it is ready without, but then the first scenario would compile
 

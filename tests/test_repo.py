@@ -132,9 +132,8 @@ def test_go_stops_cleanly_at_an_interrupt(clone: Path) -> None:
     assert process.returncode == 130
 
 
-def test_go_compiles_the_simulator_as_the_last_step_of_its_set_up(tmp_path: Path) -> None:
-    """And what that tells is no result. The libraries are ours, so the lock names none."""
-    clone = tmp_path / "clone"
+def ours(clone: Path) -> Path:
+    """A folder with sleepcast in which go.py finds our libraries installed, so that its locks may name none."""
     clone.mkdir()
     for name in ("go.py", "pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, clone / name)
@@ -145,11 +144,29 @@ def test_go_compiles_the_simulator_as_the_last_step_of_its_set_up(tmp_path: Path
     venv.create(clone / ".venv", with_pip=True, symlinks=True)
     (site,) = clone.glob(".venv/lib/python*/site-packages")
     (site / "libraries.pth").write_text(sysconfig.get_path("purelib"))
+    return clone
+
+
+def test_go_compiles_the_simulator_as_the_last_step_of_its_set_up(tmp_path: Path) -> None:
+    """And what that tells is no result."""
+    clone = ours(tmp_path / "clone")
     done = run(sys.executable, "go.py", "eval", "(+ 1 2)", cwd=clone)
     assert (done.returncode, done.stdout) == (0, "3\n"), done.stderr
     assert "scenarios are ready to start" in done.stderr
     again = run(sys.executable, "go.py", "eval", "(+ 1 2)", cwd=clone)
     assert (again.stdout, again.stderr) == ("3\n", "")
+
+
+def test_go_does_without_numba_where_there_is_none_for_this_computer(tmp_path: Path) -> None:
+    clone = ours(tmp_path / "clone")
+    hashes = f"--hash=sha256:{'0' * 64}"
+    (clone / "requirements" / "run.txt").write_text(
+        f"llvmlite==99.0 \\\n    {hashes}\n    # via numba\nnumba==99.0 \\\n    {hashes}\n"
+    )
+    offline = {**os.environ, "PIP_NO_INDEX": "1", "PIP_FIND_LINKS": str(clone / "nothing")}
+    done = run(sys.executable, "go.py", "eval", "(+ 1 2)", cwd=clone, env=offline)
+    assert (done.returncode, done.stdout) == (0, "3\n"), done.stderr
+    assert "numba cannot be installed here" in done.stderr
 
 
 # --- the wheel --------------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ is read past.
 from __future__ import annotations
 
 import asyncio
+import socket
 from typing import Protocol
 
 from sleepcast.nomad.answers import answer
@@ -21,6 +22,10 @@ MAX_BUFFERED = 64 * 1024
 """Bytes of requests that wait, and of replies: beyond that no more is read."""
 DOUBT = 0.25
 """Seconds after which a request that may be whole or half is taken for whole."""
+
+SILENT, AGAIN, TRIES = 4, 1, 3
+"""Seconds without a word after which a client's computer is asked whether it is there; between two such questions; and
+how many stay without an answer until it counts as gone: cut off, or without current."""
 
 
 class Host(Protocol):
@@ -55,6 +60,7 @@ class Line(asyncio.BufferedProtocol):
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
         transport.set_write_buffer_limits(high=MAX_BUFFERED)
+        _watch(transport.get_extra_info("socket"))
         name = transport.get_extra_info("peername")
         peer = f"{name[0]}:{name[1]}" if name else "somebody"
         self.session = Session(self._host.service, peer, self._parser, self.look)
@@ -142,3 +148,13 @@ class Line(asyncio.BufferedProtocol):
     def _decide(self) -> None:
         self._parser.decide()
         self._turn()
+
+
+def _watch(connection: socket.socket) -> None:
+    """Have the system notice when the client's computer is gone, as far as this system can."""
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    gone = 1000 * (SILENT + TRIES * AGAIN)  # ms, also for what was sent and nobody has received
+    wanted = {"TCP_KEEPIDLE": SILENT, "TCP_KEEPINTVL": AGAIN, "TCP_KEEPCNT": TRIES, "TCP_USER_TIMEOUT": gone}
+    for name, value in wanted.items():
+        if (option := getattr(socket, name, None)) is not None:
+            connection.setsockopt(socket.IPPROTO_TCP, option, value)

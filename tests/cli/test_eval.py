@@ -317,3 +317,14 @@ def test_an_endless_evaluation_ends_with_a_fault(capsys: pytest.CaptureFixture[s
     status, values, _ = run(capsys, f"(DEFUN spin () {loop})", "(+ 1 2)")
     assert status == 1
     assert values == ["UNKNOWN", "3"]
+
+
+def test_a_share_that_is_far_above_one_is_doubted() -> None:
+    """A robot's fuel has a declared range; what is set here has none, so what it is compared with must tell."""
+    done = called("eval", "--set", "fuel=80", "(> fuel 50%)")
+    assert (done.out, done.status) == ("1\n", 0)
+    assert "warning: fuel at 1:4 is 80, and 50% is a share: they run from 0 to 1 (did you mean 80%?)" in done.err
+    assert "^^^^" in done.err
+    assert "did you mean" not in called("eval", "--set", "fuel=800", "(> fuel 50%)").err
+    for fine in (("fuel=80%", "(> fuel 50%)"), ("fuel=80", "(> fuel 50)"), ("fuel=1.2", "(< fuel 200%)")):
+        assert called("eval", "--set", *fine).err == ""

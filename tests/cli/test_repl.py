@@ -79,7 +79,7 @@ def test_help_on_everything_that_has_a_name() -> None:
         "repl", typed="(DEFVAR mine 1)\n:help\n:help dist\n:help (AND)\n:help id\n:help PI\n:help mine\n:help andd\n"
     )
     assert ":rules" in done.out
-    assert "(DIST x1 y1 x2 y2)  Distance between two points." in done.out
+    assert "(DIST x1 y1 x2 y2)  Distance between two points.\n  (DIST 0 0 3 4) gives 5\n" in done.out
     assert "mine: user variable" in done.out
     assert done.err == 'nothing is known of "andd" (did you mean AND?)\n'
 
@@ -135,6 +135,21 @@ def test_a_conversation_at_a_terminal(tmp_path: Path) -> None:
         screen.wait_for("(+ 40 2)")
         screen.type("\r")
         screen.wait_for("\n42\n")
+        screen.wait_for("sleep>")
+        screen.type(":quit\r")
+        assert screen.status() == 0
+
+
+@EDITOR
+def test_tab_puts_in_the_only_name_that_fits(tmp_path: Path) -> None:
+    """Its letters may be written otherwise than those that were typed."""
+    with terminal(["repl"], tmp_path) as screen:
+        screen.wait_for("sleep>")
+        screen.type("(sqr\t 49)\r")
+        screen.wait_for("\n7\n")
+        screen.wait_for("sleep>")
+        screen.type(":ti\t 3\r")
+        screen.wait_for("tick 3")
         screen.wait_for("sleep>")
         screen.type(":quit\r")
         assert screen.status() == 0

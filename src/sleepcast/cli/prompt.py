@@ -13,6 +13,7 @@ from prompt_toolkit.completion import CompleteEvent, Completer, Completion
 from prompt_toolkit.document import Document
 from prompt_toolkit.filters import Condition
 from prompt_toolkit.history import FileHistory, History, InMemoryHistory
+from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
 from prompt_toolkit.layout.processors import HighlightMatchingBracketProcessor
 
 from sleepcast.cli.streams import complain, still_open
@@ -41,6 +42,7 @@ def typed_texts(node: Node, questions: Sequence[str]) -> Iterator[str]:
         multiline=Condition(lambda: still_open(get_app().current_buffer.text) > 0),
         prompt_continuation=MORE,
         input_processors=[HighlightMatchingBracketProcessor(chars="()")],
+        key_bindings=_keys(),
     )
     while True:
         try:
@@ -49,6 +51,25 @@ def typed_texts(node: Node, questions: Sequence[str]) -> Iterator[str]:
             continue
         except EOFError:
             return
+
+
+def _keys() -> KeyBindings:
+    """Tab puts in the only name that fits, however its letters are written; else it goes through those that do."""
+    keys = KeyBindings()
+
+    @keys.add("tab")
+    def complete(event: KeyPressEvent) -> None:
+        buffer = event.current_buffer
+        fitting = list(buffer.completer.get_completions(buffer.document, CompleteEvent(completion_requested=True)))
+        if len(fitting) == 1:
+            buffer.cancel_completion()
+            buffer.apply_completion(fitting[0])
+        elif buffer.complete_state is not None:
+            buffer.complete_next()
+        else:
+            buffer.start_completion(insert_common_part=True)
+
+    return keys
 
 
 class Names(Completer):

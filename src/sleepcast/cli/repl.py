@@ -181,6 +181,7 @@ _OVERVIEW = (
 
 def _help_on(memory: StandardMemory, name: str) -> Iterator[str]:
     from sleepcast.language import HostFunction, Variable
+    from sleepcast.language.examples import EXAMPLES
     from sleepcast.language.functions import FUNCTIONS
     from sleepcast.language.names import SORTS
     from sleepcast.language.vocabulary import describe
@@ -190,6 +191,8 @@ def _help_on(memory: StandardMemory, name: str) -> Iterator[str]:
     binding = memory.node.vocabulary.bindings.get(name.casefold())
     if function is not None:
         yield f"{function.usage}  {function.doc}"
+        text, value = EXAMPLES[function.name]
+        yield f"  {text} gives {value}"
     elif isinstance(binding, Variable):
         yield f"{binding.name}: {describe(binding)}, {binding.quantity.doc}"
     elif binding is not None:

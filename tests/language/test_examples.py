@@ -1,0 +1,24 @@
+"""Every built-in has an example that a person may type, and it gives what is said."""
+
+from __future__ import annotations
+
+import pytest
+
+from sleepcast.cli.standard_memory import StandardMemory
+from sleepcast.language import check
+from sleepcast.language.examples import EXAMPLES
+from sleepcast.language.functions import FUNCTIONS
+
+
+def test_every_function_has_an_example() -> None:
+    assert {name.casefold() for name in EXAMPLES} == set(FUNCTIONS)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_an_example_gives_what_is_said(name: str) -> None:
+    text, value = EXAMPLES[name]
+    memory = StandardMemory()
+    assert [finding.message for finding in check(text, memory.node).findings] == []
+    outcome = memory.evaluate(text)
+    assert (outcome.value, outcome.status) == (value, 0), outcome.said
+    assert name in text or name in ("UNQUOTE",)

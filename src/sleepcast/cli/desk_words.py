@@ -87,8 +87,7 @@ QUESTIONS = ("to", "show", "why", "look", "hold", "help", "quit")
 HELP = """
 F9 or Ctrl-X  STOP every robot: at once, and again until each is accounted for
 F7 twice      RELEASE: end STOP; nothing that was asked before resumes by itself
-Enter         send what is typed, once its parentheses are closed; once more where
-              it is hardly meant as it stands
+Enter         send what is typed, once its parentheses are closed; doubts: twice
 Tab           complete a name; with nothing typed, to whom: as it is written,
               all, each group, what :to has named (Shift-Tab at any time)
 F3            once: obeyed within 5 s or never; staged: one robot, a tenth, all,

@@ -55,7 +55,7 @@ FULL: dict[str, Callable[[], Proof]] = {
     "forgery": lambda: forgery(DATAGRAMS),
     "drops": lambda: drops(20_000),
     "amplification": lambda: amplification(60.0),
-    "flood": lambda: flood(10, 3, 20),
+    "flood": lambda: flood(10, 2, 20),
     "latency": lambda: latency(100, 2, 150),
 }
 QUICK: dict[str, Callable[[], Proof]] = {

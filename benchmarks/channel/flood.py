@@ -62,19 +62,21 @@ def flood(robots: int, nodes: int, trials: int, rate: int = RATE) -> Proof:
     fleets = {f"swarm of {robots}": ["swarm", str(robots)]} if robots else {}
     fleets |= {f"{nodes} nodes": ["node"] * nodes} if nodes else {}
     for name, words in fleets.items():
-        count = robots if words[0] == "swarm" else nodes
+        count, silent = robots if words[0] == "swarm" else nodes, 0
         for kind in ("", *KINDS):
             found = tried(words, count, kind, rate, trials)
             shares = [seconds(found.stops, share) for share in (0.5, 0.99, 1.0)]
             share = 100.0 * found.through / found.pairs
             forged = f"{found.rate:,.0f} {'in parts' if kind == 'parts' else kind}" if kind else "none"
             rows.append([name, forged, *map(number, shares), str(found.silent), number(share)])
+            silent += found.silent
             if kind == "stop":
                 bars += [
                     Bar(f"{name}: 99 % have heard STOP", shares[1], SOON, "s", at_least=False),
                     Bar(f"{name}: all have heard STOP", shares[2], AT_LAST, "s", at_least=False),
                     Bar(f"{name}: commands that were answered", share, 95.0, "%"),
                 ]
+        bars.append(Bar(f"{name}: missed at the desk after STOP, in any flood", silent, 0, "", at_least=False))
     heads = ["robots", "forged a second", "STOP: 50 %, s", "99 %, s", "100 %, s", "silent", "commands answered, %"]
     return Proof("flood", heads, rows, bars, f"{trials} trials each; wanted of the attacker: {rate:,} a second")
 

@@ -65,6 +65,7 @@ def main() -> None:
 
     signal.signal(signal.SIGTERM, end)
     made, mouth, sent = forged("desk", bytes.fromhex(key), kind, MADE), Udp(uri), 0
+    mouth.ignore(Kind)
     print("ready", flush=True)
     began = time.monotonic()
     while going and (passed := time.monotonic() - began) < float(seconds):

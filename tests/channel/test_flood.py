@@ -19,3 +19,10 @@ def test_stop_and_commands_come_through_a_flood_of_forged_stops(words: list[str]
     assert max(found.stops) < inf
     assert found.silent == 0
     assert found.through == found.pairs
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such sieves")
+def test_stop_and_its_account_come_through_a_flood_of_anything_else() -> None:
+    found = tried(["swarm", "5"], 5, "command", RATE, 1)
+    assert max(found.stops) < inf
+    assert found.silent == 0

@@ -13,6 +13,7 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.door import ROBOT_EARS
 from sleepcast.channel.envelope import KINDS, LEAST, encode, kind_of
 from sleepcast.channel.keys import KeyPair, Role
+from sleepcast.channel.message import TO_OPERATOR
 from sleepcast.channel.transport import Transport, listen_for, open_transport
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
@@ -51,8 +52,9 @@ def heard(mouth: Transport, ears: Transport, sent: Iterable[bytes]) -> list[byte
 
 
 def in_order(sent: list[bytes]) -> list[bytes]:
-    """As they are heard: STOPs overtake all else."""
-    return sorted(sent, key=lambda each: kind_of(each) is not Kind.STOP)
+    """As they are heard: STOPs overtake all else, and then what robots tell their operator."""
+    lanes: list[frozenset[Kind | None]] = [frozenset({Kind.STOP}), frozenset(TO_OPERATOR)]
+    return sorted(sent, key=lambda each: [kind_of(each) not in lane for lane in lanes])
 
 
 @pytest.mark.parametrize(

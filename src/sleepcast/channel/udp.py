@@ -3,9 +3,9 @@
     udp://GROUP_OR_BROADCAST_ADDRESS:PORT?interface=NAME
 
 Every party has a socket that hears the address and one that sends to it; several parties may live on one machine. Where
-the system can tell kinds of messages apart (`sieve`), STOPs come in by a socket of their own: a flood of anything else
-takes no room from them, and a flood of forged STOPs takes none from anything else. The sockets never wait: whoever owns
-them asks at each tick, or when its `fileno` has news.
+the system can tell kinds of messages apart (`sieve`), STOPs come in by a socket of their own, and so does what robots
+tell their operator: a flood of anything else takes no room from them, nor they from anything else. The sockets never
+wait: whoever owns them asks at each tick, or when its `fileno` has news.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from collections.abc import Iterable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv6Address, ip_address
+from typing import NamedTuple
 
 from sleepcast.channel.address import AddressError, split
 from sleepcast.channel.envelope import MAX_DATAGRAM
-from sleepcast.channel.message import Kind
+from sleepcast.channel.message import TO_OPERATOR, Kind
 from sleepcast.channel.sieve import keep_only, sift
 from sleepcast.errors import SleepcastError, did_you_mean
 
@@ -39,6 +40,17 @@ BUFFER = 4 * 1024 * 1024
 """Bytes that the system is asked to keep of what comes between two calls; it may grant less."""
 HOPS = 1
 """Networks that multicast crosses: it stays on its own."""
+
+
+class Lane(NamedTuple):
+    """Kinds that come in by a socket of their own: so many by one call at most, and so many bytes wait for it."""
+
+    kinds: frozenset[Kind]
+    most: int
+    room: int
+
+
+LANES = (Lane(frozenset({Kind.STOP}), MOST_STOPS, STOP_BUFFER), Lane(TO_OPERATOR, MOST_AT_ONCE, BUFFER))
 
 
 class UdpError(SleepcastError):
@@ -98,14 +110,11 @@ class Udp:
                 self._ears = self._listening(opened, link, BUFFER)
                 self._mouth = self._speaking(opened, link)
                 self._bell: socket.socket | select.epoll = self._ears
-                self._stops = self._listening(opened, link, STOP_BUFFER) if sys.platform == "linux" else None
-                if self._stops is not None and keep_only(self._stops, (Kind.STOP,)) and sift(self._ears, (Kind.STOP,)):
+                self._apart = self._set_apart(opened, link)
+                if self._apart:
                     self._bell = opened.enter_context(select.epoll())
-                    self._bell.register(self._stops, select.EPOLLIN)
-                    self._bell.register(self._ears, select.EPOLLIN)
-                elif self._stops is not None:
-                    self._stops.close()
-                    self._stops = None
+                    for ears in (self._ears, *self._apart):
+                        self._bell.register(ears, select.EPOLLIN)
             except OSError as error:
                 raise UdpError(f"{uri}: the system refuses: {error.strerror or error}{_hint(error)}") from None
             self._opened = opened.pop_all()
@@ -123,9 +132,12 @@ class Udp:
             self.lost += 1
 
     def receive(self) -> list[bytes]:
-        """What has come in since the last call, STOPs first, else in the order in which it came; nothing of our own."""
-        stops = [] if self._stops is None else self._taken(self._stops, MOST_STOPS)
-        return stops + self._taken(self._ears, MOST_AT_ONCE)
+        """What has come in since the last call, STOPs first, then what robots tell their operator, else in the order in
+        which it came; nothing of our own."""
+        found = []
+        for ears, lane in self._apart.items():
+            found += self._taken(ears, lane.most)
+        return found + self._taken(self._ears, MOST_AT_ONCE)
 
     def _taken(self, ears: socket.socket, most: int) -> list[bytes]:
         found = []
@@ -143,15 +155,24 @@ class Udp:
     def ignore(self, kinds: Iterable[Kind]) -> None:
         """These kinds need not be brought here any more, all others do."""
         unwanted = {*kinds}
-        if self._stops is not None:
-            keep_only(self._stops, {Kind.STOP} - unwanted)
-            unwanted.add(Kind.STOP)
-        sift(self._ears, unwanted)
+        for ears, lane in self._apart.items():
+            keep_only(ears, lane.kinds - unwanted)
+        sift(self._ears, unwanted.union(*(lane.kinds for lane in self._apart.values())))
 
     def close(self) -> None:
         """Leave. Nothing can be sent or heard afterwards."""
         self._opened.close()
         self._bell = self._ears
+
+    def _set_apart(self, opened: ExitStack, link: int) -> dict[socket.socket, Lane]:
+        """A socket for each of `LANES`, and these kinds left out of the ears; none where the system cannot."""
+        found = {self._listening(opened, link, lane.room): lane for lane in LANES if sys.platform == "linux"}
+        kinds = {kind for lane in LANES for kind in lane.kinds}
+        if all(keep_only(ears, lane.kinds) for ears, lane in found.items()) and sift(self._ears, kinds):
+            return found
+        for ears in found:
+            ears.close()
+        return {}
 
     def _listening(self, opened: ExitStack, link: int, room: int) -> socket.socket:
         """A socket that hears the address. room: bytes that the system is asked to keep of what comes."""

@@ -97,6 +97,8 @@ def _command(session: Session, behaviour: Behaviour, kind: int, words: Words) ->
     """Command the robot; the reply has the state once that is done, if it is something that takes its time."""
     if kind in MOTIONS or kind in STOPS:
         session.drive(behaviour, kind)
+    if kind == Kind.CONF_TM:
+        behaviour.timed_by = session.name
     behaviour.command(kind, words)
     if kind == Kind.PLACE_ROBOT:
         return session.reply(Reply.SIMPLE)

@@ -32,7 +32,7 @@ Words = Sequence[int]
 
 class Behaviour:
     """See the module. clients: who is connected to it, as text. accelerations: what ac last asked for. timeout: seconds
-    without a request after which it stops, 0 for never."""
+    without a request after which it stops, 0 for never; timed_by: who said so."""
 
     def __init__(self, world: SimulatedWorld, robot: int, window: RobotWindow) -> None:
         self.world, self.robot, self.window = world, robot, window
@@ -43,7 +43,7 @@ class Behaviour:
         """Of the simulation, as the state tells it."""
         self.held = False
         """Whether it is kept at rest, whatever is asked."""
-        self.timeout = 0
+        self.timeout, self.timed_by = 0, ""
         self._drivers: dict[str, float] = {}
         """Who has moved it lately, and when, simulated s; the latest is the last."""
         self._asked = world.time

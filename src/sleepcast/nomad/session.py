@@ -96,7 +96,7 @@ class Session:
         self.robot, self.mask = number - 1, Mask()
         self.name = f"{self.peer} (process {process})"
         self.behaviour = service.behaviours[self.robot]
-        if not self.behaviour.clients:
+        if self.behaviour.timed_by not in self.behaviour.clients:
             self.behaviour.timeout = 0
         self.behaviour.clients.append(self.name)
         self.behaviour.alive()

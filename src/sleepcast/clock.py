@@ -19,11 +19,20 @@ class WallClock:
         return time.monotonic()
 
 
+def _passed() -> float:
+    """Seconds that pass, those in which the computer sleeps among them, whatever is done to its clock."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME) if hasattr(time, "CLOCK_BOOTTIME") else time.monotonic()
+
+
+_BEGAN = time.time() - _passed()
+
+
 class UnixClock:
-    """Seconds since 1970-01-01 UTC, as this computer has them: to be compared with other computers' only."""
+    """Seconds since 1970-01-01 UTC: as this computer had them when the process began, and those that have passed since.
+    Whoever sets the computer's clock meanwhile changes nothing that a process does."""
 
     def now(self) -> float:
-        return time.time()
+        return _BEGAN + _passed()
 
 
 class ManualClock:

@@ -202,9 +202,10 @@ class Receiver:
         if part.kind in mute:
             return "not for us"
         ends = part.deadline if part.stands else min(part.deadline, part.issued + NEWS)
-        if self.now > ends + SKEW and part.kind != "stop":
+        timeless = {"stop"} if self.robot else {"stop", "answer", "report"}
+        if self.now > ends + SKEW and part.kind not in timeless:
             return "late"
-        if part.issued > self.now + SKEW and part.kind != "stop":
+        if part.issued > self.now + SKEW and part.kind not in timeless:
             return "from the future"
         if not key.owner.endswith("*") and self._knows(part, key.owner):
             return "repeated"

@@ -61,6 +61,16 @@ VOCABULARY = Vocabulary(
 )
 
 
+class Shifted:
+    """A clock that is `by` s ahead of the scene's."""
+
+    def __init__(self, clock: ManualClock, by: float = 0.0) -> None:
+        self._clock, self.by = clock, by
+
+    def now(self) -> float:
+        return self._clock.now() + self.by
+
+
 class Wire:
     """One party's end of the radio."""
 
@@ -117,15 +127,17 @@ class Scene:
         self._flying: list[tuple[float, int, str, bytes]] = []
         self._tie = 0
         self._wires: dict[str, Wire] = {}
+        self._clocks: dict[str, Shifted] = {}
         self._desks: dict[str, AirStation] = {}
         self.fleet = {f"r{i}": self._robot(f"r{i}", i) for i in range(self.robots)}
 
     def _line(self, name: str, key: KeyPair, robot: bool, zero: float = 0.0) -> tuple[Line, Wire]:
         wire = self._wires[name] = Wire(self, name)
-        door = Door(self.trust, FLEET, self.clock, robot=robot)
+        clock = self._clocks.setdefault(name, Shifted(self.clock))
+        door = Door(self.trust, FLEET, clock, robot=robot)
         epoch = int(self.clock.now() * 1000.0)
         box = Mailbox(name, epoch, key, door, Random(self.chance.random()))
-        return Line(wire, box, self.clock, Random(self.chance.random()), zero), wire
+        return Line(wire, box, clock, Random(self.chance.random()), zero), wire
 
     def _robot(self, name: str, number: int) -> Robot:
         body = Body()
@@ -148,7 +160,7 @@ class Scene:
             names = self.fleet if heard is None else heard
             self._desks[owner] = AirStation(
                 line,
-                self.clock,
+                self._clocks[owner],
                 VOCABULARY,
                 {} if minds is None else minds,
                 heard=dict.fromkeys(names, START - 8.0),
@@ -156,6 +168,19 @@ class Scene:
                 expected=expected,
             )
         return self._desks[owner]
+
+    def set_clock(self, name: str, by: float) -> None:
+        """The clock of a robot, or of an operator who has not joined yet, is so many s ahead from now on."""
+        clock = self._clocks.setdefault(name, Shifted(self.clock))
+        if name in self.fleet:
+            line = self.fleet[name].line
+            line.zero += by - clock.by
+        clock.by = by
+        if name in self.fleet:
+            line.mailbox.start(clock.now())
+
+    def door(self, robot: str) -> Door:
+        return self.fleet[robot].line.mailbox.door
 
     def trusted(self, owner: str) -> PublicKey:
         return KEYS[owner].public
@@ -176,7 +201,7 @@ class Scene:
         robot.ticks += 1
         for message in robot.line.receive():
             robot.node.receive(message)
-        robot.node.think(robot.ticks, self.clock.now() - robot.line.zero)
+        robot.node.think(robot.ticks, self._clocks[robot.node.name].now() - robot.line.zero)
         for said in robot.node.outbox:
             robot.line.send(said)
         robot.node.outbox.clear()

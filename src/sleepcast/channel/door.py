@@ -8,12 +8,16 @@ flood chance decides which are looked at (`Budget`), so a STOP, which is repeate
 
 from __future__ import annotations
 
-from collections import Counter, OrderedDict
+from collections import Counter, OrderedDict, deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from math import inf
 from random import Random
 from typing import NamedTuple
 
+import msgspec
+
+from sleepcast.channel.clocks import Clocks
 from sleepcast.channel.drops import Drop as Drop
 from sleepcast.channel.drops import Drops
 from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Part, Piece, look, read_message, read_piece
@@ -52,6 +56,15 @@ ROBOT_EARS = frozenset(Kind) - TO_OPERATOR
 """Kinds that robots have ears for."""
 LASTING = frozenset({Kind.COMMAND, Kind.STOP, Kind.RELEASE})
 """Kinds that do something: that they were heard must not be forgotten, whatever happens to this process."""
+COMMANDING = TO_ROBOTS | {Kind.RELEASE}
+"""Kinds to which a robot whose clock is wrong answers that it is."""
+UNTIMELY_A_SECOND = 8.0
+"""Signatures of messages with wrong times that a robot looks at in a second, to answer that its clock is wrong: whoever
+plays what he has recorded makes it talk no more than that."""
+TIMELY = 60.0
+"""Seconds for which a party that was heard in time has a good clock: what comes late meanwhile is old."""
+MAX_TIMELY = 64
+"""Parties of which it is known when they were heard in time; the one that was silent longest makes room."""
 OLDEST = 3_600.0
 """Seconds after which a message without a deadline is no news any more; what must last is told anew."""
 
@@ -129,7 +142,8 @@ class Door:
     clock: Unix time, s. rate: signatures of one key that are looked at in a second, and in proportion to what is usual
     those of STOPs; skew: s that others' clocks may be wrong; None for what is usual. chance: decides in a flood.
 
-    skews: how much the clocks of those that send heartbeats differ from ours. drops: datagrams that went no further,
+    skews: how much the clocks of those that send heartbeats differ from ours; clocks: whose differ by more than is
+    allowed. drops: datagrams that went no further,
     counts: by reason; taken: those that did; passed: messages that came in whole.
     """
 
@@ -151,13 +165,20 @@ class Door:
         usual = VERIFIED_A_SECOND if robot else VERIFIED_BY_OPERATOR
         self._clock, self._rate, self._chance = clock, usual if rate is None else rate, chance or Random()
         self.skew = SKEW if skew is None else skew
-        self.skews = Skews(self.skew)
+        self.skews, self.clocks = Skews(self.skew), Clocks()
         self._heard: OrderedDict[tuple[bytes, str, int], Heard] = OrderedDict()
         self._changed: set[tuple[bytes, str, int]] = set()
         stops = (STOPS_A_SECOND if robot else STOPS_BY_OPERATOR) * self._rate / usual
         self._stops = Budget(stops, STOPS_AT_ONCE * stops, self._chance, clock.now())
         self._budgets: dict[bytes, Budget] = {}
         self._open: OrderedDict[tuple[bytes, str, int, int], Assembly] = OrderedDict()
+        self._timeless = frozenset({Kind.STOP}) if robot else TO_OPERATOR | {Kind.STOP}
+        """Kinds that come in whatever their times say: in doubt a robot stands, and what robots say is judged by what
+        it answers."""
+        self._untimely_budget = Budget(UNTIMELY_A_SECOND, UNTIMELY_A_SECOND, self._chance, clock.now())
+        self._turned_away: deque[Message] = deque(maxlen=MAX_OPEN)
+        self._timely: OrderedDict[str, float] = OrderedDict()
+        """When those who may command us were last heard in time."""
 
     def enter(self, datagram: bytes) -> Entered | None:
         """The message that these bytes are, or complete; None if they are dropped, or part of a message that others
@@ -222,17 +243,51 @@ class Door:
         if part.kind in TO_OPERATOR if self.robot else part.kind in TO_ROBOTS and key.role is Role.ROBOT:
             return Drop.NOT_FOR_US
         now = self._clock.now()
-        if part.kind is not Kind.STOP:  # in doubt a robot stands: whether a STOP is over is a matter of numbers
-            late = now - self.skew
-            if late > part.deadline or (late > part.issued + OLDEST and not part.standing):
-                return Drop.LATE
-            if part.issued > now + self.skew:
-                return Drop.EARLY
+        untimely = None if part.kind in self._timeless else self._untimely(part, now)
+        tells = self.robot and part.kind in COMMANDING and key.role is not Role.ROBOT and part.parts == 1
+        if untimely is not None and not tells:
+            return untimely
         if not key.owner.endswith("*") and self._knows(part, key.owner):
             return Drop.REPEATED
-        if not self._budget(part, now).take(now):
-            return Drop.TOO_MANY
-        return None if key.signed(part.signed, part.signature) else Drop.FORGED
+        if not (self._budget(part, now) if untimely is None else self._untimely_budget).take(now):
+            return untimely or Drop.TOO_MANY
+        if not key.signed(part.signed, part.signature):
+            return Drop.FORGED
+        if untimely is not None:
+            self._turn_away(key, part, now)
+        return untimely
+
+    def _untimely(self, part: Part, now: float) -> Drop | None:
+        late = now - self.skew
+        if late > part.deadline or (late > part.issued + OLDEST and not part.standing):
+            return Drop.LATE
+        return Drop.EARLY if part.issued > now + self.skew else None
+
+    def _turn_away(self, key: PublicKey, part: Part, now: float) -> None:
+        """Either our clock is wrong or that of somebody who commands us, or this comes late: he is to know."""
+        piece = read_piece(part)
+        if self._second_objection(key, part, piece) is not None:
+            return
+        message = read_message(part, piece.sender, piece.content, key.role.value)
+        self.note(part.key, piece.sender, part.epoch, part.sequence)
+        self._compare_clocks(piece.sender, part.issued - now, now)
+        self._turned_away.append(msgspec.structs.replace(message, ahead=part.issued - now))
+
+    def _compare_clocks(self, sender: str, ahead: float, now: float) -> None:
+        """Somebody who may command us said something whose time is so far ahead of ours, 0 for one in time."""
+        if not ahead:
+            self._timely[sender] = now
+            self._timely.move_to_end(sender)
+            if len(self._timely) > MAX_TIMELY:
+                self._timely.popitem(last=False)
+        if not ahead or now - self._timely.get(sender, -inf) > TIMELY:
+            self.clocks.note(sender, ahead)
+
+    def turned_away(self) -> list[Message]:
+        """Messages of those who may command us that were dropped because of their times, since this was asked last."""
+        found = list(self._turned_away)
+        self._turned_away.clear()
+        return found
 
     def _second_objection(self, key: PublicKey, part: Part, piece: Piece) -> Drop | None:
         if piece.fleet != self.fleet:
@@ -283,8 +338,13 @@ class Door:
             if len(content) > MAX_CONTENT:
                 raise EnvelopeError("a message that says more than fits into one")
         message = read_message(part, piece.sender, content, role.value)
+        now = self._clock.now()
+        if self._untimely(part, now) is not None:
+            message = msgspec.structs.replace(message, ahead=part.issued - now)
+        if self.robot and role is not Role.ROBOT and (message.ahead or abs(part.issued - now) <= self.skew):
+            self._compare_clocks(piece.sender, message.ahead, now)
         if part.kind is Kind.HEARTBEAT:
-            self.skews.note(piece.sender, part.issued, self._clock.now())
+            self.skews.note(piece.sender, part.issued, now)
         if not part.standing:
             self.note(part.key, piece.sender, part.epoch, part.sequence, lasting=part.kind in LASTING)
         return Entered(message, datagrams)

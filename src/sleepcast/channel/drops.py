@@ -8,7 +8,7 @@ one that is for others) is only counted.
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import StrEnum
 from typing import NamedTuple, Protocol
 
@@ -165,12 +165,14 @@ def _much(rate: float, what: str = "") -> str:
 
 class News:
     """What is going on, for a place where lines stay: each thing as it begins, when there is `WORSE` times as much of
-    it, and after `AGAIN` s while it goes on."""
+    it, and after `AGAIN` s while it goes on. others: gives sentences of another sort."""
 
-    def __init__(self, drops: Drops, owners: Owners, clock: Clock) -> None:
-        self._drops, self._owners, self._clock = drops, owners, clock
+    def __init__(self, drops: Drops, owners: Owners, clock: Clock, others: Callable[[], Iterable[str]] = tuple) -> None:
+        self._drops, self._owners, self._clock, self._others = drops, owners, clock, others
         self._told: dict[tuple[bytes, Drop], tuple[float, float]] = {}
         """When each was told, and at which rate."""
+        self._said: dict[str, float] = {}
+        """When each of the other sentences was told."""
 
     def lines(self) -> list[str]:
         """Sentences that are due."""
@@ -180,5 +182,10 @@ class News:
             _, told = self._told.get((key, reason), (now, 0.0))
             if rate >= WORSE * told:
                 self._told[key, reason] = now, rate
+                found.append(text)
+        self._said = {text: at for text, at in self._said.items() if 0.0 <= now - at < AGAIN}
+        for text in self._others():
+            if text not in self._said:
+                self._said[text] = now
                 found.append(text)
         return found

@@ -122,7 +122,7 @@ class Line:
                 self._asked[message.id] = within
                 if len(self._asked) > MAX_ASKED:
                     self._asked.popitem(last=False)
-            if message.kind is Kind.COMMAND and KEYS in message.body:
+            if message.kind is Kind.COMMAND and KEYS in message.body and not message.ahead:
                 self._answer_for_keys(message)
             else:
                 self._heard.append(message)

@@ -232,7 +232,7 @@ class Mailbox:
             name = part.key, part.epoch  # nobody keeps anything but commands; their sender repeats them himself first
             if part.kind is Kind.COMMAND and self.door.robot and self._missing(name, part.sequence):
                 self.order.piecemeal(name, part.sequence, part.deadline, now + PIECED)
-            return []
+            return self.door.turned_away()
         message = entered.message
         if message.kind is Kind.DIGEST:
             self._compare(message, now)

@@ -63,7 +63,8 @@ class Message(msgspec.Struct, frozen=True, dict=True):
     seconds of the swarm's clock. standing: whether it must reach everybody in the end, late joiners too
     (rules and operators). body: what else it carries: names to plain values (`bodies`). role: of the key that
     signed it, as its receiver knows it and never as it says itself; "" where nobody signs. heard: when it reached its
-    receiver, s of his clock, None where nobody looked. Raises MessageError past a bound.
+    receiver, s of his clock, None where nobody looked; ahead: by how many s its sender's clock is ahead of his, 0 if by
+    no more than is allowed: of all else nothing counts but that it came. Raises MessageError past a bound.
     """
 
     sender: str
@@ -77,6 +78,7 @@ class Message(msgspec.Struct, frozen=True, dict=True):
     body: dict[str, object] = {}
     role: str = ""
     heard: float | None = None
+    ahead: float = 0.0
 
     def __post_init__(self) -> None:
         if not (0 < len(self.sender) <= MAX_NAME and self.sender.isprintable()):  # it will stand on terminals

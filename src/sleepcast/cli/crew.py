@@ -134,8 +134,6 @@ def _check_names(prefix: str, first: int, count: int) -> None:
 
 def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> Crew:
     """The minds with their bodies and their lines. Raises what the channel and the simulator raise."""
-    import time
-
     from sleepcast.channel.chance import key
     from sleepcast.clock import UnixClock, WallClock
     from sleepcast.loop import Crew, Member, vocabulary_of
@@ -158,7 +156,7 @@ def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> Cr
         body = simulator.robots[i]
         node = Node(name, vocabulary, number=first + i, seed=seed, body=body, lease=wanted.lease, on_air=True)
         members.append(Member(node, i, line))
-    ear.zero = zero = time.time()
+    ear.zero = zero = UnixClock().now()
     for member in members:
         member.node.zero = member.line.zero = zero
     guard = None if limits is None else Guard(simulator, limits)

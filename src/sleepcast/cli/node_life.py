@@ -14,7 +14,7 @@ from sleepcast.channel.line import Line
 from sleepcast.cli.node_desk import NOTHING_HEARD, NodeDesk, Typed
 from sleepcast.cli.streams import announce, complain, pieces, read_file
 from sleepcast.cli.told import heard_at, news_of
-from sleepcast.clock import Clock, WallClock
+from sleepcast.clock import Clock, UnixClock, WallClock
 from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.language import List, Symbol, read, read_all, show
 from sleepcast.loop import Watch, run_robot, vocabulary_of
@@ -110,7 +110,7 @@ class Life:
         if self.ears is not None:
             self.node.evaluate(NOTHING_HEARD)
         self._orders = beginning.orders
-        self.node.zero = time.time()
+        self.node.zero = UnixClock().now()
         if self.line is not None:
             self.line.zero = self.node.zero
         if self.store is not None and self.store.adopt(self.node, None if self.line is None else self.line.mailbox):
@@ -160,7 +160,7 @@ class Life:
         if self.line is not None:
             door = self.line.mailbox.door
             said += f"; {heard_at(door)}"
-            for sender, ahead in door.skews.all(time.time()).items():
+            for sender, ahead in door.skews.all(UnixClock().now()).items():
                 said += f"; our clock is {abs(ahead):.2f} s {'ahead of' if ahead > 0.0 else 'behind'} that of {sender}"
         if self.ears is not None:
             counts = self.ears.counts

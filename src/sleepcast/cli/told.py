@@ -46,7 +46,7 @@ def heard_at(door: Door) -> str:
 
 def news_of(door: Door) -> News:
     """What is going on at a door, as lines for a terminal."""
-    return News(door.drops, door.trust, WallClock())
+    return News(door.drops, door.trust, WallClock(), door.clocks.of_operators)
 
 
 def _sent(entry: Entry) -> str:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from math import inf
 
 from sleepcast.channel.bodies import LEASE, LOOK, MATCHED, is_addressed
+from sleepcast.channel.clocks import differs
 from sleepcast.channel.message import Kind, Message
 from sleepcast.errors import SleepcastError
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
@@ -207,6 +208,10 @@ class Node(Embodied):
         self._seen[message.id] = None
         if len(self._seen) > MAX_SEEN:
             self._seen.popitem(last=False)
+        if message.ahead and message.kind is not Kind.STOP:
+            if is_addressed(message.body, self.name):
+                self._answer(message, "fault", fault=f"its clock is {differs(-message.ahead)}: it obeys STOP only")
+            return
         self._deadman.hear(message)
         if message.kind is Kind.STOP:
             self._stop(message)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.bodies import ENDS, FOR, LOOK, STOPS, WITHIN
 from sleepcast.channel.bodies import MATCHED as WOULD
+from sleepcast.channel.clocks import Clocks
 from sleepcast.channel.keys import MAY
 from sleepcast.channel.latch import MAX_MARKS, Life, Mark, mark_of, marks_and_ages
 from sleepcast.channel.line import LONGEST, Line
@@ -115,6 +116,8 @@ class AirStation(Station):
         self._drivers: deque[Command] = deque(maxlen=MAX_DRIVERS)
         """Commands that may have set robots in motion, since they were last stopped."""
         self._beat = -inf
+        self.clocks = Clocks()
+        """Of the robots."""
         self._stops: dict[Life, tuple[Mark, float]] = {}
         """The latest STOP that is known of each other sender, and when robots had it, s."""
         for name, time in (heard or {}).items():
@@ -254,6 +257,8 @@ class AirStation(Station):
         with self._lock, self.notes.together(self._clock.now()):
             for message in self.line.receive():
                 if message.kind in TO_OPERATOR:
+                    if not self._is_new(message):
+                        continue
                     heard.append(self._pursuit.known(message))
                     self.hear(heard[-1])
                     self._learn_stops(heard[-1])
@@ -298,6 +303,15 @@ class AirStation(Station):
         """Let what was posted leave now."""
         self.line.flush()
 
+    def _is_new(self, message: Message) -> bool:
+        """Whether a robot says this now. Where its clock is wrong, it does if it answers what we have sent; then it is
+        known how wrong its clock is, and what else it says can be judged by that."""
+        clocks, skew = self.clocks, self.line.mailbox.door.skew
+        answers = self._sent.find(self._pursuit.known(message).body.get("command")) is not None
+        if answers or not message.ahead:
+            clocks.note(message.sender, message.ahead)
+        return abs(clocks.ahead(message.sender) - message.ahead) <= skew
+
     def _overhear(self, message: Message) -> None:
         """Another operator speaks."""
         if message.kind is Kind.HEARTBEAT or LOOK in message.body:
@@ -311,9 +325,10 @@ class AirStation(Station):
         self._pursuit.overtaken(message.kind)
 
     def notices(self) -> list[str]:
-        """What is going on that a person should know of, as sentences: forgeries, keys that nobody trusts."""
+        """What is going on that a person should know of, as sentences: clocks that are wrong, forgeries, keys that
+        nobody trusts."""
         door = self.line.mailbox.door
-        return [notice.text for notice in door.drops.notices(door.trust)]
+        return self.clocks.of_robots(DEADLINE) + [notice.text for notice in door.drops.notices(door.trust)]
 
     def _learn_stops(self, answer: Message) -> None:
         """A robot tells which STOPs hold it, each with the seconds since it came."""

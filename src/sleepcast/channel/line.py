@@ -9,7 +9,6 @@ line's own business, of which the mind hears nothing.
 from __future__ import annotations
 
 import select
-import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -153,7 +152,7 @@ class Line:
         while (now := self._clock.now()) < until and not self._has_stop():
             select.select([self.transport], [], [], max(0.0, min(until, self._pump_due()) - now))
             if self.pump() and not self._has_stop():
-                time.sleep(max(0.0, min(QUIET, until - self._clock.now())))
+                select.select([], [], [], max(0.0, min(QUIET, until - self._clock.now())))
 
     def close(self) -> None:
         """Leave. Nothing can be sent or heard afterwards."""

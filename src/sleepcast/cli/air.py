@@ -146,7 +146,7 @@ def looking_for(
 ) -> Iterator[tuple[AirStation, Looker]]:
     """The same, with what asks robots to tell of themselves. It remembers what they told, too."""
     from sleepcast.clock import UnixClock
-    from sleepcast.errors import MisuseError
+    from sleepcast.errors import MisuseError, printable
     from sleepcast.station.aired import ABOVE, AirStation
     from sleepcast.station.contacts import Contacts, ContactsLostError
     from sleepcast.station.expectation import NOBODY_SAID
@@ -186,8 +186,8 @@ def looking_for(
             yield station, looker
         finally:
             station.conclude()
-            if station.trouble:
-                say(station.trouble)
+            for sentence in (*station.notices(), *filter(None, [station.trouble])):
+                say(printable(sentence))
             try:
                 contacts.save({name: at for name, at in station.roster.items() if at is not None})
                 seen.save(minds, station.now)

@@ -247,7 +247,7 @@ def trouble(session: Session, width: int) -> Line:
 
 
 def notice(session: Session, width: int) -> Line:
-    """What else is going on, the worst of it: forgeries, keys that nobody trusts."""
+    """What else is going on, the worst of it: clocks that are wrong, forgeries, keys that nobody trusts."""
     told = session.station.notices()
     return [("class:warned", _filled(f" {printable(told[0])}" if told else "", width))]
 

@@ -127,6 +127,7 @@ class Window:
 
     def _robot(self, name: str, heard: float | None, columns: Sequence[str], now: float) -> dict[str, object]:
         found: dict[str, object] = {"name": name, "heard": None if heard is None else now - heard}
+        found["clock"] = self.station.clocks.ahead(name)
         mind = self.looker.minds.get(name)
         if mind is None:
             return found | {"told": None}

@@ -113,8 +113,6 @@ def who(text: str, poll: bool, told: bool, air: Air, as_json: bool) -> int:
         found.expected = station.fleet_size > 0
         for finding in checked.findings:
             complain(finding.render(text))
-        for notice in station.notices():
-            complain(printable(notice))
     if as_json:
         put(json.dumps(found.as_dict(text)))
         return 0

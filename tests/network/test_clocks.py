@@ -1,0 +1,115 @@
+"""Real processes whose clocks are wrong, by libfaketime: STOP stops them, and they and the operator are told."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+LIBRARY = next((str(found) for found in Path("/usr/lib").glob("*/faketime/libfaketime.so.1")), "")
+pytestmark = pytest.mark.skipif(not LIBRARY, reason="clocks are set wrong with libfaketime: apt install libfaketime")
+PATIENCE = 60.0
+
+
+class Fleet:
+    """Swarms and operators on one loopback channel of their own. home: where their files lie."""
+
+    def __init__(self, home: Path, stack: ExitStack) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+            free.bind(("127.0.0.1", 0))
+            self.channel = f"udp://239.255.83.77:{free.getsockname()[1]}?interface=lo"
+        self.home, self._stack = home, stack
+        self.told: dict[str, Path] = {}
+
+    def _begin(self, arguments: list[str], clock: str, told: Path) -> subprocess.Popen[str]:
+        environment = {**os.environ, "XDG_CONFIG_HOME": str(self.home), "XDG_DATA_HOME": str(self.home)}
+        if clock:
+            environment |= {"LD_PRELOAD": LIBRARY, "DONT_FAKE_MONOTONIC": "1", "FAKETIME_DONT_FAKE_MONOTONIC": "1"}
+            environment |= {"FAKETIME_TIMESTAMP_FILE": clock} if "/" in clock else {"FAKETIME": clock}
+            environment |= {"FAKETIME_NO_CACHE": "1"}
+        command = [sys.executable, "-m", "sleepcast", *arguments, "--channel", self.channel]
+        with told.open("w") as errors:
+            return subprocess.Popen(
+                command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=errors, text=True
+            )
+
+    def swarm(self, prefix: str, clock: str = "", count: int = 1) -> None:
+        """Robots with this clock: an offset for libfaketime, a moment, or a file of one."""
+        self.told[prefix] = self.home / f"{prefix}.told"
+        arguments = ["swarm", str(count), "--name-prefix", prefix]
+        process = self._begin(arguments, clock, self.told[prefix])
+        self._stack.enter_context(process)  # waits for its end
+        self._stack.callback(process.terminate)
+        assert process.stdout is not None
+        assert "up:" in process.stdout.readline(), self.told[prefix].read_text()
+
+    def say(self, *arguments: str, clock: str = "") -> tuple[dict[str, object], str]:
+        """What an operator with this clock gets for a command, and what he is told."""
+        told = self.home / "operator.told"
+        process = self._begin([*arguments, "--json"], clock, told)
+        out, _ = process.communicate(timeout=PATIENCE)
+        return json.loads(out), told.read_text()
+
+
+@pytest.fixture
+def fleet(tmp_path: Path) -> Iterator[Fleet]:
+    with ExitStack() as stack:
+        yield Fleet(tmp_path, stack)
+
+
+def wait_for(holds: Callable[[], bool]) -> None:
+    until = time.monotonic() + PATIENCE
+    while not holds():
+        assert time.monotonic() < until
+        time.sleep(0.05)
+
+
+def test_stop_reaches_robots_with_any_clock_and_everybody_is_told(fleet: Fleet) -> None:
+    clocks = {"good": "", "hour": "+3600", "late": "-3600", "day": "+86400", "four": "+4"}
+    for prefix, clock in clocks.items():
+        fleet.swarm(prefix, clock)
+    names = sorted(f"{prefix}1" for prefix in clocks)
+    wait_for(lambda: fleet.say("ask", "id")[0]["n_matched"] == 2)  # what was sent before a robot began is not for it
+    sent, told = fleet.say("send", "--all", "--blind", "(SETQ E5 1)")
+    assert sorted(sent["matched"]) == ["four1", "good1"]  # type: ignore[call-overload]
+    assert sorted(sent["fault"]) == ["day1", "hour1", "late1"]  # type: ignore[call-overload]
+    for line in (
+        "hour1: its clock is 3,600 s ahead; it obeys STOP only",
+        "late1: its clock is 3,600 s behind; it obeys STOP only",
+        "day1: its clock is 86,400 s ahead; it obeys STOP only",
+        "four1: its clock is 4 s ahead",
+    ):
+        assert line in told.splitlines()
+    wait_for(lambda: "our clock is 3,600 s ahead of that of desk" in fleet.told["hour"].read_text())
+    stopped, _ = fleet.say("stop")
+    assert sorted(stopped["matched"]) == names  # type: ignore[call-overload]
+
+
+def test_an_operator_an_hour_ahead_is_told_so_and_stops_everybody(fleet: Fleet) -> None:
+    fleet.swarm("r", count=10)
+    fleet.say("ask", "id")  # so that an operator knows whom to expect
+    stopped, told = fleet.say("stop", clock="+3600")
+    assert stopped["n_matched"] == 10
+    _, told = fleet.say("ask", "id", clock="+3600")
+    assert "your clock is 3,600 s ahead of 10 robots: they obey nothing but your STOP" in told
+
+
+def test_a_clock_that_jumps_in_mid_run_changes_nothing(fleet: Fleet) -> None:
+    """An administrator sets a robot's clock an hour ahead, and an hour back."""
+    file = fleet.home / "clock"
+    file.write_text("+0\n")
+    fleet.swarm("r", str(file))
+    for jump in ("+3600", "-3600", "+0"):
+        file.write_text(f"{jump}\n")
+        found, told = fleet.say("ask", "id")
+        assert (found["n_matched"], found["n_silent"]) == (1, 0)
+        assert "clock is" not in told
+    assert "clock is" not in fleet.told["r"].read_text()

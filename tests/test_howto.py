@@ -25,9 +25,11 @@ import pytest
 
 from channel.test_udp import free_port
 from sleepcast.cli import program
-from test_docs import ROOT, SHELL, blocks_of
+from test_docs import ROOT, SHELL, blocks_of, write_files
 
 PAGE = ROOT / "docs" / "howto" / "on-the-air.md"
+USUAL, GROUP = "239.255.83.76 47123", "239.255.83.79"
+URI = f"udp://{GROUP}:{{}}?interface=lo"
 LONGEST = 120.0
 """Seconds to wait for what a program prints at its start, or for its end."""
 
@@ -41,15 +43,17 @@ class Reader:
     """Somebody who follows a page, with settings, data and a channel of his own."""
 
     folder: Path
-    channel: str
+    port: int
     running: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
 
     def start(self, line: str, output: int) -> subprocess.Popen[bytes]:
         words = shlex.split(line, comments=True)
-        _, command, _ = program.resolve_command(click.Context(program), words[1:])
-        assert command is not None
-        if any(each.name == "channel" for each in command.params):
-            line = line.replace(words[1], f"{words[1]} --channel '{self.channel}'", 1)
+        if words[0] == "sleepcast":
+            _, command, _ = program.resolve_command(click.Context(program), words[1:])
+            assert command is not None
+            if any(each.name == "channel" for each in command.params):
+                line = line.replace(words[1], f"{words[1]} --channel '{URI.format(self.port)}'", 1)
+        line = line.replace(USUAL, f"{GROUP} {self.port}")
         return subprocess.Popen(
             ["env", "--default-signal=INT", "bash", "-c", f"exec 2>&1; exec {line}"],
             cwd=self.folder,
@@ -83,7 +87,8 @@ class Reader:
 
 @pytest.fixture
 def reader(tmp_path: Path) -> Iterator[Reader]:
-    found = Reader(tmp_path, f"udp://239.255.83.79:{free_port()}?interface=lo")
+    write_files(PAGE, tmp_path)
+    found = Reader(tmp_path, free_port())
     yield found
     for process in found.running.values():
         os.kill(process.pid, signal.SIGKILL)

@@ -295,6 +295,7 @@ def test_no_argument_is_the_demo_of_bravo(monkeypatch: pytest.MonkeyPatch) -> No
             "port": DEFAULT_PORT,
             "host": "127.0.0.1",
             "insecure": False,
+            "allow": (),
             "no_browser": False,
             "record": None,
             "record_pictures": None,

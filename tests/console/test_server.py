@@ -8,6 +8,8 @@ import signal
 import socket
 import subprocess
 import sys
+from contextlib import closing
+from http.client import HTTPConnection
 from pathlib import Path
 
 import pytest
@@ -65,10 +67,36 @@ class TestHost:
 
     def test_with_insecure_others_are_served_too_and_still_need_the_token(self, folder: Path) -> None:
         with Program("run", folder, "--page", "--host", "0.0.0.0", "--insecure") as program:
+            assert "0.0.0.0" not in program.address, "no browser can open that"
+            with open_page(program) as page:
+                page.frame()
             port = program.host.rpartition(":")[2]
             program.address = f"http://127.0.0.1:{port}/?token={program.token}"
             with open_page(program) as page:
                 page.frame()
+
+    def test_a_name_that_somebody_lets_point_here_reaches_nothing(self, folder: Path) -> None:
+        """DNS rebinding: the request comes to an address of ours, for a host of the attacker's."""
+        hosts = ("--allow-host", "Robots.local", "--allow-host", "proxy.lab:80")
+        with Program("run", folder, "--page", "--host", "0.0.0.0", "--insecure", *hosts) as program:
+            port = program.host.rpartition(":")[2]
+
+            def status(host: str, to: str = "127.0.0.1") -> int:
+                with closing(HTTPConnection(to, int(port), timeout=60.0)) as asked:
+                    asked.request("GET", f"/?token={program.token}", headers={"Host": host})
+                    return asked.getresponse().status
+
+            assert status(program.host, program.host.rpartition(":")[0]) == 200
+            ours = ("127.0.0.1", "localhost", "robots.local", "ROBOTS.local")
+            assert [status(f"{host}:{port}") for host in ours] == [200] * 4
+            assert status("proxy.lab:80") == 200
+            strangers = ("evil.example", "proxy.lab", "192.0.2.7", "0.0.0.0")
+            assert [status(f"{host}:{port}") for host in strangers] == [403] * 4
+            assert status("robots.local") == 403
+
+    def test_what_is_no_name_is_refused(self) -> None:
+        with pytest.raises(MisuseError, match="wanted a name"):
+            server.hosts_of("0.0.0.0", ["http://robots.local/"])
 
 
 class TestEnd:
@@ -80,7 +108,7 @@ class TestEnd:
 
     def test_sigterm_ends_it_too(self, folder: Path) -> None:
         with Program("run", folder, "--page") as program:
-            assert program.wait(signal.SIGTERM) == -signal.SIGTERM
+            assert program.wait(signal.SIGTERM) == 143
             assert "Traceback" not in program.said
 
 

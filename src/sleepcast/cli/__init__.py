@@ -137,6 +137,8 @@ def _run(arguments: list[str]) -> int:
         return error.exit_code
     except SleepcastError as error:
         complain(str(error))
+        if _lacks_files(error.__context__):
+            _tell_few_files()
         return error.exit_status
     except (KeyboardInterrupt, click.Abort):
         return INTERRUPTED

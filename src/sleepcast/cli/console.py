@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from sleepcast.cli.air import Air, looking_for, on_air
+from sleepcast.cli.hosts import allow_host_option
 from sleepcast.cli.streams import announce, complain
 
 TITLE = "Robots on the air"
@@ -25,6 +26,7 @@ STORY = (
 @click.option("--host", default="127.0.0.1", show_default=True, help="The address at which the page is served.")
 @click.option("--port", type=click.IntRange(0, 65_535), help="Its port; else 8317, 0 for any free one.")
 @click.option("--insecure", is_flag=True, help="Allow a host that others can reach.")
+@allow_host_option
 @click.option("--no-browser", is_flag=True, help="Only print the address of the page.")
 @on_air
 def console(
@@ -33,6 +35,7 @@ def console(
     host: str,
     port: int | None,
     insecure: bool,
+    allow: tuple[str, ...],
     no_browser: bool,
     air: Air,
 ) -> int:
@@ -70,6 +73,7 @@ def console(
             host=host,
             port=DEFAULT_PORT if port is None else port,
             insecure=insecure,
+            allow=allow,
             open_browser=not no_browser,
             say=announce,
         )

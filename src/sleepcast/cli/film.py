@@ -135,6 +135,7 @@ def show(interrupts: Interrupts, recording: Recording, speed: float | None, addr
         host=address.host,
         port=address.port,
         insecure=address.insecure,
+        allow=address.allow,
         open_browser=address.browser,
         say=announce,
     )

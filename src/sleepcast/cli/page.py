@@ -107,12 +107,13 @@ def outlines(shape: Shape) -> tuple[Outline, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Where the page is served, and whether a browser is to be opened there."""
+    """Where the page is served, whether a browser is opened there, and by which other names it may be asked for."""
 
     host: str
     port: int
     insecure: bool
     browser: bool
+    allow: tuple[str, ...] = ()
 
 
 def show(
@@ -145,6 +146,7 @@ def show(
             host=address.host,
             port=address.port,
             insecure=address.insecure,
+            allow=address.allow,
             open_browser=address.browser,
             say=announce,
             prepare=prepare,

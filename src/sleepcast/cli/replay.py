@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from sleepcast.cli.hosts import allow_host_option
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.streams import put
 from sleepcast.cli.swarm import FASTEST, HOST, PORT, SLOWEST
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 @click.option("--port", type=click.IntRange(0, 65_535), default=PORT, show_default=True, help="Page: 0 is any.")
 @click.option("--host", default=HOST, show_default=True, help="Page: the address to listen on.")
 @click.option("--insecure", is_flag=True, help="Page: allow a host that others can reach, unencrypted.")
+@allow_host_option
 @click.option("--no-browser", is_flag=True, help="Page: print its address, but open no browser.")
 def replay(
     file: Path,
@@ -44,6 +46,7 @@ def replay(
     port: int,
     host: str,
     insecure: bool,
+    allow: tuple[str, ...],
     no_browser: bool,
 ) -> int:
     """Show the recording FILE on the page, with a slider for its time.
@@ -65,7 +68,7 @@ def replay(
             from sleepcast.cli.film import show
             from sleepcast.cli.page import Address
 
-            show(interrupts, recording, speed, Address(host, port, insecure, not no_browser))
+            show(interrupts, recording, speed, Address(host, port, insecure, not no_browser, allow))
             return 0
         verdict = _verify(interrupts, recording, quiet=quiet) if verify else None
     put(json.dumps(_to_dict(recording, verdict)) if as_json else _to_text(recording, verdict))

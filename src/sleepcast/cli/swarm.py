@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TypedDict, TypeVar, Unpack
 
 import click
 
+from sleepcast.cli.hosts import allow_host_option
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.prepare import advise
 from sleepcast.cli.streams import put
@@ -46,6 +47,7 @@ class Options(TypedDict):
     port: int
     host: str
     insecure: bool
+    allow: tuple[str, ...]
     no_browser: bool
     record: Path | None
     record_pictures: float | None
@@ -73,6 +75,7 @@ _COMMON = (
     click.option("--port", type=click.IntRange(0, 65_535), default=PORT, show_default=True, help="Page: 0 is any."),
     click.option("--host", default=HOST, show_default=True, help="Page: the address to listen on."),
     click.option("--insecure", is_flag=True, help="Page: allow a host that others can reach, unencrypted."),
+    allow_host_option,
     click.option("--no-browser", is_flag=True, help="Page: print its address, but open no browser."),
     click.option("--record", metavar="FILE", type=click.Path(path_type=Path), help="Record the run into an MCAP file."),
     click.option("--record-pictures", metavar="S", type=_PERIOD, help="Record where robots are every S simulated s."),
@@ -147,7 +150,8 @@ def _start_within(interrupts: Interrupts, name: str | None, headless: bool, opti
     if not headless:
         from sleepcast.cli.page import Address, show
 
-        address = Address(options["host"], options["port"], options["insecure"], not options["no_browser"])
+        browser, allow = not options["no_browser"], options["allow"]
+        address = Address(options["host"], options["port"], options["insecure"], browser, allow)
         swarm, station = begin()
         interrupts.release()  # the server has a way of its own to end in good order
         show(swarm, station, options["speed"], address, wanted, keeping, options["threads"])

@@ -7,7 +7,8 @@ site's script in the same browser can neither connect nor read.
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
+import re
+from collections.abc import Awaitable, Callable, Iterable
 from importlib.resources import files
 from pathlib import Path
 from secrets import compare_digest
@@ -21,6 +22,8 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocket
 
+PORT = re.compile(r":\d+$")
+"""What a host ends in that has a port of its own."""
 MAX_PAGES = 16
 """Pages that may be open at one time; each gets its own frames."""
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
@@ -33,18 +36,23 @@ REFUSED = (
 
 
 class Door:
-    """Who may come in. host: under which names the server is asked for; None for any (then only the token counts)."""
+    """Who may come in. hosts: names by which the server may be asked for, besides the address at which a request
+    arrives; one that has no port of its own goes with `port`."""
 
-    def __init__(self, token: str, hosts: tuple[str, ...] | None, port: int) -> None:
-        self._token = token
-        self._hosts = None if hosts is None else frozenset(f"{host}:{port}" for host in hosts)
+    def __init__(self, token: str, hosts: Iterable[str], port: int) -> None:
+        self._token, self._port = token, port
+        self._hosts = frozenset(host if PORT.search(host) else f"{host}:{port}" for host in hosts)
 
     def knows(self, connection: HTTPConnection) -> bool:
         """Whether the address carries the token and names a host of ours."""
-        host = connection.headers.get("host", "")
-        named = self._hosts is None or host in self._hosts
+        host = connection.headers.get("host", "").casefold()
         given = connection.query_params.get("token", "")
-        return named and compare_digest(given.encode(), self._token.encode())
+        return self._names_us(host, connection) and compare_digest(given.encode(), self._token.encode())
+
+    def _names_us(self, host: str, connection: HTTPConnection) -> bool:
+        arrived = (connection.scope.get("server") or ("",))[0]
+        here = f"[{arrived}]" if ":" in arrived else arrived
+        return host in self._hosts or host == f"{here}:{self._port}"
 
     def trusts(self, socket: WebSocket) -> bool:
         """Whether, besides, the socket was opened by a page of this very server."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 import asyncio
 import errno
 import os
+import re
 import socket
 import sys
 import webbrowser
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
 from ipaddress import ip_address
 from secrets import token_urlsafe
@@ -35,6 +36,10 @@ from sleepcast.station import Station
 DEFAULT_PORT = 8317
 """The port unless another is wanted: always the same, so that the browser finds the history of last time."""
 HIGHEST_PORT = 65_535
+NAME = re.compile(r"[A-Za-z0-9._\[\]:-]{1,261}")
+"""A host with or without a port, as browsers write it."""
+ANY_ADDRESS = frozenset({"0.0.0.0", "::"})
+"""Hosts that stand for every address of this machine; no browser can open them."""
 FAREWELL = 1
 """Seconds that open connections get to end."""
 NOTHING = nullcontext()
@@ -54,6 +59,7 @@ def serve(
     host: str = "127.0.0.1",
     port: int = DEFAULT_PORT,
     insecure: bool = False,
+    allow: Sequence[str] = (),
     open_browser: bool = True,
     say: Callable[[str], None] = print,
     prepare: Callable[[], None] | None = None,
@@ -65,7 +71,17 @@ def serve(
     """
     driver = Driver(swarm, pace, clock, prepare)
     desk = Desk(swarm, station, driver, clock)
-    serve_desk(desk, clock, host=host, port=port, insecure=insecure, open_browser=open_browser, say=say, around=around)
+    serve_desk(
+        desk,
+        clock,
+        host=host,
+        port=port,
+        insecure=insecure,
+        allow=allow,
+        open_browser=open_browser,
+        say=say,
+        around=around,
+    )
 
 
 def serve_fleet(
@@ -77,6 +93,7 @@ def serve_fleet(
     host: str,
     port: int,
     insecure: bool,
+    allow: Sequence[str] = (),
     open_browser: bool,
     say: Callable[[str], None],
 ) -> None:
@@ -85,7 +102,7 @@ def serve_fleet(
     The rest is as for `serve_desk`.
     """
     desk = AirDesk(fleet, station, AirDriver(fleet, clock), clock, began)
-    serve_desk(desk, clock, host=host, port=port, insecure=insecure, open_browser=open_browser, say=say)
+    serve_desk(desk, clock, host=host, port=port, insecure=insecure, allow=allow, open_browser=open_browser, say=say)
 
 
 def serve_desk(
@@ -95,6 +112,7 @@ def serve_desk(
     host: str,
     port: int,
     insecure: bool,
+    allow: Sequence[str] = (),
     open_browser: bool,
     say: Callable[[str], None],
     around: AbstractContextManager[object] = NOTHING,
@@ -108,7 +126,15 @@ def serve_desk(
         return make_app("index.html", door, lambda socket: Session(socket, desk, clock).run())
 
     pages = serve_pages(
-        app, desk.driver.run, host=host, port=port, insecure=insecure, open_browser=open_browser, say=say, around=around
+        app,
+        desk.driver.run,
+        host=host,
+        port=port,
+        insecure=insecure,
+        allow=allow,
+        open_browser=open_browser,
+        say=say,
+        around=around,
     )
     asyncio.run(pages)
 
@@ -120,6 +146,7 @@ async def serve_nomads(
     host: str,
     port: int,
     insecure: bool,
+    allow: Sequence[str] = (),
     open_browser: bool,
     say: Callable[[str], None],
     port_option: str = "--port",
@@ -139,6 +166,7 @@ async def serve_nomads(
         host=host,
         port=port,
         insecure=insecure,
+        allow=allow,
         open_browser=open_browser,
         say=say,
         port_option=port_option,
@@ -152,6 +180,7 @@ async def serve_pages(
     host: str,
     port: int,
     insecure: bool,
+    allow: Sequence[str] = (),
     open_browser: bool,
     say: Callable[[str], None],
     port_option: str = "--port",
@@ -160,18 +189,20 @@ async def serve_pages(
     """Serve an application until Ctrl-C, or until what it shows has ended.
 
     make: gives the application that this door is for. live: lets what is shown live. host, port: where to listen; port
-    0 takes any free one. insecure: allow a host that others can reach, though nothing is encrypted. open_browser: open
-    the page at once. say: tells the person at the terminal what is going on. port_option: the option for the port.
-    around: entered once there is a port, before anybody is told of it, and left when all has ended. Raises MisuseError
-    for a host that others can reach, PortError for a port that is taken or forbidden.
+    0 takes any free one. insecure: allow a host that others can reach, though nothing is encrypted. allow: names
+    besides the addresses of this machine by which the page may be asked for. open_browser: open the page at once. say:
+    tells the person at the terminal what is going on. port_option: the option for the port. around: entered once there
+    is a port, before anybody is told of it, and left when all has ended. Raises MisuseError for a host that others can
+    reach, PortError for a port that is taken or forbidden.
     """
     _check_host(host, insecure)
+    hosts = hosts_of(host, allow)
     listener = listen(host, port, port_option)
     token = token_urlsafe(16)
     taken: int = listener.getsockname()[1]
-    address = f"http://{host}:{taken}/?token={token}" if ":" not in host else f"http://[{host}]:{taken}/?token={token}"
+    address = f"http://{_in_url(_reachable(host))}:{taken}/?token={token}"
     config = uvicorn.Config(
-        make(Door(token, LOOPBACK if is_loopback(host) else None, taken)),
+        make(Door(token, hosts, taken)),
         log_level="error",
         access_log=False,
         ws_max_size=MAX_BYTES,
@@ -238,6 +269,35 @@ def is_loopback(host: str) -> bool:
         return ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
+
+
+def hosts_of(host: str, allow: Sequence[str]) -> frozenset[str]:
+    """The names by which a page that is served at `host` may be asked for, besides the address at which a request
+    arrives: whoever lets another name point here (DNS rebinding) reaches nothing. allow: names that a person adds.
+    Raises MisuseError for what is no name."""
+    for name in allow:
+        if not NAME.fullmatch(name):
+            raise MisuseError(f"--allow-host {name!r:.100}: wanted a name, as robots.local or robots.local:8317")
+    return frozenset(_in_url(name).casefold() for name in (*LOOPBACK, *([] if host in ANY_ADDRESS else [host]), *allow))
+
+
+def _reachable(host: str) -> str:
+    """An address that can be opened: where `host` stands for all of this machine's, the one by which it reaches others.
+    Nothing is sent to find that out."""
+    if host not in ANY_ADDRESS:
+        return host
+    family, somewhere = (socket.AF_INET6, "2001:db8::1") if ":" in host else (socket.AF_INET, "192.0.2.1")
+    with socket.socket(family, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect((somewhere, 9))
+            return str(probe.getsockname()[0])
+        except OSError:  # this machine is on no network
+            return "::1" if ":" in host else "127.0.0.1"
+
+
+def _in_url(host: str) -> str:
+    """A host as it stands in an address."""
+    return f"[{host}]" if ":" in host and not host.startswith("[") and host.count(":") > 1 else host
 
 
 def _has_screen() -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import struct
+import time
 from pathlib import Path
 
 import lz4.frame
@@ -68,6 +69,20 @@ def test_a_chunk_larger_than_it_says_is_the_end(
     file.write_bytes(data[:at] + chunk(name, size, compressed) + data[at:])
     found = load_recording(file)
     assert (found.complete, found.states) == (False, {})
+
+
+@pytest.mark.parametrize("record", [bytes(9), b"\xf0" + bytes(8), b"\x05" + struct.pack("<Q", 22) + bytes(22)])
+def test_a_few_bytes_that_unpack_to_millions_of_records_are_the_end(
+    tmp_path: Path, scenario: Scenario, record: bytes
+) -> None:
+    file = recording(tmp_path, scenario)
+    data = file.read_bytes()
+    at = first(data, CHUNK)
+    plain = record * (MAX_RECORD // len(record))
+    file.write_bytes(data[:at] + chunk(b"zstd", len(plain), zstandard.compress(plain)) + data[at:])
+    began = time.process_time()
+    assert not load_recording(file).complete
+    assert time.process_time() - began < 5.0, "read to the end, it takes 10 to 20 s"
 
 
 def test_a_chunk_compressed_by_another_program_is_read(tmp_path: Path, scenario: Scenario) -> None:

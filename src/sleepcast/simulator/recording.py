@@ -50,6 +50,12 @@ from sleepcast.simulator.snapshot import scenario_of
 MAX_MESSAGES = 1_000_000
 """Messages of an operator, repeats included: one in every second of eleven days."""
 
+LEAST_RECORDS = 10_000
+"""Records that any chunk may have; a larger one may have as many as it has compressed bytes, since each has a time of
+its own, which takes more than a byte. So the time that a file takes grows with its size, whatever it unpacks to."""
+RECORD_HEAD = 9
+"""Bytes of a record's sort and length."""
+
 _BROKEN = (McapError, struct.error, ValueError, RuntimeError, EOFError, OverflowError, ZstdError)
 """What reading a file that ends in the middle, or holds anything, may raise."""
 
@@ -270,6 +276,17 @@ def _whole_records(stream: _Bounded) -> Iterator[McapRecord]:
             yield part
 
 
+def _check_count(data: bytes, most: int) -> None:
+    """Raises ValueError for more records than so many: a few kB of zeros could become millions."""
+    at = 0
+    for _ in range(most):
+        if at >= len(data):
+            return
+        at += RECORD_HEAD + int.from_bytes(data[at + 1 : at + RECORD_HEAD], "little")
+    if at < len(data):
+        raise ValueError(f"a chunk of more than {most} records")
+
+
 def _opened(chunk: Chunk) -> Chunk:
     """The chunk uncompressed. Raises ValueError where it is larger or smaller than it says: a few bytes of zeros could
     become gigabytes."""
@@ -285,4 +302,5 @@ def _opened(chunk: Chunk) -> Chunk:
         data = chunk.data
     if len(data) != size:
         raise ValueError(f"a chunk that says {size} bytes and has others")
+    _check_count(data, max(LEAST_RECORDS, len(chunk.data)))
     return replace(chunk, compression="", data=data)

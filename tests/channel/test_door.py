@@ -19,6 +19,7 @@ from sleepcast.channel.door import (
     STOPS_A_SECOND,
     STOPS_AT_ONCE,
     VERIFIED_A_SECOND,
+    VERIFIED_IN_ALL,
     WINDOW,
     Door,
     Drop,
@@ -216,6 +217,18 @@ def test_a_commands_copies_come_in_by_their_share_of_a_flood() -> None:
             came += here.enter(datagram) is not None
         clock.advance(1.0 / 400.0)
     assert came == pytest.approx(10.0 * VERIFIED_A_SECOND / 10.0, rel=0.3)
+
+
+def test_forgeries_under_many_keys_are_looked_at_at_a_rate_in_all() -> None:
+    clock, keys = ManualClock(NOW), [KeyPair(f"r{n}", Role.ROBOT, n.to_bytes(32, "big")) for n in range(1, 101)]
+    here = Door(Trust(key.public for key in keys), "lab", clock, robot=True, chance=random.Random(1))
+    said = [only(encode(message(sender=key.public.owner), "lab", STRANGER)) for key in keys]
+    told = [each[: len(HEAD)] + key.id + each[len(HEAD) + ID_BYTES :] for each, key in zip(said, keys, strict=True)]
+    for _ in range(100):
+        clock.advance(0.01)
+        for datagram in told:
+            here.enter(datagram)
+    assert VERIFIED_IN_ALL <= here.counts[Drop.FORGED] <= 2.0 * VERIFIED_IN_ALL + 1.0, "a second's worth, and a second"
 
 
 def parts_of(text: str, sequence: int = 1) -> list[bytes]:

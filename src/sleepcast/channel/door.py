@@ -37,6 +37,9 @@ MAX_OPEN = 64
 """Long messages that wait for their other parts, of all senders together; seven megabytes at most."""
 VERIFIED_A_SECOND = 200.0
 """Signatures of one key that a robot looks at in a second, unless another rate is given."""
+VERIFIED_IN_ALL = 4_000.0
+"""The same of all keys together, but for STOP, at the usual rate: a quarter of a core's time, however many keys' ids
+a forger knows."""
 VERIFIED_BY_OPERATOR = 4_000.0
 """The same of an operator, who hears a thousand robots with one key answer at once: a quarter of a core's time."""
 STOPS_A_SECOND = 5_000.0
@@ -171,6 +174,8 @@ class Door:
         stops = (STOPS_A_SECOND if robot else STOPS_BY_OPERATOR) * self._rate / usual
         self._stops = Budget(stops, STOPS_AT_ONCE * stops, self._chance, clock.now())
         self._budgets: dict[bytes, Budget] = {}
+        in_all = VERIFIED_IN_ALL * self._rate / usual
+        self._in_all = Budget(in_all, in_all, self._chance, clock.now())
         self._open: OrderedDict[tuple[bytes, str, int, int], Assembly] = OrderedDict()
         self._timeless = frozenset({Kind.STOP}) if robot else TO_OPERATOR | {Kind.STOP}
         """Kinds that come in whatever their times say: in doubt a robot stands, and what robots say is judged by what
@@ -249,7 +254,7 @@ class Door:
             return untimely
         if not key.owner.endswith("*") and self._knows(part, key.owner):
             return Drop.REPEATED
-        if not (self._budget(part, now) if untimely is None else self._untimely_budget).take(now):
+        if not (self._has_time(part, now) if untimely is None else self._untimely_budget.take(now)):
             return untimely or Drop.TOO_MANY
         if not key.signed(part.signed, part.signature):
             return Drop.FORGED
@@ -306,13 +311,14 @@ class Door:
         waiting = self._open.get((part.key, sender, part.epoch, part.sequence))
         return waiting is not None and part.number in waiting.pieces
 
-    def _budget(self, part: Part, now: float) -> Budget:
+    def _has_time(self, part: Part, now: float) -> bool:
+        """Whether one more signature may be looked at. An operator hears as many robots' keys as there are."""
         if part.kind is Kind.STOP:
-            return self._stops
+            return self._stops.take(now)
         found = self._budgets.get(part.key)
         if found is None:
             found = self._budgets[part.key] = Budget(self._rate, self._rate, self._chance, now)
-        return found
+        return found.take(now) and (not self.robot or self._in_all.take(now))
 
     def missing(self, key: bytes, sender: str, epoch: int, sequence: int) -> tuple[int, ...]:
         """Numbers of the parts that are missing of a message of which some have come; none if none has."""

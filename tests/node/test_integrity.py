@@ -78,6 +78,9 @@ def flip_marker(file: Path) -> None:
 def make_first_format(file: Path) -> None:
     with closing(sqlite3.connect(file)) as connection:
         connection.execute("DROP TABLE seal")
+        connection.execute("DROP VIEW journal")
+        connection.execute("DROP TABLE arrivals")
+        connection.execute("CREATE VIEW journal AS SELECT number, command, kind, time, outcome FROM evaluations")
         connection.execute("PRAGMA user_version = 1")
 
 

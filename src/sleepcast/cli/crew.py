@@ -159,6 +159,7 @@ def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> Cr
     ear.zero = zero = UnixClock().now()
     for member in members:
         member.node.zero = member.line.zero = zero
+        member.node.clock = UnixClock()
     guard = None if limits is None else Guard(simulator, limits)
     return Crew(simulator, members, trunk, ear, WallClock(), UnixClock(), guard=guard, keeper=store)
 

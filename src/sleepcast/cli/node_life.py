@@ -110,7 +110,8 @@ class Life:
         if self.ears is not None:
             self.node.evaluate(NOTHING_HEARD)
         self._orders = beginning.orders
-        self.node.zero = UnixClock().now()
+        self.node.clock = UnixClock()
+        self.node.zero = self.node.clock.now()
         if self.line is not None:
             self.line.zero = self.node.zero
         if self.store is not None and self.store.adopt(self.node, None if self.line is None else self.line.mailbox):

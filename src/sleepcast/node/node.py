@@ -75,8 +75,6 @@ class Node(Embodied):
     variables: linked variables, if any. lease: s for which a body that is driven goes on while nobody is heard.
     on_air: whether it hears a real channel, and not a simulated one: then
     more may wait, and what several operators send is merged.
-
-    zero: when its time began, s of Unix time, where that matters.
     """
 
     def __init__(
@@ -104,7 +102,6 @@ class Node(Embodied):
         # The fields of a Recollection, made into one only when somebody asks: this happens for every message.
         self._recollections: deque[Recollected] = deque(maxlen=MAX_RECOLLECTIONS)
         self._on_air, self._room = on_air, MAX_BACKLOG if on_air else MAX_QUEUE
-        self.zero = 0.0
 
     # ---- what others look at
 

@@ -8,6 +8,7 @@ from collections import deque
 from math import inf, isnan, nan
 
 from sleepcast.channel.message import Kind, Message
+from sleepcast.clock import Clock
 from sleepcast.node.looks import NOTHING, Told
 
 MAX_OUTBOX = 256
@@ -22,7 +23,8 @@ TELL_SECONDS = 5.0
 
 class Speaker:
     """One robot's voice. lost: messages and sayings that found no room. evaluated: the latest messages that it had an
-    answer to, the outcome, and the robot's time, for whoever keeps that and takes it out."""
+    answer to, the outcome, and the robot's time, for whoever keeps that and takes it out. zero: when its time began, s
+    of Unix time, where that matters; clock: tells that time, None where the time of the tick will do."""
 
     def __init__(self, name: str) -> None:
         self.name, self.epoch = name, 0
@@ -30,7 +32,8 @@ class Speaker:
         self.pings: list[float] = []
         self.lost = 0
         self.evaluated: deque[tuple[Message, str, float]] = deque(maxlen=MAX_EVALUATED)
-        self._now = 0.0
+        self._now, self.zero = 0.0, 0.0
+        self.clock: Clock | None = None
         self._printed: list[tuple[str, tuple[float, ...]]] | None = None
         """What the text under way has reported, while somebody waits for its result."""
         self._sequence = 0
@@ -50,7 +53,7 @@ class Speaker:
     ) -> None:
         said = {"command": message.id, "outcome": outcome, "value": None if isnan(value) else value}
         self._say(Kind.ANSWER, body={**said, "fault": fault or None, **told})
-        self.evaluated.append((message, outcome, self._now))
+        self.evaluated.append((message, outcome, self._now if self.clock is None else self.clock.now() - self.zero))
 
     def _report(self, label: str, values: tuple[float, ...]) -> None:
         if self._printed is not None:

@@ -313,7 +313,8 @@ class Store:
         robot.begun.discard(message.id)
         if robot.known.pop(message.id, None) is not None and waits.taken.pop(which, None) is None:
             waits.finished.add(which)
-        waits.evaluated.append((robot.number, message.id, message.kind.value, time, outcome))
+        arrived = None if message.heard is None else message.heard + robot.node.zero
+        waits.evaluated.append((robot.number, message.id, message.kind.value, time, outcome, arrived))
         del waits.evaluated[:-MAX_UNWRITTEN]
 
     def _look(self, robot: Robot, now: float) -> None:

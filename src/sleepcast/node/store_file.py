@@ -73,19 +73,23 @@ CREATE TABLE evaluations (
     number INTEGER PRIMARY KEY AUTOINCREMENT, robot INTEGER NOT NULL, command TEXT NOT NULL, kind TEXT NOT NULL,
     time REAL NOT NULL, outcome TEXT NOT NULL
 ) STRICT;
-CREATE VIEW journal AS
-    SELECT evaluations.number, robots.name AS robot, command, kind, time, outcome
-    FROM evaluations JOIN robots ON robots.number = evaluations.robot;
 """
 SEAL = """
 CREATE TABLE seal (store TEXT NOT NULL, generation INTEGER NOT NULL, doubt TEXT NOT NULL, sum BLOB NOT NULL) STRICT;
+CREATE TABLE arrivals (number INTEGER PRIMARY KEY, arrived REAL NOT NULL) STRICT;
+CREATE VIEW journal AS
+    SELECT evaluations.number, robots.name AS robot, command, kind, arrived, time, outcome
+    FROM evaluations JOIN robots ON robots.number = evaluations.robot
+    LEFT JOIN arrivals ON arrivals.number = evaluations.number;
 """
-TABLES = ("robots", "streams", "windows", "standing", "taken", "evaluations")
+"""What a store of format 1 has not; its view of the journal had no arrivals."""
+TABLES = ("robots", "streams", "windows", "standing", "taken", "evaluations", "arrivals")
 """Those that the seal is over."""
 """robots: in the order in which they came, or the operator; since, saved: when it was first here, and when its mind was
 last written (s of Unix time); epoch: of the present life, or the last one; sequence: up to where an operator's numbers
 in it may have been used. See `Progress`, `Window` and `Standing` of the channel. taken: what was taken from the channel
-and not finished. evaluations: what became of each command, STOP and RELEASE, and when (s of Unix time).
+and not finished. evaluations: what became of each command, STOP and RELEASE, and when (s of Unix time); arrivals: when
+it had come, by the numbers of these.
 seal: see `integrity`."""
 
 
@@ -241,9 +245,11 @@ def connect(file: Path, seal: Seal | None) -> tuple[sqlite3.Connection, Seal]:
     try:
         connection.execute("PRAGMA synchronous = FULL")
         if seal is None:
-            seal = Seal(rows=sum_of(connection, TABLES))
+            seal = Seal(rows=sum_of(connection, [table for table in TABLES if table != "arrivals"]))
             with transaction(connection, seal):
-                connection.execute(SEAL)
+                connection.execute("DROP VIEW IF EXISTS journal")
+                for statement in SEAL.strip().split(";\n"):
+                    connection.execute(statement)
                 connection.execute(f"PRAGMA user_version = {FORMAT}")
         seal.watch(connection, TABLES)
         connection.execute("BEGIN IMMEDIATE")  # a file that may not be written says so now

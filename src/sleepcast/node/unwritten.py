@@ -14,7 +14,7 @@ from sleepcast.node.store_file import Remembered
 MAX_EVALUATIONS = 1_000_000
 """Evaluations that are remembered, of all robots of a file: some eighty megabytes."""
 
-Evaluated = tuple[int, str, str, float, str]
+Evaluated = tuple[int, str, str, float, str, float | None]
 """A robot's number, a command's id and kind, when (s of Unix time), and the outcome."""
 
 
@@ -74,12 +74,16 @@ class Unwritten:
         to.executemany("DELETE FROM taken WHERE robot = ? AND command = ?", self.finished)
 
     def _write_evaluated(self, to: sqlite3.Connection) -> None:
-        to.executemany(
-            "INSERT INTO evaluations (robot, command, kind, time, outcome) VALUES (?, ?, ?, ?, ?)", self.evaluated
-        )
+        for *entry, arrived in self.evaluated:
+            row = to.execute(
+                "INSERT INTO evaluations (robot, command, kind, time, outcome) VALUES (?, ?, ?, ?, ?)", entry
+            )
+            if arrived is not None:
+                to.execute("INSERT INTO arrivals VALUES (?, ?)", (row.lastrowid, arrived))
         if self.evaluated:
             (last,) = to.execute("SELECT max(number) FROM evaluations").fetchone()
-            to.execute("DELETE FROM evaluations WHERE number <= ?", (last - MAX_EVALUATIONS,))
+            for table in ("evaluations", "arrivals"):
+                to.execute(f"DELETE FROM {table} WHERE number <= ?", (last - MAX_EVALUATIONS,))
 
 
 def _bytes(number: int) -> bytes:

@@ -15,7 +15,7 @@ MAX_EVALUATIONS = 1_000_000
 """Evaluations that are remembered, of all robots of a file: some eighty megabytes."""
 
 Evaluated = tuple[int, str, str, float, str, float | None]
-"""A robot's number, a command's id and kind, when (s of Unix time), and the outcome."""
+"""A robot's number, a command's id and kind, when (s of Unix time), the outcome, and when it had come."""
 
 
 @dataclass(slots=True)

@@ -82,6 +82,21 @@ def test_robots_are_where_they_say_they_are(air: Page) -> None:
         assert time.monotonic() < end, "they drive, and it is to be seen"
 
 
+def test_robots_that_stand_because_of_their_store_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    live_in(tmp_path, monkeypatch)
+    uri, store = f"udp://239.255.83.78:{free_port()}?interface=lo", tmp_path / "two.store"
+    store.write_bytes(b"")
+    with (
+        swarm(2, uri, "--store", str(store)),
+        Program("console", "--channel", uri, "--every", "0.3") as started,
+        open_page(started) as page,
+    ):
+        page.until("safety", lambda news: "Until RELEASE stand r1, r2: its store was empty." in news["sentence"])
+        assert page.news["safety"]["latched"]
+        assert called("release", "--channel", uri).status == 0
+        page.until("safety", lambda news: "its store" not in news["sentence"])
+
+
 def test_forgeries_are_told_while_somebody_sends_them(air: Page, channel: str) -> None:
     with attacked(channel) as key:
         air.until("safety", lambda news: f"forged messages a second under key {key} (desk)." in news["sentence"])

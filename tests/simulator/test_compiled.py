@@ -79,6 +79,27 @@ def test_a_kernel_is_loaded_without_what_compiling_takes_and_another_one_compile
     assert done.stdout.splitlines()[1:] == ["False", "[0, 2, 1] 1"]
 
 
+OTHERS = """
+from sleepcast.simulator.compiled import compiled, kept_in
+
+def adding(what):
+    def add(number):
+        return number + what
+    return compiled(add)
+
+print(adding(1)(2), adding(2)(2), kept_in())
+"""
+
+
+def test_what_is_no_kernel_of_ours_is_not_kept_so_that_nobody_gets_it_for_another(tmp_path: Path) -> None:
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    (tmp_path / "others.py").write_text(OTHERS)
+    for _ in range(2):
+        command = [sys.executable, str(tmp_path / "others.py")]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        assert (done.stdout, done.stderr) == ("3 4 None\n", "")
+
+
 @pytest.mark.parametrize("hindrance", ["a file where the folder should be", "damage"])
 def test_kernels_that_cannot_be_kept_or_loaded_are_compiled(tmp_path: Path, hindrance: str) -> None:
     caches = tmp_path / "caches"

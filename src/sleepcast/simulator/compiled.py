@@ -36,6 +36,7 @@ Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 FASTMATH = {"nnan", "ninf", "nsz"}
 PART: dict[str, Any] = {"no_cpython_wrapper": True, "_nrt": False}
 """Of functions that only kernels call: Python cannot, and who holds arrays is not counted."""
+HERE = Path(__file__).parent
 SOURCES = (
     *("kernels*.py", "compiled.py", "lanes.py", "vectors.py"),
     *("formulas.py", "driving.py", "noise.py", "crosstalk.py", "steps.py", "walls.py", "fields.py"),
@@ -48,7 +49,7 @@ CACHE = CodeCache("kernels")
 @cache
 def _identity() -> str:
     """What all kernels depend on: their sources, what compiles them, and the processor."""
-    sources = sorted(source for names in SOURCES for source in Path(__file__).parent.glob(names))
+    sources = sorted(source for names in SOURCES for source in HERE.glob(names))
     compilers = f"{sys.implementation.cache_tag} {numba.__version__} {llvmlite.__version__}"
     states = [compilers.encode(), repr(cpu_target.target_context.codegen().magic_tuple()).encode()]
     return sha256(b"\0".join([*states, *(source.read_bytes() for source in sources)])).hexdigest()[:16]
@@ -113,7 +114,8 @@ def woven(function: Kernel) -> Kernel:
 def _made(function: Kernel, **options: Any) -> Kernel:
     options |= {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
     made = numba.njit(**options)(function)
-    made._cache = KernelCache(function)
+    if Path(function.__code__.co_filename).parent == HERE and "<locals>" not in function.__qualname__:
+        made._cache = KernelCache(function)  # the names of others would not tell all that they depend on
     return cast(Kernel, made)
 
 

@@ -9,6 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+MAX_LINE = 100
+"""Characters of a line that are shown around a caret: a line of a message may have 16,384."""
+
 
 class SleepcastError(Exception):
     """Anything that a person using sleepcast can cause or must know about."""
@@ -68,9 +71,15 @@ def printable(text: str) -> str:
 
 
 def with_caret(message: str, text: str, start: int, end: int) -> str:
-    """`message`, then the line of `text` at `start`, then carets under the characters from `start` to `end`."""
+    """`message`, then the line of `text` at `start`, then carets under the characters from `start` to `end`. Of a line
+    longer than `MAX_LINE` characters only what stands around `start` is shown, with an ellipsis where it is cut."""
     line_start = text.rfind("\n", 0, start) + 1
     line_end = text.find("\n", start)
-    line = printable(text[line_start : len(text) if line_end < 0 else line_end])
-    width = max(1, min(end, line_start + len(line)) - start)
-    return f"{message}\n  {line}\n  {' ' * (start - line_start)}{'^' * width}"
+    if line_end < 0:
+        line_end = len(text)
+    left = min(start, max(line_start, min(start - MAX_LINE // 2, line_end - MAX_LINE)))
+    right = min(line_end, left + MAX_LINE)
+    before, after = ("…" if left > line_start else "", "…" if right < line_end else "")
+    width = max(1, min(end, right) - start)
+    carets = " " * (len(before) + start - left) + "^" * width
+    return f"{message}\n  {before}{printable(text[left:right])}{after}\n  {carets}"

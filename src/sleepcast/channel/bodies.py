@@ -7,6 +7,8 @@ from enum import StrEnum
 from math import inf
 from typing import NamedTuple
 
+from sleepcast.channel.roles import Role
+
 WITHIN = "within"
 """Seconds over which answers are to be spread."""
 FOR, NOT = "for", "not"
@@ -32,6 +34,8 @@ MATCHED = "matched"
 """In a question: robots are to say whether they would obey it; in their answers: whether they would."""
 TOLD = "told"
 """What a robot tells of itself, in the answer to a look."""
+HOPS = "hops"
+"""In what a robot tells others: how far it may go, this hop included."""
 MISSED = "missed"
 """Ids of commands that a robot was to hear and that never came in time."""
 
@@ -62,6 +66,15 @@ class Look(StrEnum):
     """What it has learned: groups, operators, rules."""
     WHY = "why"
     """How it evaluated a command, or what a rule would do now."""
+
+
+def hops_left(body: Mapping[str, object], role: str, most: int) -> int:
+    """How far what a robot tells because of a message may go: `most`, or one hop less than what another robot has told
+    it. role: of the message's sender."""
+    hops = body.get(HOPS)
+    if isinstance(hops, int) and not isinstance(hops, bool):
+        return min(max(hops, 1), most) - 1
+    return 0 if role == Role.ROBOT or HOPS in body else most
 
 
 def is_addressed(body: Mapping[str, object], name: str) -> bool:

@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.channel.bodies import HOPS
 from sleepcast.channel.message import Kind, Message, message_id
 
 Index = NDArray[np.intp]
@@ -81,15 +82,16 @@ class Reports:
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """One expression that they all tell the others."""
+    """One expression that they all tell the others, so many hops far."""
 
     said: str
+    hops: int
 
     def text(self, place: int) -> str:
         return self.said
 
     def body(self, place: int) -> Body:
-        return {}
+        return {HOPS: self.hops}
 
 
 @dataclass(frozen=True, slots=True)

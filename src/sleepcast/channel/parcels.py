@@ -39,6 +39,7 @@ class ToldParcel(msgspec.Struct, tag="told"):
     """See `Told`."""
 
     said: str
+    hops: int = 1
 
 
 class ChorusParcel(msgspec.Struct, tag="chorus"):
@@ -151,13 +152,13 @@ def _packed_words(words: Words, places: NDArray[np.intp]) -> AnswersParcel | Rep
     if isinstance(words, Reports):
         return ReportsParcel(words.label, tuple(Array.of(column[places]) for column in words.values))
     if isinstance(words, Told):
-        return ToldParcel(words.said)
+        return ToldParcel(words.said, words.hops)
     raise TypeError(f"{type(words).__name__} cannot be kept")
 
 
 def _words(parcel: AnswersParcel | ReportsParcel | ToldParcel, shape: tuple[int, ...]) -> Words:
     if isinstance(parcel, ToldParcel):
-        return Told(parcel.said)
+        return Told(parcel.said, parcel.hops)
     if isinstance(parcel, ReportsParcel):
         return Reports(parcel.label, tuple(column.made(np.float64, shape, "reported") for column in parcel.values))
     sort, fault = parcel.sort.made(np.uint8, shape, "outcomes"), parcel.fault.made(np.int32, shape, "faults")

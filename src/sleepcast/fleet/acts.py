@@ -12,15 +12,14 @@ import numpy as np
 
 from sleepcast.channel.chorus import Told
 from sleepcast.channel.message import Kind
-from sleepcast.errors import SleepcastError
 from sleepcast.fleet.columns import Column, Mask, Rows
-from sleepcast.fleet.limits import PROVEN_TICKS, TELL_SECONDS
+from sleepcast.fleet.limits import PROVEN_TICKS, TELL_SECONDS, TELLS_TOO_FAR, TELLS_TOO_OFTEN
 from sleepcast.fleet.memory import Act, FleetMemory
 from sleepcast.fleet.minds import Draft, Kept
-from sleepcast.language.form import Form, Number, filled, show
+from sleepcast.language.form import Form, Number, show
 from sleepcast.language.names import Group, Operator, Stored
 from sleepcast.language.parts import Defining, Part, Storing, Template, label_of, written
-from sleepcast.language.reader import read
+from sleepcast.language.reader import MAX_TEXT
 from sleepcast.language.vocabulary import (
     ACTIVE0,
     MAX_GROUPS,
@@ -272,34 +271,38 @@ def _report(memory: FleetMemory, part: Part, rows: Rows, *arguments: Column) -> 
 def _tell(memory: FleetMemory, part: Part, rows: Rows, *arguments: Column) -> Column:
     if not isinstance(part.data, Template):
         raise TypeError(f"a part of op {part.op} tells nothing")
-    template = part.data
     values = np.ones(rows.size)
     unknown = np.zeros(rows.size, np.bool_)
     for argument in arguments:
         unknown |= np.isnan(argument)
     memory.refuse_where(part, rows, unknown, "an unknown cannot be told", values)
+    hops = min(part.data.hops, memory.hops)
+    telling = ~unknown
+    telling[telling] = _may_tell(memory, rows.take(telling), hops)  # first: a text is made only for what goes out
     told: dict[str, list[int]] = {}
-    if not template.unquoted:
-        told[show(template.form)] = list(range(rows.size))
-    else:
-        columns = [argument.tolist() for argument in arguments]
-        for place in np.flatnonzero(~unknown).tolist():
-            numbers = iter([column[place] for column in columns])
-            told.setdefault(show(filled(template.form, numbers.__next__)), []).append(place)
+    columns = [argument.tolist() for argument in arguments]
+    for place in np.flatnonzero(telling).tolist():
+        told.setdefault(part.data.text([column[place] for column in columns]), []).append(place)
     for text, places in told.items():
         mask = np.zeros(rows.size, np.bool_)
         mask[places] = True
-        _tell_text(memory, part, rows, mask, text, values)
+        if len(text) > MAX_TEXT:
+            reason = f"a text of {len(text)} characters cannot be told: at most {MAX_TEXT} fit"
+            memory.refuse_where(part, rows, mask, reason, values)
+        else:
+            memory.speech.say(Kind.COMMAND, rows.take(mask), Told(text, hops), lasts=TELL_SECONDS)
     return values
 
 
-def _tell_text(memory: FleetMemory, part: Part, rows: Rows, mask: Mask, text: str, values: Column) -> None:
-    try:
-        read(text)
-    except SleepcastError as error:
-        memory.refuse_where(part, rows, mask, f"refused: {str(error).splitlines()[0]}", values)
-        return
-    memory.speech.say(Kind.COMMAND, rows.take(mask), Told(text), lasts=TELL_SECONDS)
+def _may_tell(memory: FleetMemory, rows: Rows, hops: int) -> Mask:
+    """Which of these robots may tell something now, so many hops far."""
+    told, less = memory.speech.may_tell(rows, hops)
+    label = TELLS_TOO_OFTEN if hops >= 1 else TELLS_TOO_FAR
+    if less.size:
+        memory.speech.report(less, label)
+        if memory.printed is not None:
+            memory.printed.append((less.robots, label, ()))
+    return told
 
 
 def _ping(memory: FleetMemory, part: Part, rows: Rows, caste: Column | None = None) -> Column:

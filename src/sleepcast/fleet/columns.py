@@ -162,6 +162,10 @@ class FleetState:
         """The second in which each robot last reported anything."""
         self.reported = np.zeros(count, np.int32)
         """Its reports in that second."""
+        self.telling_until = np.zeros(count)
+        """When all that each robot has told would be over at the rate at which it may tell, s."""
+        self.told_less = np.zeros(count, np.bool_)
+        """Whether it did not tell something since it was quiet last."""
         self.stopped = np.zeros(count, np.bool_)
         self.latches: list[Latch] = [Latch()]
         """Which STOPs hold, and which are over: each one that some robots have."""
@@ -278,7 +282,14 @@ class FleetState:
     def state(self) -> StateParcel:
         """All of it but the chance, which comes from the seed."""
         actuated = {slot: Array.of(robots) for slot, robots in self.actuated.items()}
-        return StateParcel(self.values(), kept(self._arrays()), actuated, kept({"latch": self.latch}), self.latches)
+        return StateParcel(
+            self.values(),
+            kept(self._arrays()),
+            actuated,
+            kept({"latch": self.latch}),
+            self.latches,
+            kept(self._telling()),
+        )
 
     def values(self) -> ValuesParcel:
         """The variables that nobody else keeps, and the groups."""
@@ -296,6 +307,8 @@ class FleetState:
             slot: robots.made(np.bool_, (self.count,), f"who assigned actuator {slot}")
             for slot, robots in parcel.actuated.items()
         }
+        if parcel.telling:  # else it was kept before robots told at a bounded rate
+            put_back(parcel.telling, self._telling())
         if parcel.latches:  # else it was kept before STOPs were known by their numbers: the next RELEASE ends them
             put_back(parcel.orders, {"latch": self.latch})
             within(self.latch, 0, len(parcel.latches) - 1, "the latch of a robot")
@@ -320,6 +333,10 @@ class FleetState:
         """The columns that nobody else keeps, by slot."""
         columns = enumerate(self._columns)
         return {slot: column for slot, column in columns if column is not None and slot not in self._shared}
+
+    def _telling(self) -> dict[str, NDArray[np.generic]]:
+        """What bounds the rate at which robots tell."""
+        return {"telling_until": self.telling_until, "told_less": self.told_less}
 
     def _arrays(self) -> dict[str, NDArray[np.generic]]:
         """Everything that has one element a robot, and is no variable."""

@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.bodies import FOR, NOT, is_addressed
+from sleepcast.channel.bodies import FOR, NOT, hops_left, is_addressed
 from sleepcast.channel.chorus import Answers, Chorus
 from sleepcast.channel.latch import ENDED
 from sleepcast.channel.message import Kind, Message
@@ -37,6 +37,7 @@ from sleepcast.fleet.speech import Speech
 from sleepcast.fleet.told import Told
 from sleepcast.language.explain import rehearse
 from sleepcast.language.form import show
+from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.machine import Program
 from sleepcast.language.reader import read
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Vocabulary, buffer_number
@@ -327,6 +328,7 @@ class Core:
             except SleepcastError as error:
                 return str(error).splitlines()[0]
 
+        self.memory.hops = hops_left(message.body, message.role, MAX_HOPS)
         for found, some, _ in self.memory.divide(rows, program):
             if isinstance(found, str):
                 self._answer_alike(message, some, "fault", found)
@@ -334,6 +336,7 @@ class Core:
                 self._asked(message, found, some)
             else:
                 self.speech.answer(some, _came_of(message, self.run(found, some, message.id)))
+        self.memory.hops = MAX_HOPS
 
     def _asked(self, message: Message, program: Program, rows: Rows) -> None:
         """Answer a question, robot by robot: nothing is done, so there is nothing to do for all at once."""

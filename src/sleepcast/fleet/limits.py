@@ -22,6 +22,13 @@ FAILED = 1 << 62
 """The tick since which a rule set is unproven that has failed: after all others, until somebody changes the set."""
 MAX_FAULTS_IN_ROW = 10
 """Evaluations with a fault, one after the other, after which a rule is deactivated."""
+TELLS_A_SECOND = 2.0
+"""What one robot may tell others in a second, in the long run."""
+TELL_BURST = 8
+"""What it may tell at once after some quiet."""
+TELLS_TOO_OFTEN = f"tells too often: more than {TELLS_A_SECOND:g} a second are dropped"
+TELLS_TOO_FAR = "did not tell on what came by its last hop"
+"""What it reports when it does not tell something."""
 TELL_SECONDS = 5.0
 """How long what a robot tells others may still be acted on."""
 TICK_STEPS = 50_000

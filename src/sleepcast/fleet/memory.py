@@ -18,6 +18,7 @@ from sleepcast.fleet.evaluation import Evaluation, by_the_living
 from sleepcast.fleet.kernels import Kernels
 from sleepcast.fleet.minds import Draft, Minds
 from sleepcast.fleet.speech import Speech
+from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.machine import Program
 from sleepcast.language.names import UserVariable
 from sleepcast.language.parts import Label, Part, host_of, written
@@ -59,6 +60,8 @@ class FleetMemory(Evaluation):
         self.hosts: list[Given] | None = None
         self.script: Iterator[float | str] | None = None
         self.kernels = kernels
+        self.hops = MAX_HOPS
+        """How far what robots tell may go: less while they evaluate what another one has told."""
 
     @by_the_living
     def draw(self, part: Part, rows: Rows) -> Column:

@@ -32,6 +32,7 @@ class StateParcel(msgspec.Struct):
     actuated: dict[int, Array]
     orders: Arrays = {}
     latches: list[Latch] = []
+    telling: Arrays = {}
 
 
 class ToldParcel(msgspec.Struct):

@@ -16,7 +16,7 @@ from sleepcast.channel.chorus import Answers, Chorus, Reports, Words
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.parcels import ascending, packed_chorus, unpacked_chorus
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
-from sleepcast.fleet.limits import MAX_OUTBOX, REPORTS_A_SECOND
+from sleepcast.fleet.limits import MAX_OUTBOX, REPORTS_A_SECOND, TELL_BURST, TELLS_A_SECOND
 from sleepcast.fleet.parcels import SpeechParcel
 from sleepcast.language.vocabulary import TIME_SLOT
 from sleepcast.parcel import Array, ParcelError
@@ -79,6 +79,22 @@ class Speech:
         state.reported_in[rows.index] = seconds
         state.reported[rows.index] = before + 1
         return before < REPORTS_A_SECOND
+
+    def may_tell(self, rows: Rows, hops: int) -> tuple[Mask, Rows]:
+        """Which of the robots may tell something now, so many hops far, which is counted as told; and who of the others
+        has told everything so far."""
+        state, now = self._state, self._state.column(TIME_SLOT, rows)
+        begin = np.maximum(state.telling_until[rows.index], now)
+        may: Mask = begin - now <= (TELL_BURST - 1) / TELLS_A_SECOND
+        if hops < 1:
+            may[:] = False
+        less = state.told_less[rows.index]
+        silenced = rows.take(~may & ~less)
+        state.lost[rows.take(~may).index] += 1
+        state.told_less[rows.index] = np.where(may, less & (begin > now), True)
+        some = rows.take(may)
+        state.telling_until[some.index] = begin[may] + 1.0 / TELLS_A_SECOND
+        return may, silenced
 
     def answer(self, rows: Rows, answers: Answers) -> None:
         """Answer a message on each of these robots."""

@@ -128,14 +128,13 @@ def show(form: Form) -> str:
     return form.text  # type: ignore[attr-defined,no-any-return]
 
 
-def filled(form: Form, next_value: Callable[[], float]) -> Form:
-    """A template with its unquoted places replaced by values, in their order."""
+def replaced(form: Form, what: Callable[[], Form]) -> Form:
+    """A template with something else in its unquoted places, in their order."""
     if not isinstance(form, List):
         return form
     if form.head == UNQUOTE and len(form.items) == 2:
-        value = next_value()
-        return Number(value, text=format_literal(value))
-    return List(tuple(filled(item, next_value) for item in form.items), form.start, form.end)
+        return what()
+    return List(tuple(replaced(item, what) for item in form.items), form.start, form.end)
 
 
 def format_literal(value: float) -> str:

@@ -16,6 +16,8 @@ from sleepcast.language.angles import angle
 
 MANY = 100
 """Arguments of one call at most: the bound of the original interpreter (`eval numArgs > 100`)."""
+MAX_HOPS = 8
+"""How often robots may hand on what one of them tells, at most: across a fleet and not for ever."""
 MAX_REPEATS = 1_000
 """The literal count of a DOTIMES at most."""
 
@@ -315,7 +317,7 @@ _TABLE = (
     Function("ROLLBACK", 0, 0, "", "act", "truth", "Brings back the last rules that ran without a fault."),
     Function("REPORT", 1, MANY, '"label" expr ...', "special", "last", "Tells the operator; gives the last value."),
     Function("PRINT", 1, MANY, '"label" expr ...', "special", "last", "The same as REPORT."),
-    Function("TELL", 1, 1, "expr", "special", "truth", "Broadcasts expr to the robots in radio range."),
+    Function("TELL", 1, 3, "expr [:hops n]", "special", "truth", "Broadcasts expr to the robots in radio range."),
     Function("PING", 0, 1, "caste", "special", "truth", "Sends a ping that robots near by hear."),
 )
 

@@ -18,7 +18,9 @@ explainer shows it. What a part means is said by its `op`:
 
 from __future__ import annotations
 
-from sleepcast.language.form import Form, List, Symbol
+from collections.abc import Iterable
+
+from sleepcast.language.form import Form, List, Symbol, format_literal, replaced, show
 from sleepcast.language.functions import Function
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, HostFunction, Variable
 
@@ -82,12 +84,26 @@ class Defining:
 
 
 class Template:
-    """What TELL tells: a form whose unquoted places (by their order) are filled with the values of the parts."""
+    """What TELL tells: a form whose unquoted places (by their order) are filled with the values of the parts. hops: how
+    far it may go, from robot to robot."""
 
-    __slots__ = ("form", "unquoted")
+    __slots__ = ("_pieces", "form", "hops", "unquoted")
 
-    def __init__(self, form: Form, unquoted: tuple[Form, ...]) -> None:
-        self.form, self.unquoted = form, unquoted
+    def __init__(self, form: Form, unquoted: tuple[Form, ...], hops: int = 1) -> None:
+        self.form, self.unquoted, self.hops = form, unquoted, hops
+        self._pieces: list[str] = []
+
+    def text(self, values: Iterable[float]) -> str:
+        """What is told with these values, each a known number, in the unquoted places."""
+        if not self._pieces:
+            form = replaced(self.form, lambda: _PLACE) if self.unquoted else self.form
+            self._pieces = show(form).split(_PLACE.text)
+        first, *rest = self._pieces
+        return first + "".join(format_literal(value) + piece for value, piece in zip(values, rest, strict=True))
+
+
+_PLACE = Symbol("\0")
+"""What stands for a value in a template's text: no text that can be read holds it."""
 
 
 class Label:

@@ -27,12 +27,12 @@ _TOKEN = re.compile(
       | "(?P<label>[^"\n]*)"
       | (?P<number>[+-]?(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?\d++)?)(?P<unit>%|[A-Za-z]+(?:/[A-Za-z]+)?[0-9]?)?
         (?=[\s()'`,;"]|$)
-      | (?P<name>[A-Za-z_*/<>=^%!?$&][\w+*/<>=^%!?$&.#:-]{0,63}(?=[\s()'`,;"]|$))
+      | (?P<name>[A-Za-z_*/<>=^%!?$&:][\w+*/<>=^%!?$&.#:-]{0,63}(?=[\s()'`,;"]|$))
       | (?P<odd>[^\s()'`,;"]+)
       | (?P<bad>")""",
     re.VERBOSE | re.ASCII,
 )
-_NAME = re.compile(r"[A-Za-z_+*/<>=^%!?$&.-][\w+*/<>=^%!?$&.#:-]*\Z", re.ASCII)
+_NAME = re.compile(r"[A-Za-z_+*/<>=^%!?$&.:-][\w+*/<>=^%!?$&.#:-]*\Z", re.ASCII)
 _PREFIX_NAMES = {mark: name for name, mark in PREFIXES.items()}
 
 

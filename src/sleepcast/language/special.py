@@ -10,7 +10,7 @@ from math import nan
 
 from sleepcast.language.checker import Checker, Special
 from sleepcast.language.form import QUASIQUOTE, QUOTE, UNQUOTE, Form, List, Number, Symbol, Text
-from sleepcast.language.functions import FUNCTIONS, MAX_REPEATS
+from sleepcast.language.functions import FUNCTIONS, MAX_HOPS, MAX_REPEATS
 from sleepcast.language.parts import Defining, Label, Part, Storing, Template
 from sleepcast.language.vocabulary import Constant, HostFunction, Kind, Variable, buffer_number
 
@@ -306,7 +306,42 @@ def _tell(checker: Checker, form: List) -> Part:
         template = template.items[1]  # type: ignore[attr-defined]
     if head != QUOTE:
         _collect_unquoted(template, unquoted)
-    return Part("act", form, checker.parts(tuple(unquoted)), name="tell", data=Template(template, tuple(unquoted)))
+    hops = _hops(checker, form)
+    parts = checker.parts(tuple(unquoted))
+    # Robots that hear it may keep the same under these names: a rule must not come to tell itself for ever.
+    checker.uses |= _entered(template)
+    return Part("act", form, parts, name="tell", data=Template(template, tuple(unquoted), hops))
+
+
+def _hops(checker: Checker, form: List) -> int:
+    """How far a TELL goes: 1, or what follows `:hops`."""
+    match form.items[2:]:
+        case ():
+            return 1
+        case (Symbol(key=":hops"), Number(dimension=None, value=hops)) if hops in range(1, MAX_HOPS + 1):
+            return int(hops)
+    checker.error(f"TELL tells one expression @@: what follows it can only be :hops and 1 to {MAX_HOPS}", form.items[2])
+    return 1
+
+
+def _entered(form: Form) -> set[str]:
+    """The keys of what evaluating a told form may enter: names in it that are not only written to, or kept unread."""
+    if isinstance(form, Symbol):
+        number = buffer_number(form.key)
+        return {form.key if number is None else f"e{number}"}
+    if not isinstance(form, List) or form.head in _UNREAD or not form.items:
+        return set()
+    rest = form.items[2:] if form.head in _NAMING else form.items[1:]
+    head = {form.head} if form.head and form.head not in FUNCTIONS else set()
+    return head.union(*map(_entered, rest))
+
+
+_UNREAD = frozenset(
+    {QUOTE, UNQUOTE, "setqq", "rule", "defun", "activate", "deactivate", "forget", "join", "leave", "in"}
+)
+"""Forms whose names are kept, looked up or filled in, and not evaluated where they are heard."""
+_NAMING = frozenset({"setq", "defvar", "lease"})
+"""Forms whose first argument is only a name."""
 
 
 def _collect_unquoted(form: Form, found: list[Form]) -> None:

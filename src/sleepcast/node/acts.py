@@ -8,11 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import nan
 
-from sleepcast.errors import SleepcastError
-from sleepcast.language.form import filled, show
+from sleepcast.language.form import show
 from sleepcast.language.names import Group, Operator, Stored
 from sleepcast.language.parts import Defining, Part, Template, label_of, written
-from sleepcast.language.reader import read
+from sleepcast.language.reader import MAX_TEXT
 from sleepcast.language.vocabulary import ACTIVE0, MAX_GROUPS, MAX_OPERATORS, buffer_number
 from sleepcast.node.buffers import ExpressionBuffer
 from sleepcast.node.memory import PROVEN_TICKS, Act, RobotMemory
@@ -146,13 +145,12 @@ def _tell(memory: RobotMemory, part: Part, *arguments: float) -> float:
         return memory.refuse(part, "an unknown cannot be told")
     if not isinstance(part.data, Template):
         raise TypeError(f"a part of op {part.op} tells nothing")
-    template = part.data
-    text = show(filled(template.form, iter(arguments).__next__) if template.unquoted else template.form)
-    try:
-        read(text)
-    except SleepcastError as error:
-        return memory.refuse(part, f"refused: {str(error).splitlines()[0]}")
-    memory.voice.tell(text)
+    hops = min(part.data.hops, memory.hops)
+    if memory.voice.may_tell(hops):  # asked first: a text is made only for what goes out
+        text = part.data.text(arguments)
+        if len(text) > MAX_TEXT:
+            return memory.refuse(part, f"a text of {len(text)} characters cannot be told: at most {MAX_TEXT} fit")
+        memory.voice.tell(text, hops)
     return 1.0
 
 

@@ -14,6 +14,7 @@ from weakref import WeakKeyDictionary
 from sleepcast.errors import SleepcastError
 from sleepcast.language.chance import draw, stream
 from sleepcast.language.form import Form, Number, show
+from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.machine import Library, Program
 from sleepcast.language.names import Declared, Operator, Stored, UserVariable, circle, clash, declared_in, uses_in
 from sleepcast.language.parts import Label, Part, Storing, host_of, written
@@ -61,7 +62,8 @@ class Voice:
     """How a robot speaks: where REPORT, TELL and PING go."""
 
     report: Callable[[str, tuple[float, ...]], None]
-    tell: Callable[[str], None]
+    may_tell: Callable[[int], bool]
+    tell: Callable[[str, int], None]
     ping: Callable[[float], None]
 
 
@@ -92,6 +94,8 @@ class RobotMemory:
         """Whether the body was asked to move since somebody last cleared this."""
         self.driven = False
         """Whether the body was last moved by a person's command that counts once."""
+        self.hops = MAX_HOPS
+        """How far what it tells may go: less while it evaluates what another robot has told."""
         self.held = False
         """Whether functions that act are refused: the robot is stopped and its body has no latch of its own."""
         self.dropped = 0

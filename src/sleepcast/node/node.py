@@ -12,12 +12,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import inf
 
-from sleepcast.channel.bodies import LEASE, LOOK, MATCHED, is_addressed
+from sleepcast.channel.bodies import LEASE, LOOK, MATCHED, hops_left, is_addressed
 from sleepcast.channel.clocks import differs
 from sleepcast.channel.message import Kind, Message
 from sleepcast.errors import SleepcastError
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
 from sleepcast.language.form import show
+from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.machine import Program, evaluate
 from sleepcast.language.names import Declared, UserVariable
 from sleepcast.language.parts import Part
@@ -93,7 +94,12 @@ class Node(Embodied):
         super().__init__(name, table.body if body is None else body)
         self.number = number
         self._memory = RobotMemory(
-            table, Voice(self._report, self._tell, self._ping), ACTS, number=number, seed=seed, body=self.body
+            table,
+            Voice(self._report, self._may_tell, self._tell, self._ping),
+            ACTS,
+            number=number,
+            seed=seed,
+            body=self.body,
         )
         self._deadman = DeadMan(lease)
         self._scheduler = Scheduler(self._memory.rules, self._run_rule)
@@ -361,7 +367,9 @@ class Node(Embodied):
             return
         memory.moved = False
         memory.merging.begin(place_of(message, self.zero) if self._on_air else None)
+        memory.hops = hops_left(message.body, message.role, MAX_HOPS)
         value = self._run(program, message.id)
+        memory.hops = MAX_HOPS
         memory.merging.begin(None)
         if memory.moved:
             memory.driven = drives(message)

@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections import deque
 from math import inf, isnan, nan
 
+from sleepcast.channel.bodies import HOPS
 from sleepcast.channel.message import Kind, Message
 from sleepcast.clock import Clock
 from sleepcast.node.looks import NOTHING, Told
@@ -19,6 +20,13 @@ REPORTS_A_SECOND = 20
 """Reports of one robot that go on the air in a second of its clock: a rule that speaks at every tick is heard."""
 TELL_SECONDS = 5.0
 """How long what a robot tells others may still be acted on."""
+TELLS_A_SECOND = 2.0
+"""What one robot may tell others in a second, in the long run: a thousand of them share one radio."""
+TELL_BURST = 8
+"""What it may tell at once after some quiet."""
+TELLS_TOO_OFTEN = f"tells too often: more than {TELLS_A_SECOND:g} a second are dropped"
+TELLS_TOO_FAR = "did not tell on what came by its last hop"
+"""What it reports, once until it has been quiet, when it does not tell something."""
 
 
 class Speaker:
@@ -38,6 +46,10 @@ class Speaker:
         """What the text under way has reported, while somebody waits for its result."""
         self._sequence = 0
         self._reported_in, self._reported = 0, 0
+        self._telling_until = 0.0
+        """When all that it has told would be over at `TELLS_A_SECOND`, s: a leaky bucket in one number."""
+        self._told_less = False
+        """Whether something was not told since it was quiet last."""
 
     def _say(self, kind: Kind, *, text: str = "", deadline: float = inf, body: dict[str, object] | None = None) -> None:
         if len(self.outbox) >= MAX_OUTBOX:
@@ -71,8 +83,22 @@ class Speaker:
         """Report something that no expression has asked for."""
         self._report(said, ())
 
-    def _tell(self, text: str) -> None:
-        self._say(Kind.COMMAND, text=text, deadline=self._now + TELL_SECONDS)
+    def _may_tell(self, hops: int) -> bool:
+        """Whether something may be told now, so many hops far, which is counted as told; else it is counted as lost."""
+        begin = max(self._telling_until, self._now)
+        over = begin - self._now > (TELL_BURST - 1) / TELLS_A_SECOND
+        if hops < 1 or over:
+            self.lost += 1
+            if not self._told_less:
+                self._told_less = True
+                self._report(TELLS_TOO_OFTEN if hops >= 1 else TELLS_TOO_FAR, ())
+            return False
+        self._told_less &= begin > self._now
+        self._telling_until = begin + 1.0 / TELLS_A_SECOND
+        return True
+
+    def _tell(self, text: str, hops: int) -> None:
+        self._say(Kind.COMMAND, text=text, deadline=self._now + TELL_SECONDS, body={HOPS: hops})
 
     def _ping(self, caste: float) -> None:
         if len(self.pings) < MAX_OUTBOX:

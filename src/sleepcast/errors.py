@@ -70,6 +70,11 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
+def and_more(count: int) -> list[str]:
+    """The line that ends a list from which so many are left out; none if none are."""
+    return [f"and {count:,} more"] if count else []
+
+
 def with_caret(message: str, text: str, start: int, end: int) -> str:
     """`message`, then the line of `text` at `start`, then carets under the characters from `start` to `end`. Of a line
     longer than `MAX_LINE` characters only what stands around `start` is shown, with an ellipsis where it is cut."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +13,7 @@ import click
 
 from sleepcast.cli.evaluate import NegativeNumbersAllowed
 from sleepcast.cli.streams import InputError, pieces, put, read_file, read_standard_input
+from sleepcast.errors import and_more
 
 if TYPE_CHECKING:
     from sleepcast.cli.learned import LearnedNames
@@ -34,11 +35,13 @@ class Expression:
 
 @dataclass(frozen=True, slots=True)
 class Review:
-    """One checked expression. cost: its static bound in steps, None if it cannot be read."""
+    """One checked expression. findings: the first of them; counts: of all, by severity. cost: its static bound in
+    steps, None if it cannot be read."""
 
     expression: Expression
     findings: tuple[Finding, ...]
     cost: int | None
+    counts: Mapping[str, int]
 
 
 @click.command("check", cls=NegativeNumbersAllowed, short_help="Say what is wrong with expressions.")
@@ -60,8 +63,7 @@ def check(sources: tuple[str, ...], scenario: str | None, strict: bool, as_json:
     """
     names = _names(scenario)
     reviews = [_review(each, names) for source in sources for each in _expressions(source)]
-    found = [finding.severity for review in reviews for finding in review.findings]
-    errors, warnings = found.count("error"), found.count("warning")
+    errors, warnings = (sum(review.counts.get(sort, 0) for review in reviews) for sort in ("error", "warning"))
     if as_json:
         put(json.dumps({"expressions": list(map(_as_dict, reviews)), "errors": errors, "warnings": warnings}))
     else:
@@ -159,16 +161,18 @@ def _review(expression: Expression, names: LearnedNames) -> Review:
     try:
         checked = check_text(expression.text, names)
     except ReadError as error:
-        return Review(expression, (Finding("error", error.reason, error.start, error.end),), None)
+        return Review(expression, (Finding("error", error.reason, error.start, error.end),), None, {"error": 1})
     if checked.program is not None:
         names.learn(checked.program.form)
-    return Review(expression, checked.findings, checked.cost)
+    return Review(expression, checked.findings, checked.cost, checked.counts)
 
 
 def _print(review: Review) -> None:
     place = f"{review.expression.place}: " if review.expression.place else ""
     for finding in review.findings:
         put(f"{place}{finding.severity}: {finding.render(review.expression.text)}")
+    for line in and_more(sum(review.counts.values()) - len(review.findings)):
+        put(f"{place}{line}")
 
 
 def _summary(reviews: list[Review], errors: int, warnings: int) -> str:

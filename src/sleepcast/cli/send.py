@@ -15,7 +15,7 @@ from sleepcast.cli.evaluate import NegativeNumbersAllowed
 from sleepcast.cli.streams import complain, put
 from sleepcast.cli.times import Seconds
 from sleepcast.cli.who import look_around
-from sleepcast.errors import SleepcastError
+from sleepcast.errors import SleepcastError, and_more
 
 if TYPE_CHECKING:
     from sleepcast.station.accounting import Command
@@ -114,8 +114,10 @@ def send(
 
 def warn(station: AirStation, looker: Looker, text: str) -> None:
     """Tell what the checker doubts, in the names of the robots that told of themselves."""
-    for finding in station.check(text).warnings if looker.minds else ():
-        complain(finding.render(text))
+    if looker.minds:
+        checked = station.check(text)
+        for line in (*(finding.render(text) for finding in checked.warnings), *and_more(checked.more)):
+            complain(line)
 
 
 def refuse_unknown(station: AirStation, looker: Looker, text: str, as_json: bool) -> None:

@@ -9,7 +9,7 @@ from math import isnan, nan
 from sleepcast.channel import Kind as Spoken
 from sleepcast.cli.memories import EVALUATED, REFUSED, UNKNOWN, UNREADABLE, Outcome
 from sleepcast.cli.streams import pieces
-from sleepcast.errors import MisuseError, placed
+from sleepcast.errors import MisuseError, and_more, placed
 from sleepcast.language import (
     Checked,
     CheckError,
@@ -155,7 +155,7 @@ def unreadable(text: str, error: str) -> Outcome:
 
 
 def _refused(checked: Checked) -> Outcome:
-    said = tuple(_line(finding, checked.text) for finding in checked.findings)
+    said = (*(_line(finding, checked.text) for finding in checked.findings), *and_more(checked.more))
     details = {
         **_details(checked.text, None, REFUSED),
         "errors": [_finding(finding) for finding in checked.errors],

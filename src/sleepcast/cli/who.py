@@ -13,7 +13,7 @@ from sleepcast.cli.account import FEW, MANY, listed
 from sleepcast.cli.air import Air, looking_for, operator
 from sleepcast.cli.evaluate import NegativeNumbersAllowed
 from sleepcast.cli.streams import complain, put
-from sleepcast.errors import SleepcastError, printable
+from sleepcast.errors import SleepcastError, and_more, printable
 
 if TYPE_CHECKING:
     from sleepcast.language.machine import Program
@@ -113,6 +113,8 @@ def who(text: str, poll: bool, told: bool, air: Air, as_json: bool) -> int:
         found.expected = station.fleet_size > 0
         for finding in checked.findings:
             complain(finding.render(text))
+        for line in and_more(checked.more):
+            complain(line)
     if as_json:
         put(json.dumps(found.as_dict(text)))
         return 0

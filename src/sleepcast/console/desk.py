@@ -19,7 +19,7 @@ from sleepcast.console.ledger import Ledger
 from sleepcast.console.messages import Sort
 from sleepcast.console.names import names_of
 from sleepcast.console.swarm import RobotMind, Rule, Swarm
-from sleepcast.errors import MisuseError
+from sleepcast.errors import MisuseError, and_more
 from sleepcast.language import Checked, Finding, ReadError, Variable, format_value
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEEPING, SUPPORT, TIME_SLOT
 from sleepcast.station import NO, UNKNOWN, YES, Preview, Report, Station
@@ -66,6 +66,7 @@ class Desk:
             found = answers.ShownFinding("error", error.reason, error.start, error.end, str(error))
             return answers.Previewed(serial, [found])
         findings = [_show_finding(finding, text) for finding in checked.findings]
+        findings += [answers.ShownFinding("warning", line, 0, 0, line) for line in and_more(checked.more)]
         if checked.program is None:
             return answers.Previewed(serial, findings, checked.cost)
         return self._previewed(serial, checked, findings, self._station.preview(text))

@@ -8,13 +8,14 @@ function is a fault where it is reached.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import nan
 from re import compile as pattern
 
-from sleepcast.errors import MisuseError, did_you_mean, placed, with_caret
+from sleepcast.errors import MisuseError, and_more, did_you_mean, placed, with_caret
 from sleepcast.language.form import Form, List, Number, Symbol, Text, walk
 from sleepcast.language.functions import FUNCTIONS, MANY, Function
 from sleepcast.language.infix import ALIASES, rows, written
@@ -32,6 +33,9 @@ from sleepcast.units import UNITS
 
 MAX_COST = 10_000
 """Steps that one expression may cost by its own static bound; the same as an evaluation's budget."""
+
+MAX_FINDINGS = 20
+"""Errors of one text that are kept, warnings that are, and findings that are shown: who mends these sees the next."""
 
 MAX_SUGGESTIONS = 20
 """Unknown names of one text for which a likely meant one is looked for: looking takes long beside all other checks."""
@@ -55,16 +59,47 @@ class Finding:
     unknown: str = ""
     confirm: bool = False
 
+    @property
+    def weight(self) -> int:
+        """How much it matters that somebody sees it: an error keeps a text from being sent, and so may the next two."""
+        return 3 if self.severity == "error" else 2 if self.confirm else 1 if self.unknown else 0
+
     def render(self, text: str) -> str:
         """The message, the line it is about, and carets under the spot."""
         return with_caret(self.message, text, self.start, self.end)
 
 
-class CheckError(MisuseError):
-    """An expression that no robot could run; its text lists every error with a caret."""
+class Findings:
+    """Everything wrong or doubtful in `text`: the first `MAX_FINDINGS` of each weight, and how many there are (counts,
+    by severity)."""
 
-    def __init__(self, findings: list[Finding], text: str) -> None:
-        super().__init__("\n".join(finding.render(text) for finding in findings))
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.kept: list[Finding] = []
+        self.counts: Counter[str] = Counter()
+        self._kept: Counter[int] = Counter()
+
+    def note(
+        self, severity: str, message: str, start: int, end: int, *, unknown: str = "", confirm: bool = False
+    ) -> None:
+        """Note one more, `@@` in whose message becomes its line and column."""
+        self.counts[severity] += 1
+        found = Finding(severity, message, start, end, unknown, confirm)
+        if self._kept[found.weight] < MAX_FINDINGS:
+            self._kept[found.weight] += 1
+            self.kept.append(replace(found, message=placed(message, self.text, start)))
+
+    def shown(self) -> tuple[Finding, ...]:
+        """Those that a person is shown, in the order of the text; of too many, those of the most weight."""
+        first = sorted(self.kept, key=lambda found: -found.weight)[:MAX_FINDINGS]
+        return tuple(sorted(first, key=lambda found: found.start))
+
+
+class CheckError(MisuseError):
+    """An expression that no robot could run; its text lists the errors with carets. more: errors besides these."""
+
+    def __init__(self, findings: Sequence[Finding], text: str, more: int = 0) -> None:
+        super().__init__("\n".join([*(finding.render(text) for finding in findings), *and_more(more)]))
         self.findings, self.text = findings, text
 
 
@@ -73,7 +108,7 @@ class Checker:
 
     def __init__(self, names: Names, text: str, special: Mapping[str, Special]) -> None:
         self.names, self.text, self.special = names, text, special
-        self.findings: list[Finding] = []
+        self.findings = Findings(text)
         self.uses: set[str] = set()
         self.free: set[str] = set()
         self.scopes: list[dict[str, int]] = []
@@ -94,22 +129,17 @@ class Checker:
 
     def error(self, message: str, form: Form) -> Part:
         """Note an error at `form` (`@@` becomes its line and column) and go on with a part that is unknown."""
-        self._find("error", message, form.start, form.end)
+        self.findings.note("error", message, form.start, form.end)
         return Part("const", form, number=nan)
 
     def warn(self, message: str, form: Form, unknown: str = "") -> None:
         """Note a warning at `form`. unknown: see `Finding`."""
-        self._find("warning", message, form.start, form.end, unknown=unknown)
+        self.findings.note("warning", message, form.start, form.end, unknown=unknown)
 
     def unknown(self, what: str, symbol: Symbol) -> None:
         """Note that nobody has declared a name. what: the sort of it."""
         hint = self._unit(symbol) or self.suggestion(symbol.text)
         self.warn(f'unknown {what} "{symbol.text}" @@{hint}', symbol, symbol.text)
-
-    def _find(
-        self, severity: str, message: str, start: int, end: int, *, unknown: str = "", confirm: bool = False
-    ) -> None:
-        self.findings.append(Finding(severity, placed(message, self.text, start), start, end, unknown, confirm))
 
     def suggestion(self, name: str) -> str:
         """` (did you mean X?)` out of every name that this robot knows, for the first unknown names of a text."""
@@ -282,7 +312,7 @@ class Checker:
             self.joining.update(operator.start for operator in operators)
             here = written(row, self.text)
             message = f"an operator comes before what it joins @@{here and f': write {here}'}"
-            self._find("error" if wrong else "warning", message, row[0].start, row[-1].end, confirm=not wrong)
+            self.findings.note("error" if wrong else "warning", message, row[0].start, row[-1].end, confirm=not wrong)
         return fine
 
     def _is_unknown(self, symbol: Symbol) -> bool:

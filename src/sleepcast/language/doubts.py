@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-from sleepcast.errors import placed
-from sleepcast.language.checker import Finding
 from sleepcast.language.form import Form, Number, format_literal
 from sleepcast.language.infix import brief
 from sleepcast.language.parts import ACTING, Part, host_of, walk
@@ -26,11 +24,10 @@ _ENOUGH = 1.0 + 1e-9
 """What the shares of DICE may add up to: 1, and what rounding makes of it."""
 
 
-def doubts(root: Part, text: str, dimension: Callable[[Part], Dimension | None]) -> Iterator[Finding]:
-    """Every doubt about `root`, read from `text`. dimension: of the value of a part in it."""
+def doubts(root: Part, text: str, dimension: Callable[[Part], Dimension | None]) -> Iterator[tuple[Form, str]]:
+    """Every doubt about `root`, read from `text`, as where and what. dimension: of the value of a part in it."""
     for part in walk(root):
-        for form, message in _about(part, text, dimension):
-            yield Finding("warning", placed(message, text, form.start), form.start, form.end, confirm=True)
+        yield from _about(part, text, dimension)
 
 
 def _about(part: Part, text: str, dimension: Callable[[Part], Dimension | None]) -> Iterator[tuple[Form, str]]:

@@ -155,7 +155,6 @@ def build(text: str, forms: Sequence[Form], names: Names, parameters: tuple[str,
         body = checker.parts(tuple(forms))
     root = body[0] if len(body) == 1 else Part("progn", forms[0], body)
     steps = checker.bounded(root, forms[0])
-    checker.findings.sort(key=lambda finding: finding.start)
     return Program(forms, root, len(parameters), checker, steps), checker
 
 
@@ -177,9 +176,9 @@ class Library:
             if sorts == _sorts(program, names) and not _circular(program, names):
                 return program
         program, checker = build(text, forms(), names, parameters)
-        errors = [finding for finding in checker.findings if finding.severity == "error"]
-        if errors:
-            raise CheckError(errors, text)
+        if count := checker.findings.counts["error"]:
+            errors = [finding for finding in checker.findings.shown() if finding.severity == "error"]
+            raise CheckError(errors, text, count - len(errors))
         self._count += 1
         if self._count > MAX_PROGRAMS:
             self._programs, self._count = {}, 1

@@ -6,14 +6,15 @@ never holds) and the places where failing closed has an edge (an IF whose test i
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from math import inf, isfinite
 
-from sleepcast.errors import placed
-from sleepcast.language.checker import Checker, CheckError, Finding
+from sleepcast.language.checker import Checker, CheckError, Finding, Findings
 from sleepcast.language.doubts import doubts
-from sleepcast.language.form import Form, Number, show
+from sleepcast.language.form import Form, Number
+from sleepcast.language.infix import brief
 from sleepcast.language.machine import Program, build
 from sleepcast.language.names import Names
 from sleepcast.language.parts import Part, host_of, walk
@@ -24,12 +25,28 @@ from sleepcast.units import LENGTH, NONE, Dimension, Quantity, shown, to_si
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """A text that was checked. program: None if there is any error. cost: its static bound in steps."""
+    """A text that was checked. found: what is wrong or doubtful in it. program: None if there is any error. cost: its
+    static bound in steps."""
 
     text: str
-    findings: tuple[Finding, ...]
+    found: Findings
     program: Program | None
     cost: int
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Those that are shown."""
+        return self.found.shown()
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """How many there are, by severity."""
+        return self.found.counts
+
+    @property
+    def more(self) -> int:
+        """How many findings there are besides `findings`."""
+        return sum(self.counts.values()) - len(self.findings)
 
     @property
     def errors(self) -> list[Finding]:
@@ -42,17 +59,17 @@ class Checked:
     @property
     def unknown(self) -> list[str]:
         """The names that nobody has declared, each once."""
-        return list(dict.fromkeys(finding.unknown for finding in self.findings if finding.unknown))
+        return list(dict.fromkeys(finding.unknown for finding in self.found.kept if finding.unknown))
 
     @property
     def doubts(self) -> list[Finding]:
         """Warnings that a desk wants confirmed before it sends the text."""
-        return [finding for finding in self.findings if finding.confirm]
+        return [finding for finding in self.found.kept if finding.confirm]
 
     def required(self) -> Program:
         """The program. Raises CheckError with every error if there is none."""
         if self.program is None:
-            raise CheckError(self.errors, self.text)
+            raise CheckError(self.errors, self.text, self.counts["error"] - len(self.errors))
         return self.program
 
 
@@ -60,31 +77,31 @@ def check(text: str, names: Names) -> Checked:
     """Read and check one expression. Raises ReadError for text that cannot be read; everything else is a finding."""
     form = read(text)
     program, checker = build(text, [form], names)
-    findings = sorted([*checker.findings, *_Advice(text, names).on(program, form, checker)], key=lambda f: f.start)
-    failed = any(finding.severity == "error" for finding in findings)
-    return Checked(text, tuple(findings), None if failed else program, program.cost)
+    _Advice(text, names, checker.findings).on(program, checker)
+    return Checked(text, checker.findings, None if checker.findings.counts["error"] else program, program.cost)
 
 
 class _Advice:
     """One pass over the parts, from the inside out, carrying dimensions; None is a dimension that anything fits."""
 
-    def __init__(self, text: str, names: Names) -> None:
-        self.text, self.names = text, names
-        self.findings: list[Finding] = []
+    def __init__(self, text: str, names: Names, findings: Findings) -> None:
+        self.text, self.names, self.findings = text, names, findings
         self.dimensions: dict[Part, Dimension | None] = {}
 
-    def on(self, program: Program, form: Form, checker: Checker) -> list[Finding]:
-        said = [(found.start, found.end) for found in checker.findings if found.confirm]
-        wrong = any(found.severity == "error" for found in checker.findings)  # what is mended first
+    def on(self, program: Program, checker: Checker) -> None:
+        said = [(found.start, found.end) for found in self.findings.kept if found.confirm]
+        wrong = self.findings.counts["error"] > 0  # what is mended first
         for tree in (program.root, *checker.kept):
             self.dimension(tree)
-            for doubt in () if wrong else doubts(tree, self.text, self.dimensions.__getitem__):
-                if not any(start <= doubt.start < end for start, end in said):
-                    self.findings.append(doubt)
-        return self.findings
+            for form, message in () if wrong else doubts(tree, self.text, self.dimensions.__getitem__):
+                if not any(start <= form.start < end for start, end in said):
+                    self.findings.note("warning", message, form.start, form.end, confirm=True)
+
+    def brief(self, form: Form) -> str:
+        return brief(form, self.text)
 
     def warn(self, message: str, form: Form) -> None:
-        self.findings.append(Finding("warning", placed(message, self.text, form.start), form.start, form.end))
+        self.findings.note("warning", message, form.start, form.end)
 
     def dimension(self, part: Part) -> Dimension | None:
         """The dimension of `part`'s value; what is doubtful inside it is noted on the way."""
@@ -126,7 +143,9 @@ class _Advice:
                 continue
             if found is not None and dimension != found:
                 where = part.name or part.op.upper()
-                self.warn(f"{show(operand.form)} @@ is {dimension}, but the rest of {where} is {found}", operand.form)
+                self.warn(
+                    f"{self.brief(operand.form)} @@ is {dimension}, but the rest of {where} is {found}", operand.form
+                )
                 return None
             found = dimension
         return found
@@ -140,7 +159,7 @@ class _Advice:
             return found if rule == "same" else NONE
         if rule == "truth":
             if part.name == "NOT" and part.parts[0].op == "in":
-                self.warn(f"{show(part.form)} @@ also holds on a robot that never heard of the group", part.form)
+                self.warn(f"{self.brief(part.form)} @@ also holds on a robot that never heard of the group", part.form)
             return NONE
         if rule == "product":
             return _combine(inside, 1)
@@ -154,7 +173,7 @@ class _Advice:
         for dimension, operand in zip(inside, part.parts, strict=True):
             if dimension not in (None, NONE):
                 self.warn(
-                    f"{show(operand.form)} @@ is {dimension}, but {part.name} wants a plain number",
+                    f"{self.brief(operand.form)} @@ is {dimension}, but {part.name} wants a plain number",
                     operand.form,
                 )
         return NONE
@@ -171,7 +190,7 @@ class _Advice:
         function: HostFunction = host_of(part)
         for wanted, found, operand in zip(function.dimensions, inside, part.parts, strict=False):
             if wanted is not None and found is not None and found != wanted:
-                self.warn(f"{show(operand.form)} @@ is {found}, but {function.name} wants {wanted}", operand.form)
+                self.warn(f"{self.brief(operand.form)} @@ is {found}, but {function.name} wants {wanted}", operand.form)
         return function.result
 
     # ---- declared ranges
@@ -194,7 +213,7 @@ class _Advice:
             }.get(name, (False, limit < low or limit > high))
             if never or (always and len(part.parts) == 2):
                 runs = _runs(left.data.quantity) + _range_hint(left.data.quantity, right)
-                self.warn(f"{show(part.form)} @@ is {'never' if never else 'always'} true: {runs}", part.form)
+                self.warn(f"{self.brief(part.form)} @@ is {'never' if never else 'always'} true: {runs}", part.form)
 
     def _assigned_range(self, part: Part) -> None:
         value = part.parts[0]
@@ -202,7 +221,7 @@ class _Advice:
             return
         quantity = part.data.quantity
         if value.number < quantity.low or value.number > quantity.high:
-            self.warn(f"{show(value.form)} @@ is out of range: {_runs(quantity)}", value.form)
+            self.warn(f"{self.brief(value.form)} @@ is out of range: {_runs(quantity)}", value.form)
 
     # ---- unknown
 
@@ -212,7 +231,7 @@ class _Advice:
         for inside in walk(part.parts[0]):
             perishable = isinstance(inside.data, Variable) and inside.data.quantity.freshness < inf
             if inside.op == "absent" or (inside.op in ("var", "linked") and perishable):
-                self.warn(f"if {show(inside.form)} @@ is unknown, the else branch runs", inside.form)
+                self.warn(f"if {self.brief(inside.form)} @@ is unknown, the else branch runs", inside.form)
                 return
 
 

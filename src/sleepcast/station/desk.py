@@ -131,7 +131,7 @@ class Station(Hearing):
         checked = self.check(text)
         program = checked.required()
         if self.caution.strict and checked.findings:
-            raise CheckError(list(checked.findings), text)
+            raise CheckError(checked.findings, text, checked.more)
         if self.caution.known and checked.unknown:
             raise UnknownNameError(checked.unknown, self.caution.known)
         if checked.doubts and not sure:

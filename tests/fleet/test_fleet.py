@@ -12,8 +12,9 @@ from fleet.twins import Twins, vocabulary
 from language.cases import SENSORS
 from sleepcast.channel.message import Kind, Message
 from sleepcast.errors import SleepcastError
-from sleepcast.fleet import Fleet, FleetError, columns, limits
+from sleepcast.fleet import Fleet, FleetError, columns, limits, pure
 from sleepcast.language import CheckError, ReadError, Vocabulary
+from sleepcast.language.parts import Template
 from sleepcast.node import memory, node, scheduler, speech
 from sleepcast.station.minds import FleetNames
 from sleepcast.units import Quantity
@@ -31,7 +32,15 @@ def twins(count: int = 5) -> Twins:
 def test_its_bounds_are_those_of_a_node() -> None:
     for name in ("MAX_QUEUE", "MAX_SEEN", "MAX_FAULTS_IN_ROW"):
         assert getattr(limits, name) == getattr(node, name), name
-    for name in ("MAX_OUTBOX", "TELL_SECONDS", "REPORTS_A_SECOND"):
+    for name in (
+        "MAX_OUTBOX",
+        "TELL_SECONDS",
+        "TELLS_A_SECOND",
+        "TELL_BURST",
+        "TELLS_TOO_OFTEN",
+        "TELLS_TOO_FAR",
+        "REPORTS_A_SECOND",
+    ):
         assert getattr(limits, name) == getattr(speech, name), name
     for name in ("MAX_FAULTS", "PROVEN_TICKS", "FAILED"):
         assert getattr(limits, name) == getattr(memory, name), name
@@ -271,6 +280,68 @@ def test_too_much_is_not_said() -> None:
     both.compare()
     for _ in range(15):
         both.do('(REPORT "b" x)')
+    both.compare()
+
+
+def test_what_is_told_is_told_at_a_bounded_rate() -> None:
+    both = twins(3)
+    both.do("(RULE chatter (WHEN (> x 1) (TELL `(SETQ lamp ,(+ x tick)))))")
+    told: list[int] = []
+    for _ in range(60):
+        both.think()
+        told.append(sum(message.kind is Kind.COMMAND for message in both.views[1].outbox))
+        assert [m.text for m in both.views[0].outbox if m.kind is Kind.COMMAND] == []
+        both.compare()
+    assert sum(told[:20]) == limits.TELL_BURST + 2 * limits.TELLS_A_SECOND
+    assert sum(told[40:]) == 2 * limits.TELLS_A_SECOND
+    both.do("(DEACTIVATE chatter)", ticks=100)
+    both.compare()
+    both.do("(DOTIMES (i 9) (TELL i))")
+    assert [message.body["label"] for message in both.views[0].outbox if message.kind is Kind.REPORT] == [
+        limits.TELLS_TOO_OFTEN
+    ]
+    both.compare()
+
+
+def test_what_was_told_is_told_on_as_far_as_its_hops_reach() -> None:
+    def told(hops: object, text: str, role: str = "") -> list[object]:
+        both = twins(1)
+        body = {} if hops is None else {"hops": hops}
+        both.hear(Message("r9", 1, 1, Kind.COMMAND, 0.0, text=text, body=body, role=role))
+        both.think()
+        found = [message.body["hops"] for message in both.views[0].outbox if message.kind is Kind.COMMAND]
+        both.compare()
+        return found
+
+    assert told(None, "(TELL 1)") == [1]
+    assert told(None, "(TELL 1 :hops 8)") == [8]
+    assert told(1, "(TELL 1 :hops 8)") == []
+    assert told(2, "(TELL 1 :hops 8)") == [1]
+    assert told(99, "(TELL 1 :hops 8)") == [7]
+    for odd in (0, -5, True, 1.5, "many", None):
+        assert told(odd, "(TELL 1)", "robot") == []
+    assert told(None, "(TELL 1)", "commander") == [1]
+
+
+def test_texts_are_made_for_what_is_told_and_for_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[tuple[float, ...]] = []
+    text = Template.text
+    monkeypatch.setattr(Template, "text", lambda self, values: made.append(tuple(values)) or text(self, values))
+    both = twins(2)
+    both.do("(DOTIMES (i 999) (TELL `(+ ,i ,id)))")
+    both.compare()
+    assert len(made) == 2 * 2 * limits.TELL_BURST
+
+
+def test_a_reason_is_looked_for_once_where_all_are_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    settled: list[object] = []
+    found = pure._settled
+    monkeypatch.setattr(pure, "_settled", lambda *given: settled.append(given) or found(*given))
+    both = twins(50)
+    both.do("(DOTIMES (i 200) (/ 1 0))")
+    both.compare()
+    assert len(settled) == 200
+    both.do("(DOTIMES (i 150) (SQRT (- id)))")
     both.compare()
 
 

@@ -234,7 +234,8 @@ class Author:
 
     def tell(self, place: Place, depth: int) -> str:
         mark = self.one_of(("", "`", "'"))
-        return f"(TELL {mark}(SETQ {self.one_of(ACTUATORS)} (+ 1 ,{self.expression(place, depth)})))"
+        hops = self.one_of(("", "", " :hops 3"))
+        return f"(TELL {mark}(SETQ {self.one_of(ACTUATORS)} (+ 1 ,{self.expression(place, depth)})){hops})"
 
     def body(self, place: Place, depth: int) -> str:
         if self.chance.randrange(2):

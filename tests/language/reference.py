@@ -40,6 +40,8 @@ UNKNOWN = math.nan
 MAX_STEPS = 10_000
 MAX_CALLS = 32
 MAX_LEVELS = 100
+TELL_BURST = 8
+TELLS_TOO_OFTEN = "tells too often: more than 2 a second are dropped"
 DEEPEST = 20_000
 """Python calls inside one another: enough for the deepest text in the deepest chain of buffers."""
 
@@ -83,6 +85,8 @@ class Reference:
         self.printed: list[Told] = []
         self.told: list[str] = []
         self.pings: list[float] = []
+        self.tells = 0
+        """In all evaluations together: no time passes between them."""
         self.steps = self.calls = self.levels = 0
         self.tests: list[Form] = []
         self.matched = False
@@ -480,16 +484,19 @@ class Reference:
         return numbers[-1] if numbers else 1.0
 
     def do_tell(self, forms: Sequence[Form], scope: Scope) -> float:
-        template = forms[0]
-        if is_call(template, QUOTE):
-            self.told.append(show(arguments(template)[0]))
-            return 1.0
-        if is_call(template, QUASIQUOTE):
+        template, numbers = forms[0], []
+        quoted = is_call(template, QUOTE)
+        if quoted or is_call(template, QUASIQUOTE):
             template = arguments(template)[0]
-        numbers = [self.value(form, scope) for form in unquoted(template)]
+        if not quoted:
+            numbers = [self.value(form, scope) for form in unquoted(template)]
         if any(map(math.isnan, numbers)):
             return self.fault("unknown")
-        self.told.append(show(filled(template, iter(numbers))))
+        self.tells += 1
+        if self.tells <= TELL_BURST:
+            self.told.append(show(template if quoted else filled(template, iter(numbers))))
+        elif self.tells == TELL_BURST + 1:
+            self.printed.append((TELLS_TOO_OFTEN, ()))
         return 1.0
 
     def do_ping(self, forms: Sequence[Form], scope: Scope) -> float:

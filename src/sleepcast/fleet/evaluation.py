@@ -6,7 +6,7 @@ further part: whatever is asked for them changes nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
 from functools import wraps
 from math import nan
 from typing import Concatenate, NamedTuple, ParamSpec, TypeAlias, TypeVar
@@ -117,14 +117,32 @@ class Evaluation:
             self.noted.append(Noted(rows.robots, part, reason))
         return unknown
 
-    def _with_room(self, rows: Rows) -> Rows:
-        """Those that do not have `MAX_FAULTS` faults yet, which are counted only once there may be so many."""
+    def faults(self, part: Part, rows: Rows, places: Index, reasons: Sequence[str]) -> None:
+        """Note faults at some places of the rows, each with its reason; nothing is made of those without room."""
+        if len(self.noted) >= MAX_FAULTS:
+            room = self._counted()[rows.robots[places]] < MAX_FAULTS
+            places, reasons = places[room], [reason for reason, there in zip(reasons, room, strict=True) if there]
+        sorts: dict[str, list[int]] = {}
+        for place, reason in zip(places.tolist(), reasons, strict=True):
+            sorts.setdefault(reason, []).append(place)
+        for reason, met in sorts.items():
+            mask = np.zeros(rows.size, np.bool_)
+            mask[met] = True
+            self.fault(part, rows.take(mask), reason)
+
+    def _counted(self) -> NDArray[np.int16]:
+        """How many faults each robot has so far, which is counted only once there may be too many."""
         if self._faults is None:
             self._faults = np.zeros(self.state.count, np.int16)
             for noted in self.noted:
                 self._faults[noted.robots] += 1
-        rows = rows.take(self._faults[rows.index] < MAX_FAULTS)
-        self._faults[rows.index] += 1
+        return self._faults
+
+    def _with_room(self, rows: Rows) -> Rows:
+        """Those that do not have `MAX_FAULTS` faults yet; now they have one more."""
+        faults = self._counted()
+        rows = rows.take(faults[rows.index] < MAX_FAULTS)
+        faults[rows.index] += 1
         return rows
 
     @by_the_living

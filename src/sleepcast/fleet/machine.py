@@ -10,7 +10,7 @@ The columns that `value` gives belong to whoever asked for them: they are no vie
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import nan
 
 import numpy as np
@@ -74,7 +74,7 @@ class Sweep:
         return _HOW[part.op](self, part, rows)
 
     def _plain(self, rows: Rows) -> Plain:
-        return Plain(rows, self.memory.state.read, self.local, self.memory.fault)
+        return Plain(rows, self.memory.state.read, self.local, self.memory.faults)
 
     def all(self, parts: Sequence[Part], rows: Rows) -> list[Column]:
         return [self.value(part, rows) for part in parts]
@@ -288,10 +288,7 @@ def _call(w: Sweep, part: Part, rows: Rows) -> Column:
 
 
 def _pure(w: Sweep, part: Part, rows: Rows) -> Column:
-    def report(mask: Mask, reason: str) -> None:
-        w.memory.fault(part, rows.take(mask), reason)
-
-    return pure.apply(part, w.arguments(part, rows), rows.size, report)
+    return pure.apply(part, w.arguments(part, rows), rows.size, partial(w.memory.faults, part, rows))
 
 
 def _prob(w: Sweep, part: Part, rows: Rows) -> Column:

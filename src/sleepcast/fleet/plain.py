@@ -7,20 +7,20 @@ The columns that come out may be views of a robot's variables: they are read, ne
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
 
 from sleepcast.fleet import pure
-from sleepcast.fleet.columns import Column, Mask, Rows, is_true
+from sleepcast.fleet.columns import Column, Index, Mask, Rows, is_true
 from sleepcast.language.parts import Part, walk
 
 _PLAIN = frozenset({"const", "var", "local", "absent", "pure", "and", "or", "known"})
 _COSTLY = frozenset({"^", "EXP", "LOG", "SIN", "COS", "TAN", "ATAN2", "BEARING"})
 
 Local = Callable[[int, Rows], Column]
-Fault = Callable[[Part, Rows, str], object]
+Faults = Callable[[Part, Rows, Index, Sequence[str]], None]
 
 
 @lru_cache(maxsize=4_096)
@@ -38,10 +38,10 @@ def _is_test(part: Part) -> bool:
 
 
 class Plain:
-    """Plain parts of some rows. read: a variable by slot; local: a local name; fault: notes one."""
+    """Plain parts of some rows. read: a variable by slot; local: a local name; faults: notes some."""
 
-    def __init__(self, rows: Rows, read: Callable[[int, Rows], Column | float], local: Local, fault: Fault) -> None:
-        self._rows, self._read, self._local, self._fault = rows, read, local, fault
+    def __init__(self, rows: Rows, read: Callable[[int, Rows], Column | float], local: Local, faults: Faults) -> None:
+        self._rows, self._read, self._local, self._faults = rows, read, local, faults
 
     def value(self, part: Part, mask: Mask | None) -> pure.Argument:
         """The values of a part. mask: the rows that come to it, None for all; the others' values mean nothing."""
@@ -125,11 +125,10 @@ class Plain:
         return np.where(is_true(found), found, np.where(unknown, np.nan, 0.0))
 
     def _pure(self, part: Part, mask: Mask | None) -> Column:
-        rows = self._rows
+        def report(places: Index, reasons: Sequence[str]) -> None:
+            if mask is not None:
+                come = mask[places]
+                places, reasons = places[come], [reason for reason, met in zip(reasons, come, strict=True) if met]
+            self._faults(part, self._rows, places, reasons)
 
-        def report(wrong: Mask, reason: str) -> None:
-            met = wrong if mask is None else wrong & mask
-            if met.any():
-                self._fault(part, rows.take(met), reason)
-
-        return pure.apply(part, [self.value(inside, mask) for inside in part.parts], rows.size, report)
+        return pure.apply(part, [self.value(inside, mask) for inside in part.parts], self._rows.size, report)

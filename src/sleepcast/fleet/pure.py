@@ -17,7 +17,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from sleepcast.fleet.columns import Column, Mask
+from sleepcast.fleet.columns import Column, Index, Mask
 from sleepcast.language.angles import COEFFICIENTS, EIGHTHS, HUGE, STEEP, TAILS
 from sleepcast.language.functions import TWO_PI
 from sleepcast.language.parts import Part
@@ -25,8 +25,8 @@ from sleepcast.language.parts import Part
 Argument: TypeAlias = Column | float
 """A column, or one number for all; of several arguments at least one is a column."""
 Compute: TypeAlias = Callable[[Sequence[Argument]], Argument]
-Report: TypeAlias = Callable[[Mask, str], None]
-"""Takes which of the rows met a fault, and the reason."""
+Report: TypeAlias = Callable[[Index, Sequence[str]], None]
+"""Takes which of the rows met a fault, ascending, and the reason of each."""
 
 
 def apply(part: Part, arguments: Sequence[Argument], size: int, report: Report) -> Column:
@@ -55,25 +55,29 @@ def _decide(part: Part, arguments: Sequence[Argument], values: Column, doubtful:
     for column in columns:
         values[np.isnan(column)] = np.nan
         doubtful &= ~np.isnan(column)
-    wrong: dict[str, list[int]] = {}
-    for row in np.flatnonzero(doubtful).tolist():
-        reason = "overflow"
+    rows = np.flatnonzero(doubtful)
+    if rows.size == 0:
+        return
+    numbers = np.array([column[rows] for column in columns])
+    bits = numbers.view(np.int64)
+    alike = bool((bits == bits[:, :1]).all())  # what is the same on all robots is computed once
+    settled = [_settled(compute, arguments) for arguments in numbers[:, : 1 if alike else None].T.tolist()]
+    settled *= rows.size if alike else 1
+    values[rows] = [value for value, _ in settled]
+    wrong = np.isnan(values[rows])
+    report(rows[wrong], [reason for _, reason in settled if reason])
+
+
+def _settled(compute: Callable[[Sequence[float]], float], arguments: Sequence[float]) -> tuple[float, str]:
+    """The value, and ""; or NaN, and why there is none."""
+    reason = "overflow"
+    try:
+        value = compute(arguments)
+    except OverflowError:
         value = math.inf
-        try:
-            value = compute([float(column[row]) for column in columns])
-        except OverflowError:
-            pass
-        except (ArithmeticError, ValueError) as error:
-            reason = str(error)
-        if math.isfinite(value):
-            values[row] = value
-        else:
-            values[row] = math.nan
-            wrong.setdefault(reason, []).append(row)
-    for reason, met in wrong.items():
-        mask = np.zeros(len(values), np.bool_)
-        mask[met] = True
-        report(mask, reason)
+    except (ArithmeticError, ValueError) as error:
+        value, reason = math.inf, str(error)
+    return (value, "") if math.isfinite(value) else (math.nan, reason)
 
 
 def _fold(operation: np.ufunc, empty: float, one: Callable[[Argument], Argument]) -> Compute:

@@ -1,0 +1,77 @@
+"""Findings are few, short, and made only where they are shown, whatever a text may hold."""
+
+from __future__ import annotations
+
+import pytest
+
+from sleepcast.channel.message import Kind, Message
+from sleepcast.errors import MAX_LINE, with_caret
+from sleepcast.language import CheckError, FreshNames, Vocabulary, check
+from sleepcast.language import checker as checkers
+from sleepcast.language.checker import MAX_FINDINGS
+from sleepcast.node.node import Node
+
+ROVER = Vocabulary("rover", ())
+EACH = 90
+"""Arguments that one list may have, and some to spare."""
+
+
+def many(text: str, count: int) -> str:
+    """So many of `text` (`{}` is their number) in lists of lists, as large as a list may be."""
+    items = [text.format(i) for i in range(count)]
+    while len(items) > EACH:
+        items = [f"(+ {' '.join(items[i : i + EACH])})" for i in range(0, len(items), EACH)]
+    return f"(+ {' '.join(items)})"
+
+
+@pytest.mark.parametrize(("text", "severity"), [("(SQRT 1 2)", "error"), ("n{}", "warning"), ("(> 5m 5s)", "warning")])
+def test_the_first_findings_are_kept_and_the_others_counted(
+    text: str, severity: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    placed: list[str] = []
+    place = checkers.placed
+    monkeypatch.setattr(checkers, "placed", lambda *given: placed.append(given[0]) or place(*given))
+    checked = check(many(text, 1_000), FreshNames(ROVER))
+    assert [finding.severity for finding in checked.findings] == [severity] * MAX_FINDINGS
+    assert checked.counts[severity] == checked.more + MAX_FINDINGS >= 1_000
+    assert len(placed) <= 2 * MAX_FINDINGS
+
+
+def test_what_matters_most_is_shown_wherever_it_stands() -> None:
+    doubt = "(WHEN 1 (> 2 1) 3)"
+    checked = check(f"(PROGN {many('n{}', 500)} (> 1m 1s) {doubt})", FreshNames(ROVER))
+    assert len(checked.findings) == MAX_FINDINGS
+    assert [finding.message for finding in checked.doubts]
+    assert len(checked.unknown) == MAX_FINDINGS - len(checked.doubts)
+    places = [finding.start for finding in checked.findings]
+    assert places == sorted(places)
+
+
+def test_an_answer_of_many_errors_is_short_and_says_how_many_there_are() -> None:
+    with pytest.raises(CheckError) as refused:
+        check(many("(SQRT 1 2)", 1_000), FreshNames(ROVER)).required()
+    assert str(refused.value).endswith("\nand 980 more")
+    assert len(str(refused.value)) < MAX_FINDINGS * 4 * MAX_LINE
+    robot = Node("r1", ROVER)
+    robot.receive(Message("desk", 1, 1, Kind.COMMAND, 0.0, text=many("(SQRT 1 2)", 1_000)))
+    robot.think(1, 0.0)
+    assert len(str(robot.outbox[0].body["fault"])) < 2 * MAX_LINE
+
+
+@pytest.mark.parametrize("start", [0, 5, 49, 50, 500, 950, 999])
+def test_of_a_long_line_what_stands_around_the_caret_is_shown(start: int) -> None:
+    text = "".join(chr(ord("a") + i % 26) for i in range(1_000))
+    for before, after in (("", ""), ("first\n", "\nlast")):
+        whole = before + text + after
+        place = len(before) + start
+        message, line, carets = with_caret("no", whole, place, place + 3).split("\n")
+        shown = line.strip("… ")
+        assert (message, len(shown) <= MAX_LINE, shown in text) == ("no", True, True)
+        marked = line[carets.index("^") : carets.rindex("^") + 1]
+        assert marked == text[start : start + 3]
+        assert line[2] == "…" or shown.startswith(text[:9])
+        assert line.endswith("…") or shown.endswith(text[-9:])
+
+
+def test_a_short_line_is_shown_whole() -> None:
+    assert with_caret("no", "(+ 1 x)", 5, 6) == "no\n  (+ 1 x)\n       ^"

@@ -230,25 +230,24 @@ def test_why_a_stopped_robot_did_nothing_can_be_asked() -> None:
     assert both.views[2].why().faults == ("the robot is stopped: VM waits for RELEASE in (VM x 1)",)
 
 
-def test_the_order_of_stop_and_release_is_that_in_which_they_were_sent() -> None:
+def test_the_order_of_stop_and_release_is_that_of_their_numbers() -> None:
     both = twins()
     both.think(100)
 
-    def hear(kind: Kind, issued: float, robots: list[int], **body: object) -> None:
-        both.sent += 1
-        both.hear(Message("desk", 9, both.sent, kind, issued, body=body), robots)
+    def hear(kind: Kind, number: int, robots: list[int], **body: object) -> None:
+        both.hear(Message("desk", 9, number, kind, 9.0 - number, body=body), robots)  # their times say the opposite
 
-    hear(Kind.STOP, 5.0, [0, 1])
-    hear(Kind.RELEASE, 4.9, [0, 2])
-    hear(Kind.RELEASE, 5.1, [1], age=0.2)
-    hear(Kind.RELEASE, 9.0, [3, 4], age="long")
-    hear(Kind.STOP, 6.0, [2], **{"for": ["r0"]})
-    hear(Kind.RELEASE, 9.0, [4])
-    hear(Kind.STOP, 9.9, [3, 4], age=7.0, **{"not": ["r4"]})
-    assert [view.stopped for view in both.views] == [True, True, True, True, False]
-    both.compare()
-    hear(Kind.RELEASE, 9.0, [0, 1, 2, 3], **{"for": ["r0", "r2", "r3"]})
+    hear(Kind.STOP, 1, [0, 1])
+    hear(Kind.RELEASE, 2, [0, 2])
+    hear(Kind.STOP, 1, [2])
+    hear(Kind.RELEASE, 4, [3, 4])
+    hear(Kind.STOP, 3, [3], **{"for": ["r0"]})
+    hear(Kind.STOP, 5, [3, 4], **{"not": ["r4"]})
+    hear(Kind.RELEASE, 6, [4])
     assert [view.stopped for view in both.views] == [False, True, False, True, False]
+    both.compare()
+    hear(Kind.RELEASE, 7, [0, 1, 2, 3], **{"for": ["r0", "r1", "r2"]})
+    assert [view.stopped for view in both.views] == [False, False, False, True, False]
     both.compare()
 
 

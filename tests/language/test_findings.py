@@ -42,9 +42,14 @@ def test_what_matters_most_is_shown_wherever_it_stands() -> None:
     checked = check(f"(PROGN {many('n{}', 500)} (> 1m 1s) {doubt})", FreshNames(ROVER))
     assert len(checked.findings) == MAX_FINDINGS
     assert [finding.message for finding in checked.doubts]
-    assert len(checked.unknown) == MAX_FINDINGS - len(checked.doubts)
+    assert len(checked.unknown) == MAX_FINDINGS
     places = [finding.start for finding in checked.findings]
     assert places == sorted(places)
+
+
+def test_unknown_names_are_known_to_be_so_however_much_else_is_doubted() -> None:
+    checked = check(f"(PROGN {'(WHEN (PROB 50) 1)' * 30} zork)", FreshNames(ROVER))
+    assert (checked.unknown, len(checked.findings)) == (["zork"], MAX_FINDINGS)
 
 
 def test_an_answer_of_many_errors_is_short_and_says_how_many_there_are() -> None:

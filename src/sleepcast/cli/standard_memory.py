@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
 from math import isnan, nan
 
 from sleepcast.channel import Kind as Spoken
 from sleepcast.cli.memories import EVALUATED, REFUSED, UNKNOWN, UNREADABLE, Outcome
 from sleepcast.cli.streams import pieces
-from sleepcast.errors import MisuseError, and_more, placed
+from sleepcast.errors import MisuseError, and_more
 from sleepcast.language import (
     Checked,
     CheckError,
@@ -26,6 +25,7 @@ from sleepcast.language import (
     read,
     read_all,
 )
+from sleepcast.language.checker import Findings
 from sleepcast.language.functions import FUNCTIONS
 from sleepcast.language.parts import Part, walk
 from sleepcast.language.reader import is_name
@@ -84,11 +84,11 @@ class StandardMemory:
             return unreadable(text, str(error))
         if checked.program is None:
             return _refused(checked)
-        doubts = tuple(self._shares(checked.program.root, text))
-        return self._outcome(replace(checked, findings=(*checked.findings, *doubts)), self.node.run(checked))
+        self._doubt_shares(checked.program.root, checked.found)
+        return self._outcome(checked, self.node.run(checked))
 
-    def _shares(self, root: Part, text: str) -> Iterator[Finding]:
-        """A warning for every variable that is compared with a share and is far above one: here nothing declares that a
+    def _doubt_shares(self, root: Part, found: Findings) -> None:
+        """Warn of every variable that is compared with a share and is far above one: here nothing declares that a
         tank holds at most 100 %."""
         for part in walk(root):
             if part.op != "pure" or part.function.rule != "compare":
@@ -101,7 +101,7 @@ class StandardMemory:
                     written = format_value(value)
                     meant = f" (did you mean {written}%?)" if value <= 100.0 else ""
                     message = f"{p.name} @@ is {written}, and {shares[0]} is a share: they run from 0 to 1{meant}"
-                    yield Finding("warning", placed(message, text, p.form.start), p.form.start, p.form.end)
+                    found.note("warning", message, p.form.start, p.form.end)
 
     def run(self, text: str) -> Iterator[Outcome]:
         """Evaluate all expressions of a text, up to one that cannot be read."""

@@ -127,7 +127,7 @@ class Plain:
     def _pure(self, part: Part, mask: Mask | None) -> Column:
         def report(places: Index, reasons: Sequence[str]) -> None:
             if mask is not None:
-                come = mask[places]
+                come = np.broadcast_to(mask, self._rows.size)[places]
                 places, reasons = places[come], [reason for reason, met in zip(reasons, come, strict=True) if met]
             self._faults(part, self._rows, places, reasons)
 

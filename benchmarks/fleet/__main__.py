@@ -20,7 +20,10 @@ from time import perf_counter
 import numpy as np
 
 from benchmarks.fleet import rules
+from sleepcast.fleet import Fleet
 from sleepcast.fleet.kernels import Kernels, available
+from sleepcast.language.vocabulary import Vocabulary
+from sleepcast.node.node import Node
 
 LATENCY_BAR = 0.030
 """Seconds from the text of a new rule until 100,000 running robots have all evaluated it."""
@@ -207,6 +210,51 @@ def native_predicate(robots: int, turns: int, base: float) -> Row:
     return Row(name, robots, taken, taken / base)
 
 
+def hostile(robots: int, turns: int) -> tuple[list[Row], list[Row]]:
+    """What texts within all bounds that are made to be dear take of a tick of many robots, and of one."""
+    base = "sums of numbers"
+    many = {
+        base: "(DOTIMES (i 999) (+ i id))",
+        "everybody tells another text each time": "(DOTIMES (i 999) (TELL `(+ ,i ,id 1)))",
+        "everybody has the same fault each time": "(DOTIMES (i 999) (/ 1 0))",
+        "everybody has a fault of his own each time": "(DOTIMES (i 999) (SQRT (- id)))",
+        "everybody reports each time": '(DOTIMES (i 999) (REPORT "a" i))',
+    }
+    one = {
+        "a sum of 2,000 numbers": nested("1", 2_000),
+        "1,400 errors": nested("(SQRT 1 2)", 1_400),
+        "2,000 unknown names": nested("n{}", 2_000),
+        "1,500 doubtful comparisons": nested("(> 5m 5s)", 1_500),
+        "1,000 things to tell": nested("(TELL `(+ ,1))", 1_000),
+    }
+    tables = []
+    for count_of, texts in ((robots, many), (1, one)):
+        times = in_turns({name: lambda n=count_of, text=text: one_tick(n, text) for name, text in texts.items()}, turns)
+        tables.append(rows(count_of, times, next(iter(times))))
+    return tables[0], tables[1]
+
+
+def one_tick(robots: int, text: str) -> None:
+    """A tick in which robots that know nothing are given one text."""
+    if robots == 1:
+        node = Node("r0", Vocabulary("rover", ()))
+        node.receive(rules.command(1, text))
+        node.think(1, 0.0)
+        return
+    fleet = Fleet([f"r{i}" for i in range(robots)], Vocabulary("rover", ()))
+    fleet.receive(rules.command(1, text))
+    fleet.think(1, 0.0)
+    fleet.said()
+
+
+def nested(text: str, times: int) -> str:
+    """Many of `text` (`{}` is their number), in lists as large as a list may be."""
+    items = [text.format(i) for i in range(times)]
+    while len(items) > 1:
+        items = [f"(+ {' '.join(items[i : i + 90])})" for i in range(0, len(items), 90)]
+    return items[0]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="What a fleet's machine costs, beside what people use instead.")
     parser.add_argument("--quick", action="store_true", help="fewer robots and turns: to see that it works")
@@ -228,9 +276,11 @@ def main() -> None:
         if row.name.endswith("native") and row.robots in CROWD_BARS and row.seconds is not None:
             wanted, taken = CROWD_BARS[row.robots], row.seconds / row.robots
             bars.append(Bar(f"rules of crowd, {row.robots:,} robots, seconds a robot", taken, wanted, taken <= wanted))
+    of_many, of_one = hostile(100 if given.quick else 1_000, min(turns, 5))
     if given.json:
         tables: dict[str, list[Row] | list[Bar]]
         tables = {"predicate": predicates, "ticks": ticks, "latency": latency, "crowd": crowds, "bars": bars}
+        tables |= {"hostile": of_many, "hostile, one robot": of_one}
         json.dump({name: [asdict(row) for row in table] for name, table in tables.items()}, sys.stdout, indent=2)
         return
     for title, table in (("the Bravo predicate", predicates), ("ten rules", ticks), ("a new rule", latency)):
@@ -238,6 +288,10 @@ def main() -> None:
         print("\n".join(row.text for row in table))
     print("\nthe rules of the scenario crowd; the last column is the ratio to walking")
     print("\n".join(row.text for row in crowds))
+    for table in (of_many, of_one):
+        who = f"{table[0].robots:,} robots" if table[0].robots > 1 else "one robot"
+        print(f"\na tick of {who} with a text made to be dear; the last column is the ratio to the first")
+        print("\n".join(row.text for row in table))
     print()
     for bar in bars:
         print(f"{bar.name}: {bar.value:.3g}, wanted at most {bar.wanted:.3g}: {'met' if bar.met else 'not met'}")

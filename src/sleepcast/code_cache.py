@@ -109,8 +109,8 @@ def _digest(name: str, data: bytes) -> bytes:
 def _replace(place: int, name: str, data: bytes) -> None:
     """Let a file of the folder hold this, all of it or nothing."""
     beside = f".{token_hex(8)}.new"
-    file = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600, dir_fd=place)
-    try:
+    try:  # from before there is a file: who is interrupted leaves none behind
+        file = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600, dir_fd=place)
         with open(file, "wb") as output:
             output.write(data)
         os.replace(beside, name, src_dir_fd=place, dst_dir_fd=place)

@@ -409,8 +409,10 @@ def test_no_trace_leads_to_where_a_robot_was_put(page: Page, robot: Nomad) -> No
     robot.place_robot(-500, 0, 0, 0)
     robot.pr(200, 200)
     robot.ws(True, True, seconds=100)
-    until(page, lambda: ink(page) > 0)
-    before = ink(page)
+    until(page, lambda: numbers(page, "real")[:2] == [-300, 0] and ink(page) > 0)
+    seen = [0]
+    until(page, lambda: seen.append(ink(page)) or seen[-1] == seen[-2])  # the trace has come whole
+    before = seen[-1]
     robot.place_robot(700, 500, 0, 0)
     until(page, lambda: numbers(page, "real")[:2] == [700, 500])
     page.wait_for_timeout(300)

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import time
-from typing import Protocol
+from random import SystemRandom
+from typing import ClassVar, Protocol
+
+MADE = 1_767_225_600.0
+"""2026-01-01, in Unix time: no clock that shows less is right, as sleepcast was not made then."""
 
 
 class Clock(Protocol):
@@ -24,15 +28,25 @@ def _passed() -> float:
     return time.clock_gettime(time.CLOCK_BOOTTIME) if hasattr(time, "CLOCK_BOOTTIME") else time.monotonic()
 
 
-_BEGAN = time.time() - _passed()
-
-
 class UnixClock:
     """Seconds since 1970-01-01 UTC: as this computer had them when the process began, and those that have passed since.
     Whoever sets the computer's clock meanwhile changes nothing that a process does."""
 
+    _began: ClassVar[float] = time.time() - _passed()
+
     def now(self) -> float:
-        return _BEGAN + _passed()
+        return UnixClock._began + _passed()
+
+    @staticmethod
+    def advance(seconds: float) -> None:
+        """All that this process has of these clocks are so far behind: set them right."""
+        UnixClock._began += seconds
+
+
+def epoch_at(now: float) -> int:
+    """The number of a life that begins now: later than all before. A computer that always wakes in 1970 would give the
+    same again, and what it says would be no news: then chance decides."""
+    return int((now if now >= MADE else SystemRandom().uniform(0.0, MADE)) * 1000.0)
 
 
 class ManualClock:

@@ -70,10 +70,12 @@ def test_it_and_our_door_take_in_the_same_and_drop_the_rest_for_the_same_reasons
     known = [Known(key["owner"], key["role"], bytes.fromhex(key["public"]), key["revoked"]) for key in vector["trust"]]
     vouched = {bytes.fromhex(print_) for print_ in vector["vouched"]}
     keys = {key_id(key.public): key for key in known}
-    theirs = Receiver(vector["fleet"], vector["robot"], round(vector["now"] * 1e6), keys, vouched)
+    nonce = bytes.fromhex(vector.get("nonce", ""))
+    theirs = Receiver(vector["fleet"], vector["robot"], round(vector["now"] * 1e6), keys, vouched, nonce)
     trust = Trust(PublicKey(key.owner, Role(key.role), key.public, key.revoked) for key in known)
     trust.take(KeyChange(vouch=frozenset(vouched)))
     ours = Door(trust, vector["fleet"], ManualClock(vector["now"]), robot=vector["robot"])
+    ours.nonce = nonce
     for step in vector["steps"]:
         datagram, counts, passed = bytes.fromhex(step["datagram"]), ours.counts.copy(), ours.passed
         ours.enter(datagram)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -43,13 +44,19 @@ class Fleet:
 
     def swarm(self, prefix: str, clock: str = "", count: int = 1) -> None:
         """Robots with this clock: an offset for libfaketime, a moment, or a file of one."""
+        self._up(prefix, ["swarm", str(count), "--name-prefix", prefix], clock)
+
+    def node(self, name: str, clock: str) -> None:
+        """One robot with this clock."""
+        self._up(name, ["node", "--name", name, "--body", "sim"], clock)
+
+    def _up(self, prefix: str, arguments: list[str], clock: str) -> None:
         self.told[prefix] = self.home / f"{prefix}.told"
-        arguments = ["swarm", str(count), "--name-prefix", prefix]
         process = self._begin(arguments, clock, self.told[prefix])
         self._stack.enter_context(process)  # waits for its end
         self._stack.callback(process.terminate)
         assert process.stdout is not None
-        assert "up:" in process.stdout.readline(), self.told[prefix].read_text()
+        assert re.search(" (is|are) up[:,]", process.stdout.readline()), self.told[prefix].read_text()
 
     def say(self, *arguments: str, clock: str = "") -> tuple[dict[str, object], str]:
         """What an operator with this clock gets for a command, and what he is told."""
@@ -100,6 +107,21 @@ def test_an_operator_an_hour_ahead_is_told_so_and_stops_everybody(fleet: Fleet) 
     assert stopped["n_matched"] == 10
     _, told = fleet.say("ask", "id", clock="+3600")
     assert "your clock is 3,600 s ahead of 10 robots: they obey nothing but your STOP" in told
+
+
+def test_robots_that_wake_in_1970_take_the_time_from_an_operator_and_obey(fleet: Fleet) -> None:
+    fleet.node("r9", "@1970-01-01 00:10:00")
+    fleet.swarm("s", "@1970-01-01 00:10:00", count=3)
+    taken = "took its time from desk: its clock was 5[0-9] years behind"
+
+    def all_have_it() -> bool:
+        fleet.say("ask", "id")
+        return all(re.search(taken, fleet.told[each].read_text()) for each in ("r9", "s"))
+
+    wait_for(all_have_it)
+    sent, told = fleet.say("send", "--all", "--blind", "(SETQ E5 1)")
+    assert sorted(sent["matched"]) == ["r9", "s1", "s2", "s3"]  # type: ignore[call-overload]
+    assert "clock is" not in told
 
 
 def test_a_clock_that_jumps_in_mid_run_changes_nothing(fleet: Fleet) -> None:

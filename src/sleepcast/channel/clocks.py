@@ -22,11 +22,23 @@ class Clocks:
 
     def __init__(self) -> None:
         self._ahead: dict[str, float] = {}
+        self._took: dict[str, tuple[str, float]] = {}
 
     def note(self, name: str, ahead: float) -> None:
         """The clock of this party is so many s ahead; 0 where it is right."""
         if ahead or name in self._ahead or len(self._ahead) < MAX_CLOCKS:
             self._ahead[name] = ahead
+
+    def note_took(self, name: str, whose: str, behind: float) -> None:
+        """This robot had a clock that was so many s behind, and has taken its time from another party."""
+        if name in self._took or len(self._took) < MAX_CLOCKS:
+            self._took[name] = whose, behind
+        self.note(name, 0.0)
+
+    def clear(self) -> None:
+        """Nothing is known any more."""
+        self._ahead.clear()
+        self._took.clear()
 
     def ahead(self, name: str) -> float:
         """By how many s its clock is ahead; 0 where that is not known."""
@@ -56,7 +68,14 @@ class Clocks:
             only = "" if 0.0 < first <= life else "; it obeys STOP only" if len(names) == 1 else "; they obey STOP only"
             found.append(f"{_listed(names)}: {whose} {differs(first)}{only}")
             wrong = wrong[len(names) :]
-        return found
+        return found + self._taken()
+
+    def _taken(self) -> list[str]:
+        """Who has taken the time from whom, those alike in one sentence."""
+        alike: dict[tuple[str, str], list[str]] = {}
+        for name, (whose, behind) in self._took.items():
+            alike.setdefault((whose, differs(-behind)), []).append(name)
+        return [took(names, *which) for which, names in alike.items()]
 
     def of_operators(self) -> list[str]:
         """What a robot tells of its clock, by those of the operators."""
@@ -70,6 +89,12 @@ def differs(ahead: float) -> str:
     """By how much a clock is wrong, for a person: `3,600 s ahead`."""
     _, unit, name = next(each for each in UNITS if abs(ahead) >= each[0])
     return f"{abs(ahead) / unit:,.0f} {name} {'ahead' if ahead > 0.0 else 'behind'}"
+
+
+def took(names: Sequence[str], whose: str, differs: str) -> str:
+    """Robots have taken the time from somebody, as a sentence. differs: by how much they were wrong."""
+    theirs, clocks = ("its", "its clock was") if len(names) == 1 else ("their", "their clocks were")
+    return f"{_listed(names)} took {theirs} time from {whose}: {clocks} {differs}"
 
 
 def _listed(names: Sequence[str]) -> str:

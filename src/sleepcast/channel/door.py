@@ -66,6 +66,9 @@ UNTIMELY_A_SECOND = 8.0
 plays what he has recorded makes it talk no more than that."""
 TIMELY = 60.0
 """Seconds for which a party that was heard in time has a good clock: what comes late meanwhile is old."""
+TIMES_A_SECOND = 200.0
+"""Signatures that a robot without a clock looks at in a second, of what looks like an answer to its question for the
+time: a budget of their own, which nothing that does not name its nonce can spend."""
 MAX_TIMELY = 64
 """Parties of which it is known when they were heard in time; the one that was silent longest makes room."""
 OLDEST = 3_600.0
@@ -181,6 +184,9 @@ class Door:
         """Kinds that come in whatever their times say: in doubt a robot stands, and what robots say is judged by what
         it answers."""
         self._untimely_budget = Budget(UNTIMELY_A_SECOND, UNTIMELY_A_SECOND, self._chance, clock.now())
+        self._times = Budget(TIMES_A_SECOND, TIMES_A_SECOND, self._chance, clock.now())
+        self.nonce = b""
+        """Of the question for the time that is open (`Sync`), b"" for none."""
         self._turned_away: deque[Message] = deque(maxlen=MAX_OPEN)
         self._timely: OrderedDict[str, float] = OrderedDict()
         """When those who may command us were last heard in time."""
@@ -248,19 +254,25 @@ class Door:
         if part.kind in TO_OPERATOR if self.robot else part.kind in TO_ROBOTS and key.role is Role.ROBOT:
             return Drop.NOT_FOR_US
         now = self._clock.now()
-        untimely = None if part.kind in self._timeless else self._untimely(part, now)
+        tells_time = self._tells_time(part)
+        untimely = None if part.kind in self._timeless or tells_time else self._untimely(part, now)
         tells = self.robot and part.kind in COMMANDING and key.role is not Role.ROBOT and part.parts == 1
         if untimely is not None and not tells:
             return untimely
         if not key.owner.endswith("*") and self._knows(part, key.owner):
             return Drop.REPEATED
-        if not (self._has_time(part, now) if untimely is None else self._untimely_budget.take(now)):
+        budget = self._times if tells_time else self._untimely_budget if untimely is not None else None
+        if not (self._has_time(part, now) if budget is None else budget.take(now)):
             return untimely or Drop.TOO_MANY
         if not key.signed(part.signed, part.signature):
             return Drop.FORGED
         if untimely is not None:
             self._turn_away(key, part, now)
         return untimely
+
+    def _tells_time(self, part: Part) -> bool:
+        """Whether this may answer our question for the time: whoever has no clock cannot judge its times."""
+        return bool(self.nonce) and part.kind is Kind.HEARTBEAT and part.parts == 1 and self.nonce in part.payload
 
     def _untimely(self, part: Part, now: float) -> Drop | None:
         late = now - self.skew
@@ -287,6 +299,12 @@ class Door:
                 self._timely.popitem(last=False)
         if not ahead or now - self._timely.get(sender, -inf) > TIMELY:
             self.clocks.note(sender, ahead)
+
+    def forget_clocks(self) -> None:
+        """Our clock has been set: by how much others differ from it is not known any more."""
+        self.skews = Skews(self.skew)
+        self.clocks.clear()
+        self._timely.clear()
 
     def turned_away(self) -> list[Message]:
         """Messages of those who may command us that were dropped because of their times, since this was asked last."""

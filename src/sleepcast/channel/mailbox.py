@@ -25,8 +25,8 @@ from typing import NamedTuple
 
 import msgspec
 
-from sleepcast.channel.bodies import KEYS, age_of
-from sleepcast.channel.door import Door
+from sleepcast.channel.bodies import KEYS, TIME, age_of
+from sleepcast.channel.door import Budget, Door
 from sleepcast.channel.envelope import Part, encode
 from sleepcast.channel.kept import Name, News
 from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal, Role
@@ -34,7 +34,9 @@ from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.order import MAX_STREAMS, Order, Skipped, Stream
 from sleepcast.channel.repairs import request, streams_in, wanted_parts
 from sleepcast.channel.shelf import Shelf
+from sleepcast.channel.sync import MAX_TRIP, NONCE_BYTES, Sync
 from sleepcast.channel.trickle import Trickle, mostly_late
+from sleepcast.clock import MADE
 
 REPEATS = (0.03, 0.09, 0.21, 0.45)
 """Seconds after which a command is sent again, unasked: at 30 % loss two of a thousand hear none of the five."""
@@ -62,6 +64,8 @@ BATCH = 24
 """Commands sent for one digest or request: the rest follows with the next one."""
 KEEP_EVERY = 256
 """Numbers of ours that may be used before whoever keeps them is told."""
+TIMES_TOLD = 20.0
+"""Answers in a second, at most, to those who ask for the time: whoever plays old questions makes nobody talk more."""
 MAX_WANTED = 64
 """Numbers in one request."""
 
@@ -126,6 +130,8 @@ class Mailbox:
         self._later: list[Mend | Again] = []
         self._stopping = Stopping()
         self._tie = count()
+        self._sync: Sync | None = None
+        self._times_told = Budget(TIMES_TOLD, TIMES_TOLD, chance, 0.0)
         self._mendable, self._mended_at = MENDED_A_SECOND, 0.0
         """Bytes that may be sent of what others miss, as of then (s)."""
 
@@ -206,6 +212,10 @@ class Mailbox:
             self.order.since = now
             self._trickle.restart(now)
 
+    def seek_time(self, taken: Callable[[float, str], None]) -> None:
+        """Our clock is plainly wrong: ask for the time until an operator tells it; see `Sync`."""
+        self._sync = Sync(self.door, taken)
+
     def _number(self) -> int:
         """The next number is ours: whatever comes back of it from the air, by an echo or by malice, is no news."""
         self._sequence += 1
@@ -232,8 +242,14 @@ class Mailbox:
             name = part.key, part.epoch  # nobody keeps anything but commands; their sender repeats them himself first
             if part.kind is Kind.COMMAND and self.door.robot and self._missing(name, part.sequence):
                 self.order.piecemeal(name, part.sequence, part.deadline, now + PIECED)
-            return self.door.turned_away()
+            turned_away = self.door.turned_away()
+            if turned_away and self._sync is not None:
+                self._sync.hurry()
+            return turned_away
         message = entered.message
+        if TIME in message.body and message.kind in (Kind.REPORT, Kind.HEARTBEAT):
+            self._deal_with_time(message, now)
+            return []
         if message.kind is Kind.DIGEST:
             self._compare(message, now)
             return []
@@ -250,6 +266,23 @@ class Mailbox:
             return [message]  # an operator sees what others send, and waits for nothing of it
         stream = self.order.stream(name)
         return self._dealt_with(self.order.take(stream, message, now), now)
+
+    def _deal_with_time(self, message: Message, now: float) -> None:
+        """Somebody asks for the time, or tells it; it is no heartbeat that keeps anybody going."""
+        nonce = message.body[TIME]
+        if message.kind is Kind.HEARTBEAT:
+            behind = 0.0 if self._sync is None else self._sync.answer(message, now)
+            if behind:
+                self._sync = None
+                if self.order.since < MADE:  # else it is of a life before, whose clock was right
+                    self.order.since += behind
+        elif (
+            Kind.HEARTBEAT in MAY[self.role]
+            and (isinstance(nonce, bytes) and len(nonce) == NONCE_BYTES)
+            and now >= MADE  # whose own clock is plainly wrong tells nobody
+            and self._times_told.take(now)
+        ):
+            self.post(Kind.HEARTBEAT, now, deadline=now + MAX_TRIP, body={TIME: nonce})
 
     def standing_of(self, key: bytes) -> tuple[bytes, ...]:
         """The datagrams of the standing commands of the key with this id, as far as they have come to us."""
@@ -391,6 +424,8 @@ class Mailbox:
         wanted = self.order.wanted(now, MAX_WANTED)
         if wanted:
             self._request(wanted, now)
+        if self._sync is not None and self._sync.due <= now:
+            self._say(Kind.REPORT, self._sync.question(now), now)
         if self._trickle.is_due(now):
             self._say(Kind.DIGEST, self._digest(), now)
         return self.posted(), found
@@ -398,7 +433,8 @@ class Mailbox:
     def due(self) -> float:
         """When `step` has something to do next, s of Unix time; it may be called earlier."""
         later = min(self._later[0].time if self._later else inf, self._stopping.time)
-        return -inf if self._out else min(later, self.order.due(), self._trickle.due())
+        sync = inf if self._sync is None else self._sync.due
+        return -inf if self._out else min(later, sync, self.order.due(), self._trickle.due())
 
     def skipped(self) -> list[Skipped]:
         """The commands that never came, since this was asked last."""

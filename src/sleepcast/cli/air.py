@@ -255,7 +255,7 @@ def _mailbox(
     """A mailbox of this name. Raises MisuseError if the key is not its own."""
     from sleepcast.channel.door import Door
     from sleepcast.channel.mailbox import Mailbox
-    from sleepcast.clock import UnixClock
+    from sleepcast.clock import UnixClock, epoch_at
     from sleepcast.errors import MisuseError
 
     if not key.public.is_of(name):
@@ -263,7 +263,7 @@ def _mailbox(
     clock, chance = UnixClock(), _chance()
     door = Door(trust, air.fleet, clock, robot=robot, rate=air.rate, skew=air.skew)
     if store is None:  # a life begins later than all before, so that its numbers are news
-        return Mailbox(name, int(clock.now() * 1000.0), key, door, chance)
+        return Mailbox(name, epoch_at(clock.now()), key, door, chance)
     if robot:
         return Mailbox(name, store.life(name), key, door, chance)
     epoch, first = store.numbers(name)

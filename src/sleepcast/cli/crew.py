@@ -135,6 +135,7 @@ def _check_names(prefix: str, first: int, count: int) -> None:
 def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> Crew:
     """The minds with their bodies and their lines. Raises what the channel and the simulator raise."""
     from sleepcast.channel.chance import key
+    from sleepcast.cli.time_taken import seek_time
     from sleepcast.clock import UnixClock, WallClock
     from sleepcast.loop import Crew, Member, vocabulary_of
     from sleepcast.node.node import Node
@@ -160,6 +161,8 @@ def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> Cr
     for member in members:
         member.node.zero = member.line.zero = zero
         member.node.clock = UnixClock()
+    everybody = [each for member in members for each in (member.node, member.line)]
+    seek_time(ear.mailbox, lines[0], [ear, *everybody], complain)
     guard = None if limits is None else Guard(simulator, limits)
     return Crew(simulator, members, trunk, ear, WallClock(), UnixClock(), guard=guard, keeper=store)
 

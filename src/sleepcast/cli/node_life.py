@@ -13,8 +13,9 @@ from sleepcast.channel.datagrams import Datagrams
 from sleepcast.channel.line import Line
 from sleepcast.cli.node_desk import NOTHING_HEARD, NodeDesk, Typed
 from sleepcast.cli.streams import announce, complain, pieces, read_file
+from sleepcast.cli.time_taken import seek_time
 from sleepcast.cli.told import heard_at, news_of
-from sleepcast.clock import Clock, UnixClock, WallClock
+from sleepcast.clock import Clock, UnixClock, WallClock, epoch_at
 from sleepcast.errors import MisuseError, SleepcastError
 from sleepcast.language import List, Symbol, read, read_all, show
 from sleepcast.loop import Watch, run_robot, vocabulary_of
@@ -114,6 +115,7 @@ class Life:
         self.node.zero = self.node.clock.now()
         if self.line is not None:
             self.line.zero = self.node.zero
+            seek_time(self.line.mailbox, self.line, [self.node, self.line], complain)
         if self.store is not None and self.store.adopt(self.node, None if self.line is None else self.line.mailbox):
             complain(f"{self.node.name} goes on where it was ({self.store.file})")
         else:
@@ -126,7 +128,7 @@ class Life:
         seconds: to live, None for ever. Raises SleepcastError when the body fails."""
         clock: Clock = WallClock() if tick else self.robot
         line = self.line
-        epoch, authority = int(self.node.zero * 1000.0), self.node.authority
+        epoch, authority = epoch_at(self.node.zero), self.node.authority
         desk = NodeDesk(
             self.node.name, clock, self._orders, Typed(), self.ears, line, epoch, lambda: authority.latch.holding
         )

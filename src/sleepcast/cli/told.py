@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 
+from sleepcast.channel.bodies import TOOK
+from sleepcast.channel.clocks import differs
 from sleepcast.channel.door import Door
 from sleepcast.channel.drops import News
 from sleepcast.cli.standard_memory import reported_body
 from sleepcast.clock import WallClock
+from sleepcast.errors import printable
 from sleepcast.language import format_value
 from sleepcast.station.journal import Entry, Event
 
@@ -26,6 +29,9 @@ def said_in(entry: Entry) -> str:
 
 def said(body: Mapping[str, object]) -> str:
     """What an answer or a report says."""
+    match body.get(TOOK), body.get("values"):
+        case str() as whose, [float() as behind]:
+            return f"took its time from {printable(whose)}: its clock was {differs(-behind)}"
     if "label" in body:
         return reported_body(body)
     outcomes = body.get("outcomes")

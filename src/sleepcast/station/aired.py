@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import ENDS, FOR, LOOK, STOPS, WITHIN
+from sleepcast.channel.bodies import ENDS, FOR, LOOK, STOPS, TOOK, WITHIN
 from sleepcast.channel.bodies import MATCHED as WOULD
 from sleepcast.channel.clocks import Clocks
 from sleepcast.channel.keys import MAY
 from sleepcast.channel.latch import MAX_MARKS, Life, Mark, mark_of, marks_and_ages
 from sleepcast.channel.line import LONGEST, Line
-from sleepcast.channel.message import TO_OPERATOR
+from sleepcast.channel.message import MAX_NAME, TO_OPERATOR
 from sleepcast.channel.roles import Role
 from sleepcast.clock import Clock
 from sleepcast.errors import MisuseError, SleepcastError
@@ -262,6 +262,7 @@ class AirStation(Station):
                     heard.append(self._pursuit.known(message))
                     self.hear(heard[-1])
                     self._learn_stops(heard[-1])
+                    self._learn_time(heard[-1])
                 elif message.role != Role.ROBOT or message.kind is Kind.STOP:
                     self._overhear(message)
         for listener in self.listeners if heard else ():
@@ -334,6 +335,12 @@ class AirStation(Station):
         """A robot tells which STOPs hold it, each with the seconds since it came."""
         for mark, age in marks_and_ages(answer.body.get(STOPS)):
             self._note_stop(mark, self.now - age)
+
+    def _learn_time(self, report: Message) -> None:
+        """A robot tells whose time it has taken, and by how many s its clock was behind."""
+        match report.body.get(TOOK), report.body.get("values"):
+            case str() as whose, [float() as behind] if whose.isprintable() and 0.0 < behind < inf:
+                self.clocks.note_took(report.sender, whose[:MAX_NAME], behind)
 
     def _note_stop(self, mark: Mark, since: float) -> None:
         known, before = self._stops.pop(mark.life, (mark, since))

@@ -128,6 +128,10 @@ def test_it_asks_seldom_while_nobody_answers_and_at_once_when_it_hears_a_command
     desk.send("(DRIVE 1)", everybody=True)
     scene.run(0.1)
     assert woken.taken, "it does not wait until the pause is over"
+    sent = desk.send("(DRIVE 2)", everybody=True)
+    scene.run(1.0)
+    assert desk.accounting(sent.id).n_matched == 2, "nor for the command that it has turned away"
+    assert scene.fleet["r0"].body.driven == [2.0]
 
 
 @pytest.mark.parametrize("who", ["watch", "r*", "stranger"])

@@ -274,8 +274,7 @@ class Mailbox:
             behind = 0.0 if self._sync is None else self._sync.answer(message, now)
             if behind:
                 self._sync = None
-                if self.order.since < MADE:  # else it is of a life before, whose clock was right
-                    self.order.since += behind
+                self.order.since = now + behind  # what was turned away until now is waited for no more
         elif (
             Kind.HEARTBEAT in MAY[self.role]
             and (isinstance(nonce, bytes) and len(nonce) == NONCE_BYTES)

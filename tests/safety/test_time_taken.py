@@ -134,6 +134,16 @@ def test_it_asks_seldom_while_nobody_answers_and_at_once_when_it_hears_a_command
     assert scene.fleet["r0"].body.driven == [2.0]
 
 
+def test_it_asks_whoever_commands_it_before_he_is_gone(woken: Woken) -> None:
+    """`send` ends as soon as everybody has answered, if only that his clock is wrong."""
+    scene = woken.scene
+    scene.run(0.5)
+    desk = scene.desk("anna")
+    desk.send("(DRIVE 1)", everybody=True)
+    scene.run(0.1)
+    assert woken.taken
+
+
 @pytest.mark.parametrize("who", ["watch", "r*", "stranger"])
 def test_nobody_but_an_operator_tells_the_time(woken: Woken, who: str) -> None:
     woken.scene.run(0.1)

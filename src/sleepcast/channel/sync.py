@@ -23,6 +23,8 @@ MAX_TRIP = 1.0
 SOONEST, SLOWEST = 2.0, 16.0
 """Seconds between two questions at first, and at most: the pause doubles while nobody answers. It is longer than
 `MAX_TRIP`, so no answer in time is to a question that is given up."""
+HURRIED = 0.25
+"""Seconds between two questions where somebody commands us, who may be gone as soon as he has our answer."""
 
 
 class Sync:
@@ -44,7 +46,7 @@ class Sync:
 
     def hurry(self) -> None:
         """Somebody is there who commands us: ask as soon as we may."""
-        self.due = min(self.due, self._asked + SOONEST)
+        self.due = min(self.due, self._asked + HURRIED)
 
     def answer(self, message: Message, now: float) -> float:
         """By how many s our clock has moved, now that this has been heard: 0 if it is no answer to be believed."""

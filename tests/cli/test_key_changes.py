@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import signal
 import time
 from contextlib import closing
 from pathlib import Path
@@ -14,7 +15,8 @@ from cli.calling import LONGEST, called
 from cli.test_crew import account, channel, swarm
 from sleepcast.channel.keyring import KeyFileLostError, add_trust, key_file, load_trust, save_key, save_trust
 from sleepcast.channel.keys import KeyChange, KeyPair, Role, Trust
-from sleepcast.cli.air import Air, line_for
+from sleepcast.channel.message import Kind
+from sleepcast.cli.air import FLEET, Air, line_for
 
 __all__ = ["channel"]  # a fixture
 
@@ -57,6 +59,45 @@ def test_keys_end_and_are_renewed_on_the_air(channel: str, tmp_path: Path) -> No
         there = load_trust(elsewhere / "trust.json")
         assert {key.owner for key in there.keys if key.revoked} == {"desk", "anna"}
         assert len(there.vouched) >= 2, "the rule of the old key, and what it said of the new one"
+
+
+def test_no_key_goes_farther_on_the_wire_than_it_may(channel: str, tmp_path: Path) -> None:
+    folder = keys(tmp_path)
+    for owner, role in (("watch", "observer"), ("rogue", "robot")):
+        assert called("keys", "new", owner, "--role", role).status == 0
+
+    def speak(owner: str, *said: tuple[Kind, str, bool]) -> None:
+        """Without asking, as our own programs do, whether one may."""
+        with closing(line_for(Air(channel, FLEET, owner, None, folder), None, robot=False, say=print)) as line:
+            for kind, text, standing in said:
+                line.mailbox.post(kind, time.time(), text=text, standing=standing)
+            line.flush()
+
+    def stopped() -> list[bool]:
+        return [robot["stopped"] for robot in account(channel, "watch", "--once", "--key", "desk")["robots"]]
+
+    standing, release = (Kind.COMMAND, "(RULE bad (JOIN bad))", True), (Kind.RELEASE, "", False)
+    command = (Kind.COMMAND, "(WHEN (> id 0) (JOIN bad))", False)
+    with swarm(2, channel, "--key", "*") as robots:
+        assert account(channel, "stop", "--key", "watch")["n_matched"] == 2
+        refused = called("release", "--key", "watch", "--channel", channel)
+        assert (refused.status, refused.out) == (2, "")
+        assert "watch is an observer" in refused.err
+        speak("watch", command, standing, release)
+        speak("rogue", standing, release)
+        speak("anna", standing)
+        assert stopped() == [True, True]
+        assert account(channel, "release", "--key", "desk")["n_matched"] == 2
+        assert account(channel, "keys", "revoke", "anna", "--key", "chief")["n_matched"] == 2
+        assert account(channel, "stop", "--key", "anna", "--seconds", "1")["n_matched"] == 0
+        speak("anna", command, release)
+        assert stopped() == [False, False]
+        asked = account(channel, "ask", "(IF (IN bad) 1 0)", "--key", "desk")
+        assert (asked["n"], asked["max"]) == (2, 0.0)
+        robots.send_signal(signal.SIGINT)
+        _, told = robots.communicate(timeout=LONGEST)
+    assert "not allowed" in told, told
+    assert "revoked key" in told, told
 
 
 def test_a_change_that_no_robot_took_is_told_and_the_old_key_stays(channel: str, tmp_path: Path) -> None:

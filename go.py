@@ -1,5 +1,6 @@
 """Start sleepcast from a clone, `python3 go.py [COMMAND ...]`, or check it, `python3 go.py test [OPTION ...]`;
-`python3 go.py test network` tries the channel on a thousand robots in networks of their own, some twenty minutes long.
+`python3 go.py test network` tries the channel on a thousand robots in networks of their own, some twenty minutes long;
+`python3 go.py audit` asks the package index what is known against the locked versions.
 
 The plan: fill a virtual environment in `.venv` beside this file from a lock with hashes (RUN to use it,
 DEV to test it: RUN and more), keep a stamp of what was installed, so that a later start costs one comparison, let the
@@ -99,6 +100,21 @@ def test(*pytest_options: str) -> int:
     return 1 if failed else 0
 
 
+def audit() -> int:
+    """Ask the package index what is known against the locked versions, with a tool in an environment of its own."""
+    import subprocess
+    import venv
+
+    tools = ROOT / ".venv-audit"
+    python = tools / "bin" / "python"
+    venv.create(tools, clear=True, symlinks=True, with_pip=True)
+    if subprocess.run([python, "-m", "pip", "install", "--quiet", "pip-audit>=2.7"], check=False).returncode:
+        raise refusal("pip-audit cannot be installed; pip says why above. Then run the same command again.", 1)
+    # The development lock holds all of the users'. Without --strict, what cannot be looked up would pass as harmless.
+    options = ("--strict", "--require-hashes", "--disable-pip", "--requirement", DEV)
+    return subprocess.run([python, "-m", "pip_audit", *options], cwd=ROOT, check=False).returncode
+
+
 def main(*arguments: str) -> None:
     if sys.version_info < (3, 11):  # noqa: UP036 - an older Python is the one that must say this sentence
         raise refusal(
@@ -110,6 +126,8 @@ def main(*arguments: str) -> None:
     if arguments[:1] == ("test",):
         prepare(DEV)
         sys.exit(test(*arguments[1:]))  # the options go to pytest
+    if arguments == ("audit",):
+        sys.exit(audit())
     prepare(RUN)
     # Named with its Python: in a deep folder a script's first line may be too long for the system.
     os.execv(PYTHON, [str(PYTHON), str(VENV / "bin" / "sleepcast"), *arguments])

@@ -50,7 +50,7 @@ def console(
     with looking_for(air, complain) as (station, looker):
         from sleepcast.cli.channel_page import EMPTY, FleetOnPage
         from sleepcast.clock import WallClock
-        from sleepcast.console import DEFAULT_PORT, Scene, serve_fleet
+        from sleepcast.console import DEFAULT_PORT, Address, Scene, serve_fleet
 
         if scenario is None:
             noun = "robots" if station.fleet_size else "robots heard so far"
@@ -70,11 +70,7 @@ def console(
             station,
             WallClock(),
             began,
-            host=host,
-            port=DEFAULT_PORT if port is None else port,
-            insecure=insecure,
-            allow=allow,
-            open_browser=not no_browser,
+            address=Address(host, DEFAULT_PORT if port is None else port, insecure, not no_browser, allow),
             say=announce,
         )
     return 0

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from sleepcast.cli.interrupts import Interrupts
-from sleepcast.cli.page import Address, outlines, scene_of
+from sleepcast.cli.page import outlines, scene_of
 from sleepcast.cli.streams import announce
 from sleepcast.clock import WallClock
-from sleepcast.console import serve_desk
+from sleepcast.console import Address, serve_desk
 from sleepcast.console.answers import ShownRule
 from sleepcast.console.ledger import Row
 from sleepcast.console.replay import Film, Marks, ReplayDesk, ReplayDriver, Track, values_of
@@ -132,10 +132,6 @@ def show(interrupts: Interrupts, recording: Recording, speed: float | None, addr
     serve_desk(
         ReplayDesk(film, ReplayDriver(film, clock)),
         clock,
-        host=address.host,
-        port=address.port,
-        insecure=address.insecure,
-        allow=address.allow,
-        open_browser=address.browser,
+        address=address,
         say=announce,
     )

@@ -118,7 +118,7 @@ def _page(
 ) -> Callable[[Nserver], Awaitable[None]]:
     """What serves the page of a server until it ends."""
     from sleepcast.cli.nserver_page import show
-    from sleepcast.cli.page import Address
+    from sleepcast.console import Address
 
     address = Address("127.0.0.1", port, insecure=False, browser=browser)
     return lambda server: show(

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from sleepcast.cli.page import Address
 from sleepcast.cli.streams import announce
 from sleepcast.clock import WallClock
-from sleepcast.console import serve_nomads
+from sleepcast.console import Address, serve_nomads
 from sleepcast.errors import MisuseError
 from sleepcast.nomad import Nserver, Pace, RobotWindow, Sketch
 from sleepcast.nomad.hand import PAGE
@@ -146,10 +145,7 @@ async def show(
     await serve_nomads(
         NomadsOnPage(nserver, pace, title, area),
         WallClock(),
-        host=address.host,
-        port=address.port,
-        insecure=address.insecure,
-        open_browser=address.browser,
+        address=address,
         port_option="--page-port",
         say=say,
     )

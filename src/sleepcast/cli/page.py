@@ -5,7 +5,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import cos, pi, sin
 from threading import Event
 
@@ -15,7 +15,7 @@ from sleepcast.cli.recording import Wanted, recorded
 from sleepcast.cli.snapshots import Keeping
 from sleepcast.cli.streams import announce
 from sleepcast.clock import WallClock
-from sleepcast.console import Outline, Place, ReadyCommand, Scene, serve
+from sleepcast.console import Address, Outline, Place, ReadyCommand, Scene, serve
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Pace, Swarm
 from sleepcast.simulator import Area, Circle, Scenario, Shape, Wall
@@ -105,17 +105,6 @@ def outlines(shape: Shape) -> tuple[Outline, ...]:
     return shape.outlines if isinstance(shape, Area) else (shape.corners,)
 
 
-@dataclass(frozen=True, slots=True)
-class Address:
-    """Where the page is served, whether a browser is opened there, and by which other names it may be asked for."""
-
-    host: str
-    port: int
-    insecure: bool
-    browser: bool
-    allow: tuple[str, ...] = ()
-
-
 def show(
     swarm: Swarm,
     station: Station,
@@ -143,11 +132,7 @@ def show(
             station,
             Pace(clock, swarm, scenario.speed_up if speed is None else speed),
             clock,
-            host=address.host,
-            port=address.port,
-            insecure=address.insecure,
-            allow=address.allow,
-            open_browser=address.browser,
+            address=address,
             say=announce,
             prepare=prepare,
             around=_kept(swarm, station, wanted, keeping),

@@ -66,7 +66,7 @@ def replay(
         recording = load_recording(file)
         if not (headless or as_json or verify):
             from sleepcast.cli.film import show
-            from sleepcast.cli.page import Address
+            from sleepcast.console import Address
 
             show(interrupts, recording, speed, Address(host, port, insecure, not no_browser, allow))
             return 0

@@ -148,7 +148,8 @@ def _start_within(interrupts: Interrupts, name: str | None, headless: bool, opti
     begin = _beginning(name, options, headless)
     wanted, keeping = _wanted(options), _keeping(options)
     if not headless:
-        from sleepcast.cli.page import Address, show
+        from sleepcast.cli.page import show
+        from sleepcast.console import Address
 
         browser, allow = not options["no_browser"], options["allow"]
         address = Address(options["host"], options["port"], options["insecure"], browser, allow)

@@ -8,11 +8,12 @@ what it lacks.
 """
 
 from sleepcast.console.air import Order
-from sleepcast.console.server import DEFAULT_PORT, PortError, serve, serve_desk, serve_fleet, serve_nomads
+from sleepcast.console.server import DEFAULT_PORT, Address, PortError, serve, serve_desk, serve_fleet, serve_nomads
 from sleepcast.console.swarm import Outline, Pace, Place, ReadyCommand, RobotMind, Rule, Scene, Swarm
 
 __all__ = [
     "DEFAULT_PORT",
+    "Address",
     "Order",
     "Outline",
     "Pace",

@@ -11,6 +11,7 @@ import sys
 import webbrowser
 from collections.abc import Callable, Coroutine, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
+from dataclasses import dataclass
 from ipaddress import ip_address
 from secrets import token_urlsafe
 from typing import Any
@@ -50,18 +51,27 @@ class PortError(SleepcastError):
     """The address cannot be listened on."""
 
 
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Where a page is served: host, and port, 0 for any free one. insecure: allow a host that others can reach, though
+    nothing is encrypted. browser: open the page there at once. allow: names besides the addresses of this machine by
+    which it may be asked for."""
+
+    host: str
+    port: int
+    insecure: bool
+    browser: bool
+    allow: tuple[str, ...] = ()
+
+
 def serve(
     swarm: Swarm,
     station: Station,
     pace: Pace,
     clock: Clock,
     *,
-    host: str = "127.0.0.1",
-    port: int = DEFAULT_PORT,
-    insecure: bool = False,
-    allow: Sequence[str] = (),
-    open_browser: bool = True,
-    say: Callable[[str], None] = print,
+    address: Address,
+    say: Callable[[str], None],
     prepare: Callable[[], None] | None = None,
     around: AbstractContextManager[object] = NOTHING,
 ) -> None:
@@ -71,17 +81,7 @@ def serve(
     """
     driver = Driver(swarm, pace, clock, prepare)
     desk = Desk(swarm, station, driver, clock)
-    serve_desk(
-        desk,
-        clock,
-        host=host,
-        port=port,
-        insecure=insecure,
-        allow=allow,
-        open_browser=open_browser,
-        say=say,
-        around=around,
-    )
+    serve_desk(desk, clock, address=address, say=say, around=around)
 
 
 def serve_fleet(
@@ -90,11 +90,7 @@ def serve_fleet(
     clock: Clock,
     began: float,
     *,
-    host: str,
-    port: int,
-    insecure: bool,
-    allow: Sequence[str] = (),
-    open_browser: bool,
+    address: Address,
     say: Callable[[str], None],
 ) -> None:
     """Serve the page of robots on the air until Ctrl-C. began: the station's time with which that of the page begins.
@@ -102,18 +98,14 @@ def serve_fleet(
     The rest is as for `serve_desk`.
     """
     desk = AirDesk(fleet, station, AirDriver(fleet, clock), clock, began)
-    serve_desk(desk, clock, host=host, port=port, insecure=insecure, allow=allow, open_browser=open_browser, say=say)
+    serve_desk(desk, clock, address=address, say=say)
 
 
 def serve_desk(
     desk: Desk | ReplayDesk,
     clock: Clock,
     *,
-    host: str,
-    port: int,
-    insecure: bool,
-    allow: Sequence[str] = (),
-    open_browser: bool,
+    address: Address,
     say: Callable[[str], None],
     around: AbstractContextManager[object] = NOTHING,
 ) -> None:
@@ -128,11 +120,7 @@ def serve_desk(
     pages = serve_pages(
         app,
         desk.driver.run,
-        host=host,
-        port=port,
-        insecure=insecure,
-        allow=allow,
-        open_browser=open_browser,
+        address=address,
         say=say,
         around=around,
     )
@@ -143,11 +131,7 @@ async def serve_nomads(
     nomads: Nomads,
     clock: Clock,
     *,
-    host: str,
-    port: int,
-    insecure: bool,
-    allow: Sequence[str] = (),
-    open_browser: bool,
+    address: Address,
     say: Callable[[str], None],
     port_option: str = "--port",
 ) -> None:
@@ -163,11 +147,7 @@ async def serve_nomads(
     await serve_pages(
         app,
         nomads.live,
-        host=host,
-        port=port,
-        insecure=insecure,
-        allow=allow,
-        open_browser=open_browser,
+        address=address,
         say=say,
         port_option=port_option,
     )
@@ -177,30 +157,24 @@ async def serve_pages(
     make: Callable[[Door], Starlette],
     live: Callable[[], Coroutine[Any, Any, None]],
     *,
-    host: str,
-    port: int,
-    insecure: bool,
-    allow: Sequence[str] = (),
-    open_browser: bool,
+    address: Address,
     say: Callable[[str], None],
     port_option: str = "--port",
     around: AbstractContextManager[object] = NOTHING,
 ) -> None:
     """Serve an application until Ctrl-C, or until what it shows has ended.
 
-    make: gives the application that this door is for. live: lets what is shown live. host, port: where to listen; port
-    0 takes any free one. insecure: allow a host that others can reach, though nothing is encrypted. allow: names
-    besides the addresses of this machine by which the page may be asked for. open_browser: open the page at once. say:
-    tells the person at the terminal what is going on. port_option: the option for the port. around: entered once there
-    is a port, before anybody is told of it, and left when all has ended. Raises MisuseError for a host that others can
-    reach, PortError for a port that is taken or forbidden.
+    make: gives the application that this door is for. live: lets what is shown live. say: tells the person at the
+    terminal what is going on. port_option: the option for the port. around: entered once there is a port, before
+    anybody is told of it, and left when all has ended. Raises MisuseError for a host that others can reach, PortError
+    for a port that is taken or forbidden.
     """
-    _check_host(host, insecure)
-    hosts = hosts_of(host, allow)
-    listener = listen(host, port, port_option)
+    _check_host(address.host, address.insecure)
+    hosts = hosts_of(address.host, address.allow)
+    listener = listen(address.host, address.port, port_option)
     token = token_urlsafe(16)
     taken: int = listener.getsockname()[1]
-    address = f"http://{_in_url(_reachable(host))}:{taken}/?token={token}"
+    url = f"http://{_in_url(_reachable(address.host))}:{taken}/?token={token}"
     config = uvicorn.Config(
         make(Door(token, hosts, taken)),
         log_level="error",
@@ -212,7 +186,7 @@ async def serve_pages(
         lifespan="off",
     )
     with closing(listener), around:
-        say(_invitation(address, open_browser and _has_screen()))  # from here on Ctrl-C ends the loop in good order
+        say(_invitation(url, address.browser and _has_screen()))  # from here on Ctrl-C ends the loop in good order
         await _run(uvicorn.Server(config), live, listener)
 
 

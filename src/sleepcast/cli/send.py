@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -12,7 +11,7 @@ import click
 from sleepcast.cli.account import as_dict, foreseen, stages_as_dict, told
 from sleepcast.cli.air import Air, looking_for, operator
 from sleepcast.cli.evaluate import NegativeNumbersAllowed
-from sleepcast.cli.streams import complain, put
+from sleepcast.cli.streams import complain, put, somebody_there
 from sleepcast.cli.times import Seconds
 from sleepcast.cli.who import look_around
 from sleepcast.errors import SleepcastError, and_more
@@ -127,7 +126,7 @@ def refuse_unknown(station: AirStation, looker: Looker, text: str, as_json: bool
     names, robots = station.check(text).unknown, len(looker.minds) if looker.minds.complete else 0
     if not (names and robots):
         return
-    person = not as_json and _somebody_there()
+    person = not as_json and somebody_there()
     if not (person and click.confirm(f"{UnknownNameError(names, robots).why}. Send it all the same?", err=True)):
         station.caution = replace(station.caution, known=robots)
 
@@ -140,7 +139,7 @@ def _confirmed(station: AirStation, looker: Looker, draft: Draft, as_json: bool)
         checked = station.check(draft.text)
     except SleepcastError:
         return draft  # `settle` says it, and writes it down
-    if draft.confirmed or checked.errors or not checked.doubts or as_json or not _somebody_there():
+    if draft.confirmed or checked.errors or not checked.doubts or as_json or not somebody_there():
         return draft
     if not looker.minds:  # else they were told already
         complain(DoubtError(checked).shown)
@@ -209,16 +208,11 @@ def _in_stages(station: AirStation, draft: Draft, as_json: bool) -> int:
 
 def _typed(error: Exception) -> int:
     """The number that a person types. Raises the error where nobody can, and click.Abort at the end of input."""
-    if not _somebody_there():
+    if not somebody_there():
         raise error
     complain(str(error))
     number: int = click.prompt("Robots that are meant", type=int, err=True)
     return number
-
-
-def _somebody_there() -> bool:
-    """Whether a person can be asked."""
-    return sys.stdin is not None and sys.stdin.isatty()
 
 
 @click.command("ask", cls=NegativeNumbersAllowed, short_help="Ask robots on the air for a value.")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from math import inf
@@ -15,7 +14,7 @@ from sleepcast.cli.account import as_dict, told
 from sleepcast.cli.air import Air, expectation, operator, station_for
 from sleepcast.cli.interrupts import Interrupts, Terminated
 from sleepcast.cli.progress import Status
-from sleepcast.cli.streams import complain, put
+from sleepcast.cli.streams import complain, put, somebody_there
 from sleepcast.cli.times import Seconds
 from sleepcast.errors import MisuseError, printable
 
@@ -68,8 +67,7 @@ def stop(air: Air, seconds: float | None, as_json: bool) -> int:
         with station_for(air, complain, expected=expected) as station:
             sent = station.stop()
             complain(f"STOP goes out with {_our_key(station)}")
-            watched = sys.stdin is not None and sys.stdin.isatty()
-            patience = inf if watched or expected else UNWATCHED
+            patience = inf if somebody_there() or expected else UNWATCHED
             until = sent.message.issued + (patience if seconds is None else seconds)
             try:
                 _insist(station, sent, until, interrupts.check)

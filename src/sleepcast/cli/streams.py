@@ -32,6 +32,11 @@ class ReaderGone(Exception):
     """Whoever read our output has closed it; nobody is left to tell anything."""
 
 
+def somebody_there() -> bool:
+    """Whether a person at a terminal can be asked."""
+    return sys.stdin is not None and sys.stdin.isatty()
+
+
 def open_streams() -> None:
     """Let every text print: what the terminal's encoding lacks, and bytes that came in undecoded, are escaped."""
     import io

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import nan
 from re import compile as pattern
 
@@ -61,12 +61,16 @@ class Finding:
 
     @property
     def weight(self) -> int:
-        """How much it matters that somebody sees it: an error keeps a text from being sent, and so may the next two."""
-        return 3 if self.severity == "error" else 2 if self.confirm else 1 if self.unknown else 0
+        return _weight(self.severity, self.unknown, confirm=self.confirm)
 
     def render(self, text: str) -> str:
         """The message, the line it is about, and carets under the spot."""
         return with_caret(self.message, text, self.start, self.end)
+
+
+def _weight(severity: str, unknown: str, *, confirm: bool) -> int:
+    """How much a finding matters to people: an error keeps a text from being sent, and so may the next two."""
+    return 3 if severity == "error" else 2 if confirm else 1 if unknown else 0
 
 
 class Findings:
@@ -84,10 +88,10 @@ class Findings:
     ) -> None:
         """Note one more, `@@` in whose message becomes its line and column."""
         self.counts[severity] += 1
-        found = Finding(severity, message, start, end, unknown, confirm)
-        if self._kept[found.weight] < MAX_FINDINGS:
-            self._kept[found.weight] += 1
-            self.kept.append(replace(found, message=placed(message, self.text, start)))
+        weight = _weight(severity, unknown, confirm=confirm)
+        if self._kept[weight] < MAX_FINDINGS:
+            self._kept[weight] += 1
+            self.kept.append(Finding(severity, placed(message, self.text, start), start, end, unknown, confirm))
 
     def shown(self) -> tuple[Finding, ...]:
         """Those that a person is shown, in the order of the text; of too many, those of the most weight."""

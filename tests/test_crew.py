@@ -19,7 +19,7 @@ from sleepcast.channel.line import Line
 from sleepcast.channel.mailbox import Mailbox
 from sleepcast.channel.transport import Transport, open_transport
 from sleepcast.channel.trunk import Trunk
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Crew, Member, vocabulary_of
 from sleepcast.node.node import Node

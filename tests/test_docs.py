@@ -38,6 +38,7 @@ import pytest
 
 from language.cases import NodeMachine, Setting, apply_setting, mismatch, read_case
 from sleepcast.cli import program
+from sleepcast.core.units import UNITS
 from sleepcast.language import List, ReadError, check, read
 from sleepcast.language.classic import ClassicError, ClassicMachine
 from sleepcast.language.form import walk
@@ -45,7 +46,6 @@ from sleepcast.language.functions import FUNCTIONS
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Simulator, find_scenario
 from sleepcast.station import Station
-from sleepcast.units import UNITS
 from test_layout import GROUND, HOUSE, modules
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -41,18 +41,9 @@ def room(rooms: str = "", libraries: str = "", late: str = "") -> Room:
     return Room(frozenset(rooms.split()), frozenset(libraries.split()), frozenset(late.split()))
 
 
-GROUND = frozenset(
-    {"errors", "clock", "units", "arrays", "parcel", "files", "code_cache", "team"}
-)  # everybody may import these
+GROUND = frozenset({"core"})  # everybody may import it
 HOUSE = {
-    "errors": room(),
-    "clock": room(),
-    "units": room(),
-    "arrays": room(libraries="numpy"),
-    "parcel": room(libraries="msgspec", late="numpy"),
-    "files": room(),
-    "code_cache": room(),
-    "team": room(libraries="numpy"),
+    "core": room(libraries="msgspec numpy"),
     "language": room(),
     "channel": room(libraries="msgspec numpy cbor2 nacl zenoh"),
     "robot": room(),
@@ -154,20 +145,20 @@ def test_imports_are_found_wherever_they_stand() -> None:
     source = """
 from typing import TYPE_CHECKING
 import os.path
-from . import errors
+from .core import errors
 if TYPE_CHECKING:
-    from .units import Unit
+    from .core.units import Unit
 def late():
-    from sleepcast import clock
+    from sleepcast.core import clock
     import numpy as np
 """
     found = [(each.target, each.early) for each in walk_imports(ast.parse(source), PACKAGE, early=True)]
     assert found == [
         ("typing", True),
         ("os.path", True),
-        ("sleepcast.errors", True),
-        ("sleepcast.units", False),
-        ("sleepcast.clock", False),
+        ("sleepcast.core.errors", True),
+        ("sleepcast.core.units", False),
+        ("sleepcast.core.clock", False),
         ("numpy", False),
     ]
 

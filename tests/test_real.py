@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from sleepcast.channel import Kind, Message
-from sleepcast.clock import ManualClock
-from sleepcast.errors import SleepcastError
+from sleepcast.core.clock import ManualClock
+from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import Watch, run_robot, vocabulary_of
 from sleepcast.node.node import Node
 from sleepcast.robot import Reading

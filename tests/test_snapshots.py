@@ -21,8 +21,8 @@ import pytest
 from hypothesis import given, note, settings
 from hypothesis import strategies as st
 
-from sleepcast import parcel
-from sleepcast.errors import SleepcastError
+from sleepcast.core import serial
+from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import SnapshotError, Swarm, load, resume, save, snapshot
 from sleepcast.loop.snapshots import FORMAT, KIND, Document, SnapshotLostError
 from sleepcast.simulator import Changes, Scenario, find_scenario, scenario_names
@@ -354,7 +354,7 @@ def test_whatever_stands_in_a_part_it_is_refused_or_runs(part: str, data: st.Dat
 
 
 def test_a_huge_part_does_not_fill_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parcel, "LEAST_ROOM", 1024**2)
+    monkeypatch.setattr(serial, "LEAST_ROOM", 1024**2)
     bomb = document(whole())
     bomb.fleet = zlib.compress(bytes(50 * 1024**2), 9)
     assert "has more than" in refused(msgspec.msgpack.encode(bomb))

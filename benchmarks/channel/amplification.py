@@ -19,7 +19,7 @@ from sleepcast.channel.door import Door
 from sleepcast.channel.envelope import encode
 from sleepcast.channel.keys import KeyPair, Role, Trust
 from sleepcast.channel.mailbox import BATCH, MENDED_A_SECOND, Mailbox
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 
 FLEET = "lab"
 COMMANDS = 120

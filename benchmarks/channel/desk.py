@@ -23,7 +23,7 @@ from benchmarks.report import Json
 from sleepcast.channel import Kind
 from sleepcast.channel.bodies import WITHIN
 from sleepcast.cli.air import FLEET, Air, line_for
-from sleepcast.clock import UnixClock
+from sleepcast.core.clock import UnixClock
 from sleepcast.language import Vocabulary
 from sleepcast.station.accounting import Command
 from sleepcast.station.aired import AirStation

@@ -19,7 +19,7 @@ from sleepcast.channel.door import Door, Drop
 from sleepcast.channel.envelope import FIXED, MAX_DATAGRAM, PAYLOAD_AT, encode
 from sleepcast.channel.keys import KeyChange, KeyPair, Role, Trust
 from sleepcast.channel.mailbox import Mailbox
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 
 NOW = 1_000.0
 FLEET = "field"

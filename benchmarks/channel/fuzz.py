@@ -27,7 +27,7 @@ from sleepcast.channel.door import Door, Drop
 from sleepcast.channel.keys import KeyPair, Role, Trust
 from sleepcast.channel.mailbox import Mailbox
 from sleepcast.cli.progress import steps
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 from sleepcast.language import Vocabulary
 from sleepcast.node.node import Node
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 import sleepcast
 from sleepcast.channel.message import Kind, Message
+from sleepcast.core.units import Quantity
 from sleepcast.fleet import Fleet
 from sleepcast.language import Vocabulary
-from sleepcast.units import Quantity
 
 Columns: TypeAlias = dict[str, NDArray[np.float64]]
 CROWD = Path(sleepcast.__file__).parent / "scenarios" / "crowd" / "crowd.sleep"

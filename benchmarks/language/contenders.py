@@ -17,8 +17,8 @@ from math import hypot, nan, sqrt
 from typing import Any
 
 from benchmarks.language.timing import Batch, calls
+from sleepcast.core.units import Quantity
 from sleepcast.language import FreshNames, Program, Rehearsal, Vocabulary, check, evaluate
-from sleepcast.units import Quantity
 
 PREDICATE = "(AND (< (DIST x y 3 4) 5) (> fuel 50) (> ordnance 70))"
 SENSORS = ("x", "y", "fuel", "ordnance")

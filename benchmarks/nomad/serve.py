@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import sys
 
-from sleepcast.clock import WallClock
+from sleepcast.core.clock import WallClock
 from sleepcast.nomad import Nserver, Pace, Windows
 from sleepcast.robot import Axes
 from sleepcast.simulator.nomad_worlds import nomad_world

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from contextlib import suppress
 
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 from sleepcast.nomad.client import Nomad, State
 
 NEAR, CLOSE = 15, 8

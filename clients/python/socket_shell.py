@@ -11,7 +11,7 @@ from places import READER, ROB1, line
 from scout import run, whole
 
 from sleepcast.channel.datagrams import Datagrams, send
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 
 LONGEST_LINE = 256
 """Bytes."""

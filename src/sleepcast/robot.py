@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from math import cos, nan, pi, remainder
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from sleepcast.units import Dimension, Quantity
+from sleepcast.core.units import Dimension, Quantity
 
 BRAKING = 0.8
 """Share of the acceleration that coming to rest in time counts on."""

@@ -16,7 +16,7 @@ from sleepcast.bridges import BodyError, open_robot
 from sleepcast.bridges.nomad import model_of
 from sleepcast.bridges.nomad_bases import SCOUT
 from sleepcast.bridges.nomad_robot import MAX_ERRANDS, BusyError, FencedError, NomadRobot
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 from sleepcast.loop import vocabulary_of
 from sleepcast.nomad.client import LostError, Nomad, RefusedError
 from sleepcast.nomad.units import TENTH

@@ -13,7 +13,7 @@ from sleepcast.channel.door import Door
 from sleepcast.channel.envelope import look
 from sleepcast.channel.keys import KeyPair, PublicKey, Role, Trust
 from sleepcast.channel.mailbox import Mailbox
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
 ROBOTS = KeyPair("r*", Role.ROBOT, b"r" * 32)

@@ -19,7 +19,7 @@ from sleepcast.channel.door import Door
 from sleepcast.channel.envelope import encode
 from sleepcast.channel.keys import KeyPair, Role, Trust
 from sleepcast.channel.transport import Transport, open_transport
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
 ROBOTS = KeyPair("r*", Role.ROBOT, b"r" * 32)

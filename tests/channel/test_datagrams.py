@@ -9,7 +9,7 @@ import time
 import pytest
 
 from sleepcast.channel.datagrams import LARGEST, MAX_AT_ONCE, MAX_BYTES, DatagramError, Datagrams, pack, send, unpack
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 
 LONGEST = 20.0
 

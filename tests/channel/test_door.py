@@ -28,7 +28,7 @@ from sleepcast.channel.door import (
 from sleepcast.channel.envelope import HEAD, PAYLOAD_AT, SIGNATURE_HEAD, encode, look, signed_bytes
 from sleepcast.channel.keys import ID_BYTES, KeyPair, KeyRefusal, Role, Trust
 from sleepcast.channel.message import MAX_TEXT
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 
 DESK = KeyPair("desk", Role.OPERATOR, b"d" * 32)
 CHIEF = KeyPair("chief", Role.COMMANDER, b"c" * 32)

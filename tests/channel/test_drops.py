@@ -6,7 +6,7 @@ import pytest
 
 from sleepcast.channel.drops import AGAIN, MAX_STRANGERS, Drop, Drops, News
 from sleepcast.channel.keys import KeyPair, Role, Trust
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 
 DESK = KeyPair("desk", Role.OPERATOR, b"d" * 32)
 STRANGER = KeyPair("stranger", Role.OPERATOR, b"s" * 32)

@@ -25,7 +25,7 @@ from channel.test_envelope import unwritten
 from sleepcast.channel import Kind, bodies
 from sleepcast.channel.door import Door, Drop
 from sleepcast.channel.keys import KeyChange, PublicKey, Role, Trust
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "wire.md").read_text(encoding="utf-8")

@@ -11,7 +11,7 @@ from sleepcast.channel.keys import KeyPair, Role, Trust
 from sleepcast.channel.line import MAX_ANSWERED, Line
 from sleepcast.channel.mailbox import Mailbox
 from sleepcast.channel.transport import open_transport
-from sleepcast.clock import ManualClock, UnixClock
+from sleepcast.core.clock import ManualClock, UnixClock
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
 ROBOTS = KeyPair("r*", Role.ROBOT, b"r" * 32)

@@ -8,7 +8,7 @@ import pytest
 
 from sleepcast.channel import Kind, Message, MessageError
 from sleepcast.channel.message import MAX_NAME, MAX_NUMBER, MAX_TEXT
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 
 
 def test_an_id_tells_sender_epoch_and_number() -> None:

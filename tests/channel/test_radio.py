@@ -12,8 +12,8 @@ from channel_contract import Air, ChannelContract, message
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.chance import key, mix, uniform
 from sleepcast.channel.memory import OPERATOR, Radio, RadioModel
-from sleepcast.clock import ManualClock
-from sleepcast.errors import MisuseError
+from sleepcast.core.clock import ManualClock
+from sleepcast.core.errors import MisuseError
 
 
 def radio(model: RadioModel | None = None, robots: int = 1000, seed: int = 7) -> tuple[Radio, ManualClock]:

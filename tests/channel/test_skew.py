@@ -14,7 +14,7 @@ from sleepcast.channel.line import Line
 from sleepcast.channel.local import Local
 from sleepcast.channel.mailbox import Mailbox
 from sleepcast.channel.skew import ENOUGH, FRESH, MAX_CLOCKS, Skews
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 
 BOUND = 2.0
 

@@ -19,7 +19,7 @@ from sleepcast.channel.address import AddressError
 from sleepcast.channel.envelope import MAX_DATAGRAM
 from sleepcast.channel.local import LATE, MAX_WAITING, Local
 from sleepcast.channel.transport import Transport, open_transport
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 
 
 @pytest.fixture(params=list(MEDIA), scope="module")

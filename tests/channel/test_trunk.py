@@ -18,7 +18,7 @@ from sleepcast.channel.envelope import encode
 from sleepcast.channel.keys import KeyPair, Role
 from sleepcast.channel.transport import Transport, open_transport
 from sleepcast.channel.trunk import MAX_QUEUE, Branch, Trunk
-from sleepcast.clock import WallClock
+from sleepcast.core.clock import WallClock
 
 DESK = KeyPair("desk", Role.OPERATOR, b"d" * 32)
 ROBOTS = KeyPair("r*", Role.ROBOT, b"r" * 32)

@@ -12,8 +12,8 @@ from sleepcast.channel.chorus import Answers, Chorus
 from sleepcast.channel.memory import OPERATOR, Radio, RadioModel
 from sleepcast.channel.names import Names
 from sleepcast.channel.turns import Turns
-from sleepcast.clock import ManualClock
-from sleepcast.errors import MisuseError
+from sleepcast.core.clock import ManualClock
+from sleepcast.core.errors import MisuseError
 
 ONE = np.array([0])
 

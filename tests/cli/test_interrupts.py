@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from cli.calling import LONGEST
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import load, resume
 from sleepcast.simulator.recording import load_recording
 from small_worlds import write

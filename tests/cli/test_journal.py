@@ -20,7 +20,7 @@ from cli.calling import Called, called
 from cli.test_crew import account, swarm
 from sleepcast.cli import main
 from sleepcast.cli.journals import journal_of, opened
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 from sleepcast.station import Event
 from sleepcast.station.sqlite_journal import SqliteJournal
 

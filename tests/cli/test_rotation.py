@@ -15,7 +15,7 @@ from sleepcast.cli.film import film_of
 from sleepcast.cli.headless import assemble
 from sleepcast.cli.page import outlines
 from sleepcast.cli.recording import Wanted, recorded
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Changes, Circle, Wall, find_scenario, load
 from sleepcast.simulator.recorder import Recorder
 from sleepcast.simulator.recording import Recording, load_recording

@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from sleepcast.cli.page import SwarmOnPage
-from sleepcast.clock import ManualClock
 from sleepcast.console.answers import Obstacles
 from sleepcast.console.desk import Desk
 from sleepcast.console.driver import Driver
 from sleepcast.console.explaining import ShownStep
 from sleepcast.console.ledger import MOST_ROWS
-from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.core.clock import ManualClock
+from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.loop import Pace, Swarm
 from sleepcast.simulator import Wall
 from sleepcast.station import FAULT, MATCHED, NO, NOT_MATCHED, SILENT, UNKNOWN, YES, Caution, DoubtError, Station

@@ -12,8 +12,8 @@ import pytest
 
 from console.running import PATIENCE
 from sleepcast.cli.page import SwarmOnPage
-from sleepcast.clock import WallClock
 from sleepcast.console.driver import FRAME_PERIOD, SLICE, Driver
+from sleepcast.core.clock import WallClock
 from sleepcast.loop import Pace, Swarm
 from small_worlds import simulator
 

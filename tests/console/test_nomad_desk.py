@@ -8,7 +8,7 @@ import pytest
 
 from sleepcast.console.nomad_orders import END_OF_ORDER, ORDERS, check
 from sleepcast.console.nomad_pictures import Added, Tail
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.nomad.requests import SHAPES, Kind
 
 

@@ -17,7 +17,7 @@ import pytest
 from console.running import Program, open_page
 from sleepcast.console import server
 from sleepcast.console.server import DEFAULT_PORT, PortError, is_loopback, listen
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from small_worlds import write
 
 

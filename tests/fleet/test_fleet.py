@@ -11,13 +11,13 @@ import pytest
 from fleet.twins import Twins, vocabulary
 from language.cases import SENSORS
 from sleepcast.channel.message import Kind, Message
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
+from sleepcast.core.units import Quantity
 from sleepcast.fleet import Fleet, FleetError, columns, limits, pure
 from sleepcast.language import CheckError, ReadError, Vocabulary
 from sleepcast.language.parts import Template
 from sleepcast.node import memory, node, scheduler, speech
 from sleepcast.station.minds import FleetNames
-from sleepcast.units import Quantity
 
 X = [sensor.name for sensor in SENSORS].index("x")
 

@@ -23,7 +23,7 @@ from language.authors import Author
 from language.cases import SENSORS
 from sleepcast import fleet, language, node
 from sleepcast.channel.message import Kind, Message
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 from sleepcast.fleet import columns
 from sleepcast.fleet.kernels import Kernels, available
 

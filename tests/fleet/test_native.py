@@ -19,10 +19,10 @@ from hypothesis import strategies as st
 
 from fleet.twins import Twins
 from language.cases import SENSORS
+from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet import columns, kernels, native, tallies
 from sleepcast.fleet.formulas import FORMULAS
 from sleepcast.fleet.kernels import Kernels, available, translatable
-from sleepcast.team import Team
 
 pytestmark = [
     pytest.mark.skipif(not available(), reason="native code needs llvmlite, the extra `fast`"),
@@ -88,7 +88,7 @@ def sensed(chance: Random, robots: int = ROBOTS) -> list[list[float]]:
 
 def forced(twins: Twins, threads: int = 2) -> Kernels:
     """Let the fleet of the twins make native code of everything at once."""
-    made = twins.fleet.kernels = twins.fleet.memory.kernels = Kernels(hot=0, team=Team(threads))
+    made = twins.fleet.kernels = twins.fleet.memory.kernels = Kernels(hot=0, pool=ThreadPool(threads))
     return made
 
 

@@ -12,10 +12,10 @@ from fleet.twins import Twins, vocabulary
 from language.authors import Author
 from language.cases import SENSORS, Body
 from sleepcast.channel.message import Kind, Message
+from sleepcast.core.serial import pack, unpack
 from sleepcast.fleet import Fleet
 from sleepcast.fleet.parcels import FleetParcel
 from sleepcast.fleet.snapshot import restore, state_of
-from sleepcast.parcel import pack, unpack
 
 ROBOTS = 4
 MOST = 1 << 20

@@ -10,12 +10,12 @@ import pytest
 
 from fleet.twins import vocabulary
 from language.cases import SENSORS
+from sleepcast.core.serial import pack, unpack
 from sleepcast.fleet import Fleet, told
 from sleepcast.fleet.parcels import FleetParcel
 from sleepcast.fleet.snapshot import restore, state_of
 from sleepcast.fleet.told import NOT_YET
 from sleepcast.language import read
-from sleepcast.parcel import pack, unpack
 from sleepcast.station.minds import FleetNames
 
 ROBOTS = 6

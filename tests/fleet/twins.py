@@ -10,7 +10,7 @@ import numpy as np
 
 from language.cases import ACTUATORS, CONSTANTS, FUNCTIONS, SENSORS, Body
 from sleepcast.channel.message import Kind, Message
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 from sleepcast.fleet import Fleet, RobotView
 from sleepcast.language import Vocabulary
 from sleepcast.node.node import Node

@@ -20,6 +20,7 @@ import numpy as np
 
 from language.reference import Reference
 from sleepcast.channel import message
+from sleepcast.core.units import SPEED, Quantity
 from sleepcast.fleet import Fleet, RobotView
 from sleepcast.fleet.kernels import Kernels, available
 from sleepcast.fleet.view import Result as FleetResult
@@ -36,7 +37,6 @@ from sleepcast.language import (
 )
 from sleepcast.language.names import Operator
 from sleepcast.node.node import Node, Result
-from sleepcast.units import SPEED, Quantity
 
 FOLDER = Path(__file__).parent.parent / "cases"
 OTHER_DIALECTS = {"classic", "faithful"}

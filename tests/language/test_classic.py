@@ -18,7 +18,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.language.classic import (
     MESSAGES,
     ClassicError,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from sleepcast.channel.message import Kind, Message
-from sleepcast.errors import MAX_LINE, with_caret
+from sleepcast.core.errors import MAX_LINE, with_caret
 from sleepcast.language import CheckError, FreshNames, Vocabulary, check
 from sleepcast.language import checker as checkers
 from sleepcast.language.checker import MAX_FINDINGS

@@ -11,7 +11,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from language.authors import Author
-from sleepcast.errors import line_and_column
+from sleepcast.core.errors import line_and_column
+from sleepcast.core.units import LENGTH, NONE, RATE, SPEED, TIME, UNITS, Dimension
 from sleepcast.language.form import (
     PREFIXES,
     Form,
@@ -25,7 +26,6 @@ from sleepcast.language.form import (
     walk,
 )
 from sleepcast.language.reader import MAX_NAME, MAX_NESTING, MAX_TEXT, ReadError, is_name, read, read_all
-from sleepcast.units import LENGTH, NONE, RATE, SPEED, TIME, UNITS, Dimension
 
 SLOWEST = 0.5
 """Seconds for the worst text of the greatest length: a hundred times what an honest one of that length takes."""

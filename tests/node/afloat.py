@@ -15,10 +15,10 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.door import Door
 from sleepcast.channel.keys import Trust
 from sleepcast.channel.mailbox import Mailbox
+from sleepcast.core.units import NONE
 from sleepcast.language.vocabulary import HostFunction, Vocabulary
 from sleepcast.node.node import Node
 from sleepcast.node.store import Store
-from sleepcast.units import NONE
 
 TICK = 0.05
 """Seconds from one thought to the next."""

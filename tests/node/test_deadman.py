@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sleepcast.channel import Kind, Message
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.loop import vocabulary_of
 from sleepcast.node.deadman import read_lease
 from sleepcast.node.node import Node

@@ -17,7 +17,7 @@ import pytest
 
 from node.afloat import NOTES, Afloat, Living, World
 from sleepcast.channel import Kind
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 from sleepcast.node.node import Node
 from sleepcast.node.store import Store
 from sleepcast.node.store_file import Content, examine
@@ -294,7 +294,7 @@ from random import Random
 sys.path[:0] = sys.argv[2:]
 from node.test_integrity import Kind, Node, NOTES, World, Store
 from sleepcast.channel.message import Message
-from sleepcast.clock import UnixClock
+from sleepcast.core.clock import UnixClock
 
 def begin(file):
     store, node = Store(file, UnixClock(), lambda said: None), Node("r0", NOTES, body=World(), on_air=True)

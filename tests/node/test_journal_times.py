@@ -7,7 +7,7 @@ from pathlib import Path
 
 from safety.scene import VOCABULARY, Body
 from sleepcast.channel import Kind, Message
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 from sleepcast.node.node import Node
 from sleepcast.node.store import Store
 

@@ -16,7 +16,7 @@ from channel.air import DESK
 from node.afloat import NOTES, TICK, Afloat, KilledError, Living, World
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.mailbox import Mailbox
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 from sleepcast.node.node import Node
 from sleepcast.node.store import InUseError, Store, StoreError
 

@@ -17,10 +17,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sleepcast.core.units import LENGTH, RATE, SPEED, Quantity
 from sleepcast.language.vocabulary import HostFunction, Kind, Variable, Vocabulary, VocabularyError
 from sleepcast.node.node import Node
 from sleepcast.node.variables import LinkError, VariableTable, actuator, command, function, sensor
-from sleepcast.units import LENGTH, RATE, SPEED, Quantity
 
 INCH = 0.0254
 

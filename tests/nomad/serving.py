@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from math import inf
 from threading import Event, Thread
 
-from sleepcast.clock import WallClock
+from sleepcast.core.clock import WallClock
 from sleepcast.nomad import Nserver, Pace, Windows
 from sleepcast.robot import SimulatedWorld
 

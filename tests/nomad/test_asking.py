@@ -13,7 +13,7 @@ import pytest
 
 from nomad.serving import LONGEST
 from sleepcast.bridges.nomad import BASES, model_of
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.nomad.asking import mask_words, order_words, packet_words, text_words
 from sleepcast.nomad.client import Nomad
 from sleepcast.nomad.report import Answer, read_state

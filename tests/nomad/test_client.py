@@ -12,7 +12,7 @@ from threading import Thread
 import pytest
 
 from nomad.serving import LONGEST, Served, serving
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.nomad.client import LAYERS, Kind, LostError, Nomad, Pose, RefusedError, RequestError
 from sleepcast.nomad.nclient import State
 from sleepcast.simulator.nomad_worlds import nomad_world

@@ -6,7 +6,7 @@ from math import inf
 
 import pytest
 
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 from sleepcast.nomad.notes import BURST, Notes
 from sleepcast.nomad.pace import LONGEST_DEBT, STANDSTILL, Pace
 

@@ -9,7 +9,7 @@ from contextlib import asynccontextmanager
 import pytest
 
 from nomad.test_server import Caller, Served, eventually, play, served
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.nomad import RealRobot, real_robot
 from sleepcast.nomad.relay import REAL_TIMEOUT
 from sleepcast.nomad.requests import Kind

@@ -12,8 +12,8 @@ from random import Random
 
 import pytest
 
-from sleepcast.clock import WallClock
-from sleepcast.errors import MisuseError
+from sleepcast.core.clock import WallClock
+from sleepcast.core.errors import MisuseError
 from sleepcast.nomad import Nserver, Pace, ServerError, Windows, own_addresses
 from sleepcast.nomad import server as nomad_server
 from sleepcast.nomad.line import MAX_BUFFERED, TURN

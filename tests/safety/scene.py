@@ -15,14 +15,14 @@ from sleepcast.channel.door import Door
 from sleepcast.channel.keys import KeyPair, PublicKey, Role, Trust
 from sleepcast.channel.line import Line
 from sleepcast.channel.mailbox import Mailbox
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
+from sleepcast.core.units import Quantity
 from sleepcast.language import HostFunction, Vocabulary
 from sleepcast.node.node import Node
 from sleepcast.station.aired import AirStation
 from sleepcast.station.expectation import NOBODY_SAID, Expectation
 from sleepcast.station.minds import Minds
 from sleepcast.station.settling import Caution
-from sleepcast.units import Quantity
 
 START = 1_000_000.0
 STEP = 0.01

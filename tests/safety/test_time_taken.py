@@ -15,7 +15,7 @@ from sleepcast.channel.envelope import encode, look, read_message, read_piece
 from sleepcast.channel.keys import KeyPair, Role
 from sleepcast.channel.mailbox import TIMES_TOLD
 from sleepcast.channel.sync import MAX_TRIP, SLOWEST
-from sleepcast.clock import ManualClock, epoch_at
+from sleepcast.core.clock import ManualClock, epoch_at
 
 TODAY = 1_795_000_000.0
 WAKES = 600.0

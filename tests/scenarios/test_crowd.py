@@ -10,7 +10,7 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Changes, Simulator, Wall, choose, find_scenario
 from sleepcast.station import Station

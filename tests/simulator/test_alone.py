@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from robot_contract import Rig, RobotContract
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 from sleepcast.robot import Setpoint
 from sleepcast.simulator import LoneBody
 from sleepcast.simulator.alone import MOST_AT_ONCE

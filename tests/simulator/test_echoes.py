@@ -10,7 +10,7 @@ import pytest
 
 from machines import ALL
 from sleepcast.channel.chance import key
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.echoes import Echoes
 from sleepcast.simulator.noise import Noise

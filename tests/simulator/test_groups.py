@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from simulator.test_sorts import SORTS, mixed
+from sleepcast.core.units import LENGTH
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Changes, SettingsError, Simulator, load
-from sleepcast.units import LENGTH
 from small_worlds import SMALL, scouts, small, write
 
 GROUPS = """

@@ -10,7 +10,7 @@ from random import Random
 import numpy as np
 import pytest
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.loop import vocabulary_of
 from sleepcast.node.node import Node
 from sleepcast.robot import Limits, Setpoint

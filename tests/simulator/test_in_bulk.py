@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from machines import MACHINES
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Setpoint
 from sleepcast.simulator.engine import Machine
 from small_worlds import scouts, simulator

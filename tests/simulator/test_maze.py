@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Changes, SettingsError, Simulator, Wall, load
 from sleepcast.simulator.maze import MAX_CELLS, maze
 from small_worlds import SCOUTS, write

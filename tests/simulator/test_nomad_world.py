@@ -11,7 +11,7 @@ import pytest
 
 from machines import ALL
 from simulator.nomad_time import run, until_rest
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Axes, Pose
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.nomad_worlds import nomad_world

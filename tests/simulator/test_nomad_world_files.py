@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Corners, Pose
 from sleepcast.simulator import Area, SettingsError, find_scenario, load, scenario_names
 from sleepcast.simulator.areas import inside

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from machines import ALL
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Axes, Corners, Pose
 from sleepcast.simulator.grid import distance
 from sleepcast.simulator.nomad_worlds import nomad_world

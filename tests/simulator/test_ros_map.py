@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from sleepcast.cli.page import scene_of
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Area, Scenario, SettingsError, Simulator, load
 from sleepcast.simulator.ros_map import MAX_PIXELS, read_map
 from small_worlds import SCOUTS, write

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import SettingsError, find_scenario, load, scenario_names
 from sleepcast.simulator.robot_settings import Wheels
 from sleepcast.simulator.settings import key_lines

@@ -10,7 +10,7 @@ import pytest
 
 from machines import ALL, MACHINES
 from robot_contract import Rig, RobotContract
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.body import TUMBLE
 from sleepcast.simulator.contact import SKIN

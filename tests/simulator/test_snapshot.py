@@ -11,8 +11,8 @@ import pytest
 
 from simulator.test_events import THINGS
 from simulator.test_sorts import SORTS, mixed
-from sleepcast.errors import MisuseError
-from sleepcast.parcel import ParcelError, pack, unpack
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.serial import SerialError, pack, unpack
 from sleepcast.simulator import Area, Circle, Simulator, Wall, find_scenario, world
 from sleepcast.simulator.packing import pack as packed_scenario
 from sleepcast.simulator.snapshot import SimulatorParcel, resume, state_of
@@ -182,7 +182,7 @@ def test_what_no_run_comes_to_is_refused(tmp_path: Path) -> None:
         there = columns["sensed"][3] if name == "speed" else columns[name]
         before = there[2]
         there[2] = value
-        with pytest.raises(ParcelError, match=name.split()[0]):
+        with pytest.raises(SerialError, match=name.split()[0]):
             resume(kept(sim))
         there[2] = before
     assert resume(kept(sim)).state_hash() == sim.state_hash()
@@ -194,13 +194,13 @@ def test_what_no_run_comes_to_is_refused(tmp_path: Path) -> None:
         replace(scenario, robots=replace(scenario.robots, count=11)),
         replace(scenario, robots=replace(scenario.robots, ring=None)),
     ):
-        with pytest.raises(ParcelError):
+        with pytest.raises(SerialError):
             resume(broken(parcel, scenario=packed_scenario(wrong)))
     for changes in ({"tick": -1}, {"seed": -1}, {"following": 1}, {"things": b"[]"}, {"said": [(0.0, 99, "")]}):
-        with pytest.raises(ParcelError):
+        with pytest.raises(SerialError):
             resume(broken(parcel, **changes))
     for name in parcel.columns:
         columns = dict(parcel.columns)
         del columns[name]
-        with pytest.raises(ParcelError, match="columns"):
+        with pytest.raises(SerialError, match="columns"):
             resume(broken(parcel, columns=columns))

@@ -7,7 +7,7 @@ from math import inf, nan
 import numpy as np
 import pytest
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.simulator.grid import distance, grid_over, list_solids, pairs, sort
 from sleepcast.simulator.world import Circle, Polygon, Shape, Wall, World, edge, rooms
 

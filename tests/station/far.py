@@ -8,7 +8,7 @@ from itertools import count
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.bodies import LOOK, OF, Look
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 from sleepcast.node.node import Node
 from sleepcast.station import Station
 from sleepcast.station.remote import RemoteMinds

@@ -6,11 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from sleepcast.channel import Message
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
+from sleepcast.core.units import Quantity
 from sleepcast.language import HostFunction, Vocabulary
 from sleepcast.node.node import Node
 from sleepcast.station import Station
-from sleepcast.units import Quantity
 
 FRACTION = {"low": 0.0, "high": 1.0, "shown_as": "%"}
 

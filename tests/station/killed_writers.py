@@ -15,7 +15,7 @@ from pathlib import Path
 from random import Random
 from typing import BinaryIO
 
-from sleepcast.clock import UnixClock
+from sleepcast.core.clock import UnixClock
 from sleepcast.station import Event
 from sleepcast.station.sqlite_journal import SqliteJournal
 

@@ -9,8 +9,8 @@ from math import inf
 import pytest
 
 from sleepcast.channel import Kind, Message
-from sleepcast.clock import ManualClock
-from sleepcast.errors import MisuseError
+from sleepcast.core.clock import ManualClock
+from sleepcast.core.errors import MisuseError
 from sleepcast.language import CheckError, ReadError
 from sleepcast.station import (
     DEADLINE,

@@ -17,7 +17,7 @@ from sleepcast.channel.envelope import look
 from sleepcast.cli.channel_page import EMPTY, FleetOnPage
 from sleepcast.cli.watch import Window
 from sleepcast.console import Scene as Ground
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 from sleepcast.station.aired import AirStation
 from sleepcast.station.looking import Looker
 from sleepcast.station.remote import RemoteMinds

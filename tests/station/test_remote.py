@@ -9,6 +9,7 @@ import pytest
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.bodies import TOLD, Look
+from sleepcast.core.units import Quantity
 from sleepcast.language import Vocabulary
 from sleepcast.language.vocabulary import Constant, HostFunction
 from sleepcast.node.looks import digest
@@ -16,7 +17,6 @@ from sleepcast.node.node import Node
 from sleepcast.station import Station
 from sleepcast.station.remote import MAX_TYPES, RemoteMinds
 from sleepcast.station.telling import TellingError, read_why
-from sleepcast.units import Quantity
 from station.far import Far
 from station.fleet import Fleet
 

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from sleepcast.channel.names import Names
-from sleepcast.clock import ManualClock
+from sleepcast.core.clock import ManualClock
 from sleepcast.station import Event, Station
 from sleepcast.station.journal import JournalError
 from sleepcast.station.journal_file import MAX_LISTED, NoJournalError

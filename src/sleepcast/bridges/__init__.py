@@ -7,7 +7,7 @@ from types import TracebackType
 from typing import Protocol, Self
 from urllib.parse import parse_qs, urlsplit
 
-from sleepcast.errors import MisuseError, did_you_mean
+from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.robot import Limits, Robot
 
 SCHEMES = {"nomad": "nomad://127.0.0.1:7019#1"}

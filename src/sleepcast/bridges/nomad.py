@@ -7,11 +7,11 @@ from math import inf, pi
 
 from sleepcast.bridges.nomad_bases import BASES, Base
 from sleepcast.bridges.nomad_robot import FRESH, PATIENCE, NomadRobot
+from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, Dimension, Quantity
 from sleepcast.nomad.client import PORT, Nomad
 from sleepcast.nomad.state import RING
 from sleepcast.nomad.units import INCH, INFRARED_STEP, NOTHING_HEARD, NOTHING_NEAR
 from sleepcast.robot import BodyFunction, Geometry, RobotModel
-from sleepcast.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, Dimension, Quantity
 
 __all__ = ["BASES", "PORT", "open_nomad"]
 

@@ -28,8 +28,8 @@ from types import TracebackType
 from typing import Literal, NamedTuple, Self
 
 from sleepcast.bridges.nomad_bases import BASES, Base
-from sleepcast.clock import Clock, WallClock
-from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.core.clock import Clock, WallClock
+from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.nomad.client import PARTING_SECONDS, LostError, Nomad, NomadError, Pose, RequestError, State
 from sleepcast.nomad.units import INCH, INFRARED_STEP, NOTHING_HEARD, NOTHING_NEAR
 from sleepcast.robot import Axes, Reading, RobotModel, Setpoint

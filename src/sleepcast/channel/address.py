@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from math import inf
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
-from sleepcast.errors import MisuseError, did_you_mean
+from sleepcast.core.errors import MisuseError, did_you_mean
 
 MAX_URI = 1_000
 """Characters of an address: names, options and their values, with room to spare."""

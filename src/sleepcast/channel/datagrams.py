@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
-from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.core.errors import MisuseError, SleepcastError
 
 MAX_BYTES = 128
 """Of one datagram."""

@@ -25,7 +25,7 @@ from sleepcast.channel.kept import Window
 from sleepcast.channel.keys import MAY, PublicKey, Role, Trust
 from sleepcast.channel.message import TO_OPERATOR, Kind, Message
 from sleepcast.channel.skew import Skews
-from sleepcast.clock import Clock
+from sleepcast.core.clock import Clock
 
 WINDOW = 4_096
 """Numbers back from the latest of a sender that are told apart: more than come in the seconds of a deadline."""

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import StrEnum
 from typing import NamedTuple, Protocol
 
-from sleepcast.clock import Clock
+from sleepcast.core.clock import Clock
 
 WINDOW = 1.0
 """Seconds over which rates are taken: long enough for a number that does not flicker, short enough to be news."""

@@ -15,7 +15,7 @@ from sleepcast.channel.mailbox import Mailbox
 from sleepcast.channel.message import MAX_NAME, Message
 from sleepcast.channel.order import Skipped
 from sleepcast.channel.trunk import Branch
-from sleepcast.clock import Clock
+from sleepcast.core.clock import Clock
 
 
 def ear_name(names: Sequence[str]) -> str:

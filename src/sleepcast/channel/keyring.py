@@ -20,8 +20,8 @@ from typing import TypeVar
 import msgspec
 
 from sleepcast.channel.keys import FINGERPRINT_BYTES, ID_BYTES, KeyChange, KeyPair, KeyRefusal, PublicKey, Role, Trust
-from sleepcast.errors import MisuseError, SleepcastError, did_you_mean
-from sleepcast.files import config_folder, replace_file
+from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
+from sleepcast.core.files import config_folder, replace_file
 
 FORMAT = 1
 MAX_BYTES = 8 * 1024 * 1024

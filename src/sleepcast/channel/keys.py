@@ -22,7 +22,7 @@ from nacl.signing import SigningKey, VerifyKey
 from sleepcast.channel.bodies import KEYS
 from sleepcast.channel.message import MAX_NAME, Kind, Message
 from sleepcast.channel.roles import Role as Role
-from sleepcast.errors import MisuseError, did_you_mean
+from sleepcast.core.errors import MisuseError, did_you_mean
 
 SEED_BYTES = PUBLIC_BYTES = 32
 SIGNATURE_BYTES = crypto_sign_BYTES

@@ -26,7 +26,7 @@ from sleepcast.channel.mailbox import LIFE, Mailbox
 from sleepcast.channel.message import Kind, Message, message_id
 from sleepcast.channel.order import Skipped
 from sleepcast.channel.transport import Transport
-from sleepcast.clock import Clock
+from sleepcast.core.clock import Clock
 
 LONGEST = 60.0
 """Seconds over which answers are spread at most."""

@@ -20,8 +20,8 @@ from typing import ClassVar
 from sleepcast.channel.address import AddressError, number, split
 from sleepcast.channel.bell import Bell
 from sleepcast.channel.envelope import MAX_DATAGRAM
-from sleepcast.clock import Clock
-from sleepcast.errors import SleepcastError
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import SleepcastError
 
 LATE = 0.05
 """Seconds by which what is reordered comes later: some others overtake it."""

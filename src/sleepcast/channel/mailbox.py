@@ -36,7 +36,7 @@ from sleepcast.channel.repairs import request, streams_in, wanted_parts
 from sleepcast.channel.shelf import Shelf
 from sleepcast.channel.sync import MAX_TRIP, NONCE_BYTES, Sync
 from sleepcast.channel.trickle import Trickle, mostly_late
-from sleepcast.clock import MADE
+from sleepcast.core.clock import MADE
 
 REPEATS = (0.03, 0.09, 0.21, 0.45)
 """Seconds after which a command is sent again, unasked: at 30 % loss two of a thousand hear none of the five."""

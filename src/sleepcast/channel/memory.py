@@ -25,9 +25,9 @@ from sleepcast.channel.launches import Batch, Fate, Launch, Numbers, Seconds, ba
 from sleepcast.channel.message import TO_OPERATOR, Kind, Message
 from sleepcast.channel.parcels import RadioParcel, ascending, packed, packed_launch, unpacked, unpacked_launch
 from sleepcast.channel.turns import Turns
-from sleepcast.clock import Clock
-from sleepcast.errors import MisuseError
-from sleepcast.parcel import Array, ParcelError, within
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.serial import Array, SerialError, within
 
 OPERATOR = -1
 """The operator's number among the parties."""
@@ -312,14 +312,14 @@ class Radio:
         self._waiting = [Launch(*unpacked_launch(each, names)) for each in parcel.waiting]
         self._on_the_way = sum(launch.size for launch in self._waiting)
         if self._on_the_way > MAX_WAITING or parcel.counts.keys() != asdict(self.counts).keys():
-            raise ParcelError(f"a radio with {self._on_the_way} copies on their way and {len(parcel.counts)} counts")
+            raise SerialError(f"a radio with {self._on_the_way} copies on their way and {len(parcel.counts)} counts")
         self._heard = [(message, ascending(robots, count)) for message, robots in parcel.heard]
         self._for_operator = [unpacked(what, names) for what in parcel.for_operator]
         self._repeats = Counter({(transmitter, message): times for transmitter, message, times in parcel.repeats})
         self._repeats_at = parcel.repeats_at
         self.counts = RadioCounts(**parcel.counts)
         if (parcel.free is None) != (self.turns is None):
-            raise ParcelError("transmitters that are busy where none can be")
+            raise SerialError("transmitters that are busy where none can be")
         if self.turns and parcel.free:
             self.turns.free = parcel.free.made(np.float64, self.turns.free.shape, "when transmitters are free")
             within(self.turns.free, -inf, inf, "when transmitters are free")

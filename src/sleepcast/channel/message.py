@@ -14,7 +14,7 @@ from math import inf, isnan
 import msgspec
 
 from sleepcast.channel.bodies import Link
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 
 MAX_TEXT = 16_384
 """Characters of an expression: what the language reads at most."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.chorus import Answers, Chorus, Reports, Told, Words
 from sleepcast.channel.message import MAX_NUMBER, Kind, Message
-from sleepcast.parcel import Array, ParcelError, within
+from sleepcast.core.serial import Array, SerialError, within
 
 Order = tuple[int, int, int, int, int]
 Numbers = NDArray[np.int64]
@@ -107,12 +107,12 @@ def unpacked_launch(
     if parcel.receivers is None:
         receivers = np.broadcast_to(np.int64(-1), len(what) if isinstance(what, Chorus) else 1)
     elif isinstance(what, Chorus):
-        raise ParcelError("a chorus that goes to robots")
+        raise SerialError("a chorus that goes to robots")
     else:
         receivers = ascending(parcel.receivers, len(names)).astype(np.int64)
     due = parcel.due if isinstance(parcel.due, float) else parcel.due.made(np.float64, receivers.shape, "due times")
     if receivers.size == 0 or np.isnan(due).any():
-        raise ParcelError("copies for nobody, or that are never due")
+        raise SerialError("copies for nobody, or that are never due")
     return parcel.order, what, receivers, due
 
 
@@ -131,7 +131,7 @@ def unpacked_chorus(parcel: ChorusParcel, names: Sequence[str]) -> Chorus:
     within(sequences, 0, MAX_NUMBER, "sequences")
     issued = parcel.issued.made(np.float64, shape, "issued")
     if not 0 <= parcel.epoch <= MAX_NUMBER or not parcel.lasts >= 0.0 or np.isnan(issued).any():
-        raise ParcelError("something said at no time or in no life")
+        raise SerialError("something said at no time or in no life")
     words = _words(parcel.words, shape)
     places = np.arange(len(robots))
     return Chorus(parcel.kind, names, parcel.epoch, robots, places, sequences, issued, parcel.lasts, words)
@@ -141,7 +141,7 @@ def ascending(listed: Array, count: int) -> NDArray[np.intp]:
     """Indices of some of `count` robots, each once. Raises ParcelError."""
     robots = listed.column(np.int32, count, "robots").astype(np.intp)
     if robots.size and (robots[0] < 0 or robots[-1] >= count or (np.diff(robots) <= 0).any()):
-        raise ParcelError("robots that are not there, or twice")
+        raise SerialError("robots that are not there, or twice")
     return robots
 
 

@@ -14,7 +14,7 @@ from secrets import token_bytes
 from sleepcast.channel.bodies import TIME
 from sleepcast.channel.door import Door
 from sleepcast.channel.message import Message
-from sleepcast.clock import MADE
+from sleepcast.core.clock import MADE
 
 NONCE_BYTES = 16
 """Bytes of a nonce: nobody guesses it, and it never comes again by chance."""

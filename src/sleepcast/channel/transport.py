@@ -9,8 +9,8 @@ from sleepcast.channel.address import AddressError
 from sleepcast.channel.local import Local
 from sleepcast.channel.message import Kind
 from sleepcast.channel.udp import EXAMPLE, Udp
-from sleepcast.clock import Clock, UnixClock
-from sleepcast.errors import did_you_mean
+from sleepcast.core.clock import Clock, UnixClock
+from sleepcast.core.errors import did_you_mean
 
 
 class Transport(Protocol):

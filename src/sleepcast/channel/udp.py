@@ -25,7 +25,7 @@ from sleepcast.channel.address import AddressError, split
 from sleepcast.channel.envelope import MAX_DATAGRAM
 from sleepcast.channel.message import TO_OPERATOR, Kind
 from sleepcast.channel.sieve import keep_only, sift
-from sleepcast.errors import SleepcastError, did_you_mean
+from sleepcast.core.errors import SleepcastError, did_you_mean
 
 EXAMPLE = "udp://239.255.83.76:47123?interface=lo"
 """Multicast that stays on this machine."""

@@ -22,7 +22,7 @@ from threading import Lock
 from sleepcast.channel.address import AddressError, split
 from sleepcast.channel.bell import Bell
 from sleepcast.channel.envelope import MAX_DATAGRAM
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 
 try:
     import zenoh

@@ -19,7 +19,7 @@ import click
 from sleepcast import __version__
 from sleepcast.cli.interrupts import INTERRUPTED
 from sleepcast.cli.streams import ReaderGone, complain, open_streams
-from sleepcast.errors import SleepcastError, did_you_mean
+from sleepcast.core.errors import SleepcastError, did_you_mean
 
 NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
 """What goes wrong with an output that a person sent to a file: a full disk, a quota, a broken device."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sleepcast.errors import printable
+from sleepcast.core.errors import printable
 
 if TYPE_CHECKING:
     from sleepcast.station.accounting import Accounting, Command

@@ -145,8 +145,8 @@ def looking_for(
     air: Air, say: Callable[[str], None], *, strict: bool = False, expected: Expectation | None = None
 ) -> Iterator[tuple[AirStation, Looker]]:
     """The same, with what asks robots to tell of themselves. It remembers what they told, too."""
-    from sleepcast.clock import UnixClock
-    from sleepcast.errors import MisuseError, printable
+    from sleepcast.core.clock import UnixClock
+    from sleepcast.core.errors import MisuseError, printable
     from sleepcast.station.aired import ABOVE, AirStation
     from sleepcast.station.contacts import Contacts, ContactsLostError
     from sleepcast.station.expectation import NOBODY_SAID
@@ -205,7 +205,7 @@ def line_for(
     from sleepcast.channel.line import Line
     from sleepcast.channel.message import Kind
     from sleepcast.channel.transport import listen_for, open_transport
-    from sleepcast.clock import UnixClock
+    from sleepcast.core.clock import UnixClock
 
     key, trust = _keys(air, robot, say)
     if not robot:
@@ -229,7 +229,7 @@ def lines_for(
     from sleepcast.channel.line import Line
     from sleepcast.channel.transport import open_transport
     from sleepcast.channel.trunk import Trunk
-    from sleepcast.clock import UnixClock
+    from sleepcast.core.clock import UnixClock
 
     key, trust = _keys(air, True, say)
     boxes = [_mailbox(air, name, key, trust, store, robot=True) for name in names]
@@ -255,8 +255,8 @@ def _mailbox(
     """A mailbox of this name. Raises MisuseError if the key is not its own."""
     from sleepcast.channel.door import Door
     from sleepcast.channel.mailbox import Mailbox
-    from sleepcast.clock import UnixClock, epoch_at
-    from sleepcast.errors import MisuseError
+    from sleepcast.core.clock import UnixClock, epoch_at
+    from sleepcast.core.errors import MisuseError
 
     if not key.public.is_of(name):
         raise MisuseError(f"the key of {key.public.owner!r} cannot speak for {name!r}: take another with --key")
@@ -289,7 +289,7 @@ def _keys(air: Air, robot: bool, say: Callable[[str], None]) -> tuple[KeyPair, T
         used_keys,
     )
     from sleepcast.channel.keys import Trust
-    from sleepcast.errors import SleepcastError
+    from sleepcast.core.errors import SleepcastError
 
     folder = air.folder or keys_folder()
     file = air.trust or folder / TRUST_FILE

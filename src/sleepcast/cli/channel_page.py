@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
 from sleepcast.console import Order, Outline, Rule, Scene
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
+from sleepcast.core.units import LENGTH, UNITS
 from sleepcast.language import Explanation, Variable, Vocabulary
 from sleepcast.language.machine import Program
 from sleepcast.language.names import Declared
@@ -26,7 +27,6 @@ from sleepcast.station.accounting import Command
 from sleepcast.station.aired import AirStation
 from sleepcast.station.looking import Looker
 from sleepcast.station.remote import RemoteMind, RemoteMinds
-from sleepcast.units import LENGTH, UNITS
 
 X, Y, HEADING = "x", "y", "heading"
 """The variables in which a robot says where it is (m, m, rad)."""

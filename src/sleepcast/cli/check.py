@@ -13,7 +13,7 @@ import click
 
 from sleepcast.cli.evaluate import NegativeNumbersAllowed
 from sleepcast.cli.streams import InputError, pieces, put, read_file, read_standard_input
-from sleepcast.errors import and_more
+from sleepcast.core.errors import and_more
 
 if TYPE_CHECKING:
     from sleepcast.cli.learned import LearnedNames
@@ -189,7 +189,7 @@ def _count(number: int, noun: str) -> str:
 
 
 def _as_dict(review: Review) -> dict[str, object]:
-    from sleepcast.errors import line_and_column
+    from sleepcast.core.errors import line_and_column
 
     findings = []
     for finding in review.findings:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from sleepcast.cli.memories import EVALUATED, REFUSED, UNKNOWN, Outcome
 from sleepcast.cli.streams import pieces
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.language.classic import ClassicError, ClassicMachine, Mode, TranscriptEntry, run_transcript
 
 

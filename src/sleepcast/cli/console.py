@@ -49,8 +49,8 @@ def console(
     """
     with looking_for(air, complain) as (station, looker):
         from sleepcast.cli.channel_page import EMPTY, FleetOnPage
-        from sleepcast.clock import WallClock
         from sleepcast.console import DEFAULT_PORT, Address, Scene, serve_fleet
+        from sleepcast.core.clock import WallClock
 
         if scenario is None:
             noun = "robots" if station.fleet_size else "robots heard so far"

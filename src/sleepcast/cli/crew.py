@@ -14,7 +14,7 @@ from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.restraints import restraints
 from sleepcast.cli.stores import open_store, store_option
 from sleepcast.cli.streams import announce, complain
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.cli.node_life import Beginning
@@ -136,7 +136,7 @@ def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> Cr
     """The minds with their bodies and their lines. Raises what the channel and the simulator raise."""
     from sleepcast.channel.chance import key
     from sleepcast.cli.time_taken import seek_time
-    from sleepcast.clock import UnixClock, WallClock
+    from sleepcast.core.clock import UnixClock, WallClock
     from sleepcast.loop import Crew, Member, vocabulary_of
     from sleepcast.node.node import Node
     from sleepcast.simulator import Changes, Guard, Simulator, choose, find_scenario, limited, read_limits

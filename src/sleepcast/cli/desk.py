@@ -10,7 +10,7 @@ import click
 
 from sleepcast.cli.air import Air, looking_for, on_air
 from sleepcast.cli.streams import complain
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.cli.desk_session import Session

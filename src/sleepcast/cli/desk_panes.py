@@ -16,11 +16,11 @@ from prompt_toolkit.utils import get_cwidth
 from sleepcast.channel import Kind
 from sleepcast.cli.account import FEW
 from sleepcast.cli.told import said
-from sleepcast.errors import printable
+from sleepcast.core.errors import printable
+from sleepcast.core.units import shown
 from sleepcast.language import Variable
 from sleepcast.station.accounting import Accounting, Command
 from sleepcast.station.roster import of_robots
-from sleepcast.units import shown
 
 if TYPE_CHECKING:
     from sleepcast.cli.desk_session import Session

@@ -27,7 +27,7 @@ from sleepcast.cli.desk_words import (
     spot_in,
 )
 from sleepcast.cli.streams import still_open
-from sleepcast.errors import MisuseError, SleepcastError, did_you_mean
+from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.language import ReadError, read
 from sleepcast.language.vocabulary import Variable
 from sleepcast.station.preview import NO, UNKNOWN, YES

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from sleepcast.cli.account import FEW
-from sleepcast.errors import SleepcastError, printable
+from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.station.aired import ANSWERS_A_SECOND, AirStation
 from sleepcast.station.settling import Draft
 from sleepcast.station.staging import Stages

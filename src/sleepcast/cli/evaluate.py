@@ -9,7 +9,7 @@ import click
 
 from sleepcast.cli.memories import Outcome, TypedMemory
 from sleepcast.cli.streams import complain, put, read_standard_input
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 
 _NEGATIVE_NUMBER = re.compile(r"-\.?[0-9]")
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.page import outlines, scene_of
 from sleepcast.cli.streams import announce
-from sleepcast.clock import WallClock
 from sleepcast.console import Address, serve_desk
 from sleepcast.console.answers import ShownRule
 from sleepcast.console.ledger import Row
 from sleepcast.console.replay import Film, Marks, ReplayDesk, ReplayDriver, Track, values_of
+from sleepcast.core.clock import WallClock
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.foxglove import read_log, read_poses
 from sleepcast.simulator.packing import unpack

@@ -14,7 +14,7 @@ from sleepcast.cli.interrupts import Interrupts, Terminated
 from sleepcast.cli.progress import steps
 from sleepcast.cli.snapshots import Keeping
 from sleepcast.cli.streams import complain
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.loop import Swarm, load, resume
 from sleepcast.simulator import Scenario, Simulator, rehearse
 from sleepcast.station import Caution, Journal, Station

@@ -19,7 +19,7 @@ from sleepcast.cli.air import FLEET
 from sleepcast.cli.journals import journal_of, journal_option
 from sleepcast.cli.streams import announce, complain, put
 from sleepcast.cli.times import Moment
-from sleepcast.errors import MisuseError, SleepcastError, printable
+from sleepcast.core.errors import MisuseError, SleepcastError, printable
 
 if TYPE_CHECKING:
     from sleepcast.station.journal_file import Written
@@ -202,7 +202,7 @@ def rotate(file: Path, at: str | None) -> int:
     """
     from contextlib import closing
 
-    from sleepcast.clock import UnixClock
+    from sleepcast.core.clock import UnixClock
     from sleepcast.station.journal_file import open_reading
     from sleepcast.station.sqlite_journal import Limits, SqliteJournal
 

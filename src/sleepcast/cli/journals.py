@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 import click
 
-from sleepcast.files import data_folder
+from sleepcast.core.files import data_folder
 
 if TYPE_CHECKING:
     from sleepcast.station.sqlite_journal import LateJournal
@@ -43,7 +43,7 @@ def journal_of(fleet: str) -> Path:
 
 def opened(journal: Path | None, fleet: str) -> LateJournal:
     """A journal for a desk to write to: the file, or that of the fleet."""
-    from sleepcast.clock import UnixClock
+    from sleepcast.core.clock import UnixClock
     from sleepcast.station.sqlite_journal import LateJournal
 
     return LateJournal(journal or journal_of(fleet), UnixClock(), HASTE)

@@ -48,7 +48,7 @@ def commander(folder: Path, owner: str | None) -> KeyPair:
     there is none."""
     from sleepcast.channel.keyring import DEVELOPMENT_DESK, KeyFileError, find_key, load_key, used_keys
     from sleepcast.channel.keys import Role
-    from sleepcast.errors import MisuseError
+    from sleepcast.core.errors import MisuseError
 
     if owner is not None:
         found = find_key(folder, owner)

@@ -12,7 +12,7 @@ import click
 from sleepcast.cli.air import Air
 from sleepcast.cli.key_changes import commander, endings, gathered, on_air_if_asked, tell
 from sleepcast.cli.streams import complain, put
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.channel.keys import PublicKey, Trust
@@ -60,7 +60,7 @@ def new(owner: str, role: str, folder: Path | None, file: Path | None, as_json: 
     """
     from sleepcast.channel.keyring import key_file, save_key
     from sleepcast.channel.keys import KeyPair, Role
-    from sleepcast.errors import MisuseError
+    from sleepcast.core.errors import MisuseError
 
     folder, file, trust = _opened(folder, file)
     secret = key_file(folder, owner)

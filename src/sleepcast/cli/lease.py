@@ -9,7 +9,7 @@ import click
 from sleepcast.cli.air import Air, operator, station_for
 from sleepcast.cli.send import GRACE, gathered
 from sleepcast.cli.streams import complain
-from sleepcast.errors import printable
+from sleepcast.core.errors import printable
 
 if TYPE_CHECKING:
     from sleepcast.channel.bodies import Deed

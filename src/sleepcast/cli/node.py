@@ -14,7 +14,7 @@ from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.restraints import restraints
 from sleepcast.cli.stores import chosen_store, no_store_option, open_store, store_option
 from sleepcast.cli.streams import complain
-from sleepcast.errors import MisuseError, did_you_mean
+from sleepcast.core.errors import MisuseError, did_you_mean
 
 if TYPE_CHECKING:
     from sleepcast.bridges import RealRobot
@@ -156,7 +156,7 @@ def _check_scheme(uri: str, real: Mapping[str, str]) -> None:
 def _simulated(uri: str, seed: int, number: int, in_step: bool, limits: Limits) -> RealRobot:
     """A body in the simulator. Raises MisuseError for a scenario that there is not."""
     from sleepcast.channel.chance import key
-    from sleepcast.clock import WallClock
+    from sleepcast.core.clock import WallClock
     from sleepcast.simulator import Changes, Guard, LoneBody, Simulator, choose, find_scenario, limited
 
     scenario = limited(find_scenario(uri.partition(":")[2] or SCENARIO, Changes(1, None, True)), limits)

@@ -19,8 +19,8 @@ from sleepcast.channel.datagrams import Datagrams, Numbers
 from sleepcast.channel.message import MAX_TEXT
 from sleepcast.cli.standard_memory import reported_body
 from sleepcast.cli.streams import announce, complain, still_open
-from sleepcast.clock import Clock
-from sleepcast.errors import printable
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import printable
 from sleepcast.language import format_value
 
 if TYPE_CHECKING:

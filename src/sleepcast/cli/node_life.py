@@ -15,8 +15,8 @@ from sleepcast.cli.node_desk import NOTHING_HEARD, NodeDesk, Typed
 from sleepcast.cli.streams import announce, complain, pieces, read_file
 from sleepcast.cli.time_taken import seek_time
 from sleepcast.cli.told import heard_at, news_of
-from sleepcast.clock import Clock, UnixClock, WallClock, epoch_at
-from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.core.clock import Clock, UnixClock, WallClock, epoch_at
+from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.language import List, Symbol, read, read_all, show
 from sleepcast.loop import Watch, run_robot, vocabulary_of
 from sleepcast.node.node import Node

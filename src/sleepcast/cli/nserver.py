@@ -18,7 +18,7 @@ import click
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.progress import unless_soon
 from sleepcast.cli.streams import ReaderGone, announce, complain
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.nomad import Nserver, Pace, RealRobot
@@ -86,7 +86,7 @@ def nserver(
     with Interrupts() as interrupts:
         import asyncio
 
-        from sleepcast.clock import WallClock
+        from sleepcast.core.clock import WallClock
         from sleepcast.nomad import Nserver, Pace, Windows, listening_places
         from sleepcast.simulator.nomad_worlds import nomad_world
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from sleepcast.cli.streams import announce
-from sleepcast.clock import WallClock
 from sleepcast.console import Address, serve_nomads
-from sleepcast.errors import MisuseError
+from sleepcast.core.clock import WallClock
+from sleepcast.core.errors import MisuseError
 from sleepcast.nomad import Nserver, Pace, RobotWindow, Sketch
 from sleepcast.nomad.hand import PAGE
 from sleepcast.nomad.state import in_words

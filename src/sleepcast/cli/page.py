@@ -14,8 +14,8 @@ from sleepcast.cli.interrupts import INTERRUPTED, TERMINATED, Terminated, end_no
 from sleepcast.cli.recording import Wanted, recorded
 from sleepcast.cli.snapshots import Keeping
 from sleepcast.cli.streams import announce
-from sleepcast.clock import WallClock
 from sleepcast.console import Address, Outline, Place, ReadyCommand, Scene, serve
+from sleepcast.core.clock import WallClock
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Pace, Swarm
 from sleepcast.simulator import Area, Circle, Scenario, Shape, Wall

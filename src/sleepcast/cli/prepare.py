@@ -12,7 +12,7 @@ import click
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.progress import unless_soon
 from sleepcast.cli.streams import complain, put
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -89,8 +89,8 @@ def _compile_for(name: str) -> None:
         swarm.step()
     if kernels := swarm.fleet.kernels:
         kernels.settle()
-    if team := choose().team:
-        team.practise()
+    if pool := choose().pool:
+        pool.practise()
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
 from prompt_toolkit.layout.processors import HighlightMatchingBracketProcessor
 
 from sleepcast.cli.streams import complain, still_open
-from sleepcast.files import data_folder
+from sleepcast.core.files import data_folder
 from sleepcast.language import Variable, format_value
 from sleepcast.language.functions import FUNCTIONS
 

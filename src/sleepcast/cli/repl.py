@@ -16,7 +16,7 @@ import click
 
 from sleepcast import __version__
 from sleepcast.cli.streams import announce, complain, incoming_lines, still_open
-from sleepcast.errors import MisuseError, SleepcastError, did_you_mean
+from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
 
 if TYPE_CHECKING:
     from sleepcast.cli.standard_memory import StandardMemory

@@ -15,7 +15,7 @@ from sleepcast.cli.hosts import allow_host_option
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.streams import put
 from sleepcast.cli.swarm import FASTEST, HOST, PORT, SLOWEST
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.loop import Swarm

@@ -10,7 +10,7 @@ import click
 
 from sleepcast.cli.air import CHANNEL, FLEET
 from sleepcast.cli.streams import put
-from sleepcast.errors import MisuseError, did_you_mean, printable
+from sleepcast.core.errors import MisuseError, did_you_mean, printable
 
 if TYPE_CHECKING:
     from sleepcast.station.contacts import Contacts

@@ -14,7 +14,7 @@ from sleepcast.cli.evaluate import NegativeNumbersAllowed
 from sleepcast.cli.streams import complain, put, somebody_there
 from sleepcast.cli.times import Seconds
 from sleepcast.cli.who import look_around
-from sleepcast.errors import SleepcastError, and_more
+from sleepcast.core.errors import SleepcastError, and_more
 
 if TYPE_CHECKING:
     from sleepcast.station.accounting import Command

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sleepcast.cli.streams import complain
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.loop import Swarm, save, snapshot
 from sleepcast.loop.snapshots import SnapshotLostError
 

@@ -8,7 +8,7 @@ from math import isnan, nan
 from sleepcast.channel import Kind as Spoken
 from sleepcast.cli.memories import EVALUATED, REFUSED, UNKNOWN, UNREADABLE, Outcome
 from sleepcast.cli.streams import pieces
-from sleepcast.errors import MisuseError, and_more
+from sleepcast.core.errors import MisuseError, and_more
 from sleepcast.language import (
     Checked,
     CheckError,

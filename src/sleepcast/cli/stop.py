@@ -16,7 +16,7 @@ from sleepcast.cli.interrupts import Interrupts, Terminated
 from sleepcast.cli.progress import Status
 from sleepcast.cli.streams import complain, put, somebody_there
 from sleepcast.cli.times import Seconds
-from sleepcast.errors import MisuseError, printable
+from sleepcast.core.errors import MisuseError, printable
 
 if TYPE_CHECKING:
     from sleepcast.station.accounting import Accounting, Command

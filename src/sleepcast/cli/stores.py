@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.node.store import Store
@@ -28,7 +28,7 @@ no_store_option = click.option("--no-store", "forgetful", is_flag=True, help="Le
 
 def open_store(file: Path, say: Callable[[str], None]) -> Store:
     """The store in a file; see `Store`."""
-    from sleepcast.clock import UnixClock
+    from sleepcast.core.clock import UnixClock
     from sleepcast.node.store import Store
 
     return Store(file, UnixClock(), say)
@@ -57,7 +57,7 @@ def operator_store(fleet: str, owner: str, say: Callable[[str], None]) -> Store 
 def _file(what: str, fleet: str, name: str) -> Path:
     from urllib.parse import quote
 
-    from sleepcast.files import data_folder
+    from sleepcast.core.files import data_folder
 
     # A leading point would hide the file, or name a folder.
     return data_folder() / what / f"_{quote(fleet, safe='')}" / f"_{quote(name, safe='')}.store"

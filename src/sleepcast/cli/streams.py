@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, TextIO
 
-from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.core.errors import MisuseError, SleepcastError
 
 MAX_INPUT = 4 * 1024 * 1024
 """Bytes of one file or of standard input: hundreds of the longest expressions, and read at once without harm."""

@@ -16,7 +16,7 @@ from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.prepare import advise
 from sleepcast.cli.streams import put
 from sleepcast.cli.times import SimulatedTime
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.cli.recording import Wanted
@@ -205,7 +205,7 @@ def _journal(options: Options) -> Journal | None:
     """The journal in a file, which the end of the process closes; None for one in memory."""
     if options["journal"] is None:
         return None
-    from sleepcast.clock import UnixClock
+    from sleepcast.core.clock import UnixClock
     from sleepcast.station.sqlite_journal import SqliteJournal
 
     return SqliteJournal(options["journal"], UnixClock())

@@ -10,7 +10,7 @@ from sleepcast.channel.bodies import TOOK
 from sleepcast.channel.clocks import differs, took
 from sleepcast.channel.line import Line
 from sleepcast.channel.mailbox import Mailbox
-from sleepcast.clock import MADE, UnixClock
+from sleepcast.core.clock import MADE, UnixClock
 
 
 class Zeroed(Protocol):

@@ -9,7 +9,7 @@ from math import isfinite, isnan
 
 import click
 
-from sleepcast.units import TIME, UNITS, to_si
+from sleepcast.core.units import TIME, UNITS, to_si
 
 _TIME = re.compile(r"(\d++(?:\.\d*+)?+|\.\d++)\s*([A-Za-z]*)")
 

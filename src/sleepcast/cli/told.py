@@ -10,8 +10,8 @@ from sleepcast.channel.clocks import differs
 from sleepcast.channel.door import Door
 from sleepcast.channel.drops import News
 from sleepcast.cli.standard_memory import reported_body
-from sleepcast.clock import WallClock
-from sleepcast.errors import printable
+from sleepcast.core.clock import WallClock
+from sleepcast.core.errors import printable
 from sleepcast.language import format_value
 from sleepcast.station.journal import Entry, Event
 

@@ -13,7 +13,7 @@ from sleepcast.cli.air import Air, looking_for, operator
 from sleepcast.cli.evaluate import NegativeNumbersAllowed
 from sleepcast.cli.streams import announce, complain, put
 from sleepcast.cli.who import look_around
-from sleepcast.errors import MisuseError, did_you_mean, printable
+from sleepcast.core.errors import MisuseError, did_you_mean, printable
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -199,7 +199,7 @@ class Window:
         return (binding.quantity.shown_as or binding.quantity.unit) if isinstance(binding, Variable) else ""
 
     def _shown(self, name: str, value: float) -> str:
-        from sleepcast.units import shown
+        from sleepcast.core.units import shown
 
         unit = self._unit(name)
         return "?" if value != value else shown(value, unit).removesuffix(f" {unit}")

@@ -13,7 +13,7 @@ from sleepcast.cli.account import FEW, MANY, listed
 from sleepcast.cli.air import Air, looking_for, operator
 from sleepcast.cli.evaluate import NegativeNumbersAllowed
 from sleepcast.cli.streams import complain, put
-from sleepcast.errors import SleepcastError, and_more, printable
+from sleepcast.core.errors import SleepcastError, and_more, printable
 
 if TYPE_CHECKING:
     from sleepcast.language.machine import Program

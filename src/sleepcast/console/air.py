@@ -9,7 +9,6 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.clock import Clock
 from sleepcast.console import answers
 from sleepcast.console.desk import Desk
 from sleepcast.console.driver import Driver
@@ -17,7 +16,8 @@ from sleepcast.console.explaining import show_why
 from sleepcast.console.frames import SILENT
 from sleepcast.console.names import names_of
 from sleepcast.console.swarm import RobotMind, Rule, Swarm
-from sleepcast.errors import SleepcastError, printable
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.language import Explanation
 from sleepcast.station import Station
 from sleepcast.station.roster import of_robots

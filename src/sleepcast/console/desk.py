@@ -11,7 +11,6 @@ from itertools import islice
 from math import isnan
 from typing import NoReturn
 
-from sleepcast.clock import Clock
 from sleepcast.console import answers
 from sleepcast.console.driver import Driver
 from sleepcast.console.explaining import show_why, shown_value, unit_of
@@ -19,7 +18,8 @@ from sleepcast.console.ledger import Ledger
 from sleepcast.console.messages import Sort
 from sleepcast.console.names import names_of
 from sleepcast.console.swarm import RobotMind, Rule, Swarm
-from sleepcast.errors import MisuseError, and_more
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import MisuseError, and_more
 from sleepcast.language import Checked, Finding, ReadError, Variable, format_value
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEEPING, SUPPORT, TIME_SLOT
 from sleepcast.station import NO, UNKNOWN, YES, Preview, Report, Station

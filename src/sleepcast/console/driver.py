@@ -13,9 +13,9 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from threading import Thread
 
-from sleepcast.clock import Clock
 from sleepcast.console.frames import Groups, flags_of, pack
 from sleepcast.console.swarm import Pace, Swarm
+from sleepcast.core.clock import Clock
 
 SLICE = 0.004
 """Seconds for which ticks may run before the server is served: unnoticed by people, long against a switch."""

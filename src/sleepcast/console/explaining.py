@@ -7,9 +7,9 @@ from math import isnan
 
 import msgspec
 
+from sleepcast.core.units import UNITS, shown
 from sleepcast.language import Explanation, Step, Variable, Vocabulary
 from sleepcast.language.functions import FUNCTIONS
-from sleepcast.units import UNITS, shown
 
 _LITERAL = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?(%|[a-z]+(?:/[a-z]+)?\d?)?\Z", re.IGNORECASE)
 _TRUTHS = frozenset({"compare", "truth"})

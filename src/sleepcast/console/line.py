@@ -15,9 +15,9 @@ from typing import Generic, TypeVar
 import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from sleepcast.clock import Clock
 from sleepcast.console import messages
 from sleepcast.console.answers import Alive, Refused
+from sleepcast.core.clock import Clock
 
 MESSAGES_PER_SECOND = 120.0
 """Of one page, over a longer time: thirty frames drawn, and the fastest typing many times over."""

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, TypeVar
 import msgspec
 from msgspec import Meta
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 
 MAX_BYTES = 131_072
 """Of one message: the longest expression, every character escaped, fits."""

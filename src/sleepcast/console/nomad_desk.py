@@ -10,12 +10,12 @@ from collections import deque
 
 import msgspec
 
-from sleepcast.clock import Clock
 from sleepcast.console.answers import Said
 from sleepcast.console.nomad import Nomads
 from sleepcast.console.nomad_orders import ORDERS, Order, check
 from sleepcast.console.nomad_pictures import FASTEST
-from sleepcast.errors import MisuseError
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Corners
 
 GRID = 240

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from sleepcast.errors import MisuseError, did_you_mean
+from sleepcast.core.errors import MisuseError, did_you_mean
 
 MOST_VERTICES = 10
 """Of a polygon in an order: the Nomad's programs promise no more."""

@@ -12,13 +12,13 @@ from collections.abc import Callable, Coroutine
 
 from starlette.websockets import WebSocket
 
-from sleepcast.clock import Clock
 from sleepcast.console import messages, nomad_messages
 from sleepcast.console.answers import Refused
 from sleepcast.console.line import Line, encode
 from sleepcast.console.nomad_desk import Done, NomadDesk, World
 from sleepcast.console.nomad_pictures import Pictures
-from sleepcast.errors import SleepcastError
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import SleepcastError
 
 PICTURE_PERIOD = 0.05
 """Seconds between two pictures at least: robots that are no faster than a person walks need no more."""

@@ -15,7 +15,6 @@ from typing import Generic, NoReturn, TypeVar
 
 import msgspec
 
-from sleepcast.clock import Clock
 from sleepcast.console import answers
 from sleepcast.console.driver import FRAME_PERIOD, Screen
 from sleepcast.console.explaining import shown_value
@@ -23,7 +22,8 @@ from sleepcast.console.frames import pack
 from sleepcast.console.ledger import MOST_ROWS, Row
 from sleepcast.console.messages import Sort
 from sleepcast.console.swarm import Outline, Scene
-from sleepcast.errors import MisuseError
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import MisuseError
 
 MOST_SAID = 20
 """Lines of the watched robot that a page shows."""

@@ -19,7 +19,6 @@ from typing import Any
 import uvicorn
 from starlette.applications import Starlette
 
-from sleepcast.clock import Clock
 from sleepcast.console.air import AirDesk, AirDriver, Fleet
 from sleepcast.console.app import LOOPBACK, Door, make_app
 from sleepcast.console.desk import Desk
@@ -31,7 +30,8 @@ from sleepcast.console.nomad_session import NomadSession
 from sleepcast.console.replay import ReplayDesk
 from sleepcast.console.session import Session
 from sleepcast.console.swarm import Pace, Swarm
-from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.station import Station
 
 DEFAULT_PORT = 8317

@@ -13,13 +13,13 @@ from collections.abc import Awaitable, Callable
 import msgspec
 from starlette.websockets import WebSocket
 
-from sleepcast.clock import Clock
 from sleepcast.console import messages
 from sleepcast.console.answers import Refused, Robot
 from sleepcast.console.desk import Desk
 from sleepcast.console.line import Line, encode
 from sleepcast.console.replay import ReplayDesk
-from sleepcast.errors import SleepcastError
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import SleepcastError
 from sleepcast.station.settling import CountNeededError, DoubtError
 
 Answer = msgspec.Struct

@@ -40,7 +40,7 @@ class Scene(msgspec.Struct, frozen=True):
     """What does not change while the swarm runs.
 
     noun: what the robots are called, in the plural. names: of the robots, by their index. area: least x, least y,
-    greatest x, greatest y in m. unit: a length of `sleepcast.units`, in which people read the map. sizes: how many
+    greatest x, greatest y in m. unit: a length of `sleepcast.core.units`, in which people read the map. sizes: how many
     robots have bodies of which radius (m), in the order of their indices. lights: where they are, with their names.
     obstacles: each is what lies inside an odd number of its closed outlines, lists of corners (x, y) in m.
     """

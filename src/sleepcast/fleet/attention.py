@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from weakref import WeakKeyDictionary
 
 from sleepcast.channel.message import Message
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 from sleepcast.fleet.columns import Index
 from sleepcast.fleet.evaluation import Evaluation, distinct
 from sleepcast.fleet.minds import Mind, Named

@@ -14,8 +14,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.arrays import filled
 from sleepcast.channel.latch import Latch
+from sleepcast.core.arrays import filled
+from sleepcast.core.serial import Array, SerialError, dump_arrays, load_arrays, within
 from sleepcast.fleet.chance import streams
 from sleepcast.fleet.parcels import StateParcel, ValuesParcel
 from sleepcast.language.vocabulary import (
@@ -28,7 +29,6 @@ from sleepcast.language.vocabulary import (
     TIME_SLOT,
     Vocabulary,
 )
-from sleepcast.parcel import Array, ParcelError, kept, put_back, within
 
 Column: TypeAlias = NDArray[np.float64]
 """One number for each of some rows, in their order."""
@@ -284,33 +284,33 @@ class FleetState:
         actuated = {slot: Array.of(robots) for slot, robots in self.actuated.items()}
         return StateParcel(
             self.values(),
-            kept(self._arrays()),
+            dump_arrays(self._arrays()),
             actuated,
-            kept({"latch": self.latch}),
+            dump_arrays({"latch": self.latch}),
             self.latches,
-            kept(self._telling()),
+            dump_arrays(self._telling()),
         )
 
     def values(self) -> ValuesParcel:
         """The variables that nobody else keeps, and the groups."""
         columns = {slot: Array.of(column) for slot, column in self._own().items()}
-        return ValuesParcel(list(self._same), columns, kept(self.groups))
+        return ValuesParcel(list(self._same), columns, dump_arrays(self.groups))
 
     def restore(self, parcel: StateParcel) -> None:
         """Be as that state was. Raises ParcelError if it is of another fleet."""
         self.refill(parcel.values)
-        put_back(parcel.arrays, self._arrays())
+        load_arrays(parcel.arrays, self._arrays())
         self._one_mind.clear()
         if not all(0 <= slot < len(self._same) for slot in parcel.actuated):
-            raise ParcelError("an actuator that is no variable")
+            raise SerialError("an actuator that is no variable")
         self.actuated = {
             slot: robots.made(np.bool_, (self.count,), f"who assigned actuator {slot}")
             for slot, robots in parcel.actuated.items()
         }
         if parcel.telling:  # else it was kept before robots told at a bounded rate
-            put_back(parcel.telling, self._telling())
+            load_arrays(parcel.telling, self._telling())
         if parcel.latches:  # else it was kept before STOPs were known by their numbers: the next RELEASE ends them
-            put_back(parcel.orders, {"latch": self.latch})
+            load_arrays(parcel.orders, {"latch": self.latch})
             within(self.latch, 0, len(parcel.latches) - 1, "the latch of a robot")
             self.latches = list(parcel.latches)
 
@@ -318,9 +318,9 @@ class FleetState:
         """Have those values. Raises ParcelError if they are of another fleet."""
         length, shape = len(parcel.same), (self.count,)
         if not len(self._same) <= length <= len(self._same) + MAX_USER_VARIABLES:
-            raise ParcelError(f"robots with {length} variables, wanted {len(self._same)} and those that they made")
+            raise SerialError(f"robots with {length} variables, wanted {len(self._same)} and those that they made")
         if not all(0 <= slot < length and slot not in self._shared for slot in parcel.columns):
-            raise ParcelError(f"a column of a variable that is none of the {length}, or one that others keep")
+            raise SerialError(f"a column of a variable that is none of the {length}, or one that others keep")
         shared = [(slot, self._columns[slot]) for slot in self._shared]
         self._same, self._columns = list(parcel.same), [None] * length
         for slot, theirs in shared:

@@ -19,7 +19,8 @@ from sleepcast.channel.chorus import Answers, Chorus
 from sleepcast.channel.latch import ENDED
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.names import Names
-from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.acts import ACTS
 from sleepcast.fleet.attention import Attention
 from sleepcast.fleet.bodies import Embodied
@@ -41,7 +42,6 @@ from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.machine import Program
 from sleepcast.language.reader import read
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Vocabulary, buffer_number
-from sleepcast.team import Team
 
 
 class FleetError(MisuseError):
@@ -71,7 +71,7 @@ class Core:
     names: of the robots. numbers: their `id` in expressions and in their chance, 1 upwards if none are given. seed:
     of the run. bodies: what the functions of the vocabulary are called on; those that are a `Robot` are stopped,
     released and held still as well, all at once if they are `ManyBodies`. native: whether rules that stay may become
-    native code, where llvmlite is installed; it makes no difference but in speed. team: the threads that it may use.
+    native code, where llvmlite is installed; it makes no difference but in speed. pool: the threads that it may use.
     sensed: where the bodies' sensor values lie, if they lie side by side: SI, NaN for unknown, shape (sensors, robots),
     C order; they are read there and never copied, but for sensors with a freshness limit (see `look`). Raises
     FleetError for a vocabulary with linked variables: what lies in a host's own memory is no column.
@@ -86,7 +86,7 @@ class Core:
         seed: int = 0,
         bodies: Sequence[object | None] | None = None,
         native: bool = True,
-        team: Team | None = None,
+        pool: ThreadPool | None = None,
         sensed: NDArray[np.float64] | None = None,
     ) -> None:
         if vocabulary.linked:
@@ -106,7 +106,7 @@ class Core:
         self.state = FleetState(vocabulary, numbers, seed)
         self.minds = Minds(vocabulary)
         self.speech = Speech(self.state, self.names)
-        self.kernels = Kernels(team=team) if native and available() else None
+        self.kernels = Kernels(pool=pool) if native and available() else None
         self.memory = FleetMemory(self.state, self.minds, self.speech, ACTS, bodies, self.kernels)
         self.recall = Recall(self.memory)
         self.rounds = Rounds(self.memory)

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.message import Message
 from sleepcast.channel.parcels import ascending
+from sleepcast.core.serial import Array, SerialError
 from sleepcast.fleet.columns import Index, Rows
 from sleepcast.fleet.limits import MAX_QUEUE, MAX_SEEN
 from sleepcast.fleet.parcels import InboxParcel
-from sleepcast.parcel import Array, ParcelError
 
 
 class Inbox:
@@ -92,7 +92,7 @@ class Inbox:
     def restore(self, parcel: InboxParcel) -> None:
         """Be as that inbox was. Raises ParcelError."""
         if len(parcel.seen) > MAX_SEEN:
-            raise ParcelError(f"{len(parcel.seen)} messages that have been heard, at most {MAX_SEEN} are remembered")
+            raise SerialError(f"{len(parcel.seen)} messages that have been heard, at most {MAX_SEEN} are remembered")
         bytes_of_bits = (self._count + 7) // 8
         self._seen = OrderedDict(
             (key, None if bits is None else bits.made(np.uint8, (bytes_of_bits,), "who has heard a message"))
@@ -102,4 +102,4 @@ class Inbox:
         self.waiting[:] = 0
         for message, listed in parcel.queue:
             if self.put(message, ascending(listed, self._count)).size:
-                raise ParcelError(f"more than {MAX_QUEUE} messages that wait for one robot")
+                raise SerialError(f"more than {MAX_QUEUE} messages that wait for one robot")

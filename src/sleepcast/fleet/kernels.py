@@ -17,7 +17,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.arrays import filled
+from sleepcast.core.arrays import filled
+from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.columns import Column, FleetState, Rows
 from sleepcast.fleet.evaluation import Evaluation
 from sleepcast.fleet.meanings import Name, Size, meaning, name_of
@@ -25,7 +26,6 @@ from sleepcast.fleet.minds import Mind
 from sleepcast.fleet.native import LANES, THERE, TROUBLED, Kernel, Sink, moment
 from sleepcast.language.machine import MAX_STEPS, Program
 from sleepcast.language.parts import walk
-from sleepcast.team import Team
 
 THREADS = 2
 """Threads that share the work of one piece of native code, where nobody says which."""
@@ -80,12 +80,12 @@ class Plan:
 class Kernels:
     """The native code of a fleet's programs.
 
-    hot: see `HOT`; with 0 nothing is ever walked that could be native, because all wait for the code. team: the threads
+    hot: see `HOT`; with 0 nothing is ever walked that could be native, because all wait for the code. pool: the threads
     that share the work where there is much of it.
     """
 
-    def __init__(self, hot: int = HOT, team: Team | None = None) -> None:
-        self._hot, self._team = hot, team or Team(THREADS)
+    def __init__(self, hot: int = HOT, pool: ThreadPool | None = None) -> None:
+        self._hot, self._pool = hot, pool or ThreadPool(THREADS)
         self._plans: dict[tuple[tuple[str, ...], tuple[Rule, ...]], Plan] = {}
         self._of_mind: WeakKeyDictionary[Mind, Plan] = WeakKeyDictionary()
         self._rules: dict[tuple[Rule, ...], Future[Kernel]] = {}
@@ -164,7 +164,7 @@ class Kernels:
             start, stop = int(index[0]), int(index[-1]) + 1
             part[start:stop] = 0
         part[index] = THERE
-        if not kernel.run(state, part, range(start, stop), when, sinks, self._team):
+        if not kernel.run(state, part, range(start, stop), when, sinks, self._pool):
             return Rows.run(start, start)
         return Rows.of(np.flatnonzero(part[start:stop] == TROUBLED) + start)
 

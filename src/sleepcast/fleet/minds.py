@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 from sleepcast.language.machine import Library, Program
 from sleepcast.language.names import Declared, Operator, circle, clash, declared_in, uses_in
 from sleepcast.language.reader import read_all

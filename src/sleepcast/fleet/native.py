@@ -22,7 +22,8 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.code_cache import CodeCache
+from sleepcast.core.code_cache import CodeCache
+from sleepcast.core.threads import ThreadPool, borders
 from sleepcast.fleet import libm
 from sleepcast.fleet.assembly import Assembly
 from sleepcast.fleet.columns import Column, FleetState, Rows
@@ -32,7 +33,6 @@ from sleepcast.language.machine import Program
 from sleepcast.language.parts import walk
 from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.vocabulary import TICK, TIME_SLOT
-from sleepcast.team import Team, borders
 
 if TYPE_CHECKING:
     from llvmlite.binding import ModuleRef, TargetMachine
@@ -231,7 +231,7 @@ class Kernel:
         where: range,
         when: tuple[float, float] | None,
         sinks: Sequence[Sink],
-        team: Team,
+        pool: ThreadPool,
     ) -> bool:
         """Evaluate the programs on those of the robots `where` for which `part` says `THERE`.
 
@@ -255,7 +255,7 @@ class Kernel:
         def work(first: int, last: int) -> int:
             return self._call(start + first, start + last, state.count, self._address)
 
-        return any(team.share(work, borders(stop - start, team.threads, grain=GRAIN)))
+        return any(pool.share(work, borders(stop - start, pool.threads, grain=GRAIN)))
 
     def _bind(self, state: FleetState, part: NDArray[np.uint8], sinks: Sequence[Sink]) -> bool:
         """Let the table hold the addresses of the columns as they are now; False if one is not as it should be."""

@@ -12,7 +12,7 @@ import msgspec
 from sleepcast.channel.latch import Latch
 from sleepcast.channel.message import Message
 from sleepcast.channel.parcels import ChorusParcel
-from sleepcast.parcel import Array, Arrays
+from sleepcast.core.serial import Array, Arrays
 
 
 class ValuesParcel(msgspec.Struct):

@@ -11,7 +11,8 @@ from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
+from sleepcast.core.serial import Array, SerialError
 from sleepcast.fleet.core import Core
 from sleepcast.fleet.minds import Kept, Mind, Minds
 from sleepcast.fleet.parcels import FleetParcel, KeptParcel, Meaning, MindParcel, MindsParcel, ProgramParcel
@@ -19,7 +20,6 @@ from sleepcast.language.machine import Program
 from sleepcast.language.names import SORTS, Declared, Group, Operator, Stored, UserVariable
 from sleepcast.language.reader import read_all
 from sleepcast.language.vocabulary import MAX_USER_VARIABLES, Vocabulary
-from sleepcast.parcel import Array, ParcelError
 
 
 def state_of(fleet: Core) -> FleetParcel:
@@ -48,15 +48,15 @@ def restore(fleet: Core, parcel: FleetParcel, when: float) -> None:
     known, _ = fleet.minds.table
     for numbers in (fleet.state.mind, fleet.state.proven):
         if not known.keys() >= set(np.unique(numbers).tolist()):
-            raise ParcelError("a robot whose mind is not there")
+            raise SerialError("a robot whose mind is not there")
     fleet.memory.tallies.restore(parcel.tallies)
     fleet.inbox.restore(parcel.inbox)
     fleet.speech.restore(parcel.speech)
     if not all(0 <= robot < len(fleet) for robot in parcel.left_over):
-        raise ParcelError("rules left over by a robot that is not there")
+        raise SerialError("rules left over by a robot that is not there")
     fleet.rounds.left_over = {robot: frozenset(keys) for robot, keys in parcel.left_over.items()}
     if parcel.measured.keys() != fleet.measured.keys():
-        raise ParcelError("other sensors whose values grow old")
+        raise SerialError("other sensors whose values grow old")
     for slot, column in fleet.measured.items():
         column[:] = parcel.measured[slot].made(np.float64, column.shape, f"when sensor {slot} was measured")
     fleet.minds_used = parcel.minds_used
@@ -87,14 +87,14 @@ def refill(minds: Minds, parcel: MindsParcel) -> None:
     """Have what that table had. Raises ParcelError."""
     vocabulary = minds.vocabulary
     if len(parcel.user_names) > MAX_USER_VARIABLES:
-        raise ParcelError(f"{len(parcel.user_names)} names of user variables, at most {MAX_USER_VARIABLES} fit")
+        raise SerialError(f"{len(parcel.user_names)} names of user variables, at most {MAX_USER_VARIABLES} fit")
     vocabulary.user_slots.clear()
     for key in parcel.user_names:
         vocabulary.user_slot(key)
     programs = [_program(minds, each) for each in parcel.programs]
     found = {number: _mind(each, programs, vocabulary) for number, each in parcel.minds.items()}
     if 0 not in found or min(found) < 0 or max(found) >= parcel.next or parcel.next > np.iinfo(np.int32).max:
-        raise ParcelError(f"numbers of minds that do not go from 0 to {parcel.next}")
+        raise SerialError(f"numbers of minds that do not go from 0 to {parcel.next}")
     minds.fill(found, parcel.next)
 
 
@@ -117,7 +117,7 @@ def _program(minds: Minds, parcel: ProgramParcel) -> Program:
     try:
         return minds.library.program(parcel.text, lambda: read_all(parcel.text), names, parcel.parameters)
     except SleepcastError as error:
-        raise ParcelError(f"a kept expression cannot be compiled any more: {str(error).splitlines()[0]}") from None
+        raise SerialError(f"a kept expression cannot be compiled any more: {str(error).splitlines()[0]}") from None
 
 
 def _mind_parcel(mind: Mind, place: Callable[..., int]) -> MindParcel:
@@ -141,14 +141,14 @@ def _mind(parcel: MindParcel, programs: list[Program], vocabulary: Vocabulary) -
     for key, number in parcel.operators.items():
         found = learned.get(key)
         if not isinstance(found, Operator):
-            raise ParcelError(f"an operator {key[:80]} without a name")
+            raise SerialError(f"an operator {key[:80]} without a name")
         operators[key] = _at(programs, number, len(found.parameters))
     return Mind(rules, learned, operators)
 
 
 def _at(programs: list[Program], number: int, parameters: int) -> Program:
     if not 0 <= number < len(programs) or programs[number].parameters != parameters:
-        raise ParcelError(f"there is no program {number} of {parameters} parameters")
+        raise SerialError(f"there is no program {number} of {parameters} parameters")
     return programs[number]
 
 
@@ -161,7 +161,7 @@ def _meaning(found: Declared) -> Meaning:
 def _declared(key: str, meaning: Meaning, vocabulary: Vocabulary) -> Declared:
     if meaning.sort == SORTS[UserVariable]:
         if key not in vocabulary.user_slots:
-            raise ParcelError(f"a user variable {key[:80]} without a place for its value")
+            raise SerialError(f"a user variable {key[:80]} without a place for its value")
         return UserVariable(meaning.name, vocabulary.user_slots[key])
     if meaning.sort == SORTS[Stored]:
         return Stored(meaning.name, frozenset(meaning.uses))
@@ -169,4 +169,4 @@ def _declared(key: str, meaning: Meaning, vocabulary: Vocabulary) -> Declared:
         return Operator(meaning.name, meaning.parameters, frozenset(meaning.uses))
     if meaning.sort == SORTS[Group]:
         return Group(meaning.name)
-    raise ParcelError(f"{meaning.sort[:80]} is no sort of name")
+    raise SerialError(f"{meaning.sort[:80]} is no sort of name")

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from sleepcast.channel.chorus import Answers, Chorus, Reports, Words
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.parcels import ascending, packed_chorus, unpacked_chorus
+from sleepcast.core.serial import Array, SerialError
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.limits import MAX_OUTBOX, REPORTS_A_SECOND, TELL_BURST, TELLS_A_SECOND
 from sleepcast.fleet.parcels import SpeechParcel
 from sleepcast.language.vocabulary import TIME_SLOT
-from sleepcast.parcel import Array, ParcelError
 
 
 class Speech:
@@ -162,7 +162,7 @@ class Speech:
         """Have to say what was to be said then. Raises ParcelError."""
         count = self._state.count
         if not all(0 <= robot < count for robot in (*parcel.outboxes, *parcel.ping_lists)):
-            raise ParcelError("a robot that is not there has something to say")
+            raise SerialError("a robot that is not there has something to say")
         self.epoch = parcel.epoch
         self._sayings = [unpacked_chorus(saying, self._names) for saying in parcel.sayings]
         self._outboxes = {robot: list(messages) for robot, messages in parcel.outboxes.items()}

@@ -8,13 +8,13 @@ from math import inf, nan
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.arrays import filled
+from sleepcast.core.arrays import filled
+from sleepcast.core.serial import Arrays, SerialError, dump_arrays, load_arrays, within
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.minds import Effect
 from sleepcast.fleet.native import Sink
 from sleepcast.fleet.parcels import TalliesParcel, TallyParcel
 from sleepcast.language.vocabulary import ACTIVE0, buffer_number
-from sleepcast.parcel import Arrays, ParcelError, kept, put_back, within
 
 MOST_FRESH = 255
 """Evaluations by native code until their matches, counted in single bytes, are added to the others."""
@@ -159,16 +159,18 @@ class Tally:
             "firings": firings,
             "in_row": in_row,
         }
-        return TallyParcel(kept(arrays), self.most_steps, self.faulted, dict(self.last_fault))
+        return TallyParcel(dump_arrays(arrays), self.most_steps, self.faulted, dict(self.last_fault))
 
     def restore(self, parcel: TallyParcel) -> None:
         """Be as that tally was. Raises ParcelError."""
         count = len(self._fresh)
         steps, firings = np.zeros(count, np.uint16), np.zeros(count, np.int32)
         in_row = np.zeros(count, np.int8)
-        put_back(parcel.arrays, {"last_value": self.last_value, "steps": steps, "firings": firings, "in_row": in_row})
+        load_arrays(
+            parcel.arrays, {"last_value": self.last_value, "steps": steps, "firings": firings, "in_row": in_row}
+        )
         if not all(0 <= robot < count for robot in parcel.last_fault):
-            raise ParcelError("the fault of a robot that is not there")
+            raise SerialError("the fault of a robot that is not there")
         within(firings, 0, inf, "how often an expression has matched")
         self._steps = int(steps[0]) if (steps == steps[0]).all() else steps
         self._fired = int(firings.max())
@@ -253,7 +255,7 @@ class Tallies:
     def state(self) -> TalliesParcel:
         """All of it between two rounds."""
         tallies = {key: tally.state() for key, tally in self._tallies.items()}
-        return TalliesParcel(tallies, kept(self.leases), kept(self.proven_leases))
+        return TalliesParcel(tallies, dump_arrays(self.leases), dump_arrays(self.proven_leases))
 
     def restore(self, parcel: TalliesParcel) -> None:
         """Be as those tallies were. Raises ParcelError."""

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.parcels import ascending
+from sleepcast.core.serial import Array
 from sleepcast.fleet.acts import ACTS
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows, is_true
 from sleepcast.fleet.evaluation import by_the_living
@@ -29,7 +30,6 @@ from sleepcast.fleet.speech import Speech
 from sleepcast.language.machine import Program
 from sleepcast.language.parts import Part, acts
 from sleepcast.language.undecided import CHANCE, DEED, asks, does
-from sleepcast.parcel import Array
 
 MAX_REASONS = 200
 """Different reasons told apart in one judgement, so that one fits a byte; the rest counts as the last of them."""

@@ -9,7 +9,7 @@ from math import inf
 import numpy as np
 
 from sleepcast.channel.message import Message
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 from sleepcast.fleet.core import Core, Outcome
 from sleepcast.fleet.evaluation import Noted, fault_text
 from sleepcast.fleet.minds import Mind, in_order

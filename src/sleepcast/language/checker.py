@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from math import nan
 from re import compile as pattern
 
-from sleepcast.errors import MisuseError, and_more, did_you_mean, placed, with_caret
+from sleepcast.core.errors import MisuseError, and_more, did_you_mean, placed, with_caret
+from sleepcast.core.units import UNITS
 from sleepcast.language.form import Form, List, Number, Symbol, Text, walk
 from sleepcast.language.functions import FUNCTIONS, MANY, Function
 from sleepcast.language.infix import ALIASES, rows, written
@@ -29,7 +30,6 @@ from sleepcast.language.vocabulary import (
     buffer_number,
     describe,
 )
-from sleepcast.units import UNITS
 
 MAX_COST = 10_000
 """Steps that one expression may cost by its own static bound; the same as an evaluation's budget."""

@@ -15,7 +15,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Final
 
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 
 VARIABLE: Final = 30_000
 EXPRESSION: Final = 31_000

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
+from sleepcast.core.units import NONE, Dimension, to_si
 from sleepcast.language.form import Form, Number, format_literal
 from sleepcast.language.infix import brief
 from sleepcast.language.parts import ACTING, Part, host_of, walk
 from sleepcast.language.vocabulary import Kind, Variable
-from sleepcast.units import NONE, Dimension, to_si
 
 _LASTING = ACTING | {"set_local", "fetch", "call", "missing"}
 """Parts that may leave something behind besides their value."""

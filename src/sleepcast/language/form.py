@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 
-from sleepcast.units import UNITS, Dimension
+from sleepcast.core.units import UNITS, Dimension
 
 QUOTE, QUASIQUOTE, UNQUOTE = "quote", "quasiquote", "unquote"
 PREFIXES = {QUOTE: "'", QUASIQUOTE: "`", UNQUOTE: ","}

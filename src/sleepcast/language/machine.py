@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from math import nan
 
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 from sleepcast.language import special
 from sleepcast.language.checker import MAX_COST, Checker, CheckError, cost
 from sleepcast.language.compiler import Code, generate

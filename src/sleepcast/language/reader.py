@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 import re
 
-from sleepcast.errors import MisuseError, did_you_mean, placed, printable, with_caret
+from sleepcast.core.errors import MisuseError, did_you_mean, placed, printable, with_caret
+from sleepcast.core.units import UNITS, to_si
 from sleepcast.language.form import PREFIXES, Form, List, Number, Symbol, Text
 from sleepcast.language.infix import brief
-from sleepcast.units import UNITS, to_si
 
 MAX_TEXT = 16_384
 """Characters in one text: the largest expression that the channel carries."""

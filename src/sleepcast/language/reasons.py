@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from math import nan
 
+from sleepcast.core.units import shown
 from sleepcast.language.form import List, Number, format_value, show
 from sleepcast.language.machine import Program
 from sleepcast.language.parts import Part, deciding
 from sleepcast.language.tracer import Tracer
 from sleepcast.language.vocabulary import Variable
 from sleepcast.language.walker import is_true
-from sleepcast.units import shown
 
 
 def culprit(program: Program, tracer: Tracer) -> Part | None:

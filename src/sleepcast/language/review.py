@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import inf, isfinite
 
+from sleepcast.core.units import LENGTH, NONE, Dimension, Quantity, shown, to_si
 from sleepcast.language.checker import Checker, CheckError, Finding, Findings
 from sleepcast.language.doubts import doubts
 from sleepcast.language.form import Form, Number
@@ -20,7 +21,6 @@ from sleepcast.language.names import Names
 from sleepcast.language.parts import Part, host_of, walk
 from sleepcast.language.reader import read
 from sleepcast.language.vocabulary import Constant, HostFunction, Variable
-from sleepcast.units import LENGTH, NONE, Dimension, Quantity, shown, to_si
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.units import NONE, Dimension, Quantity
 from sleepcast.language.functions import FUNCTIONS
-from sleepcast.units import NONE, Dimension, Quantity
 
 BUFFERS = 64
 """Buffers E0 (the message) to E63."""

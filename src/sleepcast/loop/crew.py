@@ -25,7 +25,7 @@ from sleepcast.channel.message import Message
 from sleepcast.channel.order import Skipped
 from sleepcast.channel.roles import Role
 from sleepcast.channel.trunk import Trunk
-from sleepcast.clock import Clock
+from sleepcast.core.clock import Clock
 from sleepcast.loop.garbage import Sweeper
 from sleepcast.loop.real import Keeper, Watch
 from sleepcast.node.node import Node

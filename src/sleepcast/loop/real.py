@@ -20,7 +20,7 @@ from math import inf, nan
 from typing import Protocol
 
 from sleepcast.channel import Channel
-from sleepcast.clock import Clock
+from sleepcast.core.clock import Clock
 from sleepcast.node.node import Node
 from sleepcast.robot import Robot, Setpoint
 

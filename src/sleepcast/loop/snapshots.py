@@ -19,12 +19,12 @@ import msgspec
 from sleepcast import __version__
 from sleepcast.channel import Message
 from sleepcast.channel.parcels import RadioParcel
-from sleepcast.errors import MisuseError, SleepcastError
-from sleepcast.files import open_file, replace_file
+from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.files import open_file, replace_file
+from sleepcast.core.serial import UNREADABLE, SerialError, pack, room_for, unpack
 from sleepcast.fleet import snapshot as fleets
 from sleepcast.fleet.parcels import FleetParcel
 from sleepcast.loop.swarm import MAX_MINDS, Desk, Swarm
-from sleepcast.parcel import UNREADABLE, ParcelError, pack, room_for, unpack
 from sleepcast.simulator import Order
 from sleepcast.simulator import snapshot as simulators
 from sleepcast.simulator.snapshot import SimulatorParcel
@@ -99,7 +99,7 @@ def snapshot(swarm: Swarm) -> bytes:
     try:
         with ThreadPoolExecutor(len(parts)) as pool:
             simulator, fleet, radio, rest = pool.map(lambda part: pack(part, room_for(robots)), parts)
-    except ParcelError as error:
+    except SerialError as error:
         raise SnapshotLostError(f"the swarm does not fit into a snapshot: {error}") from None
     return msgspec.msgpack.encode(
         Document(KIND, FORMAT, __version__, robots, simulator, fleet, radio, rest, desk),
@@ -187,12 +187,12 @@ def _resumed(document: Document, seed: int | None, threads: int | None) -> Swarm
     room = room_for(document.robots)
     told = unpack(SimulatorParcel, document.simulator, room, "the part of the simulator")
     if simulators.scenario_of(told.scenario).robots.count != document.robots:
-        raise ParcelError(f"a scenario with another number of robots than {document.robots}")
+        raise SerialError(f"a scenario with another number of robots than {document.robots}")
     fleet = unpack(FleetParcel, document.fleet, room, "the part of the minds")
     radio = unpack(RadioParcel, document.radio, room, "the part of the radio")
     loop = unpack(LoopParcel, document.loop, room, "the part of the loop")
     if max(len(loop.orders), len(loop.posted)) > MAX_ORDERS:
-        raise ParcelError(f"more than {MAX_ORDERS} orders")
+        raise SerialError(f"more than {MAX_ORDERS} orders")
     simulator = simulators.resume(told, seed, threads)
     swarm = Swarm(simulator, [Order(*order) for order in loop.orders])
     fleets.restore(swarm.fleet, fleet, simulator.time)

@@ -22,8 +22,9 @@ from typing import Protocol
 from sleepcast.channel import Channel, Message
 from sleepcast.channel.chorus import Chorus
 from sleepcast.channel.memory import OPERATOR, Radio
-from sleepcast.clock import Clock
-from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.units import NONE, UNITS
 from sleepcast.fleet import Fleet, RobotView
 from sleepcast.fleet.columns import Index, Rows
 from sleepcast.fleet.view import Result
@@ -31,7 +32,6 @@ from sleepcast.language.reader import read
 from sleepcast.language.vocabulary import Constant, HostFunction, Vocabulary
 from sleepcast.robot import RobotModel
 from sleepcast.simulator import MissionError, Order, Simulator
-from sleepcast.units import NONE, UNITS
 
 MAX_MINDS = 1_000_000
 """Robots of one run: with their minds and the desk they take a good gigabyte, and a tick some tenths of a second."""
@@ -100,7 +100,7 @@ class Swarm:
             simulator.names,
             self.vocabulary,
             seed=simulator.seed,
-            team=simulator.team,
+            pool=simulator.pool,
             bodies=simulator.robots,
             sensed=simulator.sensed,
         )

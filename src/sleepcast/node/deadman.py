@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import inf
 
 from sleepcast.channel.message import Kind, Message
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 
 LEASE = 1.0
 """Seconds, as the programs of the thesis have it (`conf_tm(1)`), unless another time is said."""

@@ -19,11 +19,11 @@ from dataclasses import dataclass
 from types import FunctionType
 from typing import Any, TypeVar, overload
 
-from sleepcast.errors import did_you_mean
+from sleepcast.core.errors import did_you_mean
+from sleepcast.core.units import NONE, UNITS, Dimension, Quantity, to_si
 from sleepcast.language.functions import MANY
 from sleepcast.language.vocabulary import HostFunction
 from sleepcast.node.places import LinkError, as_number
-from sleepcast.units import NONE, UNITS, Dimension, Quantity, to_si
 
 MARK = "__sleepcast__"
 """The attribute of a getter or method that keeps its declaration."""

@@ -22,7 +22,7 @@ from secrets import token_hex
 
 import msgspec
 
-from sleepcast.files import replace_file
+from sleepcast.core.files import replace_file
 
 SUM_BYTES = 8
 """Bytes of the sum of a row: damage that leaves it as it was comes about once in 10^19 times."""

@@ -12,7 +12,8 @@ from math import inf, isfinite
 
 import msgspec
 
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
+from sleepcast.core.serial import SerialError
 from sleepcast.language.machine import Program
 from sleepcast.language.names import Group, Operator, Stored, UserVariable
 from sleepcast.language.reader import read_all
@@ -21,7 +22,6 @@ from sleepcast.node.buffers import RuleSet
 from sleepcast.node.memory import FAILED, PROVEN_TICKS, RobotMemory
 from sleepcast.node.merging import MergingParcel
 from sleepcast.node.node import Node
-from sleepcast.parcel import ParcelError
 
 UNFIT = (*(ValueError, TypeError, LookupError, ArithmeticError), *(AttributeError, RecursionError, SleepcastError))
 """What plain data that nobody has checked may raise on its way into a mind."""
@@ -118,7 +118,7 @@ def put_back(parcel: MindParcel, node: Node, away: float) -> list[str]:
         lost = _put_back(parcel, node.memory, away)
         node.authority.restore(parcel.authority, node.memory.time - away)
     except UNFIT as error:
-        raise ParcelError(f"no mind can be made of this: {type(error).__name__}: {error}") from None
+        raise SerialError(f"no mind can be made of this: {type(error).__name__}: {error}") from None
     return lost + stand(node, parcel.doubt) if parcel.stopped else lost
 
 
@@ -133,7 +133,7 @@ def stand(node: Node, doubt: str) -> list[str]:
 
 def _put_back(parcel: MindParcel, memory: RobotMemory, away: float) -> list[str]:
     if len(parcel.flags) != ACTIVE0 + BUFFERS or not all(map(isfinite, parcel.flags)):
-        raise ParcelError(f"wanted {ACTIVE0 + BUFFERS} flags")
+        raise SerialError(f"wanted {ACTIVE0 + BUFFERS} flags")
     protected = {f"e{number}" for number in range(BUFFERS) if _is_protected(memory, f"e{number}")}
     for slot, value in enumerate(parcel.flags):
         if f"e{slot - ACTIVE0}" not in protected:

@@ -21,12 +21,12 @@ from weakref import WeakKeyDictionary
 
 from sleepcast.channel.bodies import LOOK, OF, STOPS, TOLD, Look
 from sleepcast.channel.message import MAX_TEXT
-from sleepcast.errors import SleepcastError, printable
+from sleepcast.core.errors import SleepcastError, printable
+from sleepcast.core.units import Quantity
 from sleepcast.language.explain import Explanation, Step
 from sleepcast.language.names import Group, Operator, UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Constant, HostFunction, Vocabulary
 from sleepcast.node.memory import RobotMemory
-from sleepcast.units import Quantity
 
 MAX_TOLD = 49_152
 """Bytes of a vocabulary, a mind or an explanation as text: well within one message."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import inf, nan
 from weakref import WeakKeyDictionary
 
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 from sleepcast.language.chance import draw, stream
 from sleepcast.language.form import Form, Number, show
 from sleepcast.language.functions import MAX_HOPS

@@ -15,7 +15,7 @@ from math import inf
 from sleepcast.channel.bodies import LEASE, LOOK, MATCHED, hops_left, is_addressed
 from sleepcast.channel.clocks import differs
 from sleepcast.channel.message import Kind, Message
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
 from sleepcast.language.form import show
 from sleepcast.language.functions import MAX_HOPS

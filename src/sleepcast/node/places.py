@@ -15,7 +15,7 @@ from functools import partial
 from operator import setitem
 from typing import NamedTuple
 
-from sleepcast.errors import MisuseError, did_you_mean
+from sleepcast.core.errors import MisuseError, did_you_mean
 
 
 class LinkError(MisuseError):

@@ -14,7 +14,7 @@ from functools import partial
 from operator import getitem, setitem
 from typing import TYPE_CHECKING, Any
 
-from sleepcast.errors import did_you_mean
+from sleepcast.core.errors import did_you_mean
 from sleepcast.node.places import ANY_NUMBER, Field, LinkError, Place
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from math import inf, isnan, nan
 
 from sleepcast.channel.bodies import HOPS
 from sleepcast.channel.message import Kind, Message
-from sleepcast.clock import Clock
+from sleepcast.core.clock import Clock
 from sleepcast.node.looks import NOTHING, Told
 
 MAX_OUTBOX = 256

@@ -28,7 +28,8 @@ import msgspec
 from sleepcast.channel.kept import News
 from sleepcast.channel.mailbox import KEEP_EVERY, Mailbox
 from sleepcast.channel.message import Kind, Message
-from sleepcast.clock import Clock
+from sleepcast.core.clock import Clock
+from sleepcast.core.serial import SerialError, pack
 from sleepcast.node.integrity import NEWBORN, Marker, Seal
 from sleepcast.node.keeping import MindParcel, fingerprint, mind_of, put_back, stand
 from sleepcast.node.node import MAX_QUEUE, MAX_SEEN, Node
@@ -48,7 +49,6 @@ from sleepcast.node.store_file import (
     transaction,
 )
 from sleepcast.node.unwritten import Unwritten
-from sleepcast.parcel import ParcelError, pack
 
 __all__ = ["InUseError", "Store", "StoreError"]
 
@@ -180,7 +180,7 @@ class Store:
     def _restore(self, node: Node, mind: MindParcel, saved: float) -> None:
         try:
             lost = put_back(mind, node, max(0.0, self._clock.now() - saved))
-        except ParcelError as error:
+        except SerialError as error:
             raise StoreError(
                 f"{self.file}: {error}; name another file with --store, or take none with --no-store"
             ) from None

@@ -20,11 +20,11 @@ import msgspec
 from sleepcast.channel.kept import Progress, Standing, Window
 from sleepcast.channel.message import Message
 from sleepcast.channel.shelf import MAX_STANDING
-from sleepcast.errors import MisuseError, SleepcastError
-from sleepcast.files import settle
+from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.files import settle
+from sleepcast.core.serial import SerialError, unpack
 from sleepcast.node.integrity import DamageError, Marker, Seal, doubt_about, sum_of
 from sleepcast.node.keeping import MindParcel
-from sleepcast.parcel import ParcelError, unpack
 
 FORMAT = 2
 """The version of the format of stores; a file of a newer one is refused. Those of format 1 had no seal."""
@@ -322,7 +322,7 @@ def read_all(connection: sqlite3.Connection) -> Content:
         for key, epoch, sequence, datagrams in connection.execute(query):
             parts = msgspec.msgpack.decode(datagrams, type=tuple[bytes, ...])
             found.standing.append(Standing((key, epoch), sequence, parts))
-    except (msgspec.DecodeError, ParcelError, ValueError, RecursionError, SleepcastError) as error:
+    except (msgspec.DecodeError, SerialError, ValueError, RecursionError, SleepcastError) as error:
         raise sqlite3.DatabaseError(f"what is in it cannot be read: {error}") from None
     except KeyError as error:
         raise sqlite3.DatabaseError(f"it speaks of a robot {error} that is not there") from None

@@ -25,7 +25,8 @@ from functools import partial
 from math import inf, isfinite, nan
 from typing import NamedTuple, Self
 
-from sleepcast.errors import did_you_mean
+from sleepcast.core.errors import did_you_mean
+from sleepcast.core.units import Quantity, to_si
 from sleepcast.language.reader import is_name
 from sleepcast.language.vocabulary import Constant, HostFunction, Kind, Variable, Vocabulary
 from sleepcast.node.declarations import (
@@ -40,7 +41,6 @@ from sleepcast.node.declarations import (
     si,
 )
 from sleepcast.node.places import LinkError, Place, as_number, attribute, entry
-from sleepcast.units import Quantity, to_si
 
 __all__ = ["LinkError", "VariableTable", "actuator", "command", "function", "sensor"]
 

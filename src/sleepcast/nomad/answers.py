@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 from sleepcast.nomad import units
 from sleepcast.nomad.behaviour import COMMANDS, LONGEST_TIMEOUT, MOTIONS, NO_LASER, STOPS, Behaviour
 from sleepcast.nomad.packets import packet_reply

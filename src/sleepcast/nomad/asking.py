@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from struct import Struct
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.nomad.requests import MAX_CORNERS
 from sleepcast.nomad.state import RING
 from sleepcast.nomad.units import word

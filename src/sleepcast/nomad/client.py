@@ -18,7 +18,7 @@ from math import cos, sin
 from types import TracebackType
 from typing import NamedTuple, Self
 
-from sleepcast.errors import MisuseError, did_you_mean
+from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.nomad.connection import Connection, LostError, NomadError
 from sleepcast.nomad.nclient import ALL, TIMEOUT, Nclient, RefusedError, RequestError
 from sleepcast.nomad.report import Stamp, State

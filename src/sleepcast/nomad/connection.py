@@ -12,7 +12,7 @@ import socket
 import time
 from collections.abc import Sequence
 
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 from sleepcast.nomad.wire import MAX_WORDS, Layout, Parser, Request, encode_request
 
 CONNECT_SECONDS = 10.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Sequence
 
-from sleepcast.errors import MisuseError, did_you_mean
+from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.nomad.answers import take
 from sleepcast.nomad.requests import Kind
 from sleepcast.nomad.session import Refusal, Service, Session, Wait

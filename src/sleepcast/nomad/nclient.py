@@ -11,7 +11,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.nomad.asking import Corners, corner_words, in_words, mask_words, order_words, packet_words, text_words
 from sleepcast.nomad.connection import Connection, NomadError
 from sleepcast.nomad.report import Answer, State, read_state

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from sleepcast.clock import Clock
+from sleepcast.core.clock import Clock
 
 BURST = 20
 """Lines at once,"""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import inf
 
-from sleepcast.clock import Clock
+from sleepcast.core.clock import Clock
 
 LONGEST_DEBT = 0.25
 """Seconds on the wall that a server that could not keep up makes up for; what is older is let go."""

@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.nomad.requests import Kind
 from sleepcast.nomad.wire import HEADER, Layout, decode, encode_request
 

@@ -13,8 +13,8 @@ import socket
 from collections.abc import Callable, Mapping, Sequence
 from ipaddress import ip_address
 
-from sleepcast.clock import Clock, WallClock
-from sleepcast.errors import SleepcastError
+from sleepcast.core.clock import Clock, WallClock
+from sleepcast.core.errors import SleepcastError
 from sleepcast.nomad.behaviour import Behaviour
 from sleepcast.nomad.hand import Hand
 from sleepcast.nomad.line import Line

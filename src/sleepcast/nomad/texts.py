@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Literal
 
-from sleepcast.errors import printable
+from sleepcast.core.errors import printable
 
 ByteOrder = Literal["little", "big"]
 MAX_TEXT = 1000

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME
 from sleepcast.nomad.units import CONFIGURED_PAUSE, TENTH, TENTH_DEGREE
 from sleepcast.robot import BodyFunction, RobotModel
-from sleepcast.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME
 
 TURNING = frozenset({"VM", "PR", "SP", "AC", "DP", "DA", "PLACE_ROBOT"})
 """Functions whose plain numbers are angles."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from types import TracebackType
 from typing import Self
 
-from sleepcast.clock import Clock
+from sleepcast.core.clock import Clock
 from sleepcast.robot import Reading
 from sleepcast.simulator.body import Body
 from sleepcast.simulator.guard import Guard

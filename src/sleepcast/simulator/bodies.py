@@ -23,9 +23,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.arrays import filled
 from sleepcast.channel.chance import GOLDEN, key, mix, uniform
-from sleepcast.errors import MisuseError, did_you_mean
+from sleepcast.core.arrays import filled
+from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.simulator.areas import inside
 from sleepcast.simulator.bumpers import Bumpers, least_cell, reach
 from sleepcast.simulator.cones import Cones

@@ -12,7 +12,8 @@ from math import isnan, pi
 
 import numpy as np
 
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
+from sleepcast.core.units import LENGTH, NONE, RATE, SPEED, Quantity
 from sleepcast.robot import BodyFunction, Geometry, Reading, RobotModel, Setpoint
 from sleepcast.simulator import sonar
 from sleepcast.simulator.bodies import TURN, Bodies, Mode, Saying
@@ -20,7 +21,6 @@ from sleepcast.simulator.robot_settings import TENTH
 from sleepcast.simulator.scenario import Scenario
 from sleepcast.simulator.sensors import sonar_sensors
 from sleepcast.simulator.signals import signal_constants
-from sleepcast.units import LENGTH, NONE, RATE, SPEED, Quantity
 
 TUMBLE = 67.0 * pi / 180.0
 """How far a tumble turns, to one side or the other: the angle of Hoskins's vehicles."""

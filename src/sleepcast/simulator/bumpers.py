@@ -10,7 +10,7 @@ from math import sqrt
 
 import numpy as np
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.simulator.contact import SKIN, Settled
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.grid import Floats, Grid, distance, grid_over, pairs, sort, spread

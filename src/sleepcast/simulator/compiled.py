@@ -28,7 +28,7 @@ from numba.core.registry import cpu_target
 from numba.core.runtime.nrt import rtsys
 from numba.extending import overload, register_jitable
 
-from sleepcast.code_cache import CodeCache
+from sleepcast.core.code_cache import CodeCache
 from sleepcast.simulator import driving, formulas
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])

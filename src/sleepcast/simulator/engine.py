@@ -14,7 +14,8 @@ from typing import Protocol
 
 import numpy as np
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.threads import ThreadPool
 from sleepcast.simulator import cones, contact, grid, noise, steps
 from sleepcast.simulator.cones import Ranges, Seen, View
 from sleepcast.simulator.contact import Settled
@@ -23,7 +24,6 @@ from sleepcast.simulator.firing import Firing, Tick, fire
 from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole
 from sleepcast.simulator.noise import Ear, Noise
 from sleepcast.simulator.steps import Columns, Draws, Proposal
-from sleepcast.team import Team
 
 MAX_THREADS = 64
 """Threads of one machine: more cores than this share one memory badly."""
@@ -42,7 +42,7 @@ class Machine(Protocol):
     def name(self) -> str: ...
 
     @property
-    def team(self) -> Team | None:
+    def pool(self) -> ThreadPool | None:
         """The threads that it works with, if there are any."""
 
     def sort(self, grid: Grid, x: Floats, y: Floats, /) -> Sorted: ...
@@ -93,7 +93,7 @@ class NumPyMachine:
     """Everything in NumPy, on one thread."""
 
     name = "numpy"
-    team = None
+    pool = None
     sort = staticmethod(grid.sort)
     ranges = staticmethod(cones.ranges)
     look = staticmethod(cones.look)

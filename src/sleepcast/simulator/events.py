@@ -23,10 +23,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sleepcast.errors import did_you_mean
+from sleepcast.core.errors import did_you_mean
+from sleepcast.core.units import TIME
 from sleepcast.simulator.settings import Table
 from sleepcast.simulator.world import Point, Shape, World
-from sleepcast.units import TIME
 
 MAX_EVENTS = 1_000
 """Of one scenario: one in every second of a quarter of an hour."""

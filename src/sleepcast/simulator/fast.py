@@ -15,7 +15,8 @@ from typing import NamedTuple, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.arrays import LINE
+from sleepcast.core.arrays import LINE
+from sleepcast.core.threads import FEW, SIZES, ThreadPool, borders
 from sleepcast.simulator import kernels, kernels_contact, kernels_firing, kernels_motion, kernels_sonar, steps
 from sleepcast.simulator.cones import Cones, Ranges, View
 from sleepcast.simulator.contact import SKIN, Settled, boxes_of, clear
@@ -29,7 +30,6 @@ from sleepcast.simulator.scratch import Scratch
 from sleepcast.simulator.steps import Columns, Draws, Proposal
 from sleepcast.simulator.vectors import LANES
 from sleepcast.simulator.walls import Walls, walls_of
-from sleepcast.team import FEW, SIZES, Team, borders
 
 Result = TypeVar("Result")
 Flags: TypeAlias = NDArray[np.bool_]
@@ -95,7 +95,7 @@ class NumbaMachine:
     name = "numba"
 
     def __init__(self, threads: int) -> None:
-        self.team = Team(threads, wait)
+        self.pool = ThreadPool(threads, wait)
         self._scratch = Scratch()
         self._fields = Fields(self._scratch)
         self._around: _Around | None = None
@@ -107,7 +107,7 @@ class NumbaMachine:
     def sort(self, grid: Grid, x: Floats, y: Floats) -> Sorted:
         cells, order = np.empty(len(x), np.int32), np.empty(len(x), np.int32)
         start = np.empty(grid.cells + 1, np.int32)
-        shares = 1 if len(x) <= LIGHT else self.team.threads  # each needs counts of its own
+        shares = 1 if len(x) <= LIGHT else self.pool.threads  # each needs counts of its own
         ends = [len(x) * share // shares for share in range(shares + 1)]
         counts = np.zeros((shares, grid.cells), np.int32)
         places = dict(zip(ends, counts, strict=False))  # by where their stretch begins
@@ -115,9 +115,9 @@ class NumbaMachine:
         def count(first: int, last: int) -> None:
             kernels.count(x, y, grid.size, grid.across, grid.up, first, last, cells, places[first])
 
-        self.team.share(count, ends)
+        self.pool.share(count, ends)
         kernels.begin(counts, start)
-        self.team.share(lambda first, last: kernels.place(cells, first, last, places[first], order), ends)
+        self.pool.share(lambda first, last: kernels.place(cells, first, last, places[first], order), ends)
         return Sorted(order, start)
 
     def in_sight(self, listed: Listed, solids: Floats) -> Walls:
@@ -292,7 +292,7 @@ class NumbaMachine:
         one thread is enough."""
         if count <= alone:
             return [work(0, count)]
-        return self.team.share(work, self._borders(count))
+        return self.pool.share(work, self._borders(count))
 
     def _share_rows(
         self, work: Callable[[int, int], None], grid: Grid, start: Short, busy: int | None = None, alone: int = ALONE
@@ -300,12 +300,12 @@ class NumbaMachine:
         """Let `work` be done for all rows of cells, in stretches of about as many robots. busy: how many there is
         something to do for, if not all; alone: for how many one thread is enough."""
         count = int(start[-1])
-        if self.team.threads == 1 or (count if busy is None else busy) <= alone:
+        if self.pool.threads == 1 or (count if busy is None else busy) <= alone:
             work(0, grid.up)
             return
         ends = start[grid.across :: grid.across]  # robots up to and with each row
-        self.team.share(work, [0, *(np.searchsorted(ends, self._borders(count)[1:-1]) + 1).tolist(), grid.up])
+        self.pool.share(work, [0, *(np.searchsorted(ends, self._borders(count)[1:-1]) + 1).tolist(), grid.up])
 
     def _borders(self, count: int) -> list[int]:
         """Where stretches of so many robots begin, and their end."""
-        return borders(count, self.team.threads, FEW if count < MANY else SIZES, LANES)
+        return borders(count, self.pool.threads, FEW if count < MANY else SIZES, LANES)

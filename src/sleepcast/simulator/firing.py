@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.simulator.cones import Ranges, View
 from sleepcast.simulator.crosstalk import QUICKEST, SOUND
 from sleepcast.simulator.grid import Floats, Whole

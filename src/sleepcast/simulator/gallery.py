@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from sleepcast.errors import MisuseError, did_you_mean
+from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.simulator.scenario import FILE, Scenario, load
 from sleepcast.simulator.world_settings import Changes
 

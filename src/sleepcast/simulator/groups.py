@@ -21,10 +21,10 @@ from math import nan
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.errors import did_you_mean
+from sleepcast.core.errors import did_you_mean
+from sleepcast.core.units import UNITS, Quantity
 from sleepcast.robot import BodyConstant
 from sleepcast.simulator.settings import Measure, Table, checked_name
-from sleepcast.units import UNITS, Quantity
 
 MAX_CONSTANTS = 64
 """Names that the people who write the rules can still tell apart."""

@@ -22,14 +22,14 @@ from pathlib import Path
 
 import numpy as np
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.units import ACCELERATION, LENGTH, RATE, SPEED
 from sleepcast.robot import Limits
 from sleepcast.simulator.bodies import TURN, Floats, Mode
 from sleepcast.simulator.robot_settings import LEAST, MAX_WORLD, RobotSpec
 from sleepcast.simulator.scenario import Scenario
 from sleepcast.simulator.settings import Table, toml_document
 from sleepcast.simulator.simulation import Simulator
-from sleepcast.units import ACCELERATION, LENGTH, RATE, SPEED
 
 
 def read_limits(file: Path) -> Limits:

@@ -1,5 +1,5 @@
 """A compiled kernel that waits, without giving the core away, for a word that another thread writes: to sleep and be
-woken takes longer than most of what threads wait for here. `team` calls it.
+woken takes longer than most of what threads wait for here. The thread pool calls it.
 """
 
 from __future__ import annotations

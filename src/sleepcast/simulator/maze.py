@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.chance import key, uniform
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.simulator.world import Wall
 
 MAX_CELLS = 1_000_000

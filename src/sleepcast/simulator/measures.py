@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.parcel import ParcelError
+from sleepcast.core.serial import SerialError
+from sleepcast.core.units import TIME
 from sleepcast.simulator.settings import Table, checked_name
-from sleepcast.units import TIME
 
 MAX_MEASURES = 16
 MAX_SAMPLES = 10_000
@@ -90,10 +90,10 @@ class Measuring:
     def restore(self, state: list[tuple[int, list[list[float]]]]) -> None:
         """Be as that was. Raises ParcelError."""
         if len(state) != len(self._specs):
-            raise ParcelError(f"{len(state)} measures, wanted {len(self._specs)}")
+            raise SerialError(f"{len(state)} measures, wanted {len(self._specs)}")
         for ticks, series in state:
             if ticks < 1 or len(series) >= MAX_SAMPLES or not all(len(sample) == 2 for sample in series):
-                raise ParcelError(f"a measure with {len(series)} samples, {ticks} ticks apart")
+                raise SerialError(f"a measure with {len(series)} samples, {ticks} ticks apart")
         self._ticks = [ticks for ticks, _ in state]
         self._series = [list(series) for _, series in state]
 

@@ -16,9 +16,9 @@ from math import isfinite
 from pathlib import Path
 from textwrap import dedent
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.units import TIME, UNITS, to_si
 from sleepcast.simulator.settings import SettingsError, read_text
-from sleepcast.units import TIME, UNITS, to_si
 
 MAX_BYTES = 1_048_576
 """Of one script, comments included."""

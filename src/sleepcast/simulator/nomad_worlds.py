@@ -8,7 +8,7 @@ from math import ceil, pi
 from pathlib import Path
 
 from sleepcast.channel.memory import RadioModel
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.simulator.engine import Machine, NumPyMachine
 from sleepcast.simulator.nomads import NomadWorld
 from sleepcast.simulator.robot_settings import MAX_TIME, CrosstalkModel, RobotSpec

@@ -15,7 +15,7 @@ from math import isfinite, isnan, nan, pi, remainder
 
 import numpy as np
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Axes, Condition, Contact, Corners, Pose
 from sleepcast.simulator.bodies import Mode
 from sleepcast.simulator.formulas import wrap

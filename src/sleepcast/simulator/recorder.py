@@ -43,7 +43,7 @@ from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
 from sleepcast.channel import Message
-from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.simulator import foxglove
 from sleepcast.simulator.foxglove import Level
 from sleepcast.simulator.packing import pack

@@ -24,9 +24,9 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from zstandard import ZstdDecompressor, ZstdError
 
 from sleepcast.channel import Message
-from sleepcast.errors import MisuseError, SleepcastError
-from sleepcast.files import open_file
-from sleepcast.parcel import ParcelError
+from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.files import open_file
+from sleepcast.core.serial import SerialError
 from sleepcast.simulator.packing import unpack
 from sleepcast.simulator.recorder import (
     ABOUT,
@@ -227,7 +227,7 @@ def _time(about: dict[str, str], name: str) -> float:
 def _scenario(file: Path, data: bytes) -> Scenario:
     try:
         return scenario_of(data)
-    except ParcelError as error:
+    except SerialError as error:
         raise NoRecordingError(f"{file}: {error}") from None
 
 

@@ -6,11 +6,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from math import inf, pi
 
+from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, UNITS, Dimension
 from sleepcast.robot import Geometry, Limits
 from sleepcast.simulator.groups import Group
 from sleepcast.simulator.settings import Measure, Table, checked_name
 from sleepcast.simulator.signals import LIGHT_NAMES, PING_NAMES
-from sleepcast.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, UNITS, Dimension
 
 MAX_ROBOTS = 1_000_000
 """Bodies in one world: a tick of so many is about real time on two cores. Minds have a bound of their own."""

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from sleepcast.channel.names import Names
-from sleepcast.errors import did_you_mean
+from sleepcast.core.errors import did_you_mean
 from sleepcast.robot import Geometry, Limits
 from sleepcast.simulator.groups import Group
 from sleepcast.simulator.robot_settings import Ring, RobotSpec, Store

@@ -7,7 +7,7 @@ from math import atan2, hypot, pi
 
 import numpy as np
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.simulator.areas import inside
 from sleepcast.simulator.bodies import Bodies
 from sleepcast.simulator.paths import already, discs

@@ -20,11 +20,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.units import LENGTH
 from sleepcast.simulator.outlines import outlines
 from sleepcast.simulator.settings import Document, Path_, SettingsError, Table, read_text
 from sleepcast.simulator.world import MAX_SOLIDS, Area, Point
-from sleepcast.units import LENGTH
 
 MAX_YAML = 65_536
 """Bytes of a map's YAML file: people's have three hundred."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 
-from sleepcast.errors import MisuseError
-from sleepcast.units import UNITS
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.units import UNITS
 
 LEAST_BYTES, MOST_BYTES = 1e5, 1e12
 """A part: smaller ones hold little but what each begins with, and no disk is larger."""

@@ -12,6 +12,7 @@ from math import inf, pi
 from pathlib import Path
 
 from sleepcast.channel.memory import RadioModel
+from sleepcast.core.units import LENGTH, SPEED, TIME
 from sleepcast.robot import BodyConstant
 from sleepcast.simulator.events import Event, read_events
 from sleepcast.simulator.groups import read_constants, read_groups, refuse_clashes
@@ -32,7 +33,6 @@ from sleepcast.simulator.settings import Table, checked_name, toml_document
 from sleepcast.simulator.signals import Light, PingModel, read_lights, read_pings
 from sleepcast.simulator.world import Shape
 from sleepcast.simulator.world_settings import MAX_SEED, Changes, WorldSpec, read_world
-from sleepcast.units import LENGTH, SPEED, TIME
 
 FORMAT = 1
 """The version of the format; a file of a newer one is refused."""

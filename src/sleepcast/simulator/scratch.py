@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.arrays import LINE, block
+from sleepcast.core.arrays import LINE, block
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 

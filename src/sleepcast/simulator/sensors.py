@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from math import inf, pi
 
+from sleepcast.core.units import Quantity
 from sleepcast.simulator.groups import value_quantities
 from sleepcast.simulator.robot_settings import Ring, Store
 from sleepcast.simulator.scenario import Scenario
 from sleepcast.simulator.signals import signal_sensors
-from sleepcast.units import Quantity
 
 
 def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:

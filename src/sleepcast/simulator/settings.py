@@ -17,8 +17,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, NoReturn
 
-from sleepcast.errors import MisuseError, did_you_mean, nearest
-from sleepcast.units import NONE, UNITS, Dimension, to_si
+from sleepcast.core.errors import MisuseError, did_you_mean, nearest
+from sleepcast.core.units import NONE, UNITS, Dimension, to_si
 
 MAX_BYTES = 1_048_576
 """Of one file: the largest scenario of people is a hundred times smaller."""

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 from math import nan
 from pathlib import Path
 
-from sleepcast.errors import MisuseError, did_you_mean
+from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.units import LENGTH, RATE, TIME
 from sleepcast.robot import Axes
 from sleepcast.simulator.robot_settings import LEAST, MAX_SONARS, MAX_WORLD, WIDEST_BEAM, RobotSpec, Wheels, read_robots
 from sleepcast.simulator.settings import Table, toml_document
 from sleepcast.simulator.world_settings import MAX_SEED
-from sleepcast.units import LENGTH, RATE, TIME
 
 FORMAT = 1
 """The version of the format of setups; a file of a newer one is refused."""

@@ -10,6 +10,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.core.threads import ThreadPool
 from sleepcast.simulator.bodies import Bodies, Floats, Saying
 from sleepcast.simulator.body import model_of
 from sleepcast.simulator.engine import Machine, choose, cores
@@ -20,7 +21,6 @@ from sleepcast.simulator.robot_types import names_of
 from sleepcast.simulator.robots import Robots
 from sleepcast.simulator.scenario import Scenario
 from sleepcast.simulator.senses import Senses
-from sleepcast.team import Team
 
 MOST_CASTE = 254
 """What a byte tells apart besides silence; a higher caste is shown as this one."""
@@ -49,7 +49,7 @@ class Simulator:
         if machine is None:
             light = scenario.robots.ring is None and not scenario.robots.bumpers
             machine = choose("numpy" if light else None, threads)
-        self.team = machine.team or Team(threads or cores())
+        self.pool = machine.pool or ThreadPool(threads or cores())
         """The threads that may work at once."""
         self.bodies = Bodies(scenario, self.seed, machine)
         self.world = self.bodies.world

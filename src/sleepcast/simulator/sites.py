@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from math import ceil, pi
 from pathlib import Path
 
+from sleepcast.core.units import LENGTH
 from sleepcast.simulator.polygons import read_polygons
 from sleepcast.simulator.robot_settings import INCH, MAX_WORLD
 from sleepcast.simulator.ros_map import read_map
@@ -29,7 +30,6 @@ from sleepcast.simulator.scenario import FILE
 from sleepcast.simulator.settings import SettingsError, Table, read_text, toml_document
 from sleepcast.simulator.world import Point, Polygon, Shape, shifted
 from sleepcast.simulator.world_settings import MAX_SEED, Changes, read_world
-from sleepcast.units import LENGTH
 
 FORMAT = 1
 """The version of the format of worlds; a file of a newer one is refused."""

@@ -14,8 +14,8 @@ from math import isnan
 import msgspec
 import numpy as np
 
-from sleepcast.errors import SleepcastError
-from sleepcast.parcel import Arrays, ParcelError, kept, put_back, within
+from sleepcast.core.errors import SleepcastError
+from sleepcast.core.serial import Arrays, SerialError, dump_arrays, load_arrays, within
 from sleepcast.simulator.bodies import MAX_SAYINGS, Mode, Saying
 from sleepcast.simulator.firing import AT_ONCE, Firing
 from sleepcast.simulator.packing import pack, unpack
@@ -72,7 +72,7 @@ def state_of(simulator: Simulator) -> SimulatorParcel:
         pack(simulator.scenario),
         simulator.seed,
         simulator.tick,
-        kept(simulator.bodies.arrays() | simulator.senses.arrays()),
+        dump_arrays(simulator.bodies.arrays() | simulator.senses.arrays()),
         pack(Things(tuple(world.shapes), tuple(world.shapes.values()))),
         world.following,
         [(saying.time, saying.robot, saying.text) for saying in simulator.said],
@@ -85,25 +85,25 @@ def resume(parcel: SimulatorParcel, seed: int | None = None, threads: int | None
     scenario = scenario_of(parcel.scenario)
     for number, low, high in ((parcel.seed, 0, MAX_SEED), (parcel.tick, 0, MAX_TICKS)):
         if not low <= number <= high:
-            raise ParcelError(f"a seed or tick {number} that does not lie in {low}..{high}")
+            raise SerialError(f"a seed or tick {number} that does not lie in {low}..{high}")
     simulator = Simulator(scenario, parcel.seed if seed is None else seed, threads=threads)
     bodies = simulator.bodies
     bodies.tick = parcel.tick
     for number, ring in enumerate(bodies.rings):
         if f"order of ring {number}" in parcel.columns:
             ring.part()
-    put_back(parcel.columns, bodies.arrays() | simulator.senses.arrays())
+    load_arrays(parcel.columns, bodies.arrays() | simulator.senses.arrays())
     _check(simulator)
     try:
         things = unpack(Things, parcel.things)
         simulator.world.fill(dict(zip(things.numbers, things.shapes, strict=True)), parcel.following)
     except (ValueError, SleepcastError) as error:
-        raise ParcelError(f"what stands in the world: {error}") from None
+        raise SerialError(f"what stands in the world: {error}") from None
     if len(parcel.said) > MAX_SAYINGS:
-        raise ParcelError(f"{len(parcel.said)} sayings, at most {MAX_SAYINGS} are kept")
+        raise SerialError(f"{len(parcel.said)} sayings, at most {MAX_SAYINGS} are kept")
     for time, robot, text in parcel.said:
         if not 0 <= robot < bodies.count or isnan(time) or len(text) > MAX_WORDS:
-            raise ParcelError("a saying of a robot that is not there, or without end")
+            raise SerialError("a saying of a robot that is not there, or without end")
         simulator.said.append(Saying(time, robot, text))
     simulator.measuring.restore(parcel.measures)
     bodies.forget()
@@ -139,7 +139,7 @@ def _check_firing(firing: Firing, sonars: int) -> None:
     within(firing.pause, 0.0, MAX_PAUSE, "pause")
     within(firing.turn, 0, firing.order.shape[1] - 1, "turn")
     if (firing.turn > np.maximum(firing.length - 1, 0)).any():
-        raise ParcelError("turn is not everywhere within the order")
+        raise SerialError("turn is not everywhere within the order")
 
 
 # ---- the scenario
@@ -150,12 +150,12 @@ def scenario_of(data: bytes) -> Scenario:
     try:
         found = unpack(Scenario, data)
     except (ValueError, RecursionError, SleepcastError) as error:
-        raise ParcelError(f"the scenario in it is not one of this version: {error}") from None
+        raise SerialError(f"the scenario in it is not one of this version: {error}") from None
     for name, number, least, most in _bounds(found):
         if not least <= number <= most:
-            raise ParcelError(f"a scenario with {number} {name}, wanted {least:g} to {most:g}")
+            raise SerialError(f"a scenario with {number} {name}, wanted {least:g} to {most:g}")
     if _has_nan(found):
-        raise ParcelError("a scenario with a number that is none")
+        raise SerialError("a scenario with a number that is none")
     return found
 
 

@@ -16,7 +16,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 
 MAX_SOLIDS = 1_000_000
 """Rows in the array of solids: as many as robots; beyond, an index of them no longer fits into a cache."""

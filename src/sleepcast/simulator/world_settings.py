@@ -9,13 +9,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
+from sleepcast.core.units import LENGTH
 from sleepcast.simulator.drawing import MAX_NAME, read_drawing
 from sleepcast.simulator.maze import maze
 from sleepcast.simulator.robot_settings import LEAST, MAX_WORLD
 from sleepcast.simulator.ros_map import read_map
 from sleepcast.simulator.settings import Measure, Table
 from sleepcast.simulator.world import Circle, Point, Polygon, Shape, Wall, edge, rooms, rows_of
-from sleepcast.units import LENGTH
 
 MAX_SHAPES = 10_000
 """Polygons, circles or walls in one file: each sort."""

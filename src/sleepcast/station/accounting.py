@@ -17,8 +17,8 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.bodies import LOOK
 from sleepcast.channel.names import Names, natural
 from sleepcast.channel.parcels import ascending
-from sleepcast.errors import printable
-from sleepcast.parcel import Array, ParcelError
+from sleepcast.core.errors import printable
+from sleepcast.core.serial import Array, SerialError
 from sleepcast.station.answers import FAULT, MATCHED, NOT_MATCHED, OUTCOMES, SILENT, Answers
 from sleepcast.station.parcels import CommandParcel
 from sleepcast.station.roster import Index, Seconds, of_robots
@@ -64,7 +64,7 @@ class Command:
         """The command that was kept. Raises ParcelError."""
         found = cls(parcel.message, names, ascending(parcel.expected, len(names)), parcel.last_sent)
         if not 0 <= parcel.addressed <= len(names):
-            raise ParcelError(f"a command to {parcel.addressed} robots, of which there are {len(names)}")
+            raise SerialError(f"a command to {parcel.addressed} robots, of which there are {len(names)}")
         found.addressed = found.size = parcel.addressed  # what is kept is a swarm, of which all are on the roster
         found.only = None if parcel.only is None else ascending(parcel.only, parcel.addressed)
         found.answers.restore(parcel.answers)

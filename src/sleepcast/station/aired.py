@@ -26,8 +26,8 @@ from sleepcast.channel.latch import MAX_MARKS, Life, Mark, mark_of, marks_and_ag
 from sleepcast.channel.line import LONGEST, Line
 from sleepcast.channel.message import MAX_NAME, TO_OPERATOR
 from sleepcast.channel.roles import Role
-from sleepcast.clock import Clock
-from sleepcast.errors import MisuseError, SleepcastError
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.language.machine import Program
 from sleepcast.language.parts import rules
 from sleepcast.language.vocabulary import Vocabulary

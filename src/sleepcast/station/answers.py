@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.chorus import Answers as Said
 from sleepcast.channel.names import Names
-from sleepcast.parcel import Array, ParcelError, within
+from sleepcast.core.serial import Array, SerialError, within
 from sleepcast.station.parcels import AnswersParcel
 from sleepcast.station.roster import Index, Seconds
 
@@ -173,7 +173,7 @@ class Answers(Mapping[str, Answer]):
             self._fault = parcel.fault.made(np.int32, self._outcome.shape, "faults of answers")
             within(self._fault, 0, len(self._faults), "faults of answers")
         if len({len(self._heard), len(self._value), len(self._outcome) if self._count else len(self._heard)}) > 1:
-            raise ParcelError("answers without times or values")
+            raise SerialError("answers without times or values")
 
     def __getitem__(self, name: str) -> Answer:
         place = self.names.place(name)

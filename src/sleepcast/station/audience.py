@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sleepcast.channel.bodies import FOR, NOT
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.station.roster import Index, Roster
 
 MAX_LISTED = 4_096

@@ -13,8 +13,8 @@ from pathlib import Path
 import msgspec
 
 from sleepcast.channel.message import MAX_NAME
-from sleepcast.errors import SleepcastError
-from sleepcast.files import data_folder, replace_file
+from sleepcast.core.errors import SleepcastError
+from sleepcast.core.files import data_folder, replace_file
 from sleepcast.station.roster import MAX_ROBOTS
 
 MAX_BYTES = 128 * 1024 * 1024

@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.bodies import FOR
-from sleepcast.clock import Clock
-from sleepcast.errors import SleepcastError
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import SleepcastError
+from sleepcast.core.serial import SerialError, pack, room_for, unpack
 from sleepcast.language import Checked, CheckError, Explanation, check
 from sleepcast.language.machine import Program
 from sleepcast.language.vocabulary import Vocabulary
-from sleepcast.parcel import ParcelError, pack, room_for, unpack
 from sleepcast.station.accounting import Accounting, Command, account
 from sleepcast.station.audience import Audience
 from sleepcast.station.hearing import MAX_REPORTS, Hearing
@@ -103,7 +103,7 @@ class Station(Hearing):
         desk = unpack(DeskParcel, state, room_for(len(self._minds)), "the part of the desk")
         parcel = desk.account
         if len(parcel.reports) > MAX_REPORTS or parcel.sequence < 0:
-            raise ParcelError(f"{len(parcel.reports)} reports of a desk")
+            raise SerialError(f"{len(parcel.reports)} reports of a desk")
         with self._lock:
             self.operator, self.epoch, self._sequence = parcel.operator, parcel.epoch, parcel.sequence
             self._roster.restore(desk.roster)

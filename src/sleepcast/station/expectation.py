@@ -17,8 +17,8 @@ from pathlib import Path
 import msgspec
 
 from sleepcast.channel.message import MAX_NAME
-from sleepcast.errors import MisuseError, SleepcastError
-from sleepcast.files import config_folder, open_file, replace_file
+from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.files import config_folder, open_file, replace_file
 from sleepcast.station.roster import MAX_ROBOTS
 
 FORMAT = 1

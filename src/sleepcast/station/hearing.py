@@ -16,8 +16,8 @@ import numpy as np
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.bodies import TOLD
 from sleepcast.channel.chorus import Answers, Chorus
-from sleepcast.clock import Clock
-from sleepcast.errors import MisuseError
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import MisuseError
 from sleepcast.station.answers import answer_from
 from sleepcast.station.journal import Event, Journal, MemoryJournal, Report
 from sleepcast.station.minds import ManyMinds, Mask, Minds, Telemetry, ToldByMany

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 
 MAX_ENTRIES = 200_000
 """Entries that a journal in memory keeps: the answers of 1,000 robots to 200 commands; the oldest go first."""

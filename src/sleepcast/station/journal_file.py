@@ -24,8 +24,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sleepcast.errors import SleepcastError
-from sleepcast.files import settle
+from sleepcast.core.errors import SleepcastError
+from sleepcast.core.files import settle
 from sleepcast.station.journal import Entry, Event, JournalError
 from sleepcast.station.roster import Some
 

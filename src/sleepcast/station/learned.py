@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 from sleepcast.language.machine import Library, Program
 from sleepcast.language.names import Declared, Group, Operator, Stored, UserVariable
 from sleepcast.language.reader import read_all

@@ -5,7 +5,7 @@ from __future__ import annotations
 from sleepcast.channel import Message
 from sleepcast.channel.bodies import DO, GROUP, LEASE, SECONDS, TO, Deed
 from sleepcast.channel.message import MAX_NAME
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.language import ReadError, Symbol, read
 
 MAX_LEASE = 3_600.0

@@ -13,7 +13,7 @@ from typing import Protocol
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.bodies import LOOK, OF, TOLD, Look
-from sleepcast.errors import SleepcastError, printable
+from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.language import Explanation
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.accounting import Command

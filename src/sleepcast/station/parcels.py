@@ -8,7 +8,7 @@ from __future__ import annotations
 import msgspec
 
 from sleepcast.channel import Message
-from sleepcast.parcel import Array
+from sleepcast.core.serial import Array
 from sleepcast.station.journal import Event
 
 

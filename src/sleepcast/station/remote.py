@@ -20,7 +20,7 @@ from typing import NamedTuple
 from sleepcast.channel.bodies import TOLD, Look
 from sleepcast.channel.message import Message
 from sleepcast.channel.names import natural
-from sleepcast.errors import SleepcastError, printable
+from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.language.explain import Explanation
 from sleepcast.language.functions import FUNCTIONS
 from sleepcast.language.machine import Program

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.names import Names
-from sleepcast.errors import MisuseError, did_you_mean
-from sleepcast.parcel import Array
+from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.serial import Array
 from sleepcast.station.parcels import RosterParcel
 
 MAX_ROBOTS = 1_000_000

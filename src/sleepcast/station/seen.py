@@ -10,8 +10,8 @@ import msgspec
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.bodies import TOLD
 from sleepcast.channel.message import MAX_NAME
-from sleepcast.files import data_folder, replace_file
-from sleepcast.parcel import ParcelError, pack, unpack
+from sleepcast.core.files import data_folder, replace_file
+from sleepcast.core.serial import SerialError, pack, unpack
 from sleepcast.station.contacts import ContactsLostError
 from sleepcast.station.remote import MAX_MINDS, MAX_TELLERS, MAX_TYPES, RemoteMinds
 from sleepcast.station.telling import TelemetryTold
@@ -47,7 +47,7 @@ class Seen:
         try:
             with self.file.open("rb") as opened:
                 parcel = unpack(SeenParcel, opened.read(MAX_SEEN), MAX_SEEN, "what robots told")
-        except (OSError, ParcelError):
+        except (OSError, SerialError):
             return
         if parcel.version != VERSION:
             return
@@ -63,7 +63,7 @@ class Seen:
         try:
             self.file.parent.mkdir(parents=True, exist_ok=True)
             replace_file(self.file, pack(SeenParcel(VERSION, minds.texts(), tellers), MAX_SEEN))
-        except (OSError, ParcelError) as error:
+        except (OSError, SerialError) as error:
             raise ContactsLostError(f"cannot remember what robots told ({self.file}: {error})") from None
 
 

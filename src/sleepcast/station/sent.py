@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 
 from sleepcast.channel import Kind
 from sleepcast.channel.names import Names
-from sleepcast.errors import MisuseError, did_you_mean
-from sleepcast.parcel import ParcelError
+from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.serial import SerialError
 from sleepcast.station.accounting import Command
 from sleepcast.station.parcels import CommandParcel
 
@@ -78,7 +78,7 @@ class Sent:
     def restore(self, commands: Sequence[CommandParcel], latch: CommandParcel | None, names: Names) -> None:
         """Have what was kept. Raises ParcelError."""
         if len(commands) > MAX_COMMANDS:
-            raise ParcelError(f"{len(commands)} commands of a desk")
+            raise SerialError(f"{len(commands)} commands of a desk")
         found = [Command.restored(command, names) for command in commands]
         self._commands = {command.id: command for command in found}
         if latch is not None:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import NamedTuple
 
-from sleepcast.errors import MisuseError
+from sleepcast.core.errors import MisuseError
 from sleepcast.language import Checked
 from sleepcast.language.machine import Program
 from sleepcast.language.parts import irreversible, walk

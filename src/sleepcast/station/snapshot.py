@@ -6,7 +6,7 @@ import numpy as np
 
 from sleepcast.channel.names import Names
 from sleepcast.channel.parcels import ascending
-from sleepcast.parcel import Array, ParcelError
+from sleepcast.core.serial import Array, SerialError
 from sleepcast.station.journal import MAX_ENTRIES, Entry, Journal, MemoryJournal
 from sleepcast.station.parcels import EntryParcel, JournalParcel
 from sleepcast.station.roster import Some
@@ -22,7 +22,7 @@ def journal_parcel(journal: Journal) -> JournalParcel:
 def refill(journal: MemoryJournal, parcel: JournalParcel, names: Names) -> None:
     """Have the entries that were kept. Raises ParcelError."""
     if parcel.dropped < 0 or len(parcel.entries) > MAX_ENTRIES:
-        raise ParcelError(f"a journal of {len(parcel.entries)} entries after {parcel.dropped}")
+        raise SerialError(f"a journal of {len(parcel.entries)} entries after {parcel.dropped}")
     entries = enumerate(parcel.entries, parcel.dropped + 1)
     journal.fill([_entry(number, entry, names) for number, entry in entries], parcel.dropped)
 

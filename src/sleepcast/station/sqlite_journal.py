@@ -21,8 +21,8 @@ from math import inf
 from pathlib import Path
 from threading import RLock
 
-from sleepcast.clock import Clock
-from sleepcast.files import settle
+from sleepcast.core.clock import Clock
+from sleepcast.core.files import settle
 from sleepcast.station.journal import Entry, Event, JournalError
 from sleepcast.station.journal_file import (
     KEPT,

@@ -14,6 +14,8 @@ from typing import Annotated, TypeVar
 
 import msgspec
 
+from sleepcast.core.serial import UNREADABLE
+from sleepcast.core.units import UNITS, Dimension, Quantity
 from sleepcast.language.explain import Explanation, Step
 from sleepcast.language.reader import is_name
 from sleepcast.language.vocabulary import (
@@ -28,8 +30,6 @@ from sleepcast.language.vocabulary import (
     Vocabulary,
     VocabularyError,
 )
-from sleepcast.parcel import UNREADABLE
-from sleepcast.units import UNITS, Dimension, Quantity
 
 MAX_NAMES = 512
 """Sensors, actuators, constants and functions of one type, of each sort."""

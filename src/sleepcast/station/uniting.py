@@ -12,8 +12,8 @@ from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+from sleepcast.core.units import Quantity
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, SUPPORT, Constant, HostFunction, Variable, Vocabulary
-from sleepcast.units import Quantity
 
 Key = TypeVar("Key", bound=Hashable)
 

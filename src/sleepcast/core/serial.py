@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import msgspec
 
-from sleepcast.errors import SleepcastError
+from sleepcast.core.errors import SleepcastError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -35,7 +35,7 @@ Body = TypeVar("Body", bound=msgspec.Struct)
 Scalar = TypeVar("Scalar", bound="np.generic")
 
 
-class ParcelError(ValueError):
+class SerialError(ValueError):
     """A parcel in which something else is than there should be; whoever opened it knows where it came from."""
 
 
@@ -63,19 +63,19 @@ class Array(msgspec.Struct, frozen=True, array_like=True):
 
         wanted = np.dtype(sort).newbyteorder("<")
         if self.dtype != wanted.str or self.shape != shape:
-            raise ParcelError(f"{name} is {self._kind()}, wanted {wanted.str}{list(shape)}")
+            raise SerialError(f"{name} is {self._kind()}, wanted {wanted.str}{list(shape)}")
         if len(self.data) != prod(shape) * wanted.itemsize:
-            raise ParcelError(f"{name} has {len(self.data)} bytes, wanted {prod(shape) * wanted.itemsize}")
+            raise SerialError(f"{name} has {len(self.data)} bytes, wanted {prod(shape) * wanted.itemsize}")
         apart = np.frombuffer(self.data, np.uint8).reshape(wanted.itemsize, -1)
         if wanted.kind == "b" and (apart > 1).any():
-            raise ParcelError(f"{name} holds something that is neither true nor false")
+            raise SerialError(f"{name} holds something that is neither true nor false")
         found = apart.T.copy(order="C").view(wanted).reshape(shape)
         return found.astype(sort, copy=False)
 
     def column(self, sort: type[Scalar], most: int, name: str) -> NDArray[Scalar]:
         """The same for one dimension of any length up to `most`."""
         if len(self.shape) != 1 or not 0 <= self.shape[0] <= most:
-            raise ParcelError(f"{name} is {self._kind()}, wanted a list of at most {most}")
+            raise SerialError(f"{name} is {self._kind()}, wanted a list of at most {most}")
         return self.made(sort, self.shape, name)
 
     def _kind(self) -> str:
@@ -85,17 +85,17 @@ class Array(msgspec.Struct, frozen=True, array_like=True):
 Arrays = dict[str, Array]
 
 
-def kept(arrays: Mapping[str, NDArray[np.generic]]) -> Arrays:
+def dump_arrays(arrays: Mapping[str, NDArray[np.generic]]) -> Arrays:
     """Copies of arrays by name."""
     return {name: Array.of(values) for name, values in arrays.items()}
 
 
-def put_back(parcel: Arrays, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+def load_arrays(parcel: Arrays, arrays: Mapping[str, NDArray[np.generic]]) -> None:
     """Write what is kept into these arrays, in place: the same names, dtypes and shapes, and no other. Raises
     ParcelError."""
     if parcel.keys() != arrays.keys():
         odd = ", ".join(sorted(parcel.keys() ^ arrays.keys()))
-        raise ParcelError(f"wanted other columns than there are: {odd[:80]}")
+        raise SerialError(f"wanted other columns than there are: {odd[:80]}")
     for name, values in arrays.items():
         values[...] = parcel[name].made(values.dtype.type, values.shape, name)
 
@@ -103,7 +103,7 @@ def put_back(parcel: Arrays, arrays: Mapping[str, NDArray[np.generic]]) -> None:
 def within(values: NDArray[np.generic], low: float, high: float, name: str) -> None:
     """Raises ParcelError unless all of the values lie from `low` to `high`; unknown does not."""
     if values.size and not (float(values.min()) >= low and float(values.max()) <= high):
-        raise ParcelError(f"{name} is not everywhere from {low:g} to {high:g}")
+        raise SerialError(f"{name} is not everywhere from {low:g} to {high:g}")
 
 
 def room_for(robots: int) -> int:
@@ -115,7 +115,7 @@ def pack(body: msgspec.Struct, most: int) -> bytes:
     """A parcel as bytes. most: so many of them can be unpacked again. Raises ParcelError for more."""
     plain = msgspec.msgpack.encode(body)
     if len(plain) > most:
-        raise ParcelError(f"{len(plain)} bytes, at most {most} have room")
+        raise SerialError(f"{len(plain)} bytes, at most {most} have room")
     return zlib.compress(plain, LEVEL)
 
 
@@ -125,10 +125,10 @@ def unpack(kind: type[Body], data: bytes, most: int, name: str) -> Body:
     try:
         plain = opened.decompress(data, most)
     except zlib.error:
-        raise ParcelError(f"{name} is damaged") from None
+        raise SerialError(f"{name} is damaged") from None
     if not opened.eof:
-        raise ParcelError(f"{name} is not complete, or has more than {most} bytes")
+        raise SerialError(f"{name} is not complete, or has more than {most} bytes")
     try:
         return msgspec.msgpack.decode(plain, type=kind)
     except UNREADABLE as error:
-        raise ParcelError(f"{name}: {error}") from None
+        raise SerialError(f"{name}: {error}") from None

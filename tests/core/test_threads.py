@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sleepcast.team import Look, Team, borders
+from sleepcast.core.threads import Look, ThreadPool, borders
 
 ENDS = range(101)
 STRETCHES = list(pairwise(ENDS))
@@ -38,9 +38,9 @@ def look(request: pytest.FixtureRequest) -> Look | None:
 
 @pytest.mark.parametrize("threads", [1, 2, 5])
 def test_every_stretch_is_done_once(threads: int, look: Look | None) -> None:
-    team = Team(threads, look)
+    pool = ThreadPool(threads, look)
     for _ in range(50):
-        done = team.share(lambda first, last: (first, last), ENDS)
+        done = pool.share(lambda first, last: (first, last), ENDS)
         assert sorted(done) == STRETCHES
 
 
@@ -62,12 +62,12 @@ def test_stretches_are_several_for_each_thread_and_small_at_the_end() -> None:
 
 @pytest.mark.parametrize("ends", [[], [0], [3, 3]])
 def test_nothing_to_do_is_done_at_once(ends: list[int], look: Look | None) -> None:
-    assert Team(2, look).share(lambda first, last: first, ends) == []
+    assert ThreadPool(2, look).share(lambda first, last: first, ends) == []
 
 
 def test_threads_work_at_the_same_time(look: Look | None) -> None:
     together = threading.Barrier(3)
-    who = Team(3, look).share(lambda first, last: (together.wait(LONG), threading.get_ident())[1], ENDS[:4])
+    who = ThreadPool(3, look).share(lambda first, last: (together.wait(LONG), threading.get_ident())[1], ENDS[:4])
     assert len(set(who)) == 3
 
 
@@ -83,14 +83,14 @@ def test_one_who_is_done_waits_for_a_long_stretch_of_another(look: Look | None) 
             time.sleep(0.2)
         return first
 
-    assert sorted(Team(2, look).share(work, ENDS[:3])) == [0, 1]
+    assert sorted(ThreadPool(2, look).share(work, ENDS[:3])) == [0, 1]
 
 
 @pytest.mark.parametrize("pause", [0.0, 0.2])
 def test_others_come_again_after_a_pause(pause: float, look: Look | None) -> None:
-    team, together = Team(2, look), threading.Barrier(2)
+    pool, together = ThreadPool(2, look), threading.Barrier(2)
     for _ in range(5):
-        assert len(set(team.share(lambda first, last: together.wait(LONG), ENDS[:3]))) == 2
+        assert len(set(pool.share(lambda first, last: together.wait(LONG), ENDS[:3]))) == 2
         time.sleep(pause)
 
 
@@ -104,20 +104,20 @@ def test_an_error_comes_back_when_all_else_is_done(mine: bool, look: Look | None
             raise MemoryError(f"no room for {first}")
         done.append(first)
 
-    team = Team(2, look)
+    pool = ThreadPool(2, look)
     with pytest.raises(MemoryError, match="no room for"):
-        team.share(work, ENDS[:3])
+        pool.share(work, ENDS[:3])
     assert len(done) == 1
-    assert sorted(team.share(lambda first, last: first, ENDS)) == list(range(100))
+    assert sorted(pool.share(lambda first, last: first, ENDS)) == list(range(100))
 
 
 def test_threads_end_with_their_team(look: Look | None) -> None:
     before = set(threading.enumerate())
-    team = Team(4, look)
-    team.share(lambda first, last: None, ENDS)
+    pool = ThreadPool(4, look)
+    pool.share(lambda first, last: None, ENDS)
     helpers = set(threading.enumerate()) - before
     assert len(helpers) == 3
-    del team
+    del pool
     gc.collect()
     for helper in helpers:
         helper.join(LONG)

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from sleepcast import code_cache
-from sleepcast.code_cache import CodeCache
+from sleepcast.core import code_cache
+from sleepcast.core.code_cache import CodeCache
 
 
 @pytest.fixture
@@ -102,7 +102,7 @@ def test_without_a_folder_nothing_is_kept_and_nothing_fails(cache: CodeCache, tm
 
 FULL = """
 import resource
-from sleepcast.code_cache import CodeCache
+from sleepcast.core.code_cache import CodeCache
 
 cache = CodeCache("rules")
 assert cache.save("small", b"code")
@@ -133,7 +133,7 @@ def test_what_was_not_used_for_longest_goes_first(cache: CodeCache, monkeypatch:
 
 MANY = """
 import sys
-from sleepcast.code_cache import CodeCache
+from sleepcast.core.code_cache import CodeCache
 
 cache, own = CodeCache("rules"), int(sys.argv[1])
 for turn in range(300):
@@ -151,7 +151,7 @@ def test_processes_that_save_the_same_pieces_at_once_read_whole_ones(cache: Code
 
 
 ENDLESS = """
-from sleepcast.code_cache import CodeCache
+from sleepcast.core.code_cache import CodeCache
 
 print("up", flush=True)
 cache = CodeCache("rules")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sleepcast.arrays import LINE, PAGE, filled
+from sleepcast.core.arrays import LINE, PAGE, filled
 
 
 def place(array: np.ndarray) -> int:

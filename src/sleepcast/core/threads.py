@@ -1,4 +1,4 @@
-"""A team of threads that do a job together, the one that asks among them: whoever is free takes the next stretch.
+"""A pool of threads that share one job. The calling thread works too, and each free thread takes the next stretch.
 
 Nobody waits for a thread that has not begun: if it wakes up too late, the others have done its part. Who is done first
 looks out for the end of the last stretch before going to sleep, because waking up takes longer than most of that.
@@ -85,7 +85,7 @@ class Job(Generic[Result]):
         return len(self._done) + len(self._errors) == self._count
 
 
-class Team:
+class ThreadPool:
     """So many threads, that of whoever asks among them; the others are started when there is something to do.
 
     look: how one looks out for the end of a job; without it one goes to sleep at once.
@@ -120,7 +120,7 @@ class Team:
             self._look(np.ones(1, np.int64), 1, 1)
 
     def _start(self) -> Calls:
-        """Start the other threads; they end when nobody needs this team any more."""
+        """Start the other threads; they end when nobody needs this pool any more."""
         calls: Calls = SimpleQueue()
         for number in range(self.threads - 1):
             Thread(target=_serve, args=(calls,), name=f"kernels_{number}", daemon=True).start()

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from sleepcast.parcel import Array, Arrays, ParcelError, kept, pack, put_back, unpack, within
+from sleepcast.core.serial import Array, Arrays, SerialError, dump_arrays, load_arrays, pack, unpack, within
 
 SORTS = (np.float64, np.float32, np.int64, np.int32, np.int16, np.int8, np.uint8, np.uint64, np.bool_)
 MOST = 1 << 20
@@ -61,67 +61,67 @@ def test_an_array_that_lies_in_another_order_comes_back() -> None:
     ],
 )
 def test_another_array_is_refused(array: Array, why: str) -> None:
-    with pytest.raises(ParcelError, match=why) as caught:
+    with pytest.raises(SerialError, match=why) as caught:
         array.made(np.float64, (3,), "values")
     assert len(str(caught.value)) < 100
 
 
 def test_a_truth_is_true_or_false() -> None:
-    with pytest.raises(ParcelError, match="neither true nor false"):
+    with pytest.raises(SerialError, match="neither true nor false"):
         Array("|b1", (2,), b"\1\2").made(np.bool_, (2,), "flags")
 
 
 def test_a_list_has_its_longest() -> None:
     assert Array.of(np.arange(3)).column(np.int64, 3, "list").tolist() == [0, 1, 2]
     for wrong in (Array.of(np.arange(4)), Array.of(np.zeros((1, 1), np.int64)), Array("<i8", (-1,), b"")):
-        with pytest.raises(ParcelError, match="a list of at most 3"):
+        with pytest.raises(SerialError, match="a list of at most 3"):
             wrong.column(np.int64, 3, "list")
 
 
 def test_columns_are_written_in_place() -> None:
     values = {"x": np.arange(3.0), "flags": np.array([True, False])}
-    parcel = kept(values)
+    parcel = dump_arrays(values)
     x = values["x"]
     x[:] = 0.0
-    put_back(parcel, values)
+    load_arrays(parcel, values)
     assert x.tolist() == [0.0, 1.0, 2.0]
     for wrong in ({"x": parcel["x"]}, parcel | {"y": parcel["x"]}, parcel | {"x": parcel["flags"]}):
-        with pytest.raises(ParcelError):
-            put_back(wrong, values)
+        with pytest.raises(SerialError):
+            load_arrays(wrong, values)
 
 
 def test_bounds_leave_out_what_is_no_number() -> None:
     within(np.array([0.0, 1.0]), 0.0, 1.0, "share")
     within(np.array([]), 0.0, 1.0, "share")
     for wrong in (-0.1, 1.1, np.nan, np.inf):
-        with pytest.raises(ParcelError, match="share is not everywhere from 0 to 1"):
+        with pytest.raises(SerialError, match="share is not everywhere from 0 to 1"):
             within(np.array([0.5, wrong]), 0.0, 1.0, "share")
 
 
 def test_a_bomb_does_not_go_off() -> None:
     bomb = zlib.compress(b"\xc6\xff\xff\xff\xff" + bytes(50_000_000), 9)
-    with pytest.raises(ParcelError, match="has more than 1000 bytes"):
+    with pytest.raises(SerialError, match="has more than 1000 bytes"):
         opened(bomb, 1000)
 
 
 def test_bytes_that_claim_more_than_they_are_ask_for_no_memory() -> None:
     for claim in (b"\xdd\xff\xff\xff\xff", b"\xdf\xff\xff\xff\xff", b"\xc6\xff\xff\xff\xff"):
-        with pytest.raises(ParcelError):
+        with pytest.raises(SerialError):
             opened(zlib.compress(claim))
 
 
 def test_what_is_nested_too_deep_is_refused() -> None:
     name = msgspec.msgpack.encode("pairs")
-    with pytest.raises(ParcelError):
+    with pytest.raises(SerialError):
         opened(zlib.compress(b"\x81" + name + b"\x91" * 200_000))
 
 
-WHOLE = pack(Box("whole", kept({"x": np.arange(40.0)}), [(1, 2.0)] * 30), MOST)
+WHOLE = pack(Box("whole", dump_arrays({"x": np.arange(40.0)}), [(1, 2.0)] * 30), MOST)
 
 
 @given(cut=st.integers(0, len(WHOLE) - 1))
 def test_a_parcel_that_ends_early_is_refused(cut: int) -> None:
-    with pytest.raises(ParcelError):
+    with pytest.raises(SerialError):
         opened(WHOLE[:cut])
 
 
@@ -131,12 +131,12 @@ def test_a_parcel_with_a_changed_byte_is_refused_or_the_same(place: int, bits: i
     changed[place] ^= bits
     try:
         assert opened(bytes(changed)) == opened(WHOLE)
-    except ParcelError:
+    except SerialError:
         return
 
 
 @given(data=st.binary(max_size=200))
 def test_any_bytes_are_refused(data: bytes) -> None:
     for packed in (data, zlib.compress(data)):
-        with pytest.raises(ParcelError):
+        with pytest.raises(SerialError):
             opened(packed)

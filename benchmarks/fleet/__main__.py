@@ -212,13 +212,14 @@ def native_predicate(robots: int, turns: int, base: float) -> Row:
 
 def hostile(robots: int, turns: int) -> tuple[list[Row], list[Row]]:
     """What texts within all bounds that are made to be dear take of a tick of many robots, and of one."""
-    base = "sums of numbers"
+    base, sum_of = "sums of numbers", "(+ 1 x)"
     many = {
         base: "(DOTIMES (i 999) (+ i id))",
         "everybody tells another text each time": "(DOTIMES (i 999) (TELL `(+ ,i ,id 1)))",
         "everybody has the same fault each time": "(DOTIMES (i 999) (/ 1 0))",
         "everybody has a fault of his own each time": "(DOTIMES (i 999) (SQRT (- id)))",
         "everybody reports each time": '(DOTIMES (i 999) (REPORT "a" i))',
+        "everybody stores another number each time": "(DOTIMES (i 200) (SETQ E1 (+ i id)))",
     }
     one = {
         "a sum of 2,000 numbers": nested("1", 2_000),
@@ -226,6 +227,10 @@ def hostile(robots: int, turns: int) -> tuple[list[Row], list[Row]]:
         "2,000 unknown names": nested("n{}", 2_000),
         "1,500 doubtful comparisons": nested("(> 5m 5s)", 1_500),
         "1,000 things to tell": nested("(TELL `(+ ,1))", 1_000),
+        "one rule of 12,000 characters": f"(RULE r {nested(sum_of, 1_400)})",
+        "60 rules of 200 characters": "(PROGN "
+        + " ".join(f"(RULE r{i} {nested(sum_of, 25)})" for i in range(60))
+        + ")",
     }
     tables = []
     for count_of, texts in ((robots, many), (1, one)):

@@ -75,9 +75,25 @@ def key_of(form: Form) -> str:
 
 
 def cost(form: Form) -> int:
-    """Steps charged on entering `form`: one for each number, name and call in it, as often as DOTIMES repeats it."""
+    """Steps charged on entering `form`: one for each number, name and call in it, as often as DOTIMES repeats it; a
+    call that stores an expression costs 40 more, and one for each number, name and call in that."""
     inside = sum(map(cost, evaluated(form)))
-    return 1 + (inside * repeats(arguments(form)[0]) if is_call(form, "dotimes") else inside)
+    storing = 40 + sum(map(size, kept)) if (kept := stored(form)) is not None else 0
+    return 1 + storing + (inside * repeats(arguments(form)[0]) if is_call(form, "dotimes") else inside)
+
+
+def size(form: Form) -> int:
+    """How many numbers, names and calls there are to evaluate in `form` and in what it stores."""
+    return 1 + sum(map(size, (*evaluated(form), *(stored(form) or ()))))
+
+
+def stored(form: Form) -> tuple[Form, ...] | None:
+    """The expressions that a call stores, () if it stores a value as an expression, None if it stores nothing."""
+    head, rest = head_of(form), arguments(form)
+    if head == "setq":
+        buffer = isinstance(rest[0], Symbol) and buffer_number(rest[0].key) is not None
+        return (arguments(rest[1]) if is_call(rest[1], QUOTE) else ()) if buffer else None
+    return rest[1:2] if head in ("setqq", "rule") else rest[2:] if head == "defun" else None
 
 
 def height(form: Form) -> int:

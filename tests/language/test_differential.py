@@ -95,7 +95,7 @@ def test_few_of_its_texts_are_refused_and_many_have_a_known_value() -> None:
     assert sum(bool(outcome.faults) for outcome in outcomes) > 100
 
 
-def test_the_static_cost_is_one_step_for_each_part() -> None:
+def test_the_static_cost_is_one_step_for_each_part_and_for_each_that_is_stored() -> None:
     robot = Node("robot", Setting().vocabulary())
     for name, count in OPERATORS:
         robot.evaluate(f"(DEFUN {name} ({' '.join('pqs'[:count])}) 1)")

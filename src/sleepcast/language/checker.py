@@ -21,7 +21,7 @@ from sleepcast.language.form import Form, List, Number, Symbol, Text, walk
 from sleepcast.language.functions import FUNCTIONS, MANY, Function
 from sleepcast.language.infix import ALIASES, rows, written
 from sleepcast.language.names import Group, Names, Operator, Stored, UserVariable, circle, uses_in
-from sleepcast.language.parts import Label, Part
+from sleepcast.language.parts import Defining, Label, Part, Storing
 from sleepcast.language.vocabulary import (
     Constant,
     HostFunction,
@@ -33,6 +33,9 @@ from sleepcast.language.vocabulary import (
 
 MAX_COST = 10_000
 """Steps that one expression may cost by its own static bound; the same as an evaluation's budget."""
+STORE_STEPS = 40
+"""Steps that storing an expression costs besides those for its parts: it is checked and made into a program anew, which
+takes a robot tens of microseconds."""
 
 MAX_FINDINGS = 20
 """Errors of one text that are kept, warnings that are, and findings that are shown: who mends these sees the next."""
@@ -128,6 +131,8 @@ class Checker:
         self.pending_uses: dict[str, frozenset[str]] = {}
         self.kept: list[Part] = []
         """Expressions that this text stores for later, as parts."""
+        self.checked = 0
+        """Forms turned into parts so far."""
 
     # ---- findings
 
@@ -219,6 +224,7 @@ class Checker:
 
     def part(self, form: Form) -> Part:
         """The part that evaluates `form`."""
+        self.checked += 1
         if isinstance(form, Number):
             return Part("const", form, number=form.value)
         if isinstance(form, Symbol):
@@ -380,11 +386,12 @@ class Checker:
 
     # ---- stored expressions
 
-    def stored(self, key: str, body: tuple[Form, ...], parameters: list[str], where: Form) -> frozenset[str]:
+    def stored(self, key: str, body: tuple[Form, ...], parameters: list[str], where: Form) -> int:
         """Check forms that are kept for later under `key`, by themselves: none of the local names here hold there.
 
-        Gives the keys they use, having noted an error if `key` would come to use itself.
+        Gives the steps that storing them costs, having noted an error if `key` would come to use itself.
         """
+        before = self.checked
         kept = self.scopes, self.uses, self.free, self.loops
         self.scopes, self.uses, self.free, self.loops = [], set(), set(), 0
         with self.scope(parameters):
@@ -400,7 +407,7 @@ class Checker:
             self.error(f"{key.upper()} @@ would name itself{through}: an evaluation must end", where)
         else:
             self.pending_uses[key] = uses
-        return uses
+        return STORE_STEPS + self.checked - before
 
     def bounded(self, tree: Part, where: Form) -> int:
         """The static cost of `tree`, having noted an error if it is over `MAX_COST`."""
@@ -411,13 +418,16 @@ class Checker:
 
 
 def cost(part: Part) -> int:
-    """Steps that `part` is charged: one for each part inside it, those in a DOTIMES as often as it repeats.
+    """Steps that `part` is charged: one for each part inside it, those in a DOTIMES as often as it repeats, and for a
+    stored expression `STORE_STEPS` and one for each of its parts.
 
     What a buffer or an operator costs is charged where it is entered.
     """
     inside = sum(map(cost, part.parts))
     if part.op == "dotimes":
         return 1 + int(part.number) * inside
+    if isinstance(part.data, Storing | Defining):
+        return 1 + inside + int(part.number)
     return inside if part.op == "clause" else 1 + inside
 
 

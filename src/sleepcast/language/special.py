@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import nan
 
-from sleepcast.language.checker import Checker, Special
+from sleepcast.language.checker import STORE_STEPS, Checker, Special
 from sleepcast.language.form import QUASIQUOTE, QUOTE, UNQUOTE, Form, List, Number, Symbol, Text
 from sleepcast.language.functions import FUNCTIONS, MAX_HOPS, MAX_REPEATS
 from sleepcast.language.parts import Defining, Label, Part, Storing, Template
@@ -136,7 +136,7 @@ def _setq(checker: Checker, form: List) -> Part:
         if buffer_number(target.key) == 0:
             return _store(checker, form, target, value, activate=False)
         storing = Storing(f"e{buffer_number(target.key)}", value, activate=False, value=True)
-        return Part("store", form, (checker.part(value),), name=storing.key, data=storing)
+        return Part("store", form, (checker.part(value),), name=storing.key, number=STORE_STEPS, data=storing)
     part = checker.part(value)
     binding = checker.names.vocabulary.bindings.get(target.key)
     if isinstance(binding, Variable):
@@ -190,8 +190,8 @@ def _store(checker: Checker, form: List, target: Symbol, body: Form, *, activate
     if number is None and not _is_free_for(checker, target, "rule"):
         return Part("const", form, number=nan)
     key = target.key if number is None else f"e{number}"
-    checker.stored(key, (body,), [], target)
-    return Part("store", form, name=key, data=Storing(key, body, activate=activate))
+    steps = checker.stored(key, (body,), [], target)
+    return Part("store", form, name=key, number=steps, data=Storing(key, body, activate=activate))
 
 
 def _is_free_for(checker: Checker, target: Symbol, sort: str) -> bool:
@@ -228,9 +228,9 @@ def _defun(checker: Checker, form: List) -> Part:
         checker.may_be_local(parameter)  # type: ignore[arg-type]
     if not _is_free_for(checker, target, "operator"):
         return Part("const", form, number=nan)
-    checker.stored(target.key, form.items[3:], keys, target)
+    steps = checker.stored(target.key, form.items[3:], keys, target)
     defining = Defining(tuple(p.text for p in parameters.items if isinstance(p, Symbol)), form.items[3:])
-    return Part("act", form, name="defun", data=defining, slot=0)
+    return Part("act", form, name="defun", number=steps, data=defining)
 
 
 # ---- names of rules and groups

@@ -10,15 +10,15 @@ from random import Random
 import pytest
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.door import ROBOT_EARS, Door
-from sleepcast.channel.drops import Drops
-from sleepcast.channel.ear import Ear
+from sleepcast.channel.admission import ROBOT_KINDS, Admission
+from sleepcast.channel.drops import DropCounter
 from sleepcast.channel.envelope import kind_of
 from sleepcast.channel.keys import KeyPair, PublicKey, Role, Trust
-from sleepcast.channel.line import Line
-from sleepcast.channel.mailbox import Mailbox
-from sleepcast.channel.transport import Transport, open_transport
-from sleepcast.channel.trunk import Trunk
+from sleepcast.channel.receiver import Receiver
+from sleepcast.channel.reliable import ReliableDelivery
+from sleepcast.channel.session import ChannelSession
+from sleepcast.channel.transports.multiplexer import Multiplexer
+from sleepcast.channel.transports.transport import Transport, open_transport
 from sleepcast.core.clock import ManualClock
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Crew, Member, vocabulary_of
@@ -40,10 +40,10 @@ class Field:
     def __init__(self, folder: Path, robots: int = 20) -> None:
         self.clock, self.medium = ManualClock(START), f"memory:crew{next(_media)}"
         world = simulator(folder)
-        self.trunk = Trunk(open_transport(self.medium, self.clock), Drops(self.clock))
+        self.trunk = Multiplexer(open_transport(self.medium, self.clock), DropCounter(self.clock))
         names = vocabulary_of(world.model)
-        self.branch = self.trunk.branch(ROBOT_EARS)
-        self.ear = Ear(self.branch, self.mailbox("r0+19", ROBOTS), self.clock, START)
+        self.branch = self.trunk.branch(ROBOT_KINDS)
+        self.ear = Receiver(self.branch, self.mailbox("r0+19", ROBOTS), self.clock, START)
         members = self._members(robots, world.robots, names)
         self.crew = Crew(world, members, self.trunk, self.ear, self.clock, self.clock)
         self.bystander = open_transport(self.medium, self.clock)
@@ -61,13 +61,13 @@ class Field:
             found.append(Member(node, i, line))
         return found
 
-    def line(self, name: str, key: KeyPair, transport: Transport) -> Line:
-        return Line(transport, self.mailbox(name, key), self.clock, Random(name), listens=key is not ROBOTS)
+    def line(self, name: str, key: KeyPair, transport: Transport) -> ChannelSession:
+        return ChannelSession(transport, self.mailbox(name, key), self.clock, Random(name), listens=key is not ROBOTS)
 
-    def mailbox(self, name: str, key: KeyPair) -> Mailbox:
+    def mailbox(self, name: str, key: KeyPair) -> ReliableDelivery:
         trust = Trust((DESK.public, ROBOTS.public, NAMESAKE.public))
-        door = Door(trust, "lab", self.clock, robot=key is ROBOTS, rate=1e9)
-        return Mailbox(name, 1, key, door, Random(name))
+        door = Admission(trust, "lab", self.clock, robot=key is ROBOTS, rate=1e9)
+        return ReliableDelivery(name, 1, key, door, Random(name))
 
     def run(self, seconds: float, *, ticking: bool = True) -> None:
         """Let time pass; the crew hears all the time, and ticks as the simulator does."""

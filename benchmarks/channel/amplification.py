@@ -15,10 +15,10 @@ from random import Random
 from benchmarks.channel.proofs import Proof
 from benchmarks.report import Bar, number
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.door import Door
+from sleepcast.channel.admission import Admission
 from sleepcast.channel.envelope import encode
 from sleepcast.channel.keys import KeyPair, Role, Trust
-from sleepcast.channel.mailbox import BATCH, MENDED_A_SECOND, Mailbox
+from sleepcast.channel.reliable import BATCH, REPAIR_RATE, ReliableDelivery
 from sleepcast.core.clock import ManualClock
 
 FLEET = "lab"
@@ -27,7 +27,7 @@ COMMANDS = 120
 LONG = "(SETQQ e1 1) ; " + "in many parts " * 1_100
 RATE = 150
 """Datagrams of the attacker in a second: fewer than the robot looks at of one key."""
-AT_ONCE = MENDED_A_SECOND + 75_000.0
+AT_ONCE = REPAIR_RATE + 75_000.0
 """Bytes that may go at once: those of a second, and what is left of the longest command."""
 TICK = 0.01
 START = 1_800_000_000.0
@@ -53,8 +53,8 @@ def attacked(sort: str, seconds: float) -> Spent:
     """What became of an attack of this sort: "replayed" or "new", with a kind of message behind it."""
     clock, found = ManualClock(START), Spent()
     trust = Trust(key.public for key in (DESK, ROBOTS, GUEST))
-    desk = Mailbox("desk", 1, DESK, Door(trust, FLEET, clock, robot=False), Random(1))
-    robot = Mailbox("r1", 1, ROBOTS, Door(trust, FLEET, clock, robot=True), Random(2))
+    desk = ReliableDelivery("desk", 1, DESK, Admission(trust, FLEET, clock, robot=False), Random(1))
+    robot = ReliableDelivery("r1", 1, ROBOTS, Admission(trust, FLEET, clock, robot=True), Random(2))
     for place in range(COMMANDS):
         text = LONG if place % 4 == 0 else f"(RULE r{place % 9} {place})"
         desk.post(Kind.COMMAND, clock.now(), text=text, standing=True)
@@ -102,7 +102,7 @@ def amplification(seconds: float) -> Proof:
             bars.append(Bar(f"{sort}s: bytes out for each byte in", found.ratio, 1.0, "", at_least=False))
         else:
             rate = (found.said - AT_ONCE) / found.seconds
-            bars.append(Bar(f"{sort}s: bytes out a second", rate / 1e3, MENDED_A_SECOND / 1e3, "kB", at_least=False))
+            bars.append(Bar(f"{sort}s: bytes out a second", rate / 1e3, REPAIR_RATE / 1e3, "kB", at_least=False))
     heads = ["what a robot hears", "kB in", "kB out", "out for each in"]
     note = f"{RATE} datagrams a second for {seconds:g} s; new ones are signed with an observer's key"
     return Proof("amplification", heads, rows, bars, note)

@@ -21,7 +21,7 @@ import numpy as np
 
 from benchmarks.report import Json
 from sleepcast.channel import Kind
-from sleepcast.channel.bodies import WITHIN
+from sleepcast.channel.payload import WITHIN
 from sleepcast.cli.air import FLEET, Air, line_for
 from sleepcast.core.clock import UnixClock
 from sleepcast.language import Vocabulary

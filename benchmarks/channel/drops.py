@@ -15,10 +15,11 @@ from statistics import median
 from benchmarks.channel.proofs import Proof
 from benchmarks.report import Bar, number
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.door import Door, Drop
+from sleepcast.channel.admission import Admission
+from sleepcast.channel.drops import DropReason
 from sleepcast.channel.envelope import FIXED, MAX_DATAGRAM, PAYLOAD_AT, encode
 from sleepcast.channel.keys import KeyChange, KeyPair, Role, Trust
-from sleepcast.channel.mailbox import Mailbox
+from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.core.clock import ManualClock
 
 NOW = 1_000.0
@@ -35,16 +36,16 @@ ANNA, WATCH, THIEF, ROBOTS, STRANGER = (
 )
 BAR = 20.0
 """Microseconds that nonsense and strangers may cost, at the median."""
-CHEAP = (Drop.MALFORMED, Drop.UNKNOWN_KEY)
+CHEAP = (DropReason.MALFORMED, DropReason.UNKNOWN_KEY)
 SEQUENCE_AT = PAYLOAD_AT + 13
 
 
-def robot(rate: float) -> Mailbox:
+def robot(rate: float) -> ReliableDelivery:
     """A robot that looks at so many signatures a second. Its clock stands still."""
     trust = Trust(key.public for key in (ANNA, WATCH, THIEF, ROBOTS))
     trust.take(KeyChange(revoke=frozenset((THIEF.id,))))
-    door = Door(trust, FLEET, ManualClock(NOW), robot=True, rate=rate)
-    return Mailbox("r1", 1, ROBOTS, door, Random(0))
+    door = Admission(trust, FLEET, ManualClock(NOW), robot=True, rate=rate)
+    return ReliableDelivery("r1", 1, ROBOTS, door, Random(0))
 
 
 def said(key: KeyPair, kind: Kind, *, at: float = 0.0, fleet: str = FLEET, number: int = 1) -> bytes:
@@ -76,24 +77,24 @@ def nonsense(count: int, chance: Random) -> list[bytes]:
     return found
 
 
-def made(count: int, chance: Random) -> dict[Drop, list[bytes]]:
+def made(count: int, chance: Random) -> dict[DropReason, list[bytes]]:
     """Datagrams that are dropped, by the reason."""
     return {
-        Drop.MALFORMED: nonsense(count, chance),
-        Drop.UNKNOWN_KEY: numbered(said(STRANGER, Kind.COMMAND), count),
-        Drop.REVOKED: numbered(said(THIEF, Kind.COMMAND), count),
-        Drop.NOT_ALLOWED: numbered(said(WATCH, Kind.COMMAND), count),
-        Drop.NOT_FOR_US: numbered(said(ROBOTS, Kind.ANSWER), count),
-        Drop.LATE: [said(ANNA, Kind.COMMAND, at=-60.0, number=each) for each in range(1, count + 1)],
-        Drop.EARLY: [said(ANNA, Kind.COMMAND, at=60.0, number=each) for each in range(1, count + 1)],
-        Drop.REPEATED: [said(ANNA, Kind.ASK, number=each) for each in range(1, count + 1)],
-        Drop.TOO_MANY: numbered(said(ANNA, Kind.COMMAND), count),
-        Drop.FORGED: numbered(said(ANNA, Kind.COMMAND), count),
-        Drop.OTHER_FLEET: [said(ANNA, Kind.COMMAND, fleet="sea", number=each) for each in range(1, count + 1)],
+        DropReason.MALFORMED: nonsense(count, chance),
+        DropReason.UNKNOWN_KEY: numbered(said(STRANGER, Kind.COMMAND), count),
+        DropReason.REVOKED: numbered(said(THIEF, Kind.COMMAND), count),
+        DropReason.NOT_ALLOWED: numbered(said(WATCH, Kind.COMMAND), count),
+        DropReason.NOT_FOR_US: numbered(said(ROBOTS, Kind.ANSWER), count),
+        DropReason.LATE: [said(ANNA, Kind.COMMAND, at=-60.0, number=each) for each in range(1, count + 1)],
+        DropReason.EARLY: [said(ANNA, Kind.COMMAND, at=60.0, number=each) for each in range(1, count + 1)],
+        DropReason.REPEATED: [said(ANNA, Kind.ASK, number=each) for each in range(1, count + 1)],
+        DropReason.TOO_MANY: numbered(said(ANNA, Kind.COMMAND), count),
+        DropReason.FORGED: numbered(said(ANNA, Kind.COMMAND), count),
+        DropReason.OTHER_FLEET: [said(ANNA, Kind.COMMAND, fleet="sea", number=each) for each in range(1, count + 1)],
     }
 
 
-def costs(box: Mailbox, datagrams: Iterable[bytes]) -> list[float]:
+def costs(box: ReliableDelivery, datagrams: Iterable[bytes]) -> list[float]:
     """Microseconds of processor time that each took."""
     found, clock = [], time.thread_time_ns
     for datagram in datagrams:
@@ -107,12 +108,12 @@ def drops(count: int) -> Proof:
     """`count` datagrams for each reason."""
     rows: list[Sequence[str]] = []
     bars = []
-    before: dict[Drop, Callable[[Mailbox, list[bytes]], object]] = {
-        Drop.REPEATED: lambda box, all_of_them: [box.take(datagram, NOW) for datagram in all_of_them],
-        Drop.TOO_MANY: lambda box, _: [box.take(each, NOW) for each in numbered(said(ANNA, Kind.ASK), 2)],
+    before: dict[DropReason, Callable[[ReliableDelivery, list[bytes]], object]] = {
+        DropReason.REPEATED: lambda box, all_of_them: [box.take(datagram, NOW) for datagram in all_of_them],
+        DropReason.TOO_MANY: lambda box, _: [box.take(each, NOW) for each in numbered(said(ANNA, Kind.ASK), 2)],
     }
     for reason, datagrams in made(count, Random(1)).items():
-        box = robot(1.0 if reason is Drop.TOO_MANY else 1e12)
+        box = robot(1.0 if reason is DropReason.TOO_MANY else 1e12)
         before.get(reason, lambda box, _: None)(box, datagrams)
         box.door.counts.clear()
         took = sorted(costs(box, datagrams))

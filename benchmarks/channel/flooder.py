@@ -20,7 +20,7 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import HEAD, encode
 from sleepcast.channel.keys import ID_BYTES, KeyPair, Role
 from sleepcast.channel.message import MAX_TEXT
-from sleepcast.channel.udp import Udp
+from sleepcast.channel.transports.udp import UdpTransport
 from sleepcast.cli.air import FLEET
 
 MADE = 4_096
@@ -64,7 +64,7 @@ def main() -> None:
         going = False
 
     signal.signal(signal.SIGTERM, end)
-    made, mouth, sent = forged("desk", bytes.fromhex(key), kind, MADE), Udp(uri), 0
+    made, mouth, sent = forged("desk", bytes.fromhex(key), kind, MADE), UdpTransport(uri), 0
     mouth.ignore(Kind)
     print("ready", flush=True)
     began = time.monotonic()

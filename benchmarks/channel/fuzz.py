@@ -23,9 +23,10 @@ from random import Random
 from benchmarks.channel.attacker import Attacker
 from benchmarks.report import Bar, Json, described, machine, table
 from sleepcast.channel import Kind
-from sleepcast.channel.door import Door, Drop
+from sleepcast.channel.admission import Admission
+from sleepcast.channel.drops import DropReason
 from sleepcast.channel.keys import KeyPair, Role, Trust
-from sleepcast.channel.mailbox import Mailbox
+from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.cli.progress import steps
 from sleepcast.core.clock import ManualClock
 from sleepcast.language import Vocabulary
@@ -54,8 +55,8 @@ class Robot:
 
     def __init__(self, name: str, trust: Trust, key: KeyPair, clock: ManualClock, seed: int) -> None:
         self.clock = clock
-        self.door = Door(trust, FLEET, clock, robot=True)
-        self.box = Mailbox(name, 1, key, self.door, Random(seed))
+        self.door = Admission(trust, FLEET, clock, robot=True)
+        self.box = ReliableDelivery(name, 1, key, self.door, Random(seed))
         self.node = Node(name, Vocabulary())
         self.said: list[bytes] = []
         self.answers: Counter[str] = Counter()
@@ -103,7 +104,7 @@ class Findings:
     datagrams: int = 0
     seconds: float = 0.0
     ways: Counter[str] = field(default_factory=Counter)
-    dropped: Counter[Drop] = field(default_factory=Counter)
+    dropped: Counter[DropReason] = field(default_factory=Counter)
     overheard: int = 0
     nonsense: int = 0
     executed: int = 0
@@ -141,7 +142,7 @@ class Fuzzer:
         observer, revoked = pair("guest", Role.OBSERVER), pair("gone", Role.COMMANDER)
         trust = Trust((desk.public, robots.public, observer.public, revoked.public))
         trust.revoke("gone")
-        self.desk = Mailbox("desk", 1, desk, Door(trust, FLEET, self.clock, robot=False), Random(seed))
+        self.desk = ReliableDelivery("desk", 1, desk, Admission(trust, FLEET, self.clock, robot=False), Random(seed))
         self.robot, self.twin = (Robot("r1", trust, robots, self.clock, seed) for _ in range(2))
         self.insulted = Robot("r2", trust, robots, self.clock, seed)
         self.attacker = Attacker(FLEET, pair("desk", Role.COMMANDER), revoked, observer, desk, chance)

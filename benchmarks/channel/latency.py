@@ -32,11 +32,11 @@ from benchmarks.channel.proofs import YARD, Proof, seconds
 from benchmarks.channel.receivers import PUBLISH, TOPIC, mqtt_connected, mqtt_packet, mqtt_text
 from benchmarks.report import Bar, number
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import WITHIN
 from sleepcast.channel.envelope import encode
 from sleepcast.channel.keyring import development_keys
 from sleepcast.channel.keys import KeyPair, Role
-from sleepcast.channel.udp import Udp
+from sleepcast.channel.payload import WITHIN
+from sleepcast.channel.transports.udp import UdpTransport
 from sleepcast.cli.air import FLEET, Air, line_for
 from sleepcast.cli.progress import steps
 
@@ -172,7 +172,7 @@ def _group() -> str:
 @contextmanager
 def _plain(folder: Path, receivers: int, processes: int, sort: str = "udp") -> Iterator[tuple[Send, Wait]]:
     uri = _group()
-    with _children(folder, sort, receivers, processes, uri), closing(Udp(uri)) as mouth:
+    with _children(folder, sort, receivers, processes, uri), closing(UdpTransport(uri)) as mouth:
 
         def send(index: int, data: bytes) -> int:
             mouth.send(data)

@@ -21,7 +21,7 @@ from threading import Event
 
 from sleepcast.channel import Message
 from sleepcast.channel.envelope import PAYLOAD_AT
-from sleepcast.channel.udp import Udp
+from sleepcast.channel.transports.udp import UdpTransport
 from sleepcast.cli import main as sleepcast_main
 from sleepcast.node.node import Node
 
@@ -45,7 +45,7 @@ def udp(sockets: int, receivers: int, uri: str) -> None:
     """So many sockets, whose datagrams are for so many receivers in all."""
     with ExitStack() as stack, selectors.DefaultSelector() as selector:
         for _ in range(sockets):
-            ears = stack.enter_context(closing(Udp(uri)))
+            ears = stack.enter_context(closing(UdpTransport(uri)))
             selector.register(ears, selectors.EVENT_READ, ears)
         print("up", flush=True)
         while True:

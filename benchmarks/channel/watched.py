@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-import sleepcast.channel.line
+import sleepcast.channel.session
 import sleepcast.loop
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.line import Line
+from sleepcast.channel.session import ChannelSession
 from sleepcast.cli import main as sleepcast_main
 from sleepcast.loop import Crew
 
@@ -29,7 +29,7 @@ ANSWERS: list[tuple[str, str, str, float]] = []
 RESTS: list[tuple[str, float, bool]] = []
 
 
-class WatchedLine(Line):
+class WatchedLine(ChannelSession):
     """Notes what a robot answers, and when."""
 
     def send(self, message: Message) -> None:
@@ -58,7 +58,7 @@ class WatchedCrew(Crew):
 def main() -> None:
     file, *arguments = sys.argv[1:]
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs would ignore it
-    sleepcast.channel.line.Line = WatchedLine  # type: ignore[misc]
+    sleepcast.channel.session.ChannelSession = WatchedLine  # type: ignore[misc]
     sleepcast.loop.Crew = WatchedCrew  # type: ignore[misc]
     try:
         sleepcast_main(arguments)

@@ -7,7 +7,7 @@ import argparse
 from places import ROB1, ROB2, numbers, place
 from scout import run
 
-from sleepcast.channel.datagrams import send
+from sleepcast.channel.plain_datagrams import send
 
 
 def main() -> None:

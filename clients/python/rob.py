@@ -7,7 +7,7 @@ from select import select
 
 from scout import begin, nearest_front, options, run, wander, whole
 
-from sleepcast.channel.datagrams import Datagrams
+from sleepcast.channel.plain_datagrams import Datagrams
 
 STAND_OFF = 10
 """Inches."""

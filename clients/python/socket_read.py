@@ -9,7 +9,7 @@ from select import select
 from places import READER, line
 from scout import run, whole
 
-from sleepcast.channel.datagrams import Datagrams
+from sleepcast.channel.plain_datagrams import Datagrams
 
 
 def main() -> None:

@@ -7,7 +7,7 @@ import argparse
 from places import ROB1, numbers
 from scout import run, whole
 
-from sleepcast.channel.datagrams import send
+from sleepcast.channel.plain_datagrams import send
 
 
 def main() -> None:

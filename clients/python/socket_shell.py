@@ -10,7 +10,7 @@ from select import select
 from places import READER, ROB1, line
 from scout import run, whole
 
-from sleepcast.channel.datagrams import Datagrams, send
+from sleepcast.channel.plain_datagrams import Datagrams, send
 from sleepcast.core.errors import SleepcastError
 
 LONGEST_LINE = 256

@@ -9,10 +9,10 @@ from heapq import heappop, heappush
 from random import Random
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.door import Door
+from sleepcast.channel.admission import Admission
 from sleepcast.channel.envelope import look
 from sleepcast.channel.keys import KeyPair, PublicKey, Role, Trust
-from sleepcast.channel.mailbox import Mailbox
+from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.core.clock import ManualClock
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
@@ -25,7 +25,7 @@ STEP = 0.005
 class Party:
     """A mailbox, and what it has let through, with the times."""
 
-    box: Mailbox
+    box: ReliableDelivery
     got: list[Message] = field(default_factory=list)
     when: dict[int, float] = field(default_factory=dict)
     on: bool = True
@@ -60,8 +60,8 @@ class Air:
 
     def party(self, name: str, key: KeyPair, epoch: int = 1) -> Party:
         robot = key.public.role is Role.ROBOT
-        door = Door(Trust(self.trusted), "lab", self.clock, robot=robot, rate=1e9)
-        box = Mailbox(name, epoch, key, door, Random(self.chance.random()))
+        door = Admission(Trust(self.trusted), "lab", self.clock, robot=robot, rate=1e9)
+        box = ReliableDelivery(name, epoch, key, door, Random(self.chance.random()))
         box.start(self.clock.now())
         return Party(box)
 

@@ -15,10 +15,10 @@ import pytest
 from tests.channel_contract import Air
 
 from sleepcast.channel import Message
-from sleepcast.channel.door import Door
+from sleepcast.channel.admission import Admission
 from sleepcast.channel.envelope import encode
 from sleepcast.channel.keys import KeyPair, Role, Trust
-from sleepcast.channel.transport import Transport, open_transport
+from sleepcast.channel.transports.transport import Transport, open_transport
 from sleepcast.core.clock import ManualClock
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
@@ -39,7 +39,7 @@ class Endpoint:
     """A channel as bare as can be: each message is signed and sent once, and heard if the door lets it in. markers:
     datagrams that came and only show that all before them have come, too."""
 
-    def __init__(self, transport: Transport, key: KeyPair, door: Door) -> None:
+    def __init__(self, transport: Transport, key: KeyPair, door: Admission) -> None:
         self.door, self.transport = door, transport
         self.markers: set[bytes] = set()
         self._key = key
@@ -72,7 +72,9 @@ class Endpoint:
 
 def endpoint(transport: Transport, key: KeyPair) -> Endpoint:
     # The contract's messages are of the beginning of time, and it sends more than a robot would look at in a second.
-    return Endpoint(transport, key, Door(Trust(TRUST), "lab", ManualClock(10.0), robot=key is ROBOTS, rate=10_000.0))
+    return Endpoint(
+        transport, key, Admission(Trust(TRUST), "lab", ManualClock(10.0), robot=key is ROBOTS, rate=10_000.0)
+    )
 
 
 def channel(uri: str, key: KeyPair) -> Endpoint:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from benchmarks.channel.amplification import AT_ONCE, attacked
 
-from sleepcast.channel.mailbox import MENDED_A_SECOND
+from sleepcast.channel.reliable import REPAIR_RATE
 
 SECONDS = 3.0
 
@@ -20,4 +20,4 @@ def test_what_is_played_again_is_answered_once(kind: str) -> None:
 @pytest.mark.parametrize("kind", ["request", "digest"])
 def test_whoever_asks_without_end_gets_no_more_than_so_many_bytes_a_second(kind: str) -> None:
     found = attacked(f"new {kind}", SECONDS)
-    assert 0 < found.said <= AT_ONCE + SECONDS * MENDED_A_SECOND
+    assert 0 < found.said <= AT_ONCE + SECONDS * REPAIR_RATE

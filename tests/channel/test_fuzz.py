@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 from benchmarks.channel.fuzz import Fuzzer
 
-from sleepcast.channel.door import Drop
+from sleepcast.channel.drops import DropReason
 from sleepcast.channel.keys import PublicKey
 
 REASONS = {
-    *(Drop.MALFORMED, Drop.UNKNOWN_KEY, Drop.REVOKED, Drop.NOT_ALLOWED, Drop.LATE),
-    *(Drop.REPEATED, Drop.TOO_MANY, Drop.FORGED),
+    *(DropReason.MALFORMED, DropReason.UNKNOWN_KEY, DropReason.REVOKED, DropReason.NOT_ALLOWED, DropReason.LATE),
+    *(DropReason.REPEATED, DropReason.TOO_MANY, DropReason.FORGED),
 }
 
 

@@ -22,8 +22,9 @@ from channel.independent import (
     text_and_body,
 )
 from channel.test_envelope import unwritten
-from sleepcast.channel import Kind, bodies
-from sleepcast.channel.door import Door, Drop
+from sleepcast.channel import Kind, payload
+from sleepcast.channel.admission import Admission
+from sleepcast.channel.drops import DropReason
 from sleepcast.channel.keys import KeyChange, PublicKey, Role, Trust
 from sleepcast.core.clock import ManualClock
 
@@ -74,7 +75,7 @@ def test_it_and_our_door_take_in_the_same_and_drop_the_rest_for_the_same_reasons
     theirs = Receiver(vector["fleet"], vector["robot"], round(vector["now"] * 1e6), keys, vouched, nonce)
     trust = Trust(PublicKey(key.owner, Role(key.role), key.public, key.revoked) for key in known)
     trust.take(KeyChange(vouch=frozenset(vouched)))
-    ours = Door(trust, vector["fleet"], ManualClock(vector["now"]), robot=vector["robot"])
+    ours = Admission(trust, vector["fleet"], ManualClock(vector["now"]), robot=vector["robot"])
     ours.nonce = nonce
     for step in vector["steps"]:
         datagram, counts, passed = bytes.fromhex(step["datagram"]), ours.counts.copy(), ours.passed
@@ -88,17 +89,17 @@ def test_there_is_a_vector_of_every_kind_every_key_and_every_reason() -> None:
     told = [vector["message"] for vector in VECTORS["messages"]]
     assert {each["kind"] for each in told} == set(Kind)
     keys = {key for each in told for key in each["body"]}
-    assert keys >= {value for key, value in vars(bodies).items() if key.isupper()} - {"do", "group", "seconds", "to"}
+    assert keys >= {value for key, value in vars(payload).items() if key.isupper()} - {"do", "group", "seconds", "to"}
     reasons = {step["found"] for vector in VECTORS["doors"] for step in vector["steps"]} - {"passed", "kept"}
-    assert reasons == set(Drop) - {Drop.MALFORMED, Drop.TOO_MANY}
+    assert reasons == set(DropReason) - {DropReason.MALFORMED, DropReason.TOO_MANY}
 
 
 def test_the_page_names_every_key_and_every_reason() -> None:
-    for key in (value for key, value in vars(bodies).items() if key.isupper()):
+    for key in (value for key, value in vars(payload).items() if key.isupper()):
         assert f"`{key}`" in PAGE, f"docs/wire.md does not say what {key!r} is"
-    for word in (*bodies.Deed, *bodies.Look):
+    for word in (*payload.LeaseAction, *payload.Inspection):
         assert f"`{word}`" in PAGE
-    for reason in Drop:
+    for reason in DropReason:
         assert f"*{reason}*" in PAGE
 
 

@@ -9,8 +9,7 @@ import pytest
 
 from channel.air import DESK, ROBOTS, Air, Party
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import KEYS
-from sleepcast.channel.door import Drop
+from sleepcast.channel.drops import DropReason
 from sleepcast.channel.keys import (
     MAX_CHANGES,
     MAX_KEYS,
@@ -23,6 +22,7 @@ from sleepcast.channel.keys import (
     Trust,
     fingerprint,
 )
+from sleepcast.channel.payload import KEYS
 
 CHIEF = KeyPair("chief", Role.COMMANDER, b"c" * 32)
 ANNA = KeyPair("anna", Role.OPERATOR, b"a" * 32)
@@ -72,7 +72,7 @@ def test_a_new_operator_is_obeyed_and_a_revoked_one_is_not_everywhere_and_by_lat
     air.run(5.0)
     assert [texts(robot) for robot in (*air.robots, late)] == [["(between)"]] * 8 + [[]]
     assert all(roles(robot)["anna"] == [True] for robot in (*air.robots, late))
-    assert all(robot.box.door.counts[Drop.REVOKED] for robot in air.robots)
+    assert all(robot.box.door.counts[DropReason.REVOKED] for robot in air.robots)
     assert not any(message.kind is Kind.STOP for robot in air.robots for message in robot.got)
 
 

@@ -10,9 +10,9 @@ import pytest
 
 from channel_contract import Air, ChannelContract, message
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.chance import key, mix, uniform
-from sleepcast.channel.memory import OPERATOR, Radio, RadioModel
+from sleepcast.channel.simulated_radio import OPERATOR, Radio, RadioModel
 from sleepcast.core.clock import ManualClock
+from sleepcast.core.counter_rng import key, mix, uniform
 from sleepcast.core.errors import MisuseError
 
 
@@ -202,7 +202,7 @@ class TestChance:
 
 class TestBounds:
     def test_more_than_fits_is_refused_and_counted(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("sleepcast.channel.memory.MAX_WAITING", 1500)
+        monkeypatch.setattr("sleepcast.channel.simulated_radio.MAX_WAITING", 1500)
         on_air, clock = radio(RadioModel(delay=1.0))
         for sequence in range(3):
             on_air.send(OPERATOR, message(sequence=sequence))

@@ -15,10 +15,10 @@ import pytest
 
 from channel.endpoints import MEDIA, PATIENCE, air_over, free_port, heard_everywhere, parties_of
 from channel_contract import Air, ChannelContract
-from sleepcast.channel.address import AddressError
 from sleepcast.channel.envelope import MAX_DATAGRAM
-from sleepcast.channel.local import LATE, MAX_WAITING, Local
-from sleepcast.channel.transport import Transport, open_transport
+from sleepcast.channel.transports.address import AddressError
+from sleepcast.channel.transports.memory import LATE, MAX_WAITING, MemoryTransport
+from sleepcast.channel.transports.transport import Transport, open_transport
 from sleepcast.core.clock import ManualClock
 
 
@@ -76,9 +76,9 @@ def test_who_has_left_harms_nobody(medium: str) -> None:
         assert taken(parties[2], 1) == [b"still there?"]
 
 
-def opened(uri: str, clock: ManualClock, count: int = 2) -> list[Local]:
+def opened(uri: str, clock: ManualClock, count: int = 2) -> list[MemoryTransport]:
     found = [open_transport(uri.replace("#", str(number)), clock) for number in range(count)]
-    return [party for party in found if isinstance(party, Local)]
+    return [party for party in found if isinstance(party, MemoryTransport)]
 
 
 @pytest.fixture
@@ -87,11 +87,11 @@ def clock() -> ManualClock:
 
 
 @pytest.fixture
-def local(clock: ManualClock) -> Iterator[Callable[..., list[Local]]]:
+def local(clock: ManualClock) -> Iterator[Callable[..., list[MemoryTransport]]]:
     """Opens parties of a medium in simulated time."""
     with ExitStack() as stack:
 
-        def found(uri: str, count: int = 2) -> list[Local]:
+        def found(uri: str, count: int = 2) -> list[MemoryTransport]:
             parties = opened(uri, clock, count)
             for party in parties:
                 stack.callback(party.close)
@@ -104,7 +104,7 @@ def numbers(count: int) -> list[bytes]:
     return [number.to_bytes(4, "big") for number in range(count)]
 
 
-def test_each_hears_a_share_and_twice_as_its_address_says(local: Callable[..., list[Local]]) -> None:
+def test_each_hears_a_share_and_twice_as_its_address_says(local: Callable[..., list[MemoryTransport]]) -> None:
     speaker, *hearers = local("memory:lossy?loss=0.3&duplicate=0.1&seed=4", 4)
     sent = numbers(2_000)
     for datagram in sent:
@@ -117,7 +117,7 @@ def test_each_hears_a_share_and_twice_as_its_address_says(local: Callable[..., l
     assert heard[0] != heard[1] != heard[2], "each loses its own"
 
 
-def test_the_same_seed_makes_the_same_losses(local: Callable[..., list[Local]]) -> None:
+def test_the_same_seed_makes_the_same_losses(local: Callable[..., list[MemoryTransport]]) -> None:
     def heard(seed: int) -> list[bytes]:
         speaker, hearer = local(f"memory:repeated?loss=0.5&seed={seed}")
         for datagram in numbers(200):
@@ -130,7 +130,9 @@ def test_the_same_seed_makes_the_same_losses(local: Callable[..., list[Local]]) 
     assert heard(1) == heard(1) != heard(2)
 
 
-def test_what_is_on_its_way_comes_when_it_is_due(local: Callable[..., list[Local]], clock: ManualClock) -> None:
+def test_what_is_on_its_way_comes_when_it_is_due(
+    local: Callable[..., list[MemoryTransport]], clock: ManualClock
+) -> None:
     speaker, hearer = local("memory:slow?delay=0.5&jitter=0.5")
     sent = numbers(50)
     for datagram in sent:
@@ -144,7 +146,7 @@ def test_what_is_on_its_way_comes_when_it_is_due(local: Callable[..., list[Local
     assert sorted(first + hearer.receive()) == sent != first
 
 
-def test_some_overtake_others(local: Callable[..., list[Local]], clock: ManualClock) -> None:
+def test_some_overtake_others(local: Callable[..., list[MemoryTransport]], clock: ManualClock) -> None:
     speaker, hearer = local("memory:reordered?reorder=0.2&seed=2")
     sent, heard = numbers(100), []
     for datagram in sent:
@@ -157,7 +159,7 @@ def test_some_overtake_others(local: Callable[..., list[Local]], clock: ManualCl
     assert sorted(heard) == sent
 
 
-def test_who_is_out_of_range_hears_nothing_until_it_comes_near(local: Callable[..., list[Local]]) -> None:
+def test_who_is_out_of_range_hears_nothing_until_it_comes_near(local: Callable[..., list[MemoryTransport]]) -> None:
     speaker, far = local("memory:wide?at=0,#&range=0.5")
     speaker.send(b"1")
     assert far.receive() == []
@@ -166,7 +168,7 @@ def test_who_is_out_of_range_hears_nothing_until_it_comes_near(local: Callable[.
     assert far.receive() == [b"2"]
 
 
-def test_who_never_takes_what_waits_loses_it_and_knows(local: Callable[..., list[Local]]) -> None:
+def test_who_never_takes_what_waits_loses_it_and_knows(local: Callable[..., list[MemoryTransport]]) -> None:
     speaker, hearer = local("memory:full")
     for datagram in numbers(MAX_WAITING + 5):
         speaker.send(datagram)
@@ -174,14 +176,14 @@ def test_who_never_takes_what_waits_loses_it_and_knows(local: Callable[..., list
 
 
 def test_a_medium_is_heard_by_its_name_only_and_forgotten_when_it_is_empty(
-    local: Callable[..., list[Local]],
+    local: Callable[..., list[MemoryTransport]],
 ) -> None:
     (one,), (other,) = local("memory:one", 1), local("memory:other", 1)
     one.send(b"x")
     assert other.receive() == []
     other.close()
     other.close()
-    assert "other" not in Local._media
+    assert "other" not in MemoryTransport._media
 
 
 def test_delays_wake_who_waits_in_another_thread() -> None:
@@ -260,7 +262,7 @@ def test_an_address_that_means_nothing_is_refused_with_what_was_wanted(uri: str,
 
 def test_where_there_is_no_router_or_no_place_for_one_a_sentence_says_so() -> None:
     pytest.importorskip("zenoh", reason="eclipse-zenoh is not installed here")
-    from sleepcast.channel.zenoh import ZenohError
+    from sleepcast.channel.transports.zenoh import ZenohError
 
     place = f"127.0.0.1:{free_port(socket.SOCK_STREAM)}"
     with pytest.raises(ZenohError, match="no router answers"):
@@ -272,7 +274,7 @@ def test_where_there_is_no_router_or_no_place_for_one_a_sentence_says_so() -> No
 
 
 def test_without_its_library_zenoh_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    from sleepcast.channel import zenoh
+    from sleepcast.channel.transports import zenoh
 
     monkeypatch.setattr(zenoh, "zenoh", None)
     with pytest.raises(zenoh.ZenohError, match=re.escape("pip install 'sleepcast[zenoh]'")):

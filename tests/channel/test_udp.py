@@ -14,12 +14,12 @@ import pytest
 from channel.endpoints import DESK, PATIENCE, ROBOTS, channel, free_port
 from channel_contract import message
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.address import AddressError
-from sleepcast.channel.door import Drop
+from sleepcast.channel.drops import DropReason
 from sleepcast.channel.envelope import encode
 from sleepcast.channel.keys import KeyPair, Role
-from sleepcast.channel.transport import open_transport
-from sleepcast.channel.udp import MOST_STOPS, UdpError
+from sleepcast.channel.transports.address import AddressError
+from sleepcast.channel.transports.transport import open_transport
+from sleepcast.channel.transports.udp import MOST_STOPS, UdpError
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_strangers_are_counted_and_not_heard() -> None:
         while not heard and time.monotonic() - begin < PATIENCE:
             heard = robot.receive()
         assert [each.sequence for each in heard] == [2]
-        assert robot.door.counts == {Drop.UNKNOWN_KEY: 1}
+        assert robot.door.counts == {DropReason.UNKNOWN_KEY: 1}
 
 
 def test_a_port_that_somebody_has_for_himself_alone_is_named() -> None:

@@ -18,7 +18,7 @@ import pytest
 
 from cli.calling import LONGEST, called
 from nomad.serving import Served, serving
-from sleepcast.channel.datagrams import Datagrams, send
+from sleepcast.channel.plain_datagrams import Datagrams, send
 from sleepcast.cli import main
 from sleepcast.simulator.engine import NumPyMachine
 from sleepcast.simulator.nomad_worlds import nomad_world

@@ -16,7 +16,7 @@ from cli.calling import LONGEST, called
 from cli.terminal import terminal
 from cli.test_crew import channel, swarm
 from sleepcast.channel.keyring import development_keys, keys_folder
-from sleepcast.channel.udp import Udp
+from sleepcast.channel.transports.udp import UdpTransport
 
 __all__ = ["channel"]
 
@@ -30,7 +30,7 @@ def attacked(uri: str) -> Iterator[str]:
     made, going = forged("desk", key, "stop", 512), True
 
     def attack() -> None:
-        with closing(Udp(uri)) as mouth:
+        with closing(UdpTransport(uri)) as mouth:
             while going:
                 for datagram in made:
                     mouth.send(datagram)

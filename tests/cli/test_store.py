@@ -20,7 +20,7 @@ import pytest
 from channel.test_udp import free_port
 from cli.calling import LONGEST, called
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.line import Line
+from sleepcast.channel.session import ChannelSession
 from sleepcast.cli.air import Air, line_for
 
 NAMES = {"r1", "r2", "r3"}
@@ -56,20 +56,20 @@ def swarm(channel: str, store: Path, robots: int = 3) -> Iterator[subprocess.Pop
 
 
 @contextmanager
-def desk(channel: str) -> Iterator[Line]:
+def desk(channel: str) -> Iterator[ChannelSession]:
     """An operator, as `sleepcast send` is one."""
     air = Air(channel, "sleepcast", None, None, None)
     with closing(line_for(air, None, robot=False, say=lambda said: None)) as line:
         yield line
 
 
-def post(line: Line, text: str, kind: Kind = Kind.COMMAND, *, standing: bool = False) -> Message:
+def post(line: ChannelSession, text: str, kind: Kind = Kind.COMMAND, *, standing: bool = False) -> Message:
     said = line.mailbox.post(kind, time.time(), text=text, standing=standing)
     line.flush()
     return said
 
 
-def exchange(line: Line, text: str, kind: Kind = Kind.COMMAND) -> dict[str, object]:
+def exchange(line: ChannelSession, text: str, kind: Kind = Kind.COMMAND) -> dict[str, object]:
     """Say this, until all have answered; the values, or for other kinds than questions the outcomes."""
     end = time.monotonic() + LONGEST
     while time.monotonic() < end:

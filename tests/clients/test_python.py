@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from nomad.serving import LONGEST, Served, serving
-from sleepcast.channel.datagrams import Datagrams, send
+from sleepcast.channel.plain_datagrams import Datagrams, send
 from sleepcast.nomad.client import Nomad
 from sleepcast.simulator.engine import NumPyMachine
 from sleepcast.simulator.nomad_worlds import nomad_world

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from math import nan
 
-from sleepcast.channel.memory import OPERATOR, Radio
 from sleepcast.channel.message import Message
+from sleepcast.channel.simulated_radio import OPERATOR, Radio
 from sleepcast.loop import vocabulary_of
 from sleepcast.node.node import Node
 from sleepcast.robot import Setpoint

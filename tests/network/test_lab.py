@@ -18,7 +18,7 @@ needs_networks = pytest.mark.skipif(bool(REASON), reason=f"no networks of our ow
 
 HEAR = """
 import sys, time
-from sleepcast.channel.udp import Udp
+from sleepcast.channel.transports.udp import Udp
 ears, begin, heard = Udp(sys.argv[1]), time.monotonic(), []
 print("up", flush=True)
 while not any(datagram.endswith(b"end") for datagram in heard) and time.monotonic() - begin < 20.0:
@@ -28,7 +28,7 @@ print(sum(not datagram.endswith(b"end") for datagram in heard), flush=True)
 """
 SPEAK = """
 import sys, time
-from sleepcast.channel.udp import Udp
+from sleepcast.channel.transports.udp import Udp
 mouth, said = Udp(sys.argv[1]), bytes.fromhex(sys.argv[3])
 for _ in range(int(sys.argv[2])):
     mouth.send(said)

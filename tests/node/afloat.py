@@ -12,9 +12,9 @@ from random import Random
 
 from channel.air import DESK, ROBOTS, Air, Party
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.door import Door
+from sleepcast.channel.admission import Admission
 from sleepcast.channel.keys import Trust
-from sleepcast.channel.mailbox import Mailbox
+from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.core.units import NONE
 from sleepcast.language.vocabulary import HostFunction, Vocabulary
 from sleepcast.node.node import Node
@@ -72,9 +72,9 @@ class Living:
         now = self.air.clock.now()
         self.store = Store(self.file, self.air.clock, self.said.append)
         trust = Trust((DESK.public, ROBOTS.public))
-        door = Door(trust, "lab", self.air.clock, robot=True, rate=1e9)
+        door = Admission(trust, "lab", self.air.clock, robot=True, rate=1e9)
         chance = Random(self.air.chance.random())
-        self.party.box = Mailbox(self.name, self.store.life(self.name), ROBOTS, door, chance)
+        self.party.box = ReliableDelivery(self.name, self.store.life(self.name), ROBOTS, door, chance)
         self.party.box.start(now)
         self.node = Mortal(self.name, NOTES, body=self.world, on_air=True)
         self.node.zero, self.ticks = now, 0

@@ -15,7 +15,7 @@ import pytest
 from channel.air import DESK
 from node.afloat import NOTES, TICK, Afloat, KilledError, Living, World
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.mailbox import Mailbox
+from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.core.clock import ManualClock
 from sleepcast.node.node import Node
 from sleepcast.node.store import InUseError, Store, StoreError
@@ -338,7 +338,9 @@ def test_an_operators_commands_have_one_order_over_his_lives(tmp_path: Path) -> 
         with closing(Store(tmp_path / "desk.store", fleet.air.clock, pytest.fail)) as store:
             party = fleet.air.another_desk()
             epoch, first = store.numbers("desk")
-            party.box = Mailbox("desk", epoch, DESK, party.box.door, Random(life), first=first, keep=store.keep)
+            party.box = ReliableDelivery(
+                "desk", epoch, DESK, party.box.door, Random(life), first=first, keep=store.keep
+            )
             store.attend(party.box)
             for number in range(3):
                 sent.append(fleet.post(f"(NOTE {3 * life + number})", standing=number == 1, desk=party))

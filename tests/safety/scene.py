@@ -11,10 +11,10 @@ from math import inf
 from random import Random
 
 from sleepcast.channel import Message
-from sleepcast.channel.door import Door
+from sleepcast.channel.admission import Admission
 from sleepcast.channel.keys import KeyPair, PublicKey, Role, Trust
-from sleepcast.channel.line import Line
-from sleepcast.channel.mailbox import Mailbox
+from sleepcast.channel.reliable import ReliableDelivery
+from sleepcast.channel.session import ChannelSession
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.units import Quantity
 from sleepcast.language import HostFunction, Vocabulary
@@ -97,7 +97,7 @@ class Robot:
     """A mind on the radio. on: whether it has power."""
 
     node: Node
-    line: Line
+    line: ChannelSession
     wire: Wire
     body: Body
     on: bool = True
@@ -131,13 +131,13 @@ class Scene:
         self._desks: dict[str, AirStation] = {}
         self.fleet = {f"r{i}": self._robot(f"r{i}", i) for i in range(self.robots)}
 
-    def _line(self, name: str, key: KeyPair, robot: bool, zero: float = 0.0) -> tuple[Line, Wire]:
+    def _line(self, name: str, key: KeyPair, robot: bool, zero: float = 0.0) -> tuple[ChannelSession, Wire]:
         wire = self._wires[name] = Wire(self, name)
         clock = self._clocks.setdefault(name, Shifted(self.clock))
-        door = Door(self.trust, FLEET, clock, robot=robot)
+        door = Admission(self.trust, FLEET, clock, robot=robot)
         epoch = int(self.clock.now() * 1000.0)
-        box = Mailbox(name, epoch, key, door, Random(self.chance.random()))
-        return Line(wire, box, clock, Random(self.chance.random()), zero), wire
+        box = ReliableDelivery(name, epoch, key, door, Random(self.chance.random()))
+        return ChannelSession(wire, box, clock, Random(self.chance.random()), zero), wire
 
     def _robot(self, name: str, number: int) -> Robot:
         body = Body()
@@ -179,7 +179,7 @@ class Scene:
         if name in self.fleet:
             line.mailbox.start(clock.now())
 
-    def door(self, robot: str) -> Door:
+    def door(self, robot: str) -> Admission:
         return self.fleet[robot].line.mailbox.door
 
     def trusted(self, owner: str) -> PublicKey:

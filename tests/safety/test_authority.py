@@ -8,7 +8,7 @@ import pytest
 
 from safety.scene import FLEET, KEYS, Scene
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.door import Drop
+from sleepcast.channel.drops import DropReason
 from sleepcast.channel.envelope import encode
 from sleepcast.channel.keys import KeyPair, Role
 from sleepcast.station.aired import RoleError
@@ -28,7 +28,7 @@ RULES = [
 ]
 
 
-def drops(scene: Scene, robot: str = "r0") -> dict[Drop, int]:
+def drops(scene: Scene, robot: str = "r0") -> dict[DropReason, int]:
     return dict(scene.fleet[robot].line.mailbox.door.counts)
 
 
@@ -46,7 +46,7 @@ def test_an_observer_asks_and_nothing_else() -> None:
     for kind in (Kind.COMMAND, Kind.RELEASE, Kind.HEARTBEAT, Kind.ANSWER, Kind.REPORT):
         scene.say(Message("watch", 1, 50, kind, scene.clock.now(), text="(DRIVE 1)"), KEYS["watch"])
     scene.run(1.0)
-    assert drops(scene)[Drop.NOT_ALLOWED] == 5
+    assert drops(scene)[DropReason.NOT_ALLOWED] == 5
     assert not any(robot.body.driven for robot in scene.fleet.values())
 
 
@@ -87,7 +87,7 @@ def test_what_stands_is_a_commanders() -> None:
     forged = Message("anna", 1, 1, Kind.COMMAND, scene.clock.now(), inf, "(DRIVE 1)", standing=True)
     scene.say(forged, KEYS["anna"])
     scene.run(2.0)
-    assert drops(scene)[Drop.NOT_ALLOWED] >= 1
+    assert drops(scene)[DropReason.NOT_ALLOWED] >= 1
     assert not any(robot.body.driven for robot in scene.fleet.values())
 
 
@@ -122,7 +122,7 @@ def test_a_name_that_is_not_the_keys_is_refused() -> None:
     now = scene.clock.now()
     scene.say(Message("chief", 1, 1, Kind.COMMAND, now, now + 5, "(DRIVE 1)"), KEYS["anna"])
     scene.run(0.2)
-    assert drops(scene) == {Drop.NOT_ALLOWED: 1}
+    assert drops(scene) == {DropReason.NOT_ALLOWED: 1}
     assert scene.fleet["r0"].body.driven == []
 
 
@@ -138,7 +138,7 @@ def test_strangers_and_revoked_keys_are_not_obeyed() -> None:
     for number, kind in enumerate((Kind.COMMAND, Kind.STOP, Kind.ASK), 1):
         scene.say(Message("anna", 1, number, kind, now, now + 5, "(DRIVE 1)" * (kind is not Kind.STOP)), KEYS["anna"])
     scene.run(0.2)
-    assert drops(scene) == {Drop.UNKNOWN_KEY: 1, Drop.REVOKED: 3}
+    assert drops(scene) == {DropReason.UNKNOWN_KEY: 1, DropReason.REVOKED: 3}
     assert not scene.fleet["r0"].node.stopped
     assert scene.fleet["r0"].body.driven == []
 
@@ -156,9 +156,9 @@ def test_forgeries_change_nothing_are_not_answered_and_cost_no_more_than_the_set
     robot.wire.heard += [b"", b"x" * 2_000, bytes(200)]
     scene.run(0.05)
     found = drops(scene)
-    assert found[Drop.FORGED] + found[Drop.TOO_MANY] == 1_000
-    assert found[Drop.FORGED] <= 210
-    assert found[Drop.MALFORMED] == 3
+    assert found[DropReason.FORGED] + found[DropReason.TOO_MANY] == 1_000
+    assert found[DropReason.FORGED] <= 210
+    assert found[DropReason.MALFORMED] == 3
     assert len(scene.sent) == before, "nobody answers a forger"
     scene.say(Message("anna", 1, 5_000, Kind.STOP, now), KEYS["anna"])
     scene.run(0.05)

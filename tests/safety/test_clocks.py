@@ -6,7 +6,7 @@ import pytest
 
 from safety.scene import KEYS, START, Scene
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.door import UNTIMELY_A_SECOND
+from sleepcast.channel.admission import UNTIMELY_A_SECOND
 
 
 @pytest.mark.parametrize(

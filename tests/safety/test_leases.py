@@ -6,7 +6,7 @@ import pytest
 
 from safety.scene import KEYS, Scene
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import LEASE, Deed
+from sleepcast.channel.payload import LEASE, LeaseAction
 from sleepcast.node.leases import MAX_LEASE, MAX_LEASES
 from sleepcast.station import Accounting
 from sleepcast.station.aired import AirStation
@@ -22,7 +22,7 @@ def scene() -> Scene:
     return made
 
 
-def lease(scene: Scene, who: str, deed: Deed, seconds: float = 60.0, to: str = "") -> Accounting:
+def lease(scene: Scene, who: str, deed: LeaseAction, seconds: float = 60.0, to: str = "") -> Accounting:
     desk = scene.desk(who)
     sent = desk.post(Kind.COMMAND, body=lease_body(deed, "bravo", seconds, to))
     scene.run(0.5)
@@ -37,7 +37,7 @@ def drive(scene: Scene, desk: AirStation, text: str = "(DRIVE 1)") -> Accounting
 
 def test_a_leased_group_refuses_others_and_says_why(scene: Scene) -> None:
     """Must 5: the refusal tells its reason to whoever is refused; robots outside the group obey both."""
-    taken = lease(scene, "anna", Deed.TAKE)
+    taken = lease(scene, "anna", LeaseAction.TAKE)
     assert (taken.matched, taken.not_matched) == (("r2", "r3"), ("r0", "r1"))
     theirs = drive(scene, scene.desk("bert"))
     assert (theirs.matched, theirs.fault) == (("r0", "r1"), ("r2", "r3"))
@@ -48,34 +48,34 @@ def test_a_leased_group_refuses_others_and_says_why(scene: Scene) -> None:
 
 def test_a_lease_keeps_out_a_commander_too_until_it_is_forced(scene: Scene) -> None:
     """Must 5: request, grant, force; only a commander forces."""
-    lease(scene, "anna", Deed.TAKE)
+    lease(scene, "anna", LeaseAction.TAKE)
     assert drive(scene, scene.desk("chief")).n_fault == 2
-    refused = lease(scene, "bert", Deed.FORCE)
+    refused = lease(scene, "bert", LeaseAction.FORCE)
     assert refused.n_fault == 4
     assert "only a commander may force bravo" in refused.faults["r2"]
-    assert lease(scene, "chief", Deed.FORCE).n_matched == 2
+    assert lease(scene, "chief", LeaseAction.FORCE).n_matched == 2
     assert drive(scene, scene.desk("chief")).n_matched == 4
     assert drive(scene, scene.desk("anna")).n_fault == 2
 
 
 def test_who_asks_for_a_lease_is_refused_and_its_holder_hears_of_it(scene: Scene) -> None:
     """Must 5: request and grant."""
-    lease(scene, "anna", Deed.TAKE)
-    asked = lease(scene, "bert", Deed.REQUEST)
+    lease(scene, "anna", LeaseAction.TAKE)
+    asked = lease(scene, "bert", LeaseAction.REQUEST)
     assert asked.n_fault == 4
     assert "sleepcast lease request bravo asks" in asked.faults["r2"]
     (heard,) = [said for said in map(wish, scene.desk("anna").news) if said]
     assert heard == "bert asks for bravo: sleepcast lease grant bravo --to bert"
-    assert lease(scene, "bert", Deed.GRANT, to="bert").n_fault == 4, "it is not his to grant"
-    assert lease(scene, "anna", Deed.GRANT, to="bert").n_matched == 2
+    assert lease(scene, "bert", LeaseAction.GRANT, to="bert").n_fault == 4, "it is not his to grant"
+    assert lease(scene, "anna", LeaseAction.GRANT, to="bert").n_matched == 2
     assert drive(scene, scene.desk("bert")).n_matched == 4
     assert drive(scene, scene.desk("anna")).n_fault == 2
 
 
 def test_a_lease_that_is_not_renewed_ends_by_itself(scene: Scene) -> None:
-    lease(scene, "anna", Deed.TAKE, seconds=10.0)
+    lease(scene, "anna", LeaseAction.TAKE, seconds=10.0)
     scene.run(5.0)
-    lease(scene, "anna", Deed.TAKE, seconds=10.0)
+    lease(scene, "anna", LeaseAction.TAKE, seconds=10.0)
     scene.run(6.0)
     assert drive(scene, scene.desk("bert")).n_fault == 2
     scene.run(4.0)
@@ -83,15 +83,15 @@ def test_a_lease_that_is_not_renewed_ends_by_itself(scene: Scene) -> None:
 
 
 def test_a_lease_is_given_back(scene: Scene) -> None:
-    lease(scene, "anna", Deed.TAKE)
-    assert lease(scene, "bert", Deed.GIVE).n_fault == 4, "it is not his to give"
-    assert lease(scene, "anna", Deed.GIVE).n_matched == 2
-    assert lease(scene, "bert", Deed.TAKE).n_matched == 2
+    lease(scene, "anna", LeaseAction.TAKE)
+    assert lease(scene, "bert", LeaseAction.GIVE).n_fault == 4, "it is not his to give"
+    assert lease(scene, "anna", LeaseAction.GIVE).n_matched == 2
+    assert lease(scene, "bert", LeaseAction.TAKE).n_matched == 2
 
 
 def test_nobody_gets_round_a_lease_by_joining_or_leaving(scene: Scene) -> None:
     """A robot that joins comes under the lease, and others neither take robots out of the group nor into it."""
-    lease(scene, "anna", Deed.TAKE)
+    lease(scene, "anna", LeaseAction.TAKE)
     bert = scene.desk("bert")
     for text in ("(JOIN bravo)", "(LEAVE bravo)", "(WHEN (< x 5) (PROGN 1 (LEAVE bravo)))"):
         assert drive(scene, bert, text).n_fault == 4, text
@@ -101,7 +101,7 @@ def test_nobody_gets_round_a_lease_by_joining_or_leaving(scene: Scene) -> None:
 
 def test_stop_and_questions_are_no_matter_of_leases(scene: Scene) -> None:
     """Must 2: STOP by whoever is there."""
-    lease(scene, "anna", Deed.TAKE)
+    lease(scene, "anna", LeaseAction.TAKE)
     bert = scene.desk("bert")
     asked = bert.ask("x")
     scene.desk("watch").stop()
@@ -111,7 +111,7 @@ def test_stop_and_questions_are_no_matter_of_leases(scene: Scene) -> None:
 
 
 def test_what_stands_goes_to_all_so_that_rules_agree(scene: Scene) -> None:
-    lease(scene, "anna", Deed.TAKE)
+    lease(scene, "anna", LeaseAction.TAKE)
     scene.desk("chief").send("(RULE go (SETQ throttle 0.1))", standing=True, everybody=True)
     scene.run(0.5)
     assert {len(robot.node.rules()) for robot in scene.fleet.values()} == {1}
@@ -149,12 +149,14 @@ def test_leases_are_bounded() -> None:
     scene = Scene(robots=1)
     node = scene.fleet["r0"].node
     for number in range(MAX_LEASES + 1):
-        body = lease_body(Deed.TAKE, f"g{number}", 60.0)
+        body = lease_body(LeaseAction.TAKE, f"g{number}", 60.0)
         node.receive(Message("anna", 1, number, Kind.COMMAND, 0.0, body=body, role="operator"))
         node.think(number, 0.0)
     last = node.outbox[-1].body if len(node.outbox) < 256 else None
     node.outbox.clear()
-    node.receive(Message("anna", 2, 1, Kind.COMMAND, 0.0, body=lease_body(Deed.TAKE, "more", 60.0), role="operator"))
+    node.receive(
+        Message("anna", 2, 1, Kind.COMMAND, 0.0, body=lease_body(LeaseAction.TAKE, "more", 60.0), role="operator")
+    )
     node.think(1, 0.0)
     assert last is None
     assert "no room for another lease" in str(node.outbox[-1].body["fault"])
@@ -164,7 +166,7 @@ def test_a_lease_outlives_a_restart(scene: Scene) -> None:
     """What a robot must not forget is plain data with times as seconds, for whatever its clock says afterwards."""
     from sleepcast.node.authority import Authority
 
-    lease(scene, "anna", Deed.TAKE)
+    lease(scene, "anna", LeaseAction.TAKE)
     kept = scene.fleet["r2"].node.authority.state(20.0)
     again = Authority()
     again.restore(kept, 5.0)
@@ -174,15 +176,15 @@ def test_a_lease_outlives_a_restart(scene: Scene) -> None:
 
 def test_a_desk_says_what_no_robot_could_grant() -> None:
     with pytest.raises(LeaseError, match="renew it"):
-        lease_body(Deed.TAKE, "bravo", MAX_LEASE + 1.0)
+        lease_body(LeaseAction.TAKE, "bravo", MAX_LEASE + 1.0)
     with pytest.raises(LeaseError, match="to whom"):
-        lease_body(Deed.GRANT, "bravo", 5.0)
+        lease_body(LeaseAction.GRANT, "bravo", 5.0)
     assert wish(Message("bert", 1, 1, Kind.COMMAND, 0.0, text="(DRIVE 1)")) == ""
 
 
 def test_robots_take_no_leases(scene: Scene) -> None:
     now = scene.clock.now()
-    body = lease_body(Deed.TAKE, "bravo", 60.0)
+    body = lease_body(LeaseAction.TAKE, "bravo", 60.0)
     scene.say(Message("r9", 1, 1, Kind.COMMAND, now, now + 5.0, body=body), KEYS["r*"])
     scene.run(0.3)
     assert drive(scene, scene.desk("bert")).n_matched == 4

@@ -9,12 +9,12 @@ import pytest
 
 from safety.scene import FLEET, KEYS, Scene
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import TIME, TOOK
-from sleepcast.channel.door import TIMES_A_SECOND
+from sleepcast.channel.admission import TIMES_A_SECOND
 from sleepcast.channel.envelope import encode, look, read_message, read_piece
 from sleepcast.channel.keys import KeyPair, Role
-from sleepcast.channel.mailbox import TIMES_TOLD
-from sleepcast.channel.sync import MAX_TRIP, SLOWEST
+from sleepcast.channel.payload import TIME, TOOK
+from sleepcast.channel.reliable import TIME_REPLIES_A_SECOND
+from sleepcast.channel.time_request import MAX_TRIP, SLOWEST
 from sleepcast.core.clock import ManualClock, epoch_at
 
 TODAY = 1_795_000_000.0
@@ -254,7 +254,7 @@ def test_nobody_makes_an_operator_talk_by_playing_questions() -> None:
         for _ in range(2):
             scene.say(asks, KEYS["r*"])
     scene.run(1.0)
-    assert 0 < len(scene.sent) - before <= 2 * TIMES_TOLD
+    assert 0 < len(scene.sent) - before <= 2 * TIME_REPLIES_A_SECOND
 
 
 def test_a_heartbeat_that_tells_the_time_keeps_no_body_going() -> None:

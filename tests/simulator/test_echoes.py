@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from machines import ALL
-from sleepcast.channel.chance import key
+from sleepcast.core.counter_rng import key
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.echoes import Echoes

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sleepcast.channel.chance import key, uniform
+from sleepcast.core.counter_rng import key, uniform
 from sleepcast.simulator import Simulator, load
 from sleepcast.simulator.signals import FRONT, LIGHT_NAMES, PING_NAMES, REAR
 from small_worlds import simulator, write
@@ -227,7 +227,7 @@ class TestLights:
 RUN = """
 import sys
 from pathlib import Path
-from sleepcast.channel.chance import key, uniform
+from sleepcast.core.counter_rng import key, uniform
 from sleepcast.simulator import Simulator, load
 sim = Simulator(load(Path(sys.argv[1])), int(sys.argv[2]))
 for tick in range(50):

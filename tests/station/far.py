@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from itertools import count
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import LOOK, OF, Look
+from sleepcast.channel.payload import LOOK, OF, Inspection
 from sleepcast.core.clock import ManualClock
 from sleepcast.node.node import Node
 from sleepcast.station import Station
@@ -41,7 +41,7 @@ class Far:
         """These robots (by default all) tell of themselves, and whatever is missing then is asked for."""
         now = self.clock.now()
         for robot in self.nodes if robots is None else robots:
-            self.minds.take(self.answers(robot, Look.TELEMETRY), now)
+            self.minds.take(self.answers(robot, Inspection.TELEMETRY), now)
         while wanted := self.minds.wanted(now):
             for look, names in wanted:
                 for robot in names:

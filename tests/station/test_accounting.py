@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.names import Names
+from sleepcast.channel.name_index import NameIndex
 from sleepcast.station import Outcome
 from sleepcast.station.accounting import Command, account
 from sleepcast.station.answers import LATE, answer_from
@@ -110,7 +110,7 @@ def test_a_command_heard_too_late_is_a_fault_with_its_reason(fleet: Fleet) -> No
 
 def test_many_silent_robots_are_counted_not_listed() -> None:
     message = Message("desk", 1, 1, Kind.COMMAND, 0.0, text="(MARK)")
-    found = account(Command(message, Names(f"s{i}" for i in range(100))), 3.0, np.full(100, -inf))
+    found = account(Command(message, NameIndex(f"s{i}" for i in range(100))), 3.0, np.full(100, -inf))
     assert found.sentence().endswith("s4 (never heard), and 95 more")
 
 

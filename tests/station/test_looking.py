@@ -12,8 +12,8 @@ from rich.console import Console
 
 from safety.scene import KEYS, START, Scene
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import TOLD
 from sleepcast.channel.envelope import look
+from sleepcast.channel.payload import TOLD
 from sleepcast.cli.channel_page import EMPTY, FleetOnPage
 from sleepcast.cli.watch import Window
 from sleepcast.console import Scene as Ground

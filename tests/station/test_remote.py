@@ -8,7 +8,7 @@ from random import Random
 import pytest
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import TOLD, Look
+from sleepcast.channel.payload import TOLD, Inspection
 from sleepcast.core.units import Quantity
 from sleepcast.language import Vocabulary
 from sleepcast.language.vocabulary import Constant, HostFunction
@@ -69,9 +69,9 @@ def test_names_and_minds_are_asked_for_once_for_all_that_have_them() -> None:
     far = Far(taught().minds)
     far.look()
     far.look()
-    asked = [look for _, look in far.asked if look != Look.TELEMETRY]
-    assert asked.count(Look.VOCABULARY) == 1
-    assert asked.count(Look.MIND) == 3  # those in bravo and not, and the one with a rule of its own
+    asked = [look for _, look in far.asked if look != Inspection.TELEMETRY]
+    assert asked.count(Inspection.VOCABULARY) == 1
+    assert asked.count(Inspection.MIND) == 3  # those in bravo and not, and the one with a rule of its own
     assert not far.minds.malformed
 
 
@@ -87,8 +87,8 @@ def test_the_desk_checks_in_the_names_of_the_robots() -> None:
 def test_a_mind_that_was_not_told_decides_nothing() -> None:
     far = Far(taught().minds)
     for robot in far.nodes:
-        far.minds.take(far.answers(robot, Look.TELEMETRY), far.clock.now())
-    far.minds.take(far.answers("s0", Look.VOCABULARY), far.clock.now())
+        far.minds.take(far.answers(robot, Inspection.TELEMETRY), far.clock.now())
+    far.minds.take(far.answers("s0", Inspection.VOCABULARY), far.clock.now())
     station = far.station()
     for text in ("(WHEN (low 1) (SETQ speed 1))", "(WHEN E5 (SETQ speed 1))", "(WHEN own (SETQ speed 1))"):
         found = station.preview(text)
@@ -179,7 +179,7 @@ def told(sender: str, what: object) -> Message:
 
 
 def telemetry_of(far: Far, robot: str, **changes: object) -> dict[str, object]:
-    found = far.answers(robot, Look.TELEMETRY).body[TOLD]
+    found = far.answers(robot, Inspection.TELEMETRY).body[TOLD]
     assert isinstance(found, dict)
     return found | changes
 
@@ -267,8 +267,8 @@ def test_whatever_is_told_the_desk_goes_on() -> None:
     far.nodes["s"].evaluate("(RULE slow (WHEN (> x 1) (SETQ speed 1)))")
     far.look()
     station = Station(far.minds.vocabulary, far.minds, [].append, far.clock)
-    texts = [far.answers("s", look).body[TOLD] for look in (Look.VOCABULARY, Look.MIND)]
-    plain = far.answers("s", Look.TELEMETRY).body[TOLD]
+    texts = [far.answers("s", look).body[TOLD] for look in (Inspection.VOCABULARY, Inspection.MIND)]
+    plain = far.answers("s", Inspection.TELEMETRY).body[TOLD]
     accepted = 0
     for turn in range(3_000):
         who = f"f{turn % 50}"
@@ -298,10 +298,10 @@ def test_whatever_is_told_the_desk_goes_on() -> None:
 
 def test_why_comes_back_as_it_was() -> None:
     far = Far(taught().minds)
-    found = read_why(str(far.answers("s1", Look.WHY, "slow").body[TOLD]))
+    found = read_why(str(far.answers("s1", Inspection.WHY, "slow").body[TOLD]))
     here = far.nodes["s1"].why("slow")
     assert found.render() == here.render()
-    refused = far.answers("s1", Look.WHY, "desk-1.99").body
+    refused = far.answers("s1", Inspection.WHY, "desk-1.99").body
     assert TOLD not in refused
     assert "remembers no command or rule desk-1.99" in str(refused["fault"])
 
@@ -312,7 +312,7 @@ def test_a_long_why_is_told_in_its_upper_parts() -> None:
         "(RULE big (WHEN (OR " + " ".join(f"(= x {i} {'1' * 50}{i})" for i in range(99)) + ") (SETQ speed 1)))"
     )
     far = Far({"s": node})
-    text = str(far.answers("s", Look.WHY, "big").body[TOLD])
+    text = str(far.answers("s", Inspection.WHY, "big").body[TOLD])
     assert len(text.encode()) < 49_152
     assert len(read_why(text).root.children[0].children) == 99
 
@@ -320,7 +320,7 @@ def test_a_long_why_is_told_in_its_upper_parts() -> None:
 def test_an_explanation_is_checked_like_everything_else() -> None:
     chance = Random(6)
     far = Far(taught().minds)
-    good = json.loads(str(far.answers("s1", Look.WHY, "slow").body[TOLD]))
+    good = json.loads(str(far.answers("s1", Inspection.WHY, "slow").body[TOLD]))
     refused = 0
     for _ in range(1_000):
         try:

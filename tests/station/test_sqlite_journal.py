@@ -17,7 +17,7 @@ from threading import Thread
 import numpy as np
 import pytest
 
-from sleepcast.channel.names import Names
+from sleepcast.channel.name_index import NameIndex
 from sleepcast.core.clock import ManualClock
 from sleepcast.station import Event, Station
 from sleepcast.station.journal import JournalError
@@ -72,7 +72,7 @@ def tamper(file: Path, *statements: str) -> None:
 
 def test_entries_come_back_as_they_were_also_to_another_process(journal: SqliteJournal, file: Path) -> None:
     told = {"kind": "command", "deadline": inf, "value": nan, "bytes": b"\x01\xff", "n": np.int64(3), "list": [1, None]}
-    names = Names()
+    names = NameIndex()
     for name in ("r1", "r2", "r3"):
         names.add(name)
     journal.append(2.5, "desk", Event.SENT, subject="desk-1.1", text='(REPORT "größer" 1)', details=told)
@@ -99,7 +99,7 @@ def test_more_entries_than_one_page_come_back(journal: SqliteJournal, file: Path
 
 
 def test_a_list_of_very_many_robots_is_cut_and_says_so(journal: SqliteJournal) -> None:
-    names = Names()
+    names = NameIndex()
     for number in range(MAX_LISTED + 5):
         names.add(f"r{number + 1}")
     journal.append(0.0, "desk", Event.SENT, details={"predicted": Some(names, np.arange(MAX_LISTED + 5))})
@@ -207,7 +207,7 @@ def test_nobody_waits_longer_than_he_has_patience(journal: SqliteJournal, file: 
 def test_it_is_searched(
     journal: SqliteJournal, file: Path, clock: ManualClock, query: Query, numbers: list[int]
 ) -> None:
-    names = Names()
+    names = NameIndex()
     for name in ("r1", "r2"):
         names.add(name)
     predicted = {"predicted": Some(names, np.array([1]))}

@@ -23,7 +23,7 @@ MAX_STRANGERS = 64
 MAX_NOTICES = 4
 """Sentences at once: those of the highest rates."""
 AGAIN = 60.0
-"""Seconds until something that goes on is told anew where sentences are lines that stay (`News`)."""
+"""Seconds until something that goes on is told anew where sentences are lines that stay (`NoticeLog`)."""
 WORSE = 10.0
 """Times as much of something as was told: told at once."""
 MANY_REPEATED = 500.0
@@ -34,7 +34,7 @@ LEAST = 0.5
 """Of all else: what was seen once, a while ago, goes on no more."""
 
 
-class Drop(StrEnum):
+class DropReason(StrEnum):
     """Why bytes went no further."""
 
     MALFORMED = "malformed"
@@ -68,29 +68,29 @@ class Notice(NamedTuple):
     dropped; rate: of them a second; text: the sentence that says so, without a full stop."""
 
     key: bytes
-    reason: Drop
+    reason: DropReason
     rate: float
     text: str
 
 
-class Drops:
+class DropCounter:
     """See the module. counts: all so far, by reason; by_key: the same by the id of the key and the reason, b"" where
     there is no key, or one stranger too many."""
 
     def __init__(self, clock: Clock) -> None:
-        self.counts: Counter[Drop] = Counter()
-        self.by_key: Counter[tuple[bytes, Drop]] = Counter()
+        self.counts: Counter[DropReason] = Counter()
+        self.by_key: Counter[tuple[bytes, DropReason]] = Counter()
         self._clock = clock
         self._strangers: set[bytes] = set()
-        self._window: Counter[tuple[bytes, Drop]] = Counter()
+        self._window: Counter[tuple[bytes, DropReason]] = Counter()
         self._since = clock.now()
-        self._rates: dict[tuple[bytes, Drop], float] = {}
+        self._rates: dict[tuple[bytes, DropReason], float] = {}
         """Of the window before this one."""
 
-    def add(self, reason: Drop, key: bytes = b"", count: int = 1) -> None:
+    def add(self, reason: DropReason, key: bytes = b"", count: int = 1) -> None:
         """So many more were dropped for this reason. key: the id of the key that they name."""
         self._turn()
-        if reason is Drop.UNKNOWN_KEY and key not in self._strangers:
+        if reason is DropReason.UNKNOWN_KEY and key not in self._strangers:
             if len(self._strangers) < MAX_STRANGERS:
                 self._strangers.add(key)
             else:
@@ -99,7 +99,7 @@ class Drops:
         self.by_key[key, reason] += count
         self._window[key, reason] += count
 
-    def rates(self) -> Mapping[tuple[bytes, Drop], float]:
+    def rates(self) -> Mapping[tuple[bytes, DropReason], float]:
         """How many are dropped in a second of late, by the id of the key and the reason."""
         self._turn()
         passed = max(self._clock.now() - self._since, FIRST)
@@ -110,7 +110,7 @@ class Drops:
 
     def notices(self, owners: Owners) -> list[Notice]:
         """What is going on that a person should know of, the worst first. owners: of the keys."""
-        by_key: defaultdict[bytes, dict[Drop, float]] = defaultdict(dict)
+        by_key: defaultdict[bytes, dict[DropReason, float]] = defaultdict(dict)
         for (key, reason), rate in self.rates().items():
             by_key[key][reason] = rate
         found = [notice for key, rates in by_key.items() for notice in _noticed(key, rates, owners)]
@@ -126,32 +126,32 @@ class Drops:
             self._since += passed
 
 
-def _noticed(key: bytes, rates: Mapping[Drop, float], owners: Owners) -> Iterator[Notice]:
+def _noticed(key: bytes, rates: Mapping[DropReason, float], owners: Owners) -> Iterator[Notice]:
     """What a key's rates tell a person."""
     known, short = owners.find(key), key.hex()[:4]
     name = f"key {short} ({known.owner})" if known else f"key {short}" if key else "many keys"
-    forged, unread = rates.get(Drop.FORGED, 0.0), rates.get(Drop.TOO_MANY, 0.0)
+    forged, unread = rates.get(DropReason.FORGED, 0.0), rates.get(DropReason.TOO_MANY, 0.0)
     if forged:  # what was not looked at came with them
         text = f"somebody sends {_much(forged + unread, 'forged')} a second under {name}"
-        yield Notice(key, Drop.FORGED, forged + unread, text)
+        yield Notice(key, DropReason.FORGED, forged + unread, text)
     elif unread:
         text = f"{_much(unread)} a second under {name} are more than can be checked, and are dropped"
-        yield Notice(key, Drop.TOO_MANY, unread, text)
+        yield Notice(key, DropReason.TOO_MANY, unread, text)
     for reason, (least, text) in SENTENCES.items():
         rate = rates.get(reason, 0.0)
         if rate >= least:
             yield Notice(key, reason, rate, text.format(much=_much(rate), name=name))
 
 
-SENTENCES: Mapping[Drop, tuple[float, str]] = {
-    Drop.UNKNOWN_KEY: (LEAST, "{much} a second come under {name}, not trusted here"),
-    Drop.REVOKED: (LEAST, "{much} a second come under {name}, which is revoked"),
-    Drop.NOT_ALLOWED: (LEAST, "{much} a second come under {name}, whose role may not send them"),
-    Drop.OTHER_FLEET: (LEAST, "{much} a second under {name} are for another fleet"),
-    Drop.REPEATED: (MANY_REPEATED, "somebody sends {much} a second of {name} again that were heard before"),
-    Drop.LATE: (MANY_LATE, "{much} a second of {name} come too late, by our clock"),
-    Drop.EARLY: (LEAST, "{much} a second of {name} come from the future, by our clock"),
-    Drop.MALFORMED: (LEAST, "{much} a second come that sleepcast cannot read"),
+SENTENCES: Mapping[DropReason, tuple[float, str]] = {
+    DropReason.UNKNOWN_KEY: (LEAST, "{much} a second come under {name}, not trusted here"),
+    DropReason.REVOKED: (LEAST, "{much} a second come under {name}, which is revoked"),
+    DropReason.NOT_ALLOWED: (LEAST, "{much} a second come under {name}, whose role may not send them"),
+    DropReason.OTHER_FLEET: (LEAST, "{much} a second under {name} are for another fleet"),
+    DropReason.REPEATED: (MANY_REPEATED, "somebody sends {much} a second of {name} again that were heard before"),
+    DropReason.LATE: (MANY_LATE, "{much} a second of {name} come too late, by our clock"),
+    DropReason.EARLY: (LEAST, "{much} a second of {name} come from the future, by our clock"),
+    DropReason.MALFORMED: (LEAST, "{much} a second come that sleepcast cannot read"),
 }
 """From how many a second on each reason is told, and how."""
 
@@ -163,13 +163,15 @@ def _much(rate: float, what: str = "") -> str:
     return " ".join(filter(None, (f"{count:,.0f}", what, "message" if count == 1 else "messages")))
 
 
-class News:
+class NoticeLog:
     """What is going on, for a place where lines stay: each thing as it begins, when there is `WORSE` times as much of
     it, and after `AGAIN` s while it goes on. others: gives sentences of another sort."""
 
-    def __init__(self, drops: Drops, owners: Owners, clock: Clock, others: Callable[[], Iterable[str]] = tuple) -> None:
+    def __init__(
+        self, drops: DropCounter, owners: Owners, clock: Clock, others: Callable[[], Iterable[str]] = tuple
+    ) -> None:
         self._drops, self._owners, self._clock, self._others = drops, owners, clock, others
-        self._told: dict[tuple[bytes, Drop], tuple[float, float]] = {}
+        self._told: dict[tuple[bytes, DropReason], tuple[float, float]] = {}
         """When each was told, and at which rate."""
         self._said: dict[str, float] = {}
         """When each of the other sentences was told."""

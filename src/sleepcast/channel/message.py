@@ -13,7 +13,7 @@ from math import inf, isnan
 
 import msgspec
 
-from sleepcast.channel.bodies import Link
+from sleepcast.channel.payload import Link
 from sleepcast.core.errors import MisuseError
 
 MAX_TEXT = 16_384

@@ -50,10 +50,10 @@ def stages_as_dict(text: str, stages: Sequence[tuple[Command, Accounting]]) -> d
 
 
 def _counted(names: Mapping[str, Collection[str]]) -> dict[str, object]:
-    from sleepcast.channel.names import natural
+    from sleepcast.channel.name_index import natural_order
 
     few = {sort: found for sort, found in names.items() if len(found) <= MANY}
-    listed: dict[str, object] = {sort: sorted(found, key=natural) for sort, found in few.items()}
+    listed: dict[str, object] = {sort: sorted(found, key=natural_order) for sort, found in few.items()}
     return listed | {f"n_{sort}": len(found) for sort, found in names.items()}
 
 
@@ -111,6 +111,6 @@ def listed(what: str, names: Sequence[str], count: int | None = None) -> str:
 
 def _sorted(names: Sequence[str]) -> Sequence[str]:
     """In the order in which people look for them, as long as they are not too many for anybody to look."""
-    from sleepcast.channel.names import natural
+    from sleepcast.channel.name_index import natural_order
 
-    return sorted(names, key=natural) if len(names) <= MANY else names
+    return sorted(names, key=natural_order) if len(names) <= MANY else names

@@ -17,11 +17,11 @@ from sleepcast.cli.stores import operator_store
 from sleepcast.cli.times import Seconds
 
 if TYPE_CHECKING:
-    from sleepcast.channel.ear import Ear
     from sleepcast.channel.keys import KeyPair, Trust
-    from sleepcast.channel.line import Line
-    from sleepcast.channel.mailbox import Mailbox
-    from sleepcast.channel.trunk import Trunk
+    from sleepcast.channel.receiver import Receiver
+    from sleepcast.channel.reliable import ReliableDelivery
+    from sleepcast.channel.session import ChannelSession
+    from sleepcast.channel.transports.multiplexer import Multiplexer
     from sleepcast.node.store import Store
     from sleepcast.station.aired import AirStation
     from sleepcast.station.expectation import Expectation
@@ -197,14 +197,14 @@ def looking_for(
 
 def line_for(
     air: Air, name: str | None, *, robot: bool, say: Callable[[str], None], store: Store | None = None
-) -> Line:
+) -> ChannelSession:
     """A line on this channel. name: of what we say, None for the key's owner. say: tells the person which keys are in
     use if nobody chose them. store: of a robot; an operator has one of his own, in which his life goes on, and which
     is closed with the line. Raises what the channel raises."""
-    from sleepcast.channel.door import ROBOT_EARS
-    from sleepcast.channel.line import Line
+    from sleepcast.channel.admission import ROBOT_KINDS
     from sleepcast.channel.message import Kind
-    from sleepcast.channel.transport import listen_for, open_transport
+    from sleepcast.channel.session import ChannelSession
+    from sleepcast.channel.transports.transport import listen_for, open_transport
     from sleepcast.core.clock import UnixClock
 
     key, trust = _keys(air, robot, say)
@@ -212,8 +212,8 @@ def line_for(
         store = operator_store(air.fleet, key.public.owner, say)
     mailbox = _mailbox(air, key.public.owner if name is None else name, key, trust, store, robot=robot)
     transport = open_transport(air.channel)
-    listen_for(transport, ROBOT_EARS if robot else Kind)
-    line = Line(transport, mailbox, UnixClock(), _chance())
+    listen_for(transport, ROBOT_KINDS if robot else Kind)
+    line = ChannelSession(transport, mailbox, UnixClock(), _chance())
     if not robot and store is not None:
         line.ends.append(store.close)
     return line
@@ -221,26 +221,26 @@ def line_for(
 
 def lines_for(
     air: Air, names: Sequence[str], say: Callable[[str], None], store: Store | None = None
-) -> tuple[Trunk, Ear, list[Line]]:
+) -> tuple[Multiplexer, Receiver, list[ChannelSession]]:
     """Lines of robots with these names, and the ear that hears for all of them, on one trunk. store: of these robots.
     Raises what the channel raises."""
-    from sleepcast.channel.door import ROBOT_EARS
-    from sleepcast.channel.ear import Ear, ear_name
-    from sleepcast.channel.line import Line
-    from sleepcast.channel.transport import open_transport
-    from sleepcast.channel.trunk import Trunk
+    from sleepcast.channel.admission import ROBOT_KINDS
+    from sleepcast.channel.receiver import Receiver, receiver_name
+    from sleepcast.channel.session import ChannelSession
+    from sleepcast.channel.transports.multiplexer import Multiplexer
+    from sleepcast.channel.transports.transport import open_transport
     from sleepcast.core.clock import UnixClock
 
     key, trust = _keys(air, True, say)
     boxes = [_mailbox(air, name, key, trust, store, robot=True) for name in names]
     listening = boxes[0]
     if len(names) > 1:
-        listening = _mailbox(air, ear_name(names), key, trust, store, robot=True)
+        listening = _mailbox(air, receiver_name(names), key, trust, store, robot=True)
     if store is not None:
         store.listen(listening)
-    trunk, clock = Trunk(open_transport(air.channel), listening.door.drops), UnixClock()
-    ear = Ear(trunk.branch(ROBOT_EARS), listening, clock)
-    return trunk, ear, [Line(trunk.branch(()), box, clock, _chance(), listens=False) for box in boxes]
+    trunk, clock = Multiplexer(open_transport(air.channel), listening.door.drops), UnixClock()
+    ear = Receiver(trunk.branch(ROBOT_KINDS), listening, clock)
+    return trunk, ear, [ChannelSession(trunk.branch(()), box, clock, _chance(), listens=False) for box in boxes]
 
 
 def _mailbox(
@@ -251,23 +251,23 @@ def _mailbox(
     store: Store | None,
     *,
     robot: bool,
-) -> Mailbox:
+) -> ReliableDelivery:
     """A mailbox of this name. Raises MisuseError if the key is not its own."""
-    from sleepcast.channel.door import Door
-    from sleepcast.channel.mailbox import Mailbox
+    from sleepcast.channel.admission import Admission
+    from sleepcast.channel.reliable import ReliableDelivery
     from sleepcast.core.clock import UnixClock, epoch_at
     from sleepcast.core.errors import MisuseError
 
     if not key.public.is_of(name):
         raise MisuseError(f"the key of {key.public.owner!r} cannot speak for {name!r}: take another with --key")
     clock, chance = UnixClock(), _chance()
-    door = Door(trust, air.fleet, clock, robot=robot, rate=air.rate, skew=air.skew)
+    door = Admission(trust, air.fleet, clock, robot=robot, rate=air.rate, skew=air.skew)
     if store is None:  # a life begins later than all before, so that its numbers are news
-        return Mailbox(name, epoch_at(clock.now()), key, door, chance)
+        return ReliableDelivery(name, epoch_at(clock.now()), key, door, chance)
     if robot:
-        return Mailbox(name, store.life(name), key, door, chance)
+        return ReliableDelivery(name, store.life(name), key, door, chance)
     epoch, first = store.numbers(name)
-    mailbox = Mailbox(name, epoch, key, door, chance, first=first, keep=store.keep)
+    mailbox = ReliableDelivery(name, epoch, key, door, chance, first=first, keep=store.keep)
     store.attend(mailbox)
     return mailbox
 

@@ -134,9 +134,9 @@ def _check_names(prefix: str, first: int, count: int) -> None:
 
 def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> Crew:
     """The minds with their bodies and their lines. Raises what the channel and the simulator raise."""
-    from sleepcast.channel.chance import key
     from sleepcast.cli.time_taken import seek_time
     from sleepcast.core.clock import UnixClock, WallClock
+    from sleepcast.core.counter_rng import key
     from sleepcast.loop import Crew, Member, vocabulary_of
     from sleepcast.node.node import Node
     from sleepcast.simulator import Changes, Guard, Simulator, choose, find_scenario, limited, read_limits

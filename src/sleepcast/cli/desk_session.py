@@ -12,7 +12,7 @@ from math import inf
 from typing import TYPE_CHECKING
 
 from sleepcast.channel import Kind
-from sleepcast.channel.names import natural
+from sleepcast.channel.name_index import natural_order
 from sleepcast.cli.desk_staging import Staging
 from sleepcast.cli.desk_words import (
     AS_WRITTEN,
@@ -404,7 +404,7 @@ class Session:
         if self.by_age:
             return sorted(roster, key=lambda name: roster[name] or 0.0)
         if len(self._listed) != len(roster):  # names only come, and sorting thousands for each picture takes long
-            self._listed = sorted(roster, key=natural)
+            self._listed = sorted(roster, key=natural_order)
         return self._listed
 
     def mind(self, robot: str) -> RemoteMind | None:

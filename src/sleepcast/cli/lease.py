@@ -12,7 +12,7 @@ from sleepcast.cli.streams import complain
 from sleepcast.core.errors import printable
 
 if TYPE_CHECKING:
-    from sleepcast.channel.bodies import Deed
+    from sleepcast.channel.payload import LeaseAction
     from sleepcast.station.aired import AirStation
 
 SECONDS = 60.0
@@ -44,18 +44,18 @@ def lease(deed: str, group: str, seconds: float, to: str, keep: bool, air: Air, 
       sleepcast lease take bravo --keep
       sleepcast lease grant bravo --to anna
     """
-    from sleepcast.channel.bodies import Deed
+    from sleepcast.channel.payload import LeaseAction
 
     if keep and deed not in ("take", "request", "force"):
         raise click.UsageError("--keep goes with take, request and force")
     with station_for(air, complain) as station:
-        status = _done(station, Deed(deed), group, seconds, to, as_json)
+        status = _done(station, LeaseAction(deed), group, seconds, to, as_json)
         if keep and status == 0:
             _keep(station, group, seconds, as_json)
         return status
 
 
-def _done(station: AirStation, deed: Deed, group: str, seconds: float, to: str, as_json: bool) -> int:
+def _done(station: AirStation, deed: LeaseAction, group: str, seconds: float, to: str, as_json: bool) -> int:
     from sleepcast.channel import Kind
     from sleepcast.station.leases import lease_body
 
@@ -67,7 +67,7 @@ def _done(station: AirStation, deed: Deed, group: str, seconds: float, to: str, 
 def _keep(station: AirStation, group: str, seconds: float, as_json: bool) -> None:
     """Renew the lease until Ctrl-C, telling what others say about it; then give it back."""
     from sleepcast.channel import Kind
-    from sleepcast.channel.bodies import Deed
+    from sleepcast.channel.payload import LeaseAction
     from sleepcast.station.leases import lease_body, wish
 
     complain(f"{group} is yours until Ctrl-C")
@@ -81,10 +81,10 @@ def _keep(station: AirStation, group: str, seconds: float, as_json: bool) -> Non
                     complain(printable(said))
             if station.now - renewed >= seconds / 3.0:
                 renewed = station.now
-                sent = station.post(Kind.COMMAND, body=lease_body(Deed.TAKE, group, seconds))
+                sent = station.post(Kind.COMMAND, body=lease_body(LeaseAction.TAKE, group, seconds))
                 station.gather(sent, GRACE)
                 found = station.accounting(sent.id)
                 if found.n_fault:
                     complain(printable(f"{group} is not all yours: {next(iter(found.faults.values()))}"))
     finally:
-        _done(station, Deed.GIVE, group, 0.0, "", as_json)
+        _done(station, LeaseAction.GIVE, group, 0.0, "", as_json)

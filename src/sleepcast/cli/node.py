@@ -111,7 +111,7 @@ def node(
     _check_name(name)
     with Interrupts() as interrupts, ExitStack() as stack:
         from sleepcast.bridges import SCHEMES, UNLIMITED, open_robot
-        from sleepcast.channel.datagrams import Datagrams
+        from sleepcast.channel.plain_datagrams import Datagrams
         from sleepcast.cli.node_life import Beginning, Life, read_beginning
         from sleepcast.node.deadman import read_lease
         from sleepcast.simulator import read_limits
@@ -155,8 +155,8 @@ def _check_scheme(uri: str, real: Mapping[str, str]) -> None:
 
 def _simulated(uri: str, seed: int, number: int, in_step: bool, limits: Limits) -> RealRobot:
     """A body in the simulator. Raises MisuseError for a scenario that there is not."""
-    from sleepcast.channel.chance import key
     from sleepcast.core.clock import WallClock
+    from sleepcast.core.counter_rng import key
     from sleepcast.simulator import Changes, Guard, LoneBody, Simulator, choose, find_scenario, limited
 
     scenario = limited(find_scenario(uri.partition(":")[2] or SCENARIO, Changes(1, None, True)), limits)

@@ -14,9 +14,9 @@ from math import nan
 from typing import TYPE_CHECKING
 
 from sleepcast.channel import Channel, Kind, Message
-from sleepcast.channel.bodies import ENDS
-from sleepcast.channel.datagrams import Datagrams, Numbers
 from sleepcast.channel.message import MAX_TEXT
+from sleepcast.channel.payload import ENDS
+from sleepcast.channel.plain_datagrams import Datagrams, Numbers
 from sleepcast.cli.standard_memory import reported_body
 from sleepcast.cli.streams import announce, complain, still_open
 from sleepcast.core.clock import Clock

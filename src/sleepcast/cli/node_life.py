@@ -9,8 +9,8 @@ from math import inf
 from pathlib import Path
 
 from sleepcast.bridges import RealRobot
-from sleepcast.channel.datagrams import Datagrams
-from sleepcast.channel.line import Line
+from sleepcast.channel.plain_datagrams import Datagrams
+from sleepcast.channel.session import ChannelSession
 from sleepcast.cli.node_desk import NOTHING_HEARD, NodeDesk, Typed
 from sleepcast.cli.streams import announce, complain, pieces, read_file
 from sleepcast.cli.time_taken import seek_time
@@ -90,7 +90,7 @@ class Life:
         name: str,
         robot: RealRobot,
         ears: Datagrams | None,
-        line: Line | None,
+        line: ChannelSession | None,
         store: Store | None,
         *,
         nomad: bool,

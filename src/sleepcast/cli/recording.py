@@ -11,7 +11,7 @@ import numpy as np
 
 from sleepcast import __version__
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.chorus import Chorus
+from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.cli.streams import complain
 from sleepcast.console.frames import Groups, flags_of
 from sleepcast.console.ledger import values_in_words
@@ -89,7 +89,7 @@ class Witness:
         self._recorder.posted(now, tick, message)
         self._recorder.log(now, message.sender, message.text or message.kind.name)
 
-    def said(self, chorus: Chorus) -> None:
+    def said(self, chorus: MessageBatch) -> None:
         """What robots say goes on the air in this tick. Answers come to be seen in the account."""
         self._unmarked = True
         if chorus.kind is Kind.ANSWER:

@@ -83,13 +83,15 @@ def roster(fleet: str, channel: str, expect: str | None, forget: str | None, as_
 
 def _expect(said: str, contacts: Contacts, kept: FleetFile) -> None:
     """Keep which robots belong to the fleet. Raises ExpectationError, FleetFileLostError."""
-    from sleepcast.channel.names import natural
+    from sleepcast.channel.name_index import natural_order
     from sleepcast.station.expectation import Expectation, read_expectation
 
     if said == NONE:
         kept.remove()
     else:
-        kept.write(Expectation.of(sorted(contacts.heard, key=natural)) if said == HEARD else read_expectation(said))
+        kept.write(
+            Expectation.of(sorted(contacts.heard, key=natural_order)) if said == HEARD else read_expectation(said)
+        )
 
 
 def _ago(seconds: float) -> str:

@@ -124,7 +124,7 @@ def _tell_reasons(station: AirStation, clear: Callable[[], None]) -> None:
 
 def _reasons(station: AirStation) -> Iterator[str]:
     """Why nobody may have answered, what is known for certain first."""
-    from sleepcast.channel.drops import Drop
+    from sleepcast.channel.drops import DropReason
     from sleepcast.channel.roles import Role
     from sleepcast.cli.told import heard_at
 
@@ -132,7 +132,9 @@ def _reasons(station: AirStation) -> Iterator[str]:
     drops, keys = box.door.drops, [key for key in box.door.trust.keys if not key.revoked]
     yield f"no robot has confirmed STOP yet: {heard_at(box.door)}"
     yield from (f"  {notice}" for notice in station.notices())
-    strangers = {key.hex(): count for (key, why), count in drops.by_key.items() if why is Drop.UNKNOWN_KEY and key}
+    strangers = {
+        key.hex(): count for (key, why), count in drops.by_key.items() if why is DropReason.UNKNOWN_KEY and key
+    }
     for key, count in Counter(strangers).most_common(STRANGERS):
         yield f"  somebody is there under key {key}, which our trust file does not know: {count} messages"
     if all(key.id != box.key_id for key in keys):

@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable
 from typing import Protocol
 
 from sleepcast.channel import Kind
-from sleepcast.channel.bodies import TOOK
-from sleepcast.channel.clocks import differs, took
-from sleepcast.channel.line import Line
-from sleepcast.channel.mailbox import Mailbox
+from sleepcast.channel.payload import TOOK
+from sleepcast.channel.reliable import ReliableDelivery
+from sleepcast.channel.session import ChannelSession
+from sleepcast.channel.wrong_clocks import differs, took
 from sleepcast.core.clock import MADE, UnixClock
 
 
@@ -19,7 +19,9 @@ class Zeroed(Protocol):
     zero: float
 
 
-def seek_time(listening: Mailbox, line: Line, zeroed: Iterable[Zeroed], say: Callable[[str], None]) -> None:
+def seek_time(
+    listening: ReliableDelivery, line: ChannelSession, zeroed: Iterable[Zeroed], say: Callable[[str], None]
+) -> None:
     """If the clock is plainly wrong, ask for the time; the robots' own time goes on as it does. listening: what hears
     for them; line: of the one that tells the operators; zeroed: all whose time began by the wrong clock."""
     if UnixClock().now() >= MADE:

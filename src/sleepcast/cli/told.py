@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 
-from sleepcast.channel.bodies import TOOK
-from sleepcast.channel.clocks import differs
-from sleepcast.channel.door import Door
-from sleepcast.channel.drops import News
+from sleepcast.channel.admission import Admission
+from sleepcast.channel.drops import NoticeLog
+from sleepcast.channel.payload import TOOK
+from sleepcast.channel.wrong_clocks import differs
 from sleepcast.cli.standard_memory import reported_body
 from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import printable
@@ -44,15 +44,15 @@ def said(body: Mapping[str, object]) -> str:
     return f"{outcome}{known}{f': {fault}' if fault else ''}"
 
 
-def heard_at(door: Door) -> str:
+def heard_at(door: Admission) -> str:
     """How many messages came in, and what did not, by reason."""
     dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(door.counts.items()))
     return f"{door.passed} messages heard{f', dropped: {dropped}' if dropped else ''}"
 
 
-def news_of(door: Door) -> News:
+def news_of(door: Admission) -> NoticeLog:
     """What is going on at a door, as lines for a terminal."""
-    return News(door.drops, door.trust, WallClock(), door.clocks.of_operators)
+    return NoticeLog(door.drops, door.trust, WallClock(), door.clocks.of_operators)
 
 
 def _sent(entry: Entry) -> str:

@@ -10,8 +10,8 @@ from math import nan
 
 import numpy as np
 
-from sleepcast.channel.chorus import Told
 from sleepcast.channel.message import Kind
+from sleepcast.channel.message_batch import Relays
 from sleepcast.fleet.columns import Column, Mask, Rows
 from sleepcast.fleet.limits import PROVEN_TICKS, TELL_SECONDS, TELLS_TOO_FAR, TELLS_TOO_OFTEN
 from sleepcast.fleet.memory import Act, FleetMemory
@@ -290,7 +290,7 @@ def _tell(memory: FleetMemory, part: Part, rows: Rows, *arguments: Column) -> Co
             reason = f"a text of {len(text)} characters cannot be told: at most {MAX_TEXT} fit"
             memory.refuse_where(part, rows, mask, reason, values)
         else:
-            memory.speech.say(Kind.COMMAND, rows.take(mask), Told(text, hops), lasts=TELL_SECONDS)
+            memory.speech.say(Kind.COMMAND, rows.take(mask), Relays(text, hops), lasts=TELL_SECONDS)
     return values
 
 

@@ -11,8 +11,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from sleepcast.channel.latch import Latch
 from sleepcast.channel.message import Message
+from sleepcast.channel.stop_latch import Latch
 from sleepcast.fleet.columns import FleetState, Index, Mask, Rows
 from sleepcast.language.vocabulary import FROZEN, SLEEPING
 from sleepcast.robot import Robot

@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.latch import Latch
+from sleepcast.channel.stop_latch import Latch
 from sleepcast.core.arrays import filled
 from sleepcast.core.serial import Array, SerialError, dump_arrays, load_arrays, within
 from sleepcast.fleet.chance import streams

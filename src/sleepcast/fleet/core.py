@@ -14,11 +14,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.bodies import FOR, NOT, hops_left, is_addressed
-from sleepcast.channel.chorus import Answers, Chorus
-from sleepcast.channel.latch import ENDED
 from sleepcast.channel.message import Kind, Message
-from sleepcast.channel.names import Names
+from sleepcast.channel.message_batch import Answers, MessageBatch
+from sleepcast.channel.name_index import NameIndex
+from sleepcast.channel.payload import FOR, NOT, hops_left, is_addressed
+from sleepcast.channel.stop_latch import ENDED
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.acts import ACTS
@@ -95,7 +95,7 @@ class Core:
         count = len(names)
         numbers = range(1, count + 1) if numbers is None else numbers
         bodies = [None] * count if bodies is None else bodies
-        self.names = names if isinstance(names, Names) else Names(names)
+        self.names = names if isinstance(names, NameIndex) else NameIndex(names)
         """The robots' names by index, and the other way round."""
         if count == 0 or not (len(self.names) == len(numbers) == len(bodies) == count):
             raise FleetError(
@@ -173,7 +173,7 @@ class Core:
         """Messages that wait for a robot's next tick."""
         return int(self.inbox.waiting[robot])
 
-    def said(self) -> list[Chorus]:
+    def said(self) -> list[MessageBatch]:
         """Everything that has been said and lies in no outbox that was looked into; it will come into none."""
         return self.speech.take()
 

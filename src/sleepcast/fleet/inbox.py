@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.message import Message
-from sleepcast.channel.parcels import ascending
+from sleepcast.channel.serialized import ascending
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.fleet.columns import Index, Rows
 from sleepcast.fleet.limits import MAX_QUEUE, MAX_SEEN

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import msgspec
 
-from sleepcast.channel.latch import Latch
 from sleepcast.channel.message import Message
-from sleepcast.channel.parcels import ChorusParcel
+from sleepcast.channel.serialized import MessageBatchState
+from sleepcast.channel.stop_latch import Latch
 from sleepcast.core.serial import Array, Arrays
 
 
@@ -119,7 +119,7 @@ class SpeechParcel(msgspec.Struct):
     castes."""
 
     epoch: int
-    sayings: list[ChorusParcel]
+    sayings: list[MessageBatchState]
     outboxes: dict[int, list[Message]]
     pings: list[tuple[Array, Array]]
     ping_lists: dict[int, list[float]]

@@ -12,9 +12,9 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.chorus import Answers, Chorus, Reports, Words
 from sleepcast.channel.message import Kind, Message
-from sleepcast.channel.parcels import ascending, packed_chorus, unpacked_chorus
+from sleepcast.channel.message_batch import Answers, Contents, MessageBatch, Reports
+from sleepcast.channel.serialized import ascending, dump_batch, load_batch
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.limits import MAX_OUTBOX, REPORTS_A_SECOND, TELL_BURST, TELLS_A_SECOND
@@ -28,14 +28,14 @@ class Speech:
     def __init__(self, state: FleetState, names: Sequence[str]) -> None:
         self._state, self._names = state, names
         self.epoch = 0
-        self._sayings: list[Chorus] = []
+        self._sayings: list[MessageBatch] = []
         self._outboxes: dict[int, list[Message]] = {}
         self._pings: list[tuple[Index, Column]] = []
         self._pinged: NDArray[np.int16] | None = None
         """Pings of each robot that nobody has taken yet; made when one first pings."""
         self._ping_lists: dict[int, list[float]] = {}
 
-    def say(self, kind: Kind, rows: Rows, words: Words, *, places: Index | None = None, lasts: float = inf) -> None:
+    def say(self, kind: Kind, rows: Rows, words: Contents, *, places: Index | None = None, lasts: float = inf) -> None:
         """Say something on each of these robots. places: where in `words` their own are, if not in their order."""
         if rows.size == 0:
             return
@@ -52,7 +52,9 @@ class Speech:
         issued = np.broadcast_to(now, rows.size) if isinstance(now, float) else now.copy()
         if places is None:
             places = robots if robots[0] == 0 and robots[-1] == rows.size - 1 else np.arange(rows.size)
-        self._sayings.append(Chorus(kind, self._names, self.epoch, robots, places, sequences, issued, lasts, words))
+        self._sayings.append(
+            MessageBatch(kind, self._names, self.epoch, robots, places, sequences, issued, lasts, words)
+        )
 
     def _count_again(self, rows: Rows) -> None:
         """Outboxes that seem full may have been emptied since."""
@@ -141,7 +143,7 @@ class Speech:
         self._deliver_all()
         return self._outboxes.setdefault(robot, [])
 
-    def take(self) -> list[Chorus]:
+    def take(self) -> list[MessageBatch]:
         """What is in no outbox yet; it will not come into one."""
         taken, self._sayings = self._sayings, []
         for saying in taken:
@@ -152,7 +154,7 @@ class Speech:
         """What has been said and is still to be sent."""
         return SpeechParcel(
             self.epoch,
-            [packed_chorus(saying) for saying in self._sayings],
+            [dump_batch(saying) for saying in self._sayings],
             {robot: list(messages) for robot, messages in self._outboxes.items() if messages},
             [(Array.of(robots.astype(np.int32)), Array.of(castes)) for robots, castes in self._pings],
             {robot: list(castes) for robot, castes in self._ping_lists.items() if castes},
@@ -164,7 +166,7 @@ class Speech:
         if not all(0 <= robot < count for robot in (*parcel.outboxes, *parcel.ping_lists)):
             raise SerialError("a robot that is not there has something to say")
         self.epoch = parcel.epoch
-        self._sayings = [unpacked_chorus(saying, self._names) for saying in parcel.sayings]
+        self._sayings = [load_batch(saying, self._names) for saying in parcel.sayings]
         self._outboxes = {robot: list(messages) for robot, messages in parcel.outboxes.items()}
         self._ping_lists = {robot: list(castes) for robot, castes in parcel.ping_lists.items()}
         self._pings, self._pinged = [], np.zeros(count, np.int16)

@@ -19,12 +19,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import inf, nan
 
-from sleepcast.channel.ear import Ear
-from sleepcast.channel.line import QUIET, Line
 from sleepcast.channel.message import Message
-from sleepcast.channel.order import Skipped
+from sleepcast.channel.receiver import Receiver
 from sleepcast.channel.roles import Role
-from sleepcast.channel.trunk import Trunk
+from sleepcast.channel.sequencer import Skipped
+from sleepcast.channel.session import GATHER_FOR, ChannelSession
+from sleepcast.channel.transports.multiplexer import Multiplexer
 from sleepcast.core.clock import Clock
 from sleepcast.loop.garbage import Sweeper
 from sleepcast.loop.real import Keeper, Watch
@@ -40,7 +40,7 @@ class Member:
 
     node: Node
     number: int
-    line: Line
+    line: ChannelSession
     due: float = -inf
 
 
@@ -52,8 +52,8 @@ class Crew:
 
     simulator: Simulator
     members: Sequence[Member]
-    trunk: Trunk
-    ear: Ear
+    trunk: Multiplexer
+    ear: Receiver
     clock: Clock
     air: Clock
     watch: Watch = field(default_factory=Watch)
@@ -106,7 +106,7 @@ class Crew:
             wait = min(self.ear.due(), *(member.due for member in self.members)) - self.air.now()
             if wait > 0.0 and not self.ear.waits:
                 select.select([self.trunk], [], [], min(wait, left))
-            pause = min(QUIET, until - self.clock.now()) if self.hear() else 0.0
+            pause = min(GATHER_FOR, until - self.clock.now()) if self.hear() else 0.0
             if pause > 0.0:
                 select.select([], [], [], pause)
 

@@ -18,7 +18,7 @@ import msgspec
 
 from sleepcast import __version__
 from sleepcast.channel import Message
-from sleepcast.channel.parcels import RadioParcel
+from sleepcast.channel.serialized import RadioState
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.files import open_file, replace_file
 from sleepcast.core.serial import UNREADABLE, SerialError, pack, room_for, unpack
@@ -189,7 +189,7 @@ def _resumed(document: Document, seed: int | None, threads: int | None) -> Swarm
     if simulators.scenario_of(told.scenario).robots.count != document.robots:
         raise SerialError(f"a scenario with another number of robots than {document.robots}")
     fleet = unpack(FleetParcel, document.fleet, room, "the part of the minds")
-    radio = unpack(RadioParcel, document.radio, room, "the part of the radio")
+    radio = unpack(RadioState, document.radio, room, "the part of the radio")
     loop = unpack(LoopParcel, document.loop, room, "the part of the loop")
     if max(len(loop.orders), len(loop.posted)) > MAX_ORDERS:
         raise SerialError(f"more than {MAX_ORDERS} orders")

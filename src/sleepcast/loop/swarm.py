@@ -20,8 +20,8 @@ from math import isinf
 from typing import Protocol
 
 from sleepcast.channel import Channel, Message
-from sleepcast.channel.chorus import Chorus
-from sleepcast.channel.memory import OPERATOR, Radio
+from sleepcast.channel.message_batch import MessageBatch
+from sleepcast.channel.simulated_radio import OPERATOR, Radio
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.units import NONE, UNITS
@@ -50,7 +50,7 @@ class Desk(Protocol):
     def hear(self, message: Message) -> None:
         """Take in what a robot says."""
 
-    def hear_many(self, chorus: Chorus) -> None:
+    def hear_many(self, chorus: MessageBatch) -> None:
         """Take in what many robots say at once."""
 
     def observe_many(self, now: float, robots: Index) -> None:
@@ -75,7 +75,7 @@ class Witness(Protocol):
     def posted(self, message: Message) -> None:
         """The operator's message goes on the air."""
 
-    def said(self, chorus: Chorus) -> None:
+    def said(self, chorus: MessageBatch) -> None:
         """What robots say goes on the air."""
 
     def ticked(self) -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from sleepcast.channel.bodies import age_of, is_addressed
-from sleepcast.channel.latch import ENDED
 from sleepcast.channel.message import Message
+from sleepcast.channel.payload import age_of, is_addressed
+from sleepcast.channel.stop_latch import ENDED
 from sleepcast.core.errors import SleepcastError
 from sleepcast.language.vocabulary import FROZEN, SLEEPING
 from sleepcast.node.authority import Authority

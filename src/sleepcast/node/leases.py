@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-from sleepcast.channel.bodies import DO, GROUP, SECONDS, TO, Deed
 from sleepcast.channel.message import MAX_NAME, Message
+from sleepcast.channel.payload import DO, GROUP, SECONDS, TO, LeaseAction
 from sleepcast.channel.roles import Role
 
 MAX_LEASE = 3_600.0
@@ -31,7 +31,7 @@ class Lease:
 class Wish:
     """What a message asks for. seconds: for how long; to: who is to have it, where it is granted."""
 
-    deed: Deed
+    deed: LeaseAction
     group: str
     seconds: float
     to: str
@@ -42,11 +42,11 @@ class Wish:
         if not isinstance(body, Mapping):
             return None
         deed, group, seconds, to = body.get(DO), body.get(GROUP), body.get(SECONDS, 0.0), body.get(TO, "")
-        if deed not in tuple(Deed) or not isinstance(group, str) or not 0 < len(group) <= MAX_NAME:
+        if deed not in tuple(LeaseAction) or not isinstance(group, str) or not 0 < len(group) <= MAX_NAME:
             return None
         if not isinstance(seconds, float | int) or not 0.0 <= seconds <= MAX_LEASE or not isinstance(to, str):
             return None
-        return Wish(Deed(str(deed)), group, float(seconds), to[:MAX_NAME])
+        return Wish(LeaseAction(str(deed)), group, float(seconds), to[:MAX_NAME])
 
 
 class Leases:
@@ -61,9 +61,9 @@ class Leases:
         if refusal:
             return refusal
         key, held = wish.group.casefold(), self._find(wish.group, now)
-        if wish.deed is Deed.GIVE:
+        if wish.deed is LeaseAction.GIVE:
             self._held.pop(key, None)
-        elif wish.deed is Deed.GRANT and held is not None:
+        elif wish.deed is LeaseAction.GRANT and held is not None:
             self._held[key] = Lease(wish.to, max(held.until, now + wish.seconds))
         else:
             self._held[key] = Lease(message.sender, now + wish.seconds)
@@ -74,16 +74,16 @@ class Leases:
         mine = held is not None and held.holder == message.sender
         if message.role == Role.ROBOT:
             return "robots have no leases"
-        if wish.deed is Deed.FORCE:
+        if wish.deed is LeaseAction.FORCE:
             may = message.role in ("", Role.COMMANDER)
             return "" if may else f"only a commander may force {wish.group} from others"
-        if wish.deed is Deed.GRANT:
+        if wish.deed is LeaseAction.GRANT:
             if not mine:
                 return f"{message.sender} does not have {wish.group}, so cannot grant it"
             return "" if wish.to else f"say to whom {wish.group} is granted"
         if held is not None and not mine:
             return _held_by(held, wish.group, now)
-        full = wish.deed is not Deed.GIVE and held is None and len(self._living(now)) >= MAX_LEASES
+        full = wish.deed is not LeaseAction.GIVE and held is None and len(self._living(now)) >= MAX_LEASES
         return f"no room for another lease: there are {MAX_LEASES}" if full else ""
 
     def objection(self, sender: str, groups: Collection[str], now: float) -> str:

@@ -19,8 +19,8 @@ from struct import pack
 from types import MappingProxyType
 from weakref import WeakKeyDictionary
 
-from sleepcast.channel.bodies import LOOK, OF, STOPS, TOLD, Look
 from sleepcast.channel.message import MAX_TEXT
+from sleepcast.channel.payload import LOOK, OF, STOPS, TOLD, Inspection
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.core.units import Quantity
 from sleepcast.language.explain import Explanation, Step
@@ -60,15 +60,15 @@ def look(
     explains a command, a rule, or the last command."""
     what, of = body.get(LOOK), body.get(OF)
     try:
-        if what == Look.TELEMETRY:
+        if what == Inspection.TELEMETRY:
             return {TOLD: telemetry(memory, stopped, doubt), **({STOPS: stops} if stops else {})}
-        if what == Look.VOCABULARY:
+        if what == Inspection.VOCABULARY:
             return {TOLD: _fitting(vocabulary_text(memory.vocabulary), "it has more names")}
-        if what == Look.MIND:
+        if what == Inspection.MIND:
             return {TOLD: _fitting(mind_text(memory), "it has learned more")}
-        if what == Look.WHY:
+        if what == Inspection.WHY:
             return {TOLD: why_text(why(of if isinstance(of, str) else None))}
-        known = ", ".join(Look)
+        known = ", ".join(Inspection)
         raise LookError(f"no look called {printable(str(what))[:80]!r}: there are {known}")
     except SleepcastError as error:
         return {"fault": str(error).splitlines()[0]}

@@ -7,8 +7,8 @@ from __future__ import annotations
 from collections import deque
 from math import inf, isnan, nan
 
-from sleepcast.channel.bodies import HOPS
 from sleepcast.channel.message import Kind, Message
+from sleepcast.channel.payload import HOPS
 from sleepcast.core.clock import Clock
 from sleepcast.node.looks import NOTHING, Told
 

@@ -25,9 +25,9 @@ from pathlib import Path
 
 import msgspec
 
-from sleepcast.channel.kept import News
-from sleepcast.channel.mailbox import KEEP_EVERY, Mailbox
+from sleepcast.channel.delivery_state import DeliveryState
 from sleepcast.channel.message import Kind, Message
+from sleepcast.channel.reliable import KEEP_EVERY, ReliableDelivery
 from sleepcast.core.clock import Clock
 from sleepcast.core.serial import SerialError, pack
 from sleepcast.node.integrity import NEWBORN, Marker, Seal
@@ -77,7 +77,7 @@ class Robot:
 
     number: int
     node: Node
-    mailbox: Mailbox | None
+    mailbox: ReliableDelivery | None
     known: dict[str, int] = field(default_factory=dict)
     begun: set[str] = field(default_factory=set)
     fingerprint: tuple[object, ...] = ()
@@ -94,8 +94,8 @@ class Store:
         self.file, self._clock, self._say = Path(os.path.realpath(file)), clock, say
         self.doubt = ""
         self._robots: dict[str, Robot] = {}
-        self._attended: tuple[Remembered, Mailbox] | None = None
-        self._listening: tuple[Remembered, Mailbox] | None = None
+        self._attended: tuple[Remembered, ReliableDelivery] | None = None
+        self._listening: tuple[Remembered, ReliableDelivery] | None = None
         self._lock: int | None = None
         self._connection: sqlite3.Connection | None = None
         self._content = Content()
@@ -129,17 +129,17 @@ class Store:
             found = self._content.robots[name] = Remembered(number, self._clock.now())
         return found
 
-    def _heard(self, kept: Remembered) -> News:
-        return News(tuple(kept.streams), tuple(kept.windows), tuple(self._content.standing))
+    def _heard(self, kept: Remembered) -> DeliveryState:
+        return DeliveryState(tuple(kept.streams), tuple(kept.windows), tuple(self._content.standing))
 
-    def listen(self, mailbox: Mailbox) -> None:
+    def listen(self, mailbox: ReliableDelivery) -> None:
         """Keep from now on what a mailbox (whose epoch is its `life`) hears for all robots here; it goes on where it
         was."""
         kept = self._remembered(mailbox.name)
         mailbox.restore(self._heard(kept), kept.since)
         self._listening = kept, mailbox
 
-    def adopt(self, node: Node, mailbox: Mailbox | None) -> bool:
+    def adopt(self, node: Node, mailbox: ReliableDelivery | None) -> bool:
         """Let a robot go on where it was, and keep it from now on; whether it had been here before. Its mailbox (whose
         epoch is its `life`) has heard nothing yet, if it has one, and its mind has learned nothing but what is built
         in. Raises StoreError for what no mind can be."""
@@ -209,7 +209,7 @@ class Store:
             self.life(name)
         return kept.epoch, kept.sequence + 1
 
-    def attend(self, mailbox: Mailbox) -> None:
+    def attend(self, mailbox: ReliableDelivery) -> None:
         """Keep an operator's numbers from now on, and what he sends that stands; he goes on where he was."""
         kept = self._remembered(mailbox.name)
         mailbox.restore(self._heard(kept), kept.since)
@@ -297,7 +297,7 @@ class Store:
 
     # ---- what is to be written
 
-    def _take_news(self, number: int, mailbox: Mailbox) -> None:
+    def _take_news(self, number: int, mailbox: ReliableDelivery) -> None:
         news, waits = mailbox.news(), self._unwritten
         for progress in news.streams:
             waits.streams[number, progress.stream] = progress

@@ -17,9 +17,9 @@ from pathlib import Path
 
 import msgspec
 
-from sleepcast.channel.kept import Progress, Standing, Window
+from sleepcast.channel.delivery_state import StandingCommand, StoredWindow, StreamProgress
 from sleepcast.channel.message import Message
-from sleepcast.channel.shelf import MAX_STANDING
+from sleepcast.channel.message_store import MAX_STANDING
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.files import settle
 from sleepcast.core.serial import SerialError, unpack
@@ -87,9 +87,9 @@ TABLES = ("robots", "streams", "windows", "standing", "taken", "evaluations", "a
 """Those that the seal is over."""
 """robots: in the order in which they came, or the operator; since, saved: when it was first here, and when its mind was
 last written (s of Unix time); epoch: of the present life, or the last one; sequence: up to where an operator's numbers
-in it may have been used. See `Progress`, `Window` and `Standing` of the channel. taken: what was taken from the channel
-and not finished. evaluations: what became of each command, STOP and RELEASE, and when (s of Unix time); arrivals: when
-it had come, by the numbers of these.
+in it may have been used. See `StreamProgress`, `StoredWindow` and `StandingCommand` of the channel. taken: what was
+taken from the channel and not finished. evaluations: what became of each command, STOP and RELEASE, and when (s of Unix
+time); arrivals: when it had come, by the numbers of these.
 seal: see `integrity`."""
 
 
@@ -119,8 +119,8 @@ class Remembered:
     sequence: int = 0
     saved: float = 0.0
     mind: MindParcel | None = None
-    streams: list[Progress] = field(default_factory=list)
-    windows: list[Window] = field(default_factory=list)
+    streams: list[StreamProgress] = field(default_factory=list)
+    windows: list[StoredWindow] = field(default_factory=list)
     taken: list[Taken] = field(default_factory=list)
 
 
@@ -129,7 +129,7 @@ class Content:
     """What a file says: of each robot by its name, and the standing commands, the oldest first."""
 
     robots: dict[str, Remembered] = field(default_factory=dict)
-    standing: list[Standing] = field(default_factory=list)
+    standing: list[StandingCommand] = field(default_factory=list)
 
 
 @dataclass(slots=True)
@@ -313,15 +313,15 @@ def read_all(connection: sqlite3.Connection) -> Content:
             if mind is not None:
                 by_number[number].mind = unpack(MindParcel, mind, MAX_MIND, f"what {name} has learned")
         for robot, key, epoch, *rest in connection.execute("SELECT * FROM streams"):
-            by_number[robot].streams.append(Progress((key, epoch), *rest))
+            by_number[robot].streams.append(StreamProgress((key, epoch), *rest))
         for robot, key, sender, epoch, latest, numbers in connection.execute("SELECT * FROM windows"):
-            by_number[robot].windows.append(Window(key, sender, epoch, latest, int.from_bytes(numbers, "big")))
+            by_number[robot].windows.append(StoredWindow(key, sender, epoch, latest, int.from_bytes(numbers, "big")))
         for robot, begun, message in connection.execute("SELECT robot, begun, message FROM taken ORDER BY number"):
             by_number[robot].taken.append(Taken(msgspec.msgpack.decode(message, type=Message), begun))
         query = "SELECT key, epoch, sequence, datagrams FROM standing ORDER BY number"
         for key, epoch, sequence, datagrams in connection.execute(query):
             parts = msgspec.msgpack.decode(datagrams, type=tuple[bytes, ...])
-            found.standing.append(Standing((key, epoch), sequence, parts))
+            found.standing.append(StandingCommand((key, epoch), sequence, parts))
     except (msgspec.DecodeError, SerialError, ValueError, RecursionError, SleepcastError) as error:
         raise sqlite3.DatabaseError(f"what is in it cannot be read: {error}") from None
     except KeyError as error:

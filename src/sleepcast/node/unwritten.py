@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields
 
 import msgspec
 
-from sleepcast.channel.kept import Name, Progress, Window
+from sleepcast.channel.delivery_state import StoredWindow, StreamId, StreamProgress
 from sleepcast.channel.message import Message
 from sleepcast.node.store_file import Remembered
 
@@ -24,9 +24,9 @@ class Unwritten:
     often they were begun; finished: of those that were written as taken. minds: when, and packed. lives: names, and
     what is known of their lives."""
 
-    streams: dict[tuple[int, Name], Progress] = field(default_factory=dict)
-    windows: dict[tuple[int, bytes, str, int], Window] = field(default_factory=dict)
-    standing: dict[tuple[Name, int], tuple[bytes, ...]] = field(default_factory=dict)
+    streams: dict[tuple[int, StreamId], StreamProgress] = field(default_factory=dict)
+    windows: dict[tuple[int, bytes, str, int], StoredWindow] = field(default_factory=dict)
+    standing: dict[tuple[StreamId, int], tuple[bytes, ...]] = field(default_factory=dict)
     taken: dict[tuple[int, str], tuple[Message, int]] = field(default_factory=dict)
     finished: set[tuple[int, str]] = field(default_factory=set)
     evaluated: list[Evaluated] = field(default_factory=list)

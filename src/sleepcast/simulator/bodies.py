@@ -23,8 +23,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.chance import GOLDEN, key, mix, uniform
 from sleepcast.core.arrays import filled
+from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.simulator.areas import inside
 from sleepcast.simulator.bumpers import Bumpers, least_cell, reach

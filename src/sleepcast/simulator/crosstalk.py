@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.chance import key, uniform
+from sleepcast.core.counter_rng import key, uniform
 from sleepcast.simulator.cones import Ranges
 from sleepcast.simulator.grid import Floats, Grid, Whole, pairs, sort, spread
 from sleepcast.simulator.robot_settings import CrosstalkModel, Ring

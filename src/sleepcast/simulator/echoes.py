@@ -14,7 +14,7 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.chance import key
+from sleepcast.core.counter_rng import key
 from sleepcast.simulator.cones import Cones, Ranges, View
 from sleepcast.simulator.crosstalk import Crosstalk, Scene, hear_each_other
 from sleepcast.simulator.engine import Machine

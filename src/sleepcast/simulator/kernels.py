@@ -6,7 +6,7 @@ from math import sqrt
 
 import numpy as np
 
-from sleepcast.channel import chance
+from sleepcast.core import counter_rng
 from sleepcast.simulator.compiled import compiled, inlined, strict, woven
 from sleepcast.simulator.formulas import either, sine_cosine
 from sleepcast.simulator.lanes import all_passed, at, put, put_by, put_some, put_turned, some
@@ -16,7 +16,7 @@ from sleepcast.simulator.vectors import LANES, counted, doubles, every, least_of
 F = np.float32
 I = np.int32  # noqa: E741  # as short as F
 U = np.uint64
-GOLDEN = U(chance.GOLDEN)
+GOLDEN = U(counter_rng.GOLDEN)
 
 BLOCK = 64
 """Robots whose readings are turned from rows to columns at a time: they stay in the nearest cache."""
@@ -96,7 +96,7 @@ def enlist(order, place, rows):
 
 @woven
 def mixed(multiple, key):
-    """See `chance.mix`. multiple: of the counter, by `GOLDEN`. Of one or of LANES."""
+    """See `counter_rng.mix`. multiple: of the counter, by `GOLDEN`. Of one or of LANES."""
     bits = multiple + key
     bits = (bits ^ (bits >> U(30))) * U(0xBF58476D1CE4E5B9)
     bits = (bits ^ (bits >> U(27))) * U(0x94D049BB133111EB)

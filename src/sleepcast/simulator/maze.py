@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.chance import key, uniform
+from sleepcast.core.counter_rng import key, uniform
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator.world import Wall
 

@@ -6,7 +6,7 @@ then all go as far as they are free to.
 
 from __future__ import annotations
 
-from sleepcast.channel.chance import GOLDEN, key
+from sleepcast.core.counter_rng import GOLDEN, key
 from sleepcast.simulator.bodies import Bodies
 from sleepcast.simulator.contact import Settled, clear
 from sleepcast.simulator.steps import Draws

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.chance import GOLDEN, mix
+from sleepcast.core.counter_rng import GOLDEN, mix
 from sleepcast.simulator.grid import Floats, Whole
 
 QUARTER = 65_536

@@ -7,7 +7,7 @@ from functools import cache
 from math import ceil, pi
 from pathlib import Path
 
-from sleepcast.channel.memory import RadioModel
+from sleepcast.channel.simulated_radio import RadioModel
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator.engine import Machine, NumPyMachine
 from sleepcast.simulator.nomads import NomadWorld

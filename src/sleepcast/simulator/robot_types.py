@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sleepcast.channel.names import Names
+from sleepcast.channel.name_index import NameIndex
 from sleepcast.core.errors import did_you_mean
 from sleepcast.robot import Geometry, Limits
 from sleepcast.simulator.groups import Group
@@ -148,14 +148,14 @@ def slices(sorts: Sequence[RobotSpec], count: int) -> list[slice]:
     return [slice(begin, end) for begin, end in pairwise([0, *bounds])]
 
 
-def names_of(sorts: Sequence[RobotSpec], count: int) -> Names:
+def names_of(sorts: Sequence[RobotSpec], count: int) -> NameIndex:
     """What the robots are called: their type, and a number within it."""
     if len({sort.type for sort in sorts}) == 1:
-        return Names(prefix=sorts[0].type, count=count)
+        return NameIndex(prefix=sorts[0].type, count=count)
     used: dict[str, int] = {}
     names = []
     for sort, part in zip(sorts, slices(sorts, count), strict=True):
         first = used.get(sort.type, 0)
         used[sort.type] = first + part.stop - part.start
         names += [f"{sort.type}{number + 1}" for number in range(first, used[sort.type])]
-    return Names(names)
+    return NameIndex(names)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from math import inf, pi
 from pathlib import Path
 
-from sleepcast.channel.memory import RadioModel
+from sleepcast.channel.simulated_radio import RadioModel
 from sleepcast.core.units import LENGTH, SPEED, TIME
 from sleepcast.robot import BodyConstant
 from sleepcast.simulator.events import Event, read_events

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.chance import key, uniform
+from sleepcast.core.counter_rng import key, uniform
 from sleepcast.simulator.bodies import Bodies, Floats
 from sleepcast.simulator.grid import Sorted, candidates, grid_over, pairs, sort
 from sleepcast.simulator.groups import seeing

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.chance import GOLDEN, mix
+from sleepcast.core.counter_rng import GOLDEN, mix
 from sleepcast.simulator.contact import Settled
 from sleepcast.simulator.driving import (
     DRIVE,

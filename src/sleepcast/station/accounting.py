@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import LOOK
-from sleepcast.channel.names import Names, natural
-from sleepcast.channel.parcels import ascending
+from sleepcast.channel.name_index import NameIndex, natural_order
+from sleepcast.channel.payload import LOOK
+from sleepcast.channel.serialized import ascending
 from sleepcast.core.errors import printable
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.station.answers import FAULT, MATCHED, NOT_MATCHED, OUTCOMES, SILENT, Answers
@@ -43,7 +43,7 @@ class Command:
     def __init__(
         self,
         message: Message,
-        names: Names,
+        names: NameIndex,
         expected: Index | None = None,
         last_sent: float = -inf,
         only: Index | None = None,
@@ -60,7 +60,7 @@ class Command:
         return CommandParcel(self.message, self.addressed, expected, self.last_sent, self.answers.state(), only)
 
     @classmethod
-    def restored(cls, parcel: CommandParcel, names: Names) -> Command:
+    def restored(cls, parcel: CommandParcel, names: NameIndex) -> Command:
         """The command that was kept. Raises ParcelError."""
         found = cls(parcel.message, names, ascending(parcel.expected, len(names)), parcel.last_sent)
         if not 0 <= parcel.addressed <= len(names):
@@ -280,7 +280,7 @@ class Accounting:
     def missing(self, most: int) -> str:
         """Who said nothing, so many of them by name in the order in which people look for them, each with when it was
         heard last."""
-        named = sorted(self.first_silent(SORTED), key=natural)[:most]
+        named = sorted(self.first_silent(SORTED), key=natural_order)[:most]
         shown = [f"{name} ({self.ago(name)})" for name in named]
         more = self.n_silent - self.n_nameless - len(named)
         shown += [f"and {more} more"] if more else []

@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import ENDS, FOR, LOOK, STOPS, TOOK, WITHIN
-from sleepcast.channel.bodies import MATCHED as WOULD
-from sleepcast.channel.clocks import Clocks
 from sleepcast.channel.keys import MAY
-from sleepcast.channel.latch import MAX_MARKS, Life, Mark, mark_of, marks_and_ages
-from sleepcast.channel.line import LONGEST, Line
 from sleepcast.channel.message import MAX_NAME, TO_OPERATOR
+from sleepcast.channel.payload import ENDS, FOR, LOOK, STOPS, TOOK, WITHIN
+from sleepcast.channel.payload import MATCHED as WOULD
 from sleepcast.channel.roles import Role
+from sleepcast.channel.session import MAX_SPREAD, ChannelSession
+from sleepcast.channel.stop_latch import MAX_MARKS, Life, Mark, mark_of, marks_and_ages
+from sleepcast.channel.wrong_clocks import WrongClocks
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.language.machine import Program
@@ -83,7 +83,7 @@ class AirStation(Station):
 
     def __init__(
         self,
-        line: Line,
+        line: ChannelSession,
         clock: Clock,
         vocabulary: Vocabulary,
         minds: Minds,
@@ -116,7 +116,7 @@ class AirStation(Station):
         self._drivers: deque[Command] = deque(maxlen=MAX_DRIVERS)
         """Commands that may have set robots in motion, since they were last stopped."""
         self._beat = -inf
-        self.clocks = Clocks()
+        self.clocks = WrongClocks()
         """Of the robots."""
         self._stops: dict[Life, tuple[Mark, float]] = {}
         """The latest STOP that is known of each other sender, and when robots had it, s."""
@@ -246,8 +246,8 @@ class AirStation(Station):
     def _within(self, robots: int) -> float:
         """Seconds over which so many robots are to spread their answers."""
         if self.within is not None:
-            return min(self.within, LONGEST)
-        return min(LONGEST, max(LEAST_WITHIN, robots / ANSWERS_A_SECOND)) if robots else FIRST_WITHIN
+            return min(self.within, MAX_SPREAD)
+        return min(MAX_SPREAD, max(LEAST_WITHIN, robots / ANSWERS_A_SECOND)) if robots else FIRST_WITHIN
 
     # ---- hearing
 

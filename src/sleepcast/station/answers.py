@@ -12,8 +12,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.chorus import Answers as Said
-from sleepcast.channel.names import Names
+from sleepcast.channel.message_batch import Answers as Said
+from sleepcast.channel.name_index import NameIndex
 from sleepcast.core.serial import Array, SerialError, within
 from sleepcast.station.parcels import AnswersParcel
 from sleepcast.station.roster import Index, Seconds
@@ -78,7 +78,7 @@ SILENT, MATCHED, NOT_MATCHED, FAULT = range(len(OUTCOMES) + 1)
 class Answers(Mapping[str, Answer]):
     """The first answer of each robot, by name, kept as columns by the robots' places on the roster (`names`)."""
 
-    def __init__(self, names: Names) -> None:
+    def __init__(self, names: NameIndex) -> None:
         self.names = names
         self._outcome: NDArray[np.uint8] = np.zeros(len(names), np.uint8)
         self._heard: Seconds = np.empty(0)

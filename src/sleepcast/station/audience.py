@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sleepcast.channel.bodies import FOR, NOT
+from sleepcast.channel.payload import FOR, NOT
 from sleepcast.core.errors import MisuseError
 from sleepcast.station.roster import Index, Roster
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import FOR
+from sleepcast.channel.payload import FOR
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.serial import SerialError, pack, room_for, unpack

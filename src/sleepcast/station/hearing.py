@@ -14,8 +14,8 @@ from threading import RLock
 import numpy as np
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import TOLD
-from sleepcast.channel.chorus import Answers, Chorus
+from sleepcast.channel.message_batch import Answers, MessageBatch
+from sleepcast.channel.payload import TOLD
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.station.answers import answer_from
@@ -96,7 +96,7 @@ class Hearing:
             subject = message.body.get("command", "")
             self._note(Event.HEARD, message.sender, subject=str(subject), details=details)
 
-    def hear_many(self, chorus: Chorus) -> None:
+    def hear_many(self, chorus: MessageBatch) -> None:
         """Take in what many robots say at once; their places are those of the roster. Reports are heard one by one, as
         many as are kept; answers are one entry in the journal."""
         said = chorus.words

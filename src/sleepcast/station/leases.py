@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from sleepcast.channel import Message
-from sleepcast.channel.bodies import DO, GROUP, LEASE, SECONDS, TO, Deed
 from sleepcast.channel.message import MAX_NAME
+from sleepcast.channel.payload import DO, GROUP, LEASE, SECONDS, TO, LeaseAction
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import ReadError, Symbol, read
 
@@ -16,7 +16,7 @@ class LeaseError(MisuseError):
     """A lease that no robot could grant."""
 
 
-def lease_body(deed: Deed, group: str, seconds: float, to: str = "") -> dict[str, object]:
+def lease_body(deed: LeaseAction, group: str, seconds: float, to: str = "") -> dict[str, object]:
     """As it stands in a message. Raises LeaseError."""
     try:
         named = isinstance(read(group), Symbol)
@@ -26,7 +26,7 @@ def lease_body(deed: Deed, group: str, seconds: float, to: str = "") -> dict[str
         raise LeaseError(f"{group!r:.80} is no name of a group: wanted one word, as bravo")
     if not 0.0 <= seconds <= MAX_LEASE:
         raise LeaseError(f"a lease is for 0 to {MAX_LEASE:g} s, not {seconds:g}: renew it where you need it longer")
-    if deed is Deed.GRANT and not to:
+    if deed is LeaseAction.GRANT and not to:
         raise LeaseError(f"say to whom {group} is granted (--to NAME)")
     return {LEASE: {DO: deed.value, GROUP: group, SECONDS: seconds, TO: to}}
 
@@ -36,13 +36,13 @@ def wish(message: Message) -> str:
     match message.body.get(LEASE):
         case {"do": str() as deed, "group": str() as group}:
             words = {
-                Deed.TAKE.value: f"{message.sender} takes {group}",
-                Deed.GIVE.value: f"{message.sender} gives {group} back",
-                Deed.REQUEST.value: (
+                LeaseAction.TAKE.value: f"{message.sender} takes {group}",
+                LeaseAction.GIVE.value: f"{message.sender} gives {group} back",
+                LeaseAction.REQUEST.value: (
                     f"{message.sender} asks for {group}: sleepcast lease grant {group} --to {message.sender}"
                 ),
-                Deed.GRANT.value: f"{message.sender} grants {group} to somebody else",
-                Deed.FORCE.value: f"{message.sender} has taken {group} by force",
+                LeaseAction.GRANT.value: f"{message.sender} grants {group} to somebody else",
+                LeaseAction.FORCE.value: f"{message.sender} has taken {group} by force",
             }
             return words.get(deed, "")
     return ""

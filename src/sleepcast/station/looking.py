@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import LOOK, OF, TOLD, Look
+from sleepcast.channel.payload import LOOK, OF, TOLD, Inspection
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.language import Explanation
 from sleepcast.language.vocabulary import Vocabulary
@@ -53,12 +53,12 @@ class Looker:
 
     def look(self, robots: Sequence[str] | None = None) -> Command:
         """Ask these robots (None: all) for telemetry."""
-        return self._ask({LOOK: Look.TELEMETRY}, robots)
+        return self._ask({LOOK: Inspection.TELEMETRY}, robots)
 
     def ask_why(self, robot: str, command: str | None) -> Command:
         """Ask a robot how it evaluated a command (its id), what a rule (its name) would do, or, for None, how the last
         command went. Raises UnknownRobotError."""
-        found = self._ask({LOOK: Look.WHY} | ({} if command is None else {OF: command}), [robot])
+        found = self._ask({LOOK: Inspection.WHY} | ({} if command is None else {OF: command}), [robot])
         self._whys[found.id, robot] = None
         if len(self._whys) > MAX_LOOKS:
             self._whys.popitem(last=False)
@@ -105,7 +105,9 @@ class Looker:
     def learning(self, since: float) -> bool:
         """Whether names or minds were asked for, at this time (s of Unix time) or later, that have not come yet."""
         asked = (
-            c for c in self._looks.values() if c.message.issued >= since and c.message.body[LOOK] != Look.TELEMETRY
+            c
+            for c in self._looks.values()
+            if c.message.issued >= since and c.message.body[LOOK] != Inspection.TELEMETRY
         )
         return any(command.n_silent for command in asked)
 

@@ -16,8 +16,8 @@ import msgspec
 import numpy as np
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import AGAIN, AGE, FIRST, FOR, NOT, WITHIN
-from sleepcast.channel.mailbox import Mailbox
+from sleepcast.channel.payload import AGAIN, AGE, FIRST, FOR, NOT, WITHIN
+from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.station.accounting import Command
 from sleepcast.station.desk import REPEAT_AFTER
 from sleepcast.station.roster import Roster
@@ -42,7 +42,7 @@ class Pursuit:
 
     def __init__(
         self,
-        mailbox: Mailbox,
+        mailbox: ReliableDelivery,
         sent: Sent,
         roster: Roster,
         within: Callable[[int], float],

@@ -17,9 +17,9 @@ from itertools import islice
 from math import inf, nan
 from typing import NamedTuple
 
-from sleepcast.channel.bodies import TOLD, Look
 from sleepcast.channel.message import Message
-from sleepcast.channel.names import natural
+from sleepcast.channel.name_index import natural_order
+from sleepcast.channel.payload import TOLD, Inspection
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.language.explain import Explanation
 from sleepcast.language.functions import FUNCTIONS
@@ -64,7 +64,7 @@ Digest = bytes
 class Wanted(NamedTuple):
     """These robots are to be asked for this."""
 
-    look: Look
+    look: Inspection
     robots: list[str]
 
 
@@ -245,7 +245,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
     def standing(self) -> str:
         """Who stands although nobody may have said STOP, and why, in a sentence; "" if nobody does."""
         found: dict[str, list[str]] = {}
-        for name in sorted(self._minds, key=natural):
+        for name in sorted(self._minds, key=natural_order):
             if doubt := self._minds[name].doubt:
                 found.setdefault(doubt, []).append(printable(name))
         told = (
@@ -330,7 +330,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         room = len(self.types) < MAX_TYPES
         types = ((m.told.type, m.name) for m in self._waiting.values() if room and m.told.type not in self.types)
         minds = ((m.told.mind, m.name) for m in self._minds.values() if m.told.mind not in self._learned)
-        asked = ((Look.VOCABULARY, types), (Look.MIND, minds))
+        asked = ((Inspection.VOCABULARY, types), (Inspection.MIND, minds))
         return [Wanted(look, found) for look, lacking in asked if (found := self._chosen(lacking, now))]
 
     def _chosen(self, lacking: Iterable[tuple[Digest, str]], now: float) -> list[str]:

@@ -12,7 +12,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.names import Names
+from sleepcast.channel.name_index import NameIndex
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.serial import Array
 from sleepcast.station.parcels import RosterParcel
@@ -47,10 +47,10 @@ class Roster:
 
     def __init__(self, names: Iterable[str] = (), size: int = 0) -> None:
         self.size = size
-        self.names = names.copy() if isinstance(names, Names) else Names()
+        self.names = names.copy() if isinstance(names, NameIndex) else NameIndex()
         self.heard: Seconds = np.full(len(self.names), -inf)
         self.told: Seconds = np.full(len(self.names), -inf)
-        if not isinstance(names, Names):
+        if not isinstance(names, NameIndex):
             for name in names:
                 self.enrol(name)
 
@@ -107,7 +107,7 @@ class Roster:
 class Some(Sequence[str]):
     """Robots by their places, named only when somebody looks."""
 
-    def __init__(self, names: Names, places: Index) -> None:
+    def __init__(self, names: NameIndex, places: Index) -> None:
         self._names, self.places = names, places
 
     def __len__(self) -> int:

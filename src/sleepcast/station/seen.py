@@ -8,8 +8,8 @@ from pathlib import Path
 import msgspec
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.bodies import TOLD
 from sleepcast.channel.message import MAX_NAME
+from sleepcast.channel.payload import TOLD
 from sleepcast.core.files import data_folder, replace_file
 from sleepcast.core.serial import SerialError, pack, unpack
 from sleepcast.station.contacts import ContactsLostError

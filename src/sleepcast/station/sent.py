@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from sleepcast.channel import Kind
-from sleepcast.channel.names import Names
+from sleepcast.channel.name_index import NameIndex
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.serial import SerialError
 from sleepcast.station.accounting import Command
@@ -75,7 +75,7 @@ class Sent:
         """The commands and the latch."""
         return [command.state() for command in self.all()], self.latch.state() if self.latch is not None else None
 
-    def restore(self, commands: Sequence[CommandParcel], latch: CommandParcel | None, names: Names) -> None:
+    def restore(self, commands: Sequence[CommandParcel], latch: CommandParcel | None, names: NameIndex) -> None:
         """Have what was kept. Raises ParcelError."""
         if len(commands) > MAX_COMMANDS:
             raise SerialError(f"{len(commands)} commands of a desk")

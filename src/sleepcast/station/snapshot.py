@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sleepcast.channel.names import Names
-from sleepcast.channel.parcels import ascending
+from sleepcast.channel.name_index import NameIndex
+from sleepcast.channel.serialized import ascending
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.station.journal import MAX_ENTRIES, Entry, Journal, MemoryJournal
 from sleepcast.station.parcels import EntryParcel, JournalParcel
@@ -19,7 +19,7 @@ def journal_parcel(journal: Journal) -> JournalParcel:
     return JournalParcel(journal.dropped, [_entry_parcel(entry) for entry in journal.entries()])
 
 
-def refill(journal: MemoryJournal, parcel: JournalParcel, names: Names) -> None:
+def refill(journal: MemoryJournal, parcel: JournalParcel, names: NameIndex) -> None:
     """Have the entries that were kept. Raises ParcelError."""
     if parcel.dropped < 0 or len(parcel.entries) > MAX_ENTRIES:
         raise SerialError(f"a journal of {len(parcel.entries)} entries after {parcel.dropped}")
@@ -34,7 +34,7 @@ def _entry_parcel(entry: Entry) -> EntryParcel:
     return EntryParcel(entry.time, entry.who, entry.event, entry.subject, entry.text, details, places)
 
 
-def _entry(number: int, parcel: EntryParcel, names: Names) -> Entry:
+def _entry(number: int, parcel: EntryParcel, names: NameIndex) -> Entry:
     robots = {key: Some(names, ascending(places, len(names))) for key, places in parcel.robots.items()}
     details = parcel.details | robots
     return Entry(number, parcel.time, parcel.who, parcel.event, parcel.subject, parcel.text, details)

@@ -1,0 +1,257 @@
+"""The order of commands: what may be dealt with, what waits for something before it, and what is missing.
+
+Each command names, in its `Link`, the command before it with its deadline, and the standing command before it. So a
+receiver that has missed some knows it from the next one that it hears. A standing command is waited for for ever; one
+that counts once only until its deadline, and not at all by a receiver that was not there yet when it was sent.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict, deque
+from collections.abc import Iterable, Mapping, Sequence, Set
+from dataclasses import dataclass, field
+from math import inf
+from random import Random
+from typing import NamedTuple
+
+from sleepcast.channel.delivery_state import StreamId, StreamProgress
+from sleepcast.channel.digest_timer import mostly_late
+from sleepcast.channel.message import Message
+from sleepcast.channel.payload import Link
+
+MAX_STREAMS = 64
+"""Senders of commands, each in each of its epochs, whose order is kept; of those that were silent longest, one without
+rules makes room first."""
+MAX_WAITING = 1_024
+"""Commands of one sender that wait; beyond, the farthest ahead are forgotten, and asked for again in their turn."""
+MAX_SKIPPED = 1_024
+"""Skipped commands that are kept for whoever asks: the latest."""
+ASK_AFTER = (0.02, 0.08)
+"""Seconds, by chance between these, before what is missing is asked for: its sender repeats it by himself, too."""
+ASK_AGAIN, ASK_SELDOM = 0.15, 2.0
+"""Seconds after which it is asked for again: at first, then doubled each time up to the second."""
+SLACK = 0.25
+"""Seconds after a deadline for which what is on its way is still waited for."""
+
+
+class Skipped(NamedTuple):
+    """A command that never came, and would come too late. key: id of its sender's."""
+
+    key: bytes
+    epoch: int
+    sequence: int
+
+
+@dataclass(slots=True)
+class MissingCommand:
+    """A number that is missing: when it is asked for next, how long then until the time after, and when it would come
+    too late, s."""
+
+    due: float
+    again: float = ASK_AGAIN
+    until: float = inf
+
+
+@dataclass(slots=True)
+class Stream:
+    """The commands of one sender in one epoch. done: number of the latest that was dealt with, or skipped; sent, until:
+    when it was issued and its deadline, s; standing: numbers of the standing ones that were dealt with; waiting: what
+    came too early, by number; wanted: what is missing."""
+
+    name: StreamId
+    done: int = 0
+    sent: float = inf
+    until: float = inf
+    standing: list[int] = field(default_factory=list)
+    waiting: dict[int, Message] = field(default_factory=dict)
+    wanted: dict[int, MissingCommand] = field(default_factory=dict)
+
+    @property
+    def rules(self) -> int:
+        """Number of the latest standing command that was dealt with, 0 for none."""
+        return self.standing[-1] if self.standing else 0
+
+    def link(self) -> Link:
+        """That of a command which comes next."""
+        return Link(self.done, self.sent, self.until, self.rules)
+
+    def deal_with(self, message: Message) -> None:
+        """This command is dealt with; it is the next one."""
+        self.done, self.sent, self.until = message.sequence, message.issued, message.deadline
+        self.waiting.pop(message.sequence, None)
+        self.wanted.pop(message.sequence, None)
+        if message.standing:
+            self.standing.append(message.sequence)
+
+
+class Sequencer:
+    """The streams of all senders of commands. chance: for the moments at which we ask; skew: s that others' clocks may
+    be wrong.
+
+    since: when we began to listen, s: what was sent once before is not for us.
+    """
+
+    def __init__(self, chance: Random, skew: float) -> None:
+        self.since = -inf
+        self._chance, self._skew = chance, skew
+        self._streams: OrderedDict[StreamId, Stream] = OrderedDict()
+        self._skipped: deque[Skipped] = deque(maxlen=MAX_SKIPPED)
+        self._changed: set[StreamId] = set()
+
+    def stream(self, name: StreamId) -> Stream:
+        """The stream of this name, made when it is first asked for."""
+        found = self._streams.get(name)
+        if found is None:
+            found = self._streams[name] = Stream(name)
+            if len(self._streams) > MAX_STREAMS:
+                oldest = next(iter(self._streams))
+                without = (each.name for each in self._streams.values() if each is not found and not each.standing)
+                del self._streams[next(without, oldest)]
+        self._streams.move_to_end(name)
+        return found
+
+    def knows(self, name: StreamId, number: int) -> bool:
+        """Whether a command has come, and waits or was dealt with."""
+        stream = self._streams.get(name)
+        return stream is not None and (number <= stream.done or number in stream.waiting)
+
+    def waiting(self, name: StreamId) -> set[int]:
+        """Numbers of a stream's commands that have come too early."""
+        stream = self._streams.get(name)
+        return set() if stream is None else set(stream.waiting)
+
+    def deal_with(self, stream: Stream, message: Message) -> None:
+        """The next command of a stream is dealt with."""
+        stream.deal_with(message)
+        self._changed.add(stream.name)
+
+    def news(self) -> tuple[StreamProgress, ...]:
+        """How far those streams have come that have moved since this was asked last."""
+        moved = (self._streams[name] for name in self._changed if name in self._streams)
+        found = tuple(
+            StreamProgress(stream.name, stream.done, stream.sent, stream.until, stream.rules) for stream in moved
+        )
+        self._changed.clear()
+        return found
+
+    def restore(self, streams: Iterable[StreamProgress], standing: Mapping[StreamId, Sequence[int]]) -> None:
+        """Go on where these streams had come to. standing: numbers of each one's standing commands, ascending."""
+        for progress in streams:
+            stream = self.stream(progress.stream)
+            stream.done, stream.sent, stream.until = progress.done, progress.sent, progress.until
+            stream.standing = [number for number in standing.get(stream.name, ()) if number <= progress.rules]
+
+    def standing(self) -> dict[StreamId, int]:
+        """How far each stream's rules have come, of those that have any."""
+        return {stream.name: stream.rules for stream in self._streams.values() if stream.standing}
+
+    def take(self, stream: Stream, message: Message, now: float) -> list[Message]:
+        """What can be dealt with now that this message has come, in its order."""
+        if message.sequence <= stream.done:
+            return []
+        stream.waiting[message.sequence] = message
+        stream.wanted.pop(message.sequence, None)
+        if len(stream.waiting) > MAX_WAITING:
+            del stream.waiting[max(stream.waiting)]
+        return self._advance(stream, now)
+
+    @property
+    def names(self) -> tuple[StreamId, ...]:
+        """Of all streams."""
+        return tuple(self._streams)
+
+    def settle(self, key: bytes, counting: Set[tuple[StreamId, int]]) -> None:
+        """Of what the key with this id has said, only these numbers of streams count: what else is still to come is
+        forgotten, and which others of its standing commands have come. (What they did stays.)"""
+        for stream in self._streams.values():
+            if stream.name[0] == key:
+                numbers = {number for name, number in counting if name == stream.name}
+                stream.standing = sorted(number for number in numbers if number <= stream.done)
+                stream.waiting = {number: each for number, each in stream.waiting.items() if number in numbers}
+                stream.wanted.clear()
+                self._changed.add(stream.name)
+
+    def expire(self, now: float) -> list[Message]:
+        """What no longer waits, because what it waited for would come too late."""
+        return [
+            message for stream in self._streams.values() if stream.waiting for message in self._advance(stream, now)
+        ]
+
+    def wanted(self, now: float, most: int) -> dict[StreamId, list[int]]:
+        """What is to be asked for at `now`, at most so many numbers."""
+        found: dict[StreamId, list[int]] = {}
+        for stream in self._streams.values():
+            for number, want in list(stream.wanted.items()):
+                if want.until < now:
+                    del stream.wanted[number]
+                elif want.due <= now and most > 0:
+                    found.setdefault(stream.name, []).append(number)
+                    want.due = now + want.again * (1.0 + mostly_late(self._chance)) / 2.0
+                    want.again = min(2.0 * want.again, ASK_SELDOM)
+                    most -= 1
+        return found
+
+    def piecemeal(self, name: StreamId, number: int, until: float, due: float) -> None:
+        """Some of a command has come; what is missing of it is asked for at `due`, s, and no longer than `until`."""
+        stream = self.stream(name)
+        if number > stream.done and number not in stream.wanted:
+            stream.wanted[number] = MissingCommand(due + ASK_AFTER[1] * mostly_late(self._chance), until=until + SLACK)
+
+    def asked(self, name: StreamId, numbers: Sequence[int], now: float) -> None:
+        """Somebody else has asked for these, so we need not for a while."""
+        wanted = self._streams[name].wanted if name in self._streams else {}
+        for number in wanted.keys() & set(numbers):
+            want = wanted[number]
+            want.due = max(want.due, now + want.again)
+
+    def due(self) -> float:
+        """When there is something to ask for, or nothing to wait for any more, s."""
+        found = inf
+        for stream in self._streams.values():
+            if stream.wanted:
+                found = min(found, *(want.due for want in stream.wanted.values()))
+            if stream.waiting:
+                link = stream.waiting[min(stream.waiting)].link
+                if link.rules <= stream.rules:  # for rules it waits for ever
+                    found = min(found, link.until + SLACK)
+        return found
+
+    def take_skipped(self) -> list[Skipped]:
+        """What was skipped since this was asked last."""
+        found = list(self._skipped)
+        self._skipped.clear()
+        return found
+
+    def _advance(self, stream: Stream, now: float) -> list[Message]:
+        found = []
+        while stream.waiting:
+            message = stream.waiting[min(stream.waiting)]
+            if not self._is_next(stream, message, now):
+                break
+            if self._deal(stream, message):
+                found.append(message)
+        return found
+
+    def _is_next(self, stream: Stream, message: Message, now: float) -> bool:
+        """Whether the earliest command that has come waits for none; if it does, that one is wanted."""
+        link = message.link
+        if link.rules > stream.rules:
+            self._want(stream, link.rules, now)
+            return False
+        if link.after > stream.done and link.sent >= self.since:
+            if now <= link.until + SLACK:
+                self._want(stream, link.after, now)
+                return False
+            stream.wanted.pop(link.after, None)
+            self._skipped.append(Skipped(*stream.name, link.after))
+        return True
+
+    def _deal(self, stream: Stream, message: Message) -> bool:
+        """Deal with the next one; whether it is for us."""
+        self.deal_with(stream, message)
+        return message.standing or message.issued >= self.since - self._skew  # whoever's clock is wrong
+
+    def _want(self, stream: Stream, number: int, now: float) -> None:
+        if number not in stream.wanted:
+            soonest, latest = ASK_AFTER
+            stream.wanted[number] = MissingCommand(now + soonest + (latest - soonest) * mostly_late(self._chance))

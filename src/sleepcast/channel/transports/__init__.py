@@ -1,0 +1,1 @@
+"""What carries bytes from each party to all others; each transport is one file."""

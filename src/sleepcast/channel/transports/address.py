@@ -1,0 +1,51 @@
+"""Addresses of channels: `SCHEME:...?OPTION=VALUE&...`, read with sentences that say what was wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import inf
+from urllib.parse import SplitResult, parse_qsl, urlsplit
+
+from sleepcast.core.errors import MisuseError, did_you_mean
+
+MAX_URI = 1_000
+"""Characters of an address: names, options and their values, with room to spare."""
+
+
+class AddressError(MisuseError):
+    """A channel's address that means nothing."""
+
+
+def split_address(uri: str, wanted: str, options: Mapping[str, str]) -> tuple[SplitResult, dict[str, str]]:
+    """An address and the options in it. wanted: what is said of an address that means nothing; options: those that
+    there are, by name, with what they are if they are not given. Raises AddressError."""
+    if len(uri) > MAX_URI or not uri.isprintable():
+        raise AddressError(f"{uri!r:.80}... is no address of a channel: {wanted}")
+    try:
+        found = urlsplit(uri)
+        _ = found.port
+        given = parse_qsl(found.query, keep_blank_values=True, max_num_fields=64)
+    except ValueError as error:
+        raise AddressError(f"{uri!r} is no address of a channel: {error}; {wanted}") from None
+    if found.username is not None or found.fragment or uri.endswith("#"):
+        raise AddressError(f"{uri!r} is no address of a channel: {wanted}")
+    known = dict(options)
+    for name, value in given:
+        if name not in options:
+            raise AddressError(f"{uri!r}: unknown option {name!r}{did_you_mean(name, options)}; {wanted}")
+        known[name] = value
+    if len(given) > len({name for name, _ in given}):
+        raise AddressError(f"{uri!r} says an option twice: {wanted}")
+    return found, known
+
+
+def number_option(uri: str, option: str, value: str, most: float = inf) -> float:
+    """The value of an option that is a number from 0 to `most`. Raises AddressError."""
+    try:
+        found = float(value)
+    except ValueError:
+        found = -1.0
+    if not 0.0 <= found <= most:
+        bounds = f"from 0 to {most:g}" if most < inf else "from 0"
+        raise AddressError(f"{uri!r}: {option} is a number {bounds}, not {value!r}")
+    return found

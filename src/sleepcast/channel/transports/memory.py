@@ -1,0 +1,197 @@
+"""A channel within one process: a medium that can be made as bad as any radio, without a network.
+
+    memory:NAME?loss=0.3&delay=0.01&jitter=0.02&duplicate=0.1&reorder=0.1&seed=1&at=3,4&range=10
+
+Whoever names the same NAME hears each other. The options say how badly the party that gives them hears: which share of
+datagrams it loses, hears twice or hears late (by `LATE`), how many seconds each takes (`delay`) and up to how many more
+(`jitter`). `at` is where it is (x, y in m) and `range` from how far away it hears. What chance does to a party depends
+on its seed, on how many have joined before it, and on what it was sent, on nothing else.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from heapq import heappop, heappush
+from math import dist, inf, isfinite
+from random import Random
+from typing import ClassVar
+
+from sleepcast.channel.envelope import MAX_DATAGRAM
+from sleepcast.channel.transports.address import AddressError, number_option, split_address
+from sleepcast.channel.transports.wakeup import WakeUp
+from sleepcast.core.clock import Clock
+from sleepcast.core.errors import SleepcastError
+
+LATE = 0.05
+"""Seconds by which what is reordered comes later: some others overtake it."""
+LONGEST = 3_600.0
+"""Seconds of a delay at most."""
+MAX_WAITING = 16_384
+"""Datagrams that wait for one party; what comes then is lost, as in a socket's buffer."""
+MAX_PARTIES = 4_096
+"""Of one medium: each has two descriptors of this process."""
+OPTIONS = {
+    "loss": "0",
+    "delay": "0",
+    "jitter": "0",
+    "duplicate": "0",
+    "reorder": "0",
+    "seed": "0",
+    "at": "0,0",
+    "range": "inf",
+}
+WANTED = f"wanted memory:NAME with options of {', '.join(OPTIONS)}, for instance memory:lab?loss=0.3&seed=1"
+
+
+class MediumError(SleepcastError):
+    """A medium that is full."""
+
+
+@dataclass(frozen=True, slots=True)
+class MemoryAddress:
+    """What a `memory:` address says. loss, duplicate, reorder: chances, 0..1; delay, jitter: s; at: m; reach: m."""
+
+    name: str
+    loss: float
+    delay: float
+    jitter: float
+    duplicate: float
+    reorder: float
+    seed: int
+    at: tuple[float, float]
+    reach: float
+
+    @staticmethod
+    def read(uri: str) -> MemoryAddress:
+        """Raises AddressError, with a sentence that says what is wrong."""
+        found, options = split_address(uri, WANTED, OPTIONS)
+        if found.scheme != "memory" or found.netloc or not found.path.strip("/"):
+            raise AddressError(f"{uri!r} is no address of a channel: {WANTED}")
+        chances = [number_option(uri, name, options[name], 1.0) for name in ("loss", "duplicate", "reorder")]
+        delay, jitter = (number_option(uri, name, options[name], LONGEST) for name in ("delay", "jitter"))
+        loss, duplicate, reorder = chances
+        seed, reach = options["seed"], number_option(uri, "range", options["range"])
+        if not (seed.isascii() and seed.isdigit() and len(seed) <= 19):
+            raise AddressError(f"{uri!r}: seed is a whole number from 0, not {seed!r}")
+        return MemoryAddress(
+            found.path, loss, delay, jitter, duplicate, reorder, int(seed), _place(uri, options["at"]), reach
+        )
+
+
+def _place(uri: str, written: str) -> tuple[float, float]:
+    try:
+        x, y = map(float, written.split(","))
+    except ValueError:
+        x = y = inf
+    if not (isfinite(x) and isfinite(y)):
+        raise AddressError(f"{uri!r}: at is a place, two numbers in metres such as 3,4, not {written!r}")
+    return x, y
+
+
+class MemoryTransport:
+    """One party of the medium at `uri`. clock: s, for its delays.
+
+    lost: datagrams for which it had no room. at: where it is (m); it may move. Raises AddressError for the address,
+    MediumError where too many have joined.
+    """
+
+    _media: ClassVar[dict[str, list[MemoryTransport]]] = {}
+    _joined: ClassVar[dict[str, int]] = {}
+    """How many have joined each medium since it was empty."""
+    _lock: ClassVar[threading.Lock] = threading.Lock()
+
+    def __init__(self, uri: str, clock: Clock) -> None:
+        self._hearing = MemoryAddress.read(uri)
+        self.at, self.lost = self._hearing.at, 0
+        self._clock = clock
+        self._bell = WakeUp()
+        self._waiting: list[tuple[float, int, bytes]] = []
+        self._heard = 0
+        self._watched = False
+        self._timer: threading.Timer | None = None
+        self._rings = inf
+        """When the timer rings, s."""
+        name = self._hearing.name
+        with MemoryTransport._lock:
+            parties = MemoryTransport._media.setdefault(name, [])
+            if len(parties) >= MAX_PARTIES:
+                self._bell.close()
+                raise MediumError(f"{uri}: at most {MAX_PARTIES} parties of one process hear each other: take udp://")
+            place = MemoryTransport._joined.get(name, 0)
+            MemoryTransport._joined[name] = place + 1
+            parties.append(self)
+        self._chance = Random(f"{self._hearing.seed} {place}")
+
+    def fileno(self) -> int:
+        """What to wait on for news."""
+        self._watched = True
+        return self._bell.fileno()
+
+    def send(self, datagram: bytes) -> None:
+        """To all others in their range."""
+        with MemoryTransport._lock:
+            parties = MemoryTransport._media.get(self._hearing.name, ())
+            if self in parties:
+                for party in parties:
+                    if party is not self and dist(party.at, self.at) <= party._hearing.reach:
+                        party._take(datagram)
+
+    def receive(self) -> list[bytes]:
+        """What has come in since the last call, in the order in which it came; nothing of our own."""
+        self._bell.quiet()
+        found = []
+        with MemoryTransport._lock:
+            now = self._clock.now()
+            while self._waiting and self._waiting[0][0] <= now:
+                found.append(heappop(self._waiting)[2])
+            self._wake(now)
+        return found
+
+    def close(self) -> None:
+        """Leave. Nothing can be sent or heard afterwards."""
+        with MemoryTransport._lock:
+            parties = MemoryTransport._media.get(self._hearing.name, [])
+            if self in parties:
+                parties.remove(self)
+            if not parties:
+                MemoryTransport._media.pop(self._hearing.name, None)
+                MemoryTransport._joined.pop(self._hearing.name, None)
+            self._waiting.clear()
+            self._wake(0.0)
+            self._bell.close()
+
+    def _take(self, datagram: bytes) -> None:
+        """What becomes of a datagram on its way to us."""
+        hearing, now = self._hearing, self._clock.now()
+        for _ in range(1 + (self._chance.random() < hearing.duplicate)):
+            due = now + hearing.delay + hearing.jitter * self._chance.random()
+            due += LATE * (self._chance.random() < hearing.reorder)
+            if self._chance.random() < hearing.loss:
+                continue
+            if len(self._waiting) >= MAX_WAITING:
+                self.lost += 1
+                continue
+            self._heard += 1
+            heappush(self._waiting, (due, self._heard, datagram[: MAX_DATAGRAM + 1]))
+        self._wake(now)
+
+    def _wake(self, now: float) -> None:
+        """Ring when the next datagram is due: whoever waits on `fileno` does not know when that is."""
+        due = self._waiting[0][0] if self._waiting else inf
+        if self._timer is not None and due != self._rings:
+            self._timer.cancel()
+            self._timer = None
+        if due <= now:
+            self._bell.ring()
+        elif self._timer is None and self._watched and due < inf:
+            self._rings = due
+            self._timer = threading.Timer(due - now, self._ring, (due,))
+            self._timer.daemon = True
+            self._timer.start()
+
+    def _ring(self, due: float) -> None:
+        """Ring for what was due at this time, unless it was taken in this very moment."""
+        with MemoryTransport._lock:
+            if self._waiting and self._waiting[0][0] <= due:
+                self._bell.ring()

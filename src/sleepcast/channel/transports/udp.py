@@ -1,0 +1,230 @@
+"""Broadcast and multicast over UDP: the channel that needs no server.
+
+    udp://GROUP_OR_BROADCAST_ADDRESS:PORT?interface=NAME
+
+Every party has a socket that hears the address and one that sends to it; several parties may live on one machine. Where
+the system can tell kinds of messages apart (`sieve`), STOPs come in by a socket of their own, and so does what robots
+tell their operator: a flood of anything else takes no room from them, nor they from anything else. The sockets never
+wait: whoever owns them asks at each tick, or when its `fileno` has news.
+"""
+
+from __future__ import annotations
+
+import errno
+import select
+import socket
+import struct
+import sys
+from collections.abc import Iterable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from ipaddress import IPv4Address, IPv6Address, ip_address
+from typing import NamedTuple
+
+from sleepcast.channel.envelope import MAX_DATAGRAM
+from sleepcast.channel.message import TO_OPERATOR, Kind
+from sleepcast.channel.transports.address import AddressError, split_address
+from sleepcast.channel.transports.bpf_filter import drop_kinds, keep_kinds
+from sleepcast.core.errors import SleepcastError, did_you_mean
+
+EXAMPLE = "udp://239.255.83.76:47123?interface=lo"
+"""Multicast that stays on this machine."""
+MOST_AT_ONCE = 2_048
+"""Datagrams taken in by one call: a flood costs a tick some milliseconds and not more."""
+MOST_STOPS = 64
+"""STOPs taken in by one call, before anything else: as many as are looked at in ten milliseconds."""
+STOP_BUFFER = 64 * 1024
+"""Bytes that the system is asked to keep of STOPs: those of a second when nobody forges any. In a flood what waits is
+not worth the time: what comes next is as good."""
+BUFFER = 4 * 1024 * 1024
+"""Bytes that the system is asked to keep of what comes between two calls; it may grant less."""
+HOPS = 1
+"""Networks that multicast crosses: it stays on its own."""
+
+
+class ReservedSocket(NamedTuple):
+    """Kinds that come in by a socket of their own: so many by one call at most, and so many bytes wait for it."""
+
+    kinds: frozenset[Kind]
+    most: int
+    room: int
+
+
+RESERVED = (
+    ReservedSocket(frozenset({Kind.STOP}), MOST_STOPS, STOP_BUFFER),
+    ReservedSocket(TO_OPERATOR, MOST_AT_ONCE, BUFFER),
+)
+
+
+class UdpError(SleepcastError):
+    """The system refuses a socket."""
+
+
+@dataclass(frozen=True, slots=True)
+class UdpAddress:
+    """What a `udp://` address says. interface: of the machine, "" for the one that the system takes."""
+
+    host: IPv4Address | IPv6Address
+    port: int
+    interface: str
+
+    @staticmethod
+    def read(uri: str) -> UdpAddress:
+        """Raises AddressError, with a sentence that says what is wrong."""
+        wanted = f"wanted udp://ADDRESS:PORT?interface=NAME, for instance {EXAMPLE}"
+        found, options = split_address(uri, wanted, {"interface": ""})
+        if found.scheme != "udp" or not found.port or found.path:
+            raise AddressError(f"{uri!r} is no address of a channel: {wanted}")
+        try:
+            host = ip_address(found.hostname or "")
+        except ValueError as error:
+            raise AddressError(f"{uri!r} is no address of a channel: {error}; {wanted}") from None
+        return UdpAddress(host, found.port, options["interface"])
+
+    @property
+    def link(self) -> int:
+        """The number of the interface, 0 for whichever the system takes. Raises AddressError if there is none."""
+        if not self.interface:
+            return 0
+        try:
+            return socket.if_nametoindex(self.interface)
+        except OSError:
+            names = [name for _, name in socket.if_nameindex()]
+            raise AddressError(
+                f"this machine has no interface {self.interface!r}{did_you_mean(self.interface, names)}: "
+                f"it has {', '.join(names)}"
+            ) from None
+
+
+class UdpTransport:
+    """One party's sockets on the network at `uri`.
+
+    lost: datagrams that the system would not take. Raises AddressError for the address, UdpError where the system
+    refuses.
+    """
+
+    def __init__(self, uri: str) -> None:
+        self.address = UdpAddress.read(uri)
+        self.lost = 0
+        link = self.address.link
+        self._family = socket.AF_INET6 if self.address.host.version == 6 else socket.AF_INET
+        with ExitStack() as opened:
+            try:
+                self._ears = self._listening(opened, link, BUFFER)
+                self._mouth = self._speaking(opened, link)
+                self._bell: socket.socket | select.epoll = self._ears
+                self._apart = self._set_apart(opened, link)
+                if self._apart:
+                    self._bell = opened.enter_context(select.epoll())
+                    for ears in (self._ears, *self._apart):
+                        self._bell.register(ears, select.EPOLLIN)
+            except OSError as error:
+                raise UdpError(f"{uri}: the system refuses: {error.strerror or error}{_hint(error)}") from None
+            self._opened = opened.pop_all()
+        self._own = self._mouth.getsockname()[:2]
+
+    def fileno(self) -> int:
+        """What to wait on for news."""
+        return self._bell.fileno()
+
+    def send(self, datagram: bytes) -> None:
+        """Broadcast."""
+        try:
+            self._mouth.send(datagram)
+        except OSError:  # no route, a full queue: as good as lost on the way
+            self.lost += 1
+
+    def receive(self) -> list[bytes]:
+        """What has come in since the last call, STOPs first, then what robots tell their operator, else in the order in
+        which it came; nothing of our own."""
+        found = []
+        for ears, lane in self._apart.items():
+            found += self._taken(ears, lane.most)
+        return found + self._taken(self._ears, MOST_AT_ONCE)
+
+    def _taken(self, ears: socket.socket, most: int) -> list[bytes]:
+        found = []
+        for _ in range(most):
+            try:
+                datagram, sender = ears.recvfrom(MAX_DATAGRAM + 1)
+            except BlockingIOError:
+                break
+            except OSError:  # what a network may say of datagrams sent before: nothing of ours
+                continue
+            if sender[:2] != self._own:
+                found.append(datagram)
+        return found
+
+    def ignore(self, kinds: Iterable[Kind]) -> None:
+        """These kinds need not be brought here any more, all others do."""
+        unwanted = {*kinds}
+        for ears, lane in self._apart.items():
+            keep_kinds(ears, lane.kinds - unwanted)
+        drop_kinds(self._ears, unwanted.union(*(lane.kinds for lane in self._apart.values())))
+
+    def close(self) -> None:
+        """Leave. Nothing can be sent or heard afterwards."""
+        self._opened.close()
+        self._bell = self._ears
+
+    def _set_apart(self, opened: ExitStack, link: int) -> dict[socket.socket, ReservedSocket]:
+        """A socket for each of `LANES`, and these kinds left out of the ears; none where the system cannot."""
+        found = {self._listening(opened, link, lane.room): lane for lane in RESERVED if sys.platform == "linux"}
+        kinds = {kind for lane in RESERVED for kind in lane.kinds}
+        if all(keep_kinds(ears, lane.kinds) for ears, lane in found.items()) and drop_kinds(self._ears, kinds):
+            return found
+        for ears in found:
+            ears.close()
+        return {}
+
+    def _listening(self, opened: ExitStack, link: int, room: int) -> socket.socket:
+        """A socket that hears the address. room: bytes that the system is asked to keep of what comes."""
+        ears, host = opened.enter_context(socket.socket(self._family, socket.SOCK_DGRAM)), self.address.host
+        ears.setblocking(False)
+        ears.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if sys.platform != "linux":  # there the one above is enough, and this one is for one user only
+            ears.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+        ears.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, room)
+        ears.bind(self._place(link))
+        if not host.is_multicast:
+            return ears
+        if host.version == 6:
+            ears.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_JOIN_GROUP, host.packed + struct.pack("@I", link))
+        else:
+            ears.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, _membership(host, link))
+        return ears
+
+    def _speaking(self, opened: ExitStack, link: int) -> socket.socket:
+        """A socket that sends to the address."""
+        mouth, host = opened.enter_context(socket.socket(self._family, socket.SOCK_DGRAM)), self.address.host
+        mouth.setblocking(False)
+        mouth.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
+        if not host.is_multicast:
+            mouth.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+        elif host.version == 6:
+            mouth.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_MULTICAST_IF, link)
+            mouth.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_MULTICAST_HOPS, HOPS)
+        else:
+            mouth.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, _membership(host, link))
+            mouth.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, HOPS)
+        mouth.connect(self._place(link))  # so that it has an address and a port of its own
+        return mouth
+
+    def _place(self, link: int) -> tuple[str, int] | tuple[str, int, int, int]:
+        """The address as the socket wants it; one of IPv6 names the interface, which tells equal ones apart."""
+        host = str(self.address.host)
+        return (host, self.address.port) if self.address.host.version == 4 else (host, self.address.port, 0, link)
+
+
+def _membership(group: IPv4Address, link: int) -> bytes:
+    """A group on an interface: the `ip_mreqn` of Linux and the BSDs."""
+    return group.packed + b"\0" * 4 + struct.pack("@i", link)
+
+
+def _hint(error: OSError) -> str:
+    """What a person may do about it."""
+    if error.errno == errno.EADDRINUSE:
+        return "; another program has the port for itself alone: take another port"
+    if error.errno in (errno.ENODEV, errno.ENETUNREACH, errno.EADDRNOTAVAIL):
+        return "; this machine has no way there: name an interface with ?interface=NAME"
+    return ""

@@ -1,0 +1,181 @@
+"""A line: answers have their moments, and are said again to whoever has missed them."""
+
+from __future__ import annotations
+
+from random import Random
+
+from sleepcast.channel import Kind, Message
+from sleepcast.channel.admission import Admission
+from sleepcast.channel.keys import KeyPair, Role, Trust
+from sleepcast.channel.payload import AGAIN, FOR, WITHIN
+from sleepcast.channel.reliable import ReliableDelivery
+from sleepcast.channel.session import MAX_ANSWERED, ChannelSession
+from sleepcast.channel.transports.transport import open_transport
+from sleepcast.core.clock import ManualClock, UnixClock
+
+DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
+ROBOTS = KeyPair("r*", Role.ROBOT, b"r" * 32)
+START = 1_000.0
+
+
+class Air:
+    """All that is said reaches all others at once, unless `deaf` says of whom the desk hears nothing."""
+
+    def __init__(self, *names: str) -> None:
+        self.clock, self.deaf = ManualClock(START), ""
+        self.desk = self._line("desk", DESK)
+        self.robots = [self._line(name, ROBOTS) for name in names]
+
+    def _line(self, name: str, key: KeyPair) -> ChannelSession:
+        door = Admission(Trust((DESK.public, ROBOTS.public)), "lab", self.clock, robot=key is ROBOTS)
+        return ChannelSession(Wire(), ReliableDelivery(name, 1, key, door, Random(1)), self.clock, Random(name))
+
+    def run(self, seconds: float) -> None:
+        lines = [self.desk, *self.robots]
+        until = self.clock.now() + seconds
+        while self.clock.now() < until:
+            self.clock.advance(0.005)
+            for line in lines:
+                line.pump()
+                said, line.transport.said = line.transport.said, []
+                for other in lines:
+                    if other is not line and not (other is self.desk and line.mailbox.name == self.deaf):
+                        other.transport.heard += said
+
+
+class Wire:
+    """Both ends of a transport."""
+
+    def __init__(self) -> None:
+        self.heard: list[bytes] = []
+        self.said: list[bytes] = []
+
+    def fileno(self) -> int:
+        raise NotImplementedError("nobody waits in simulated time")
+
+    def send(self, datagram: bytes) -> None:
+        self.said.append(datagram)
+
+    def receive(self) -> list[bytes]:
+        found, self.heard = self.heard, []
+        return found
+
+    def close(self) -> None:
+        self.heard.clear()
+
+
+def answer(line: ChannelSession, to: Message, value: float) -> None:
+    line.send(Message(line.mailbox.name, 0, 0, Kind.ANSWER, 0.0, body={"command": to.id, "value": value}))
+
+
+def ask(air: Air, **body: object) -> Message:
+    return air.desk.mailbox.post(Kind.ASK, air.clock.now(), text="" if AGAIN in body else "battery", body=body)
+
+
+def values(air: Air) -> dict[str, object]:
+    return {message.sender: message.body["value"] for message in air.desk.receive() if message.kind is Kind.ANSWER}
+
+
+def test_answers_are_spread_over_the_time_that_was_asked_for() -> None:
+    air = Air(*(f"r{number}" for number in range(20)))
+    asked = ask(air, **{WITHIN: 1.0})
+    air.run(0.02)
+    for number, robot in enumerate(air.robots):
+        assert [message.id for message in robot.receive()] == [asked.id]
+        answer(robot, asked, float(number))
+    heard = []
+    for _ in range(10):
+        air.run(0.1)
+        heard.append(len(values(air)))
+    assert sum(heard) == 20
+    assert max(heard) < 8
+
+
+def test_an_answer_that_was_missed_is_said_again_and_the_mind_hears_nothing_of_it() -> None:
+    air = Air("r1", "r2")
+    asked = ask(air)
+    air.run(0.02)
+    air.deaf = "r2"
+    for number, robot in enumerate(air.robots):
+        robot.receive()
+        answer(robot, asked, float(number))
+    air.run(0.1)
+    assert values(air) == {"r1": 0.0}
+    air.deaf = ""
+    ask(air, **{AGAIN: asked.id, FOR: ["r2"], WITHIN: 0.2})
+    air.run(0.5)
+    assert values(air) == {"r2": 1.0}
+    assert [robot.receive() for robot in air.robots] == [[], []]
+
+
+def test_whoever_has_not_heard_the_command_has_no_answer_to_say_again() -> None:
+    air = Air("r1")
+    for nonsense in ({AGAIN: "desk-1.77", FOR: ["r1"]}, {AGAIN: 5, FOR: "r1"}, {AGAIN: None}):
+        ask(air, **nonsense)
+    air.run(0.5)
+    assert air.desk.receive() == []
+    assert air.robots[0].receive() == []
+
+
+def test_an_answer_that_still_waits_for_its_moment_is_said_once() -> None:
+    air = Air("r1")
+    asked = ask(air, **{WITHIN: 2.0})
+    air.run(0.02)
+    answer(air.robots[0], asked, 1.0)
+    ask(air, **{AGAIN: asked.id, FOR: ["r1"]})
+    air.run(2.5)
+    assert len([message for message in air.desk.receive() if message.kind is Kind.ANSWER]) == 1
+
+
+def test_only_the_latest_answers_are_kept() -> None:
+    air = Air("r1")
+    first = ask(air)
+    air.run(0.02)
+    answer(air.robots[0], first, 1.0)
+    for number in range(MAX_ANSWERED):
+        air.robots[0].send(Message("r1", 0, 0, Kind.ANSWER, 0.0, body={"command": f"x-1.{number}", "value": 0.0}))
+    air.run(0.1)
+    air.desk.receive()
+    ask(air, **{AGAIN: first.id, FOR: ["r1"]})
+    air.run(0.5)
+    assert air.desk.receive() == []
+
+
+def test_a_robot_reports_the_commands_that_it_missed() -> None:
+    air = Air("r1")
+    lost = [air.desk.mailbox.post(Kind.COMMAND, START, text="(ST)", deadline=START + 0.5) for _ in range(2)]
+    for _ in range(180):
+        air.clock.advance(0.005)
+        air.desk.pump()
+        air.desk.transport.said.clear()
+    air.desk.mailbox.post(Kind.COMMAND, air.clock.now(), text="(GO)")
+    air.run(0.2)
+    assert [message.text for message in air.robots[0].receive()] == ["(GO)"]
+    told = [message.body for message in air.desk.receive() if message.kind is Kind.REPORT]
+    assert told == [{"label": "missed", "values": [1.0], "missed": [lost[1].id]}], "the one before that is not known"
+
+
+def waits_as_long(kind: Kind, robot: bool, seconds: float) -> bool:
+    """Whether somebody waits as long as he is told to who hears this at once."""
+    medium, clock = f"memory:waiting-{kind}-{robot}", UnixClock()
+    trust = Trust((DESK.public, ROBOTS.public))
+    lines = []
+    for name, key, is_robot in (("desk", DESK, False), ("r1" if robot else "desk", ROBOTS if robot else DESK, robot)):
+        door = Admission(trust, "lab", clock, robot=is_robot)
+        box = ReliableDelivery(name, len(lines) + 1, key, door, Random(1))
+        lines.append(ChannelSession(open_transport(medium, clock), box, clock, Random(2)))
+    desk, listener = lines
+    desk.send(Message("desk", 1, 1, kind, clock.now(), text="(ST)" if kind is Kind.COMMAND else ""))
+    begin = clock.now()
+    listener.wait(seconds)
+    took = clock.now() - begin
+    assert [message.kind for message in listener.receive()] == [kind]
+    for line in lines:
+        line.close()
+    return took >= seconds
+
+
+def test_a_robot_that_hears_stop_waits_no_longer() -> None:
+    assert not waits_as_long(Kind.STOP, robot=True, seconds=20.0)
+    assert waits_as_long(Kind.COMMAND, robot=True, seconds=0.1)
+    assert waits_as_long(Kind.STOP, robot=False, seconds=0.1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import weakref
 
-from sleepcast.loop.garbage import THOROUGH, Sweeper
+from sleepcast.loop.network_swarm import THOROUGH, PacedCollector
 
 
 class Knot:
@@ -16,7 +16,7 @@ class Knot:
 
 
 def test_garbage_waits_for_the_end_of_a_tick() -> None:
-    with Sweeper() as sweeper:
+    with PacedCollector() as sweeper:
         knot = weakref.ref(Knot())
         [[each] for each in range(100_000)]  # enough for the collector to look by itself, if it did
         assert knot() is not None
@@ -25,7 +25,7 @@ def test_garbage_waits_for_the_end_of_a_tick() -> None:
 
 
 def test_what_lived_for_a_while_is_found_as_well() -> None:
-    with Sweeper() as sweeper:
+    with PacedCollector() as sweeper:
         kept = Knot()
         knot = weakref.ref(kept)
         sweeper.sweep()
@@ -36,7 +36,7 @@ def test_what_lived_for_a_while_is_found_as_well() -> None:
 
 
 def test_the_collector_is_left_as_it_was() -> None:
-    with Sweeper():
+    with PacedCollector():
         assert not gc.isenabled()
     assert gc.isenabled()
     assert gc.get_freeze_count() == 0

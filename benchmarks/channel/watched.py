@@ -23,7 +23,7 @@ import sleepcast.loop
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.session import ChannelSession
 from sleepcast.cli import main as sleepcast_main
-from sleepcast.loop import Crew
+from sleepcast.loop import NetworkSwarm
 
 ANSWERS: list[tuple[str, str, str, float]] = []
 RESTS: list[tuple[str, float, bool]] = []
@@ -39,7 +39,7 @@ class WatchedLine(ChannelSession):
         super().send(message)
 
 
-class WatchedCrew(Crew):
+class WatchedCrew(NetworkSwarm):
     """Notes when bodies come to rest after STOP, and when that is over."""
 
     _resting: NDArray[np.bool_] | None = None

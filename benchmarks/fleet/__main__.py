@@ -21,7 +21,7 @@ import numpy as np
 
 from benchmarks.fleet import rules
 from sleepcast.fleet import Fleet
-from sleepcast.fleet.kernels import Kernels, available
+from sleepcast.fleet.native.kernels import Kernels, available
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.node.node import Node
 

@@ -13,9 +13,10 @@ from language.cases import SENSORS
 from sleepcast.channel.message import Kind, Message
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.units import Quantity
-from sleepcast.fleet import Fleet, FleetError, columns, limits, pure
+from sleepcast.fleet import Fleet, FleetError, columns, pure
 from sleepcast.language import CheckError, ReadError, Vocabulary
 from sleepcast.language.parts import Template
+from sleepcast.mind import limits
 from sleepcast.node import memory, node, scheduler, speech
 from sleepcast.station.minds import FleetNames
 

@@ -25,7 +25,7 @@ from sleepcast import fleet, language, node
 from sleepcast.channel.message import Kind, Message
 from sleepcast.core.errors import SleepcastError
 from sleepcast.fleet import columns
-from sleepcast.fleet.kernels import Kernels, available
+from sleepcast.fleet.native.kernels import Kernels, available
 
 pytestmark = pytest.mark.usefixtures("rules_elsewhere")
 

@@ -20,9 +20,10 @@ from hypothesis import strategies as st
 from fleet.twins import Twins
 from language.cases import SENSORS
 from sleepcast.core.threads import ThreadPool
-from sleepcast.fleet import columns, kernels, native, tallies
-from sleepcast.fleet.formulas import FORMULAS
-from sleepcast.fleet.kernels import Kernels, available, translatable
+from sleepcast.fleet import columns
+from sleepcast.fleet.native import compiler, kernels
+from sleepcast.fleet.native.formulas import FORMULAS
+from sleepcast.fleet.native.kernels import Kernels, available, translatable
 
 pytestmark = [
     pytest.mark.skipif(not available(), reason="native code needs llvmlite, the extra `fast`"),
@@ -30,7 +31,7 @@ pytestmark = [
 ]
 
 EXAMPLES = max(200, settings().max_examples // 2)
-ROBOTS = native.LANES + 1
+ROBOTS = compiler.LANES + 1
 NUMBERS = ("0", "-0", "1", "-2", "0.1", "3", "1e308", "1e-320", "0.5", "7.5", "UNKNOWN", "-100", "1e6")
 SENSED = (math.nan, 0.0, -0.0, 0.25, 1.0, 3.0, -2.0, 1e300, 6.5, -1e-310)
 FUNCTIONS = (
@@ -93,12 +94,12 @@ def forced(twins: Twins, threads: int = 2) -> Kernels:
 
 
 @settings(max_examples=EXAMPLES)
-@given(start=st.integers(0, 2**63), lanes=st.sampled_from([1, native.LANES]))
+@given(start=st.integers(0, 2**63), lanes=st.sampled_from([1, compiler.LANES]))
 def test_native_code_gives_what_nodes_give(start: int, lanes: int) -> None:
     chance = Random(start)
     writer, twins = Writer(chance), Twins(ROBOTS, seed=start % 1_000)
     made = forced(twins)
-    with patch.object(kernels, "LANES", lanes), patch.object(native, "SPLIT", chance.choice((1, native.SPLIT))):
+    with patch.object(kernels, "LANES", lanes), patch.object(native, "SPLIT", chance.choice((1, compiler.SPLIT))):
         twins.sense(sensed(chance))
         twins.do("(PROGN (DEFVAR v1 x) (DEFVAR v2 1) (DEFUN twice (a) (* 2 a)) (WHEN (> x 0) (JOIN bravo)))")
         buffer = writer.expression(2).replace("E1", "v1")
@@ -150,7 +151,7 @@ FORMS = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("lanes", [1, native.LANES])
+@pytest.mark.parametrize("lanes", [1, compiler.LANES])
 def test_every_form_gives_the_same_and_draws_as_often(lanes: int) -> None:
     chance = Random(11)
     with patch.object(kernels, "LANES", lanes):
@@ -173,7 +174,7 @@ def test_every_form_gives_the_same_and_draws_as_often(lanes: int) -> None:
 @pytest.mark.parametrize("some", [None, range(5, 200, 2)])
 def test_threads_share_robots_and_none_is_evaluated_twice(some: Sequence[int] | None) -> None:
     chance = Random(5)
-    robots = 3 * native.GRAIN + 11
+    robots = 3 * compiler.GRAIN + 11
     twins = Twins(robots, seed=4)
     forced(twins, threads=3)
     twins.do("(PROGN (DEFVAR v1 0) (DEFVAR v2 0))")
@@ -253,7 +254,7 @@ def test_robots_with_rules_of_their_own_stay_native() -> None:
         twins.do(f"(WHEN (= (MOD id 3) {i}) (RULE r{i} (SETQ lamp (+ x {i}))))")
     twins.think(2)
     made.settle()
-    with patch("sleepcast.fleet.rounds.walk_through", side_effect=AssertionError("a robot has walked")):
+    with patch("sleepcast.fleet.scheduler.walk_through", side_effect=AssertionError("a robot has walked")):
         for robots in (None, [0, 2, 5], None):
             twins.think(robots=robots)
     twins.compare()
@@ -299,8 +300,8 @@ from fleet.twins import Twins
 from sleepcast.fleet import native
 
 made = []
-optimised = native._optimised
-native._optimised = lambda *given: made.append(1) or optimised(*given)
+optimised = compiler._optimised
+compiler._optimised = lambda *given: made.append(1) or optimised(*given)
 twins = Twins(9)
 kernels = forced(twins)
 twins.sense([[float(i)] * len(SENSORS) for i in range(9)])
@@ -344,6 +345,6 @@ def test_code_that_cannot_be_kept_is_made_all_the_same(tmp_path: Path, monkeypat
     forced(twins)
     twins.sense([[1.0] * len(SENSORS) for _ in range(ROBOTS)])
     twins.do("(RULE r (SETQ lamp (+ x 1)))")
-    with patch("sleepcast.fleet.rounds.walk_through", side_effect=AssertionError("a robot has walked")):
+    with patch("sleepcast.fleet.scheduler.walk_through", side_effect=AssertionError("a robot has walked")):
         twins.think()
     twins.compare()

@@ -14,7 +14,7 @@ from language.cases import SENSORS, Body
 from sleepcast.channel.message import Kind, Message
 from sleepcast.core.serial import pack, unpack
 from sleepcast.fleet import Fleet
-from sleepcast.fleet.parcels import FleetParcel
+from sleepcast.fleet.schema import FleetSnapshot
 from sleepcast.fleet.snapshot import restore, state_of
 
 ROBOTS = 4
@@ -28,7 +28,7 @@ def packed(fleet: Fleet) -> bytes:
 def resumed(data: bytes, like: Fleet, bodies: list[Body] | None = None) -> Fleet:
     """A fleet from a snapshot of one like `like`."""
     fleet = Fleet(like.names, vocabulary(), numbers=like.numbers, seed=SEED, bodies=bodies)
-    restore(fleet, unpack(FleetParcel, data, MOST, "fleet"), 0.0)
+    restore(fleet, unpack(FleetSnapshot, data, MOST, "fleet"), 0.0)
     return fleet
 
 

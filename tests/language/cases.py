@@ -22,7 +22,7 @@ from language.reference import Reference
 from sleepcast.channel import message
 from sleepcast.core.units import SPEED, Quantity
 from sleepcast.fleet import Fleet, RobotView
-from sleepcast.fleet.kernels import Kernels, available
+from sleepcast.fleet.native.kernels import Kernels, available
 from sleepcast.fleet.view import Result as FleetResult
 from sleepcast.language import (
     CheckError,

@@ -7,7 +7,7 @@ import pytest
 from safety.scene import KEYS, Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.payload import LEASE, LeaseAction
-from sleepcast.node.leases import MAX_LEASE, MAX_LEASES
+from sleepcast.mind.lease import MAX_LEASE, MAX_LEASES
 from sleepcast.station import Accounting
 from sleepcast.station.aired import AirStation
 from sleepcast.station.leases import LeaseError, lease_body, wish
@@ -164,7 +164,7 @@ def test_leases_are_bounded() -> None:
 
 def test_a_lease_outlives_a_restart(scene: Scene) -> None:
     """What a robot must not forget is plain data with times as seconds, for whatever its clock says afterwards."""
-    from sleepcast.node.authority import Authority
+    from sleepcast.mind.authority import Authority
 
     lease(scene, "anna", LeaseAction.TAKE)
     kept = scene.fleet["r2"].node.authority.state(20.0)

@@ -12,8 +12,8 @@ from sleepcast.channel.payload import TOLD, Inspection
 from sleepcast.core.units import Quantity
 from sleepcast.language import Vocabulary
 from sleepcast.language.vocabulary import Constant, HostFunction
-from sleepcast.node.looks import digest
 from sleepcast.node.node import Node
+from sleepcast.node.telemetry import digest
 from sleepcast.station import Station
 from sleepcast.station.remote import MAX_TYPES, RemoteMinds
 from sleepcast.station.telling import TellingError, read_why

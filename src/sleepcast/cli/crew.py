@@ -18,7 +18,7 @@ from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.cli.node_life import Beginning
-    from sleepcast.loop import Crew
+    from sleepcast.loop import NetworkSwarm
     from sleepcast.node.store import Store
 
 MOST = 10_000
@@ -93,7 +93,7 @@ def swarm(
     with Interrupts() as interrupts, ExitStack() as stack:
         from sleepcast.cli.node_life import Beginning, read_beginning
         from sleepcast.cli.told import news_of
-        from sleepcast.node.deadman import read_lease
+        from sleepcast.mind.lease import read_lease
 
         beginning = None if rules is None else read_beginning(rules)
         if beginning is not None and beginning.orders:
@@ -132,12 +132,12 @@ def _check_names(prefix: str, first: int, count: int) -> None:
         raise MisuseError(f"--name-prefix {prefix!r:.80}: wanted names of at most {MAX_NAME} letters without blanks")
 
 
-def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> Crew:
+def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> NetworkSwarm:
     """The minds with their bodies and their lines. Raises what the channel and the simulator raise."""
     from sleepcast.cli.time_taken import seek_time
     from sleepcast.core.clock import UnixClock, WallClock
     from sleepcast.core.counter_rng import key
-    from sleepcast.loop import Crew, Member, vocabulary_of
+    from sleepcast.loop import Member, NetworkSwarm, vocabulary_of
     from sleepcast.node.node import Node
     from sleepcast.simulator import Changes, Guard, Simulator, choose, find_scenario, limited, read_limits
 
@@ -164,10 +164,10 @@ def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> Cr
     everybody = [each for member in members for each in (member.node, member.line)]
     seek_time(ear.mailbox, lines[0], [ear, *everybody], complain)
     guard = None if limits is None else Guard(simulator, limits)
-    return Crew(simulator, members, trunk, ear, WallClock(), UnixClock(), guard=guard, keeper=store)
+    return NetworkSwarm(simulator, members, trunk, ear, WallClock(), UnixClock(), guard=guard, keeper=store)
 
 
-def _begin(crew: Crew, beginning: Beginning, store: Store | None) -> None:
+def _begin(crew: NetworkSwarm, beginning: Beginning, store: Store | None) -> None:
     """Let every mind go on where it was, or evaluate what it begins with."""
     from sleepcast.cli.node_life import begin_with
 
@@ -180,7 +180,7 @@ def _begin(crew: Crew, beginning: Beginning, store: Store | None) -> None:
         complain(standing)
 
 
-def _account(crew: Crew) -> str:
+def _account(crew: NetworkSwarm) -> str:
     """How it went, in a sentence."""
     from sleepcast.cli.told import heard_at
 

@@ -113,7 +113,7 @@ def node(
         from sleepcast.bridges import SCHEMES, UNLIMITED, open_robot
         from sleepcast.channel.plain_datagrams import Datagrams
         from sleepcast.cli.node_life import Beginning, Life, read_beginning
-        from sleepcast.node.deadman import read_lease
+        from sleepcast.mind.lease import read_lease
         from sleepcast.simulator import read_limits
 
         beginning, built_in = (Beginning() if each is None else read_beginning(each) for each in (rules, golden))

@@ -13,9 +13,7 @@ import numpy as np
 from sleepcast.channel.message import Kind
 from sleepcast.channel.message_batch import Relays
 from sleepcast.fleet.columns import Column, Mask, Rows
-from sleepcast.fleet.limits import PROVEN_TICKS, TELL_SECONDS, TELLS_TOO_FAR, TELLS_TOO_OFTEN
 from sleepcast.fleet.memory import Act, FleetMemory
-from sleepcast.fleet.minds import Draft, Kept
 from sleepcast.language.form import Form, Number, show
 from sleepcast.language.names import Group, Operator, Stored
 from sleepcast.language.parts import Defining, Part, Storing, Template, label_of, written
@@ -29,6 +27,8 @@ from sleepcast.language.vocabulary import (
     TIME_SLOT,
     buffer_number,
 )
+from sleepcast.mind.limits import PROVEN_TICKS, TELL_SECONDS, TELLS_TOO_FAR, TELLS_TOO_OFTEN
+from sleepcast.mind.rules import Rule, Transaction
 
 
 def _values(done: Mask, value: float = 1.0) -> Column:
@@ -79,7 +79,7 @@ class _Keeping:
         self._activate = storing.activate
         self._name = written(part) if self._named else self._key.upper()
 
-    def __call__(self, draft: Draft) -> str | None:
+    def __call__(self, draft: Transaction) -> str | None:
         before = draft.rules.get(self._key)
         if before is not None and before.protected:
             return f"{before.name} is built in: it cannot be changed over the air"
@@ -104,7 +104,7 @@ def _join(memory: FleetMemory, part: Part, rows: Rows) -> Column:
     name = label_of(part)
     key = name.casefold()
 
-    def learn(draft: Draft) -> str | None:
+    def learn(draft: Transaction) -> str | None:
         taken = draft.taken(key, Group)
         if taken is not None:
             return taken
@@ -127,7 +127,7 @@ def _leave(memory: FleetMemory, part: Part, rows: Rows) -> Column:
     return np.ones(rows.size)
 
 
-def _found(draft: Draft, key: str) -> Kept | str:
+def _found(draft: Transaction, key: str) -> Rule | str:
     """The buffer or rule that an act names, or why it cannot be changed."""
     kept = draft.rules.get(key)
     if kept is None:
@@ -145,7 +145,7 @@ def _activate(memory: FleetMemory, part: Part, rows: Rows) -> Column:
         memory.changing(empty)
         memory.state.assign(ACTIVE0 + number, empty, 1.0 if active else 0.0)
 
-    def activate(draft: Draft) -> str | None:
+    def activate(draft: Transaction) -> str | None:
         found = _found(draft, key)
         if isinstance(found, str):
             return found
@@ -160,15 +160,15 @@ def _activate(memory: FleetMemory, part: Part, rows: Rows) -> Column:
 def _forget(memory: FleetMemory, part: Part, rows: Rows) -> Column:
     key = label_of(part)
 
-    def unlearn(draft: Draft) -> None:
+    def unlearn(draft: Transaction) -> None:
         if draft.learned.pop(key, None) is not None:
             draft.resolve_again(key)
 
-    def forget_operator(draft: Draft) -> None:
+    def forget_operator(draft: Transaction) -> None:
         del draft.operators[key]
         unlearn(draft)
 
-    def forget_rule(draft: Draft) -> str | None:
+    def forget_rule(draft: Transaction) -> str | None:
         found = _found(draft, key)
         if isinstance(found, str):
             return found
@@ -190,7 +190,7 @@ def _lease(memory: FleetMemory, part: Part, rows: Rows, seconds: Column) -> Colu
     values = seconds.copy()
     known = memory.refuse_where(part, rows, np.isnan(seconds), "a lease of unknown length", values)
 
-    def look(draft: Draft) -> str | None:
+    def look(draft: Transaction) -> str | None:
         found = _found(draft, key)
         return found if isinstance(found, str) else None
 
@@ -212,7 +212,7 @@ def _defun(memory: FleetMemory, part: Part, rows: Rows) -> Column:
     name, text = written(part), " ".join(map(show, defining.body))
     key = name.casefold()
 
-    def define(draft: Draft) -> str | None:
+    def define(draft: Transaction) -> str | None:
         taken = draft.taken(key, Operator)
         if taken is not None:
             return taken
@@ -243,10 +243,10 @@ def _rollback(memory: FleetMemory, part: Part, rows: Rows) -> Column:
 class _Restoring:
     """Bringing rules back in one draft; what is protected stays."""
 
-    def __init__(self, wanted: list[Kept]) -> None:
+    def __init__(self, wanted: list[Rule]) -> None:
         self._wanted = wanted
 
-    def __call__(self, draft: Draft) -> None:
+    def __call__(self, draft: Transaction) -> None:
         for key in [kept.key for kept in draft.rules.values() if not kept.protected]:
             draft.remove(key)
         for kept in self._wanted:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from sleepcast.channel.stop_latch import Latch
 from sleepcast.core.arrays import filled
 from sleepcast.core.serial import Array, SerialError, dump_arrays, load_arrays, within
-from sleepcast.fleet.chance import streams
-from sleepcast.fleet.parcels import StateParcel, ValuesParcel
+from sleepcast.fleet.schema import ColumnsState, ValuesState
+from sleepcast.language.chance import GOLDEN, MASK, UNIT, mix
 from sleepcast.language.vocabulary import (
     ACTIVE0,
     BUFFERS,
@@ -279,10 +279,10 @@ class FleetState:
 
     # ---- kept and made again
 
-    def state(self) -> StateParcel:
+    def state(self) -> ColumnsState:
         """All of it but the chance, which comes from the seed."""
         actuated = {slot: Array.of(robots) for slot, robots in self.actuated.items()}
-        return StateParcel(
+        return ColumnsState(
             self.values(),
             dump_arrays(self._arrays()),
             actuated,
@@ -291,12 +291,12 @@ class FleetState:
             dump_arrays(self._telling()),
         )
 
-    def values(self) -> ValuesParcel:
+    def values(self) -> ValuesState:
         """The variables that nobody else keeps, and the groups."""
         columns = {slot: Array.of(column) for slot, column in self._own().items()}
-        return ValuesParcel(list(self._same), columns, dump_arrays(self.groups))
+        return ValuesState(list(self._same), columns, dump_arrays(self.groups))
 
-    def restore(self, parcel: StateParcel) -> None:
+    def restore(self, parcel: ColumnsState) -> None:
         """Be as that state was. Raises ParcelError if it is of another fleet."""
         self.refill(parcel.values)
         load_arrays(parcel.arrays, self._arrays())
@@ -314,7 +314,7 @@ class FleetState:
             within(self.latch, 0, len(parcel.latches) - 1, "the latch of a robot")
             self.latches = list(parcel.latches)
 
-    def refill(self, parcel: ValuesParcel) -> None:
+    def refill(self, parcel: ValuesState) -> None:
         """Have those values. Raises ParcelError if they are of another fleet."""
         length, shape = len(parcel.same), (self.count,)
         if not len(self._same) <= length <= len(self._same) + MAX_USER_VARIABLES:
@@ -366,3 +366,32 @@ def is_true(values: Column | float) -> Mask:
     """Which values count as true: neither 0 nor unknown."""
     found: Mask = np.abs(values) > 0.0
     return found
+
+
+# Chance over columns: the same numbers as `language.chance` gives one robot, for many robots at once.
+
+Words: TypeAlias = NDArray[np.uint64]
+
+_GOLDEN = np.uint64(GOLDEN)
+_FIRST, _SECOND = np.uint64(0xBF58_476D_1CE4_E5B9), np.uint64(0x94D0_49BB_1331_11EB)
+_30, _27, _31, _11 = (np.uint64(shift) for shift in (30, 27, 31, 11))
+
+
+def _mixed(z: Words) -> Words:
+    """The finaliser of SplitMix64, see `language.chance.mix`; whole numbers wrap at 64 bits by themselves."""
+    z = (z ^ (z >> _30)) * _FIRST
+    z = (z ^ (z >> _27)) * _SECOND
+    return z ^ (z >> _31)
+
+
+def streams(seed: int, robots: NDArray[np.int64]) -> Words:
+    """The 64-bit key of each robot's chance."""
+    first = np.uint64(mix(seed + GOLDEN & MASK))
+    return _mixed(first + robots.astype(np.uint64) * _GOLDEN)
+
+
+def draws(keys: Words, ticks: NDArray[np.int64], numbers: NDArray[np.int32]) -> NDArray[np.float64]:
+    """One number in [0, 1) for each key: draw `number` of its tick."""
+    of_tick = _mixed(keys + ticks.astype(np.uint64) * _GOLDEN)
+    word = _mixed(of_tick + numbers.astype(np.uint64) * _GOLDEN)
+    return (word >> _11).astype(np.float64) * UNIT

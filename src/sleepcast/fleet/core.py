@@ -22,26 +22,25 @@ from sleepcast.channel.stop_latch import ENDED
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.acts import ACTS
-from sleepcast.fleet.attention import Attention
-from sleepcast.fleet.bodies import Embodied
+from sleepcast.fleet.bodies import Bodies
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.evaluation import Noted, fault_text
-from sleepcast.fleet.inbox import Inbox
-from sleepcast.fleet.kernels import Kernels, available
-from sleepcast.fleet.limits import SPARE_MINDS
+from sleepcast.fleet.evaluation_log import EvaluationLog, LogEntry, rehearsal
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory
-from sleepcast.fleet.minds import Mind, Minds, Named
-from sleepcast.fleet.recall import Memo, Recall, rehearsal
-from sleepcast.fleet.rounds import Rounds, expired
-from sleepcast.fleet.speech import Speech
-from sleepcast.fleet.told import Told
+from sleepcast.fleet.messages import Inbox, Outbox
+from sleepcast.fleet.native.kernels import Kernels, available
+from sleepcast.fleet.read_set import ReadSet
+from sleepcast.fleet.scheduler import BatchScheduler, expired
+from sleepcast.fleet.telemetry import FleetTelemetry
 from sleepcast.language.explain import rehearse
 from sleepcast.language.form import show
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.machine import Program
 from sleepcast.language.reader import read
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Vocabulary, buffer_number
+from sleepcast.mind.limits import SPARE_MINDS
+from sleepcast.mind.rules import Mind, Minds, Named
 
 
 class FleetError(MisuseError):
@@ -57,7 +56,7 @@ class Outcome:
     """What came of one text on the robots `rows`. Columns have one value for each of them; faults are in order."""
 
     rows: Rows
-    memo: Memo
+    memo: LogEntry
     values: Column
     matched: Mask
     steps: NDArray[np.int32]
@@ -105,15 +104,15 @@ class Core:
         self.vocabulary, self.bodies, self.numbers = vocabulary, bodies, numbers
         self.state = FleetState(vocabulary, numbers, seed)
         self.minds = Minds(vocabulary)
-        self.speech = Speech(self.state, self.names)
+        self.speech = Outbox(self.state, self.names)
         self.kernels = Kernels(pool=pool) if native and available() else None
         self.memory = FleetMemory(self.state, self.minds, self.speech, ACTS, bodies, self.kernels)
-        self.recall = Recall(self.memory)
-        self.rounds = Rounds(self.memory)
-        self._embodied = Embodied(self.state, bodies)
-        self.told = Told(self.state, self.minds)
+        self.recall = EvaluationLog(self.memory)
+        self.rounds = BatchScheduler(self.memory)
+        self._embodied = Bodies(self.state, bodies)
+        self.told = FleetTelemetry(self.state, self.minds)
         """What the robots last told the operator of themselves."""
-        self._attention = Attention(self.memory)
+        self._attention = ReadSet(self.memory)
         self.inbox = Inbox(count)
         self.minds_used = 1
         """Minds that robots were of when it was last looked."""

@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
-from sleepcast.fleet.limits import MAX_FAULTS, PROVEN_TICKS
-from sleepcast.fleet.minds import Draft, Mind, Minds
-from sleepcast.fleet.tallies import Tallies
+from sleepcast.fleet.rule_statistics import StatisticsTable
 from sleepcast.language.form import show
 from sleepcast.language.machine import MAX_STEPS, Program
 from sleepcast.language.parts import Part
 from sleepcast.language.rehearsal import Answer, Refusal
 from sleepcast.language.vocabulary import TICK
+from sleepcast.mind.limits import MAX_FAULTS, PROVEN_TICKS
+from sleepcast.mind.rules import Mind, Minds, Transaction
 
 Sort = TypeVar("Sort", bound=Hashable)
 Rest = ParamSpec("Rest")
@@ -67,7 +67,7 @@ class Evaluation:
     """
 
     def __init__(self, state: FleetState, minds: Minds) -> None:
-        self.state, self.minds, self.tallies = state, minds, Tallies(state)
+        self.state, self.minds, self.tallies = state, minds, StatisticsTable(state)
         self.depth = self.levels = 0
         """Programs entered inside one another, and parentheses open in them: the same for all that have come so far."""
         self.top: Program
@@ -201,7 +201,9 @@ class Evaluation:
             found[... if mask is None else mask] = truth
         return found
 
-    def change(self, part: Part, rows: Rows, how: Callable[[Draft], str | None], *, proving: bool = False) -> Mask:
+    def change(
+        self, part: Part, rows: Rows, how: Callable[[Transaction], str | None], *, proving: bool = False
+    ) -> Mask:
         """Change the minds of these robots, unless `how` says why not; gives where it was done.
 
         proving: it changes the rules, which then have to prove themselves anew.
@@ -219,7 +221,7 @@ class Evaluation:
             self.turn(some, draft)
         return done
 
-    def turn(self, rows: Rows, draft: Draft) -> None:
+    def turn(self, rows: Rows, draft: Transaction) -> None:
         """Give these robots the mind of the draft."""
         self.state.turn(rows, self.minds.settle(draft))
         self.tallies.carry_out(draft.effects, rows)

@@ -9,9 +9,9 @@ import numpy as np
 
 from sleepcast.fleet.columns import Column, Index, Mask
 from sleepcast.fleet.core import Core, FleetError
-from sleepcast.fleet.minds import Mind
 from sleepcast.fleet.view import RobotView
 from sleepcast.language.names import Declared
+from sleepcast.mind.rules import Mind
 
 
 class Fleet(Core, Mapping[str, RobotView]):

@@ -12,18 +12,17 @@ from typing import TypeAlias
 import numpy as np
 
 from sleepcast.fleet.bodies import ManyBodies
-from sleepcast.fleet.chance import draws
-from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
+from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows, draws
 from sleepcast.fleet.evaluation import Evaluation, by_the_living
-from sleepcast.fleet.kernels import Kernels
-from sleepcast.fleet.minds import Draft, Minds
-from sleepcast.fleet.speech import Speech
+from sleepcast.fleet.messages import Outbox
+from sleepcast.fleet.native.kernels import Kernels
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.machine import Program
 from sleepcast.language.names import UserVariable
 from sleepcast.language.parts import Label, Part, host_of, written
 from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, HostFunction, Kind, Variable
+from sleepcast.mind.rules import Minds, Transaction
 
 Act = Callable[..., Column]
 """How one act is carried out: (memory, part, rows, *arguments) to its values."""
@@ -48,7 +47,7 @@ class FleetMemory(Evaluation):
         self,
         state: FleetState,
         minds: Minds,
-        speech: Speech,
+        speech: Outbox,
         acts: dict[str, Act],
         bodies: Sequence[object | None],
         kernels: Kernels | None = None,
@@ -149,7 +148,7 @@ class FleetMemory(Evaluation):
         """DEFVAR of a new name."""
         values = values.copy()
 
-        def learn(draft: Draft) -> str | None:
+        def learn(draft: Transaction) -> str | None:
             reason = draft.taken(part.name, UserVariable)
             if reason is None:
                 draft.learn(part.name, UserVariable(written(part), part.slot))

@@ -14,17 +14,17 @@ import numpy as np
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.fleet.core import Core
-from sleepcast.fleet.minds import Kept, Mind, Minds
-from sleepcast.fleet.parcels import FleetParcel, KeptParcel, Meaning, MindParcel, MindsParcel, ProgramParcel
+from sleepcast.fleet.schema import FleetSnapshot, MindsState, MindState, ProgramState, RuleState, SymbolState
 from sleepcast.language.machine import Program
 from sleepcast.language.names import SORTS, Declared, Group, Operator, Stored, UserVariable
 from sleepcast.language.reader import read_all
 from sleepcast.language.vocabulary import MAX_USER_VARIABLES, Vocabulary
+from sleepcast.mind.rules import Mind, Minds, Rule
 
 
-def state_of(fleet: Core) -> FleetParcel:
+def state_of(fleet: Core) -> FleetSnapshot:
     """The fleet between two ticks. Nothing of it is changed."""
-    return FleetParcel(
+    return FleetSnapshot(
         minds_parcel(fleet.minds),
         fleet.state.state(),
         fleet.told.state(),
@@ -37,7 +37,7 @@ def state_of(fleet: Core) -> FleetParcel:
     )
 
 
-def restore(fleet: Core, parcel: FleetParcel, when: float) -> None:
+def restore(fleet: Core, parcel: FleetSnapshot, when: float) -> None:
     """Make a fleet, just made, what that one was. when: the time at which it was kept, s, for those who ask why.
 
     Raises ParcelError for a parcel of another fleet, or one that holds what no fleet can hold.
@@ -66,24 +66,24 @@ def restore(fleet: Core, parcel: FleetParcel, when: float) -> None:
 # ---- minds
 
 
-def minds_parcel(minds: Minds) -> MindsParcel:
+def minds_parcel(minds: Minds) -> MindsState:
     """The table of minds. Programs that robots share are kept once."""
     places: dict[Program, int] = {}
-    programs: list[ProgramParcel] = []
+    programs: list[ProgramState] = []
 
     def place(program: Program, parameters: tuple[str, ...] = ()) -> int:
         if program not in places:
             places[program] = len(programs)
             meanings = {key: _meaning(found) for key, found in program.meanings.items()}
-            programs.append(ProgramParcel(program.text, parameters, meanings))
+            programs.append(ProgramState(program.text, parameters, meanings))
         return places[program]
 
     table, following = minds.table
     found = {number: _mind_parcel(mind, place) for number, mind in table.items()}
-    return MindsParcel(list(minds.vocabulary.user_slots), programs, found, following)
+    return MindsState(list(minds.vocabulary.user_slots), programs, found, following)
 
 
-def refill(minds: Minds, parcel: MindsParcel) -> None:
+def refill(minds: Minds, parcel: MindsState) -> None:
     """Have what that table had. Raises ParcelError."""
     vocabulary = minds.vocabulary
     if len(parcel.user_names) > MAX_USER_VARIABLES:
@@ -111,7 +111,7 @@ class _Meanings:
         return ()
 
 
-def _program(minds: Minds, parcel: ProgramParcel) -> Program:
+def _program(minds: Minds, parcel: ProgramState) -> Program:
     meanings = {key: _declared(key, found, minds.vocabulary) for key, found in parcel.meanings.items()}
     names = _Meanings(minds.vocabulary, meanings)
     try:
@@ -120,24 +120,24 @@ def _program(minds: Minds, parcel: ProgramParcel) -> Program:
         raise SerialError(f"a kept expression cannot be compiled any more: {str(error).splitlines()[0]}") from None
 
 
-def _mind_parcel(mind: Mind, place: Callable[..., int]) -> MindParcel:
+def _mind_parcel(mind: Mind, place: Callable[..., int]) -> MindState:
     rules = [
-        KeptParcel(kept.key, kept.name, place(kept.program), kept.active, kept.protected, kept.priority)
+        RuleState(kept.key, kept.name, place(kept.program), kept.active, kept.protected, kept.priority)
         for kept in mind.rules.values()
     ]
     operators = {}
     for key, program in mind.operators.items():
         found = mind.learned[key]
         operators[key] = place(program, found.parameters if isinstance(found, Operator) else ())
-    return MindParcel(rules, {key: _meaning(found) for key, found in mind.learned.items()}, operators)
+    return MindState(rules, {key: _meaning(found) for key, found in mind.learned.items()}, operators)
 
 
-def _mind(parcel: MindParcel, programs: list[Program], vocabulary: Vocabulary) -> Mind:
+def _mind(parcel: MindState, programs: list[Program], vocabulary: Vocabulary) -> Mind:
     learned = {key: _declared(key, found, vocabulary) for key, found in parcel.learned.items()}
     rules, operators = {}, {}
     for kept in parcel.rules:
         program = _at(programs, kept.program, 0)
-        rules[kept.key] = Kept(kept.key, kept.name, program.text, program, kept.active, kept.protected, kept.priority)
+        rules[kept.key] = Rule(kept.key, kept.name, program.text, program, kept.active, kept.protected, kept.priority)
     for key, number in parcel.operators.items():
         found = learned.get(key)
         if not isinstance(found, Operator):
@@ -152,13 +152,13 @@ def _at(programs: list[Program], number: int, parameters: int) -> Program:
     return programs[number]
 
 
-def _meaning(found: Declared) -> Meaning:
+def _meaning(found: Declared) -> SymbolState:
     parameters = found.parameters if isinstance(found, Operator) else ()
     uses = tuple(sorted(found.uses)) if isinstance(found, Stored | Operator) else ()
-    return Meaning(SORTS[type(found)], found.name, parameters, uses)
+    return SymbolState(SORTS[type(found)], found.name, parameters, uses)
 
 
-def _declared(key: str, meaning: Meaning, vocabulary: Vocabulary) -> Declared:
+def _declared(key: str, meaning: SymbolState, vocabulary: Vocabulary) -> Declared:
     if meaning.sort == SORTS[UserVariable]:
         if key not in vocabulary.user_slots:
             raise SerialError(f"a user variable {key[:80]} without a place for its value")

@@ -12,14 +12,14 @@ from sleepcast.channel.message import Message
 from sleepcast.core.errors import SleepcastError
 from sleepcast.fleet.core import Core, Outcome
 from sleepcast.fleet.evaluation import Noted, fault_text
-from sleepcast.fleet.minds import Mind, in_order
-from sleepcast.fleet.recall import Memo, recollect, rehearsal
+from sleepcast.fleet.evaluation_log import LogEntry, recollect, rehearsal
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
 from sleepcast.language.machine import Program
 from sleepcast.language.names import Declared, UserVariable
 from sleepcast.language.parts import Part
 from sleepcast.language.review import Checked, check
 from sleepcast.language.vocabulary import TICK, Variable, Vocabulary
+from sleepcast.mind.rules import Mind, in_order
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class Result:
     steps: int
     printed: tuple[tuple[str, tuple[float, ...]], ...]
     _view: RobotView
-    _memo: Memo
+    _memo: LogEntry
 
     @property
     def recollection(self) -> Recollection:
@@ -251,7 +251,7 @@ class RobotView:
         what = "no command" if command is None else f"no command or rule {command}"
         raise SleepcastError(f"{self.name} remembers {what}: {self._fleet.recall.limits()}")
 
-    def recollection(self, memo: Memo) -> Recollection:
+    def recollection(self, memo: LogEntry) -> Recollection:
         """What went into a command on this robot."""
         return recollect(memo, self.place, self.vocabulary, self._fleet.state.keys)
 

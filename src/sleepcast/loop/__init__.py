@@ -8,18 +8,18 @@ from sleepcast.loop.snapshots import SnapshotError, load, resume, save, snapshot
 from sleepcast.loop.swarm import LONGEST_CATCH_UP, MAX_MINDS, Desk, Pace, Swarm, Witness, step_swarm, vocabulary_of
 
 if TYPE_CHECKING:
-    from sleepcast.loop.crew import Crew, Member
+    from sleepcast.loop.network_swarm import Member, NetworkSwarm
     from sleepcast.loop.real import Watch, run_robot, step_robot
 
-_LATER = {"Crew": "crew", "Member": "crew", "Watch": "real", "run_robot": "real", "step_robot": "real"}
+_LATER = {"NetworkSwarm": "crew", "Member": "crew", "Watch": "real", "run_robot": "real", "step_robot": "real"}
 """What takes nodes and the air, and where it is: a simulated swarm starts without."""
 
 __all__ = [
     "LONGEST_CATCH_UP",
     "MAX_MINDS",
-    "Crew",
     "Desk",
     "Member",
+    "NetworkSwarm",
     "Pace",
     "SnapshotError",
     "Swarm",

@@ -23,7 +23,7 @@ from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.files import open_file, replace_file
 from sleepcast.core.serial import UNREADABLE, SerialError, pack, room_for, unpack
 from sleepcast.fleet import snapshot as fleets
-from sleepcast.fleet.parcels import FleetParcel
+from sleepcast.fleet.schema import FleetSnapshot
 from sleepcast.loop.swarm import MAX_MINDS, Desk, Swarm
 from sleepcast.simulator import Order
 from sleepcast.simulator import snapshot as simulators
@@ -188,7 +188,7 @@ def _resumed(document: Document, seed: int | None, threads: int | None) -> Swarm
     told = unpack(SimulatorParcel, document.simulator, room, "the part of the simulator")
     if simulators.scenario_of(told.scenario).robots.count != document.robots:
         raise SerialError(f"a scenario with another number of robots than {document.robots}")
-    fleet = unpack(FleetParcel, document.fleet, room, "the part of the minds")
+    fleet = unpack(FleetSnapshot, document.fleet, room, "the part of the minds")
     radio = unpack(RadioState, document.radio, room, "the part of the radio")
     loop = unpack(LoopParcel, document.loop, room, "the part of the loop")
     if max(len(loop.orders), len(loop.posted)) > MAX_ORDERS:

@@ -12,7 +12,7 @@ from math import inf, nan
 
 from sleepcast.language.machine import Program
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, buffer_number
-from sleepcast.node.merging import Making
+from sleepcast.mind.merging import Making
 
 
 @dataclass(slots=True)

@@ -23,7 +23,7 @@ from sleepcast.core.errors import did_you_mean
 from sleepcast.core.units import NONE, UNITS, Dimension, Quantity, to_si
 from sleepcast.language.functions import MANY
 from sleepcast.language.vocabulary import HostFunction
-from sleepcast.node.places import LinkError, as_number
+from sleepcast.node.host_memory import LinkError, as_number
 
 MARK = "__sleepcast__"
 """The attribute of a getter or method that keeps its declaration."""

@@ -7,7 +7,7 @@ from sleepcast.channel.payload import age_of, is_addressed
 from sleepcast.channel.stop_latch import ENDED
 from sleepcast.core.errors import SleepcastError
 from sleepcast.language.vocabulary import FROZEN, SLEEPING
-from sleepcast.node.authority import Authority
+from sleepcast.mind.authority import Authority
 from sleepcast.node.memory import RobotMemory
 from sleepcast.node.speech import Speaker
 from sleepcast.robot import Robot

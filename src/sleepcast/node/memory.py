@@ -33,9 +33,9 @@ from sleepcast.language.vocabulary import (
     Vocabulary,
     buffer_number,
 )
+from sleepcast.mind.merging import Merging
 from sleepcast.node.buffers import RuleBase, RuleSet
-from sleepcast.node.merging import Merging
-from sleepcast.node.variables import VariableTable
+from sleepcast.node.linking import VariableTable
 
 MAX_FAULTS = 100
 """Faults kept of one evaluation: more would only repeat what the first ones say."""

@@ -26,15 +26,15 @@ from sleepcast.language.reader import read
 from sleepcast.language.rehearsal import Answer
 from sleepcast.language.review import Checked, check
 from sleepcast.language.vocabulary import FROZEN, SLEEPING, Variable, Vocabulary, buffer_number
+from sleepcast.mind.lease import DeadManSwitch, drives
+from sleepcast.mind.merging import enqueue, place_of
 from sleepcast.node.acts import ACTS
 from sleepcast.node.buffers import ExpressionBuffer, RuleView
-from sleepcast.node.deadman import DeadMan, drives
 from sleepcast.node.embodied import Embodied
-from sleepcast.node.looks import NOTHING, look
+from sleepcast.node.linking import VariableTable
 from sleepcast.node.memory import Fault, RobotMemory, Voice
-from sleepcast.node.merging import enqueue, place_of
 from sleepcast.node.scheduler import Scheduler
-from sleepcast.node.variables import VariableTable
+from sleepcast.node.telemetry import NOTHING, answer_look
 
 MAX_RECOLLECTIONS = 64
 """Evaluations of messages that a robot can still explain."""
@@ -101,7 +101,7 @@ class Node(Embodied):
             seed=seed,
             body=self.body,
         )
-        self._deadman = DeadMan(lease)
+        self._deadman = DeadManSwitch(lease)
         self._scheduler = Scheduler(self._memory.rules, self._run_rule)
         self._queue: deque[Message] = deque()
         self._seen: OrderedDict[str, None] = OrderedDict()
@@ -344,7 +344,9 @@ class Node(Embodied):
         memory = self._memory
         if message.kind is Kind.ASK and LOOK in message.body:
             stops = self.authority.stops(now)
-            self._answer(message, "answer", told=look(message.body, memory, self.stopped, self.doubt, stops, self.why))
+            self._answer(
+                message, "answer", told=answer_look(message.body, memory, self.stopped, self.doubt, stops, self.why)
+            )
             return
         if message.kind is Kind.COMMAND and LEASE in message.body:
             group, refusal = self.authority.lease(message, now)

@@ -10,7 +10,7 @@ from math import inf, isnan, nan
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.payload import HOPS
 from sleepcast.core.clock import Clock
-from sleepcast.node.looks import NOTHING, Told
+from sleepcast.node.telemetry import NOTHING
 
 MAX_OUTBOX = 256
 """Things said in one tick; the rest is dropped and counted."""

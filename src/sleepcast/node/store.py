@@ -31,8 +31,8 @@ from sleepcast.channel.reliable import KEEP_EVERY, ReliableDelivery
 from sleepcast.core.clock import Clock
 from sleepcast.core.serial import SerialError, pack
 from sleepcast.node.integrity import NEWBORN, Marker, Seal
-from sleepcast.node.keeping import MindParcel, fingerprint, mind_of, put_back, stand
 from sleepcast.node.node import MAX_QUEUE, MAX_SEEN, Node
+from sleepcast.node.state import MindState, fingerprint, mind_of, restore, stand
 from sleepcast.node.store_file import (
     FORMAT,
     MAX_MIND,
@@ -41,6 +41,7 @@ from sleepcast.node.store_file import (
     InUseError,
     Remembered,
     StoreError,
+    WriteBatch,
     connect,
     create,
     examine,
@@ -48,7 +49,6 @@ from sleepcast.node.store_file import (
     set_aside,
     transaction,
 )
-from sleepcast.node.unwritten import Unwritten
 
 __all__ = ["InUseError", "Store", "StoreError"]
 
@@ -101,7 +101,7 @@ class Store:
         self._content = Content()
         self._seal = Seal()
         self._marker, self._marked, self._mark_at = Marker(self.file, FORMAT), 0, -inf
-        self._unwritten = Unwritten()
+        self._unwritten = WriteBatch()
         self._failing = False
         self._decided: set[Kind] = set()
         """Of STOP and RELEASE, what waits to be written."""
@@ -177,9 +177,9 @@ class Store:
         query = "SELECT command FROM evaluations WHERE robot = ? ORDER BY number DESC LIMIT ?"
         return [command for (command,) in self._connection.execute(query, (number, MAX_SEEN))]
 
-    def _restore(self, node: Node, mind: MindParcel, saved: float) -> None:
+    def _restore(self, node: Node, mind: MindState, saved: float) -> None:
         try:
-            lost = put_back(mind, node, max(0.0, self._clock.now() - saved))
+            lost = restore(mind, node, max(0.0, self._clock.now() - saved))
         except SerialError as error:
             raise StoreError(
                 f"{self.file}: {error}; name another file with --store, or take none with --no-store"
@@ -388,7 +388,7 @@ class Store:
             self._mark(now, at_once=bool(self._decided))
             self._decided.clear()
         if self._connection is None:
-            self._unwritten = Unwritten()
+            self._unwritten = WriteBatch()
 
     def _committed(self, connection: sqlite3.Connection, now: float) -> bool:
         if now < self._try_at:
@@ -406,7 +406,7 @@ class Store:
                 )
                 self._remark("store cannot be written")
             return False
-        self._unwritten = Unwritten()
+        self._unwritten = WriteBatch()
         if self._failing:
             self._failing = False
             self._say(f"{self.file} is written again, with everything that had to wait")

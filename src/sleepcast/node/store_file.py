@@ -12,19 +12,19 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 import msgspec
 
-from sleepcast.channel.delivery_state import StandingCommand, StoredWindow, StreamProgress
+from sleepcast.channel.delivery_state import StandingCommand, StoredWindow, StreamId, StreamProgress
 from sleepcast.channel.message import Message
 from sleepcast.channel.message_store import MAX_STANDING
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.files import settle
 from sleepcast.core.serial import SerialError, unpack
 from sleepcast.node.integrity import DamageError, Marker, Seal, doubt_about, sum_of
-from sleepcast.node.keeping import MindParcel
+from sleepcast.node.state import MindState
 
 FORMAT = 2
 """The version of the format of stores; a file of a newer one is refused. Those of format 1 had no seal."""
@@ -118,7 +118,7 @@ class Remembered:
     epoch: int = 0
     sequence: int = 0
     saved: float = 0.0
-    mind: MindParcel | None = None
+    mind: MindState | None = None
     streams: list[StreamProgress] = field(default_factory=list)
     windows: list[StoredWindow] = field(default_factory=list)
     taken: list[Taken] = field(default_factory=list)
@@ -311,7 +311,7 @@ def read_all(connection: sqlite3.Connection) -> Content:
         for number, name, *rest, mind in connection.execute("SELECT * FROM robots"):
             found.robots[name] = by_number[number] = Remembered(number, *rest)
             if mind is not None:
-                by_number[number].mind = unpack(MindParcel, mind, MAX_MIND, f"what {name} has learned")
+                by_number[number].mind = unpack(MindState, mind, MAX_MIND, f"what {name} has learned")
         for robot, key, epoch, *rest in connection.execute("SELECT * FROM streams"):
             by_number[robot].streams.append(StreamProgress((key, epoch), *rest))
         for robot, key, sender, epoch, latest, numbers in connection.execute("SELECT * FROM windows"):
@@ -344,3 +344,84 @@ def transaction(connection: sqlite3.Connection, seal: Seal) -> Iterator[None]:
         if connection.in_transaction:
             connection.execute("ROLLBACK")
         raise
+
+
+# What waits to be written into a store: all of it in one transaction, the latest of each.
+
+MAX_EVALUATIONS = 1_000_000
+"""Evaluations that are remembered, of all robots of a file: some eighty megabytes."""
+
+Evaluated = tuple[int, str, str, float, str, float | None]
+"""A robot's number, a command's id and kind, when (s of Unix time), the outcome, and when it had come."""
+
+
+@dataclass(slots=True)
+class WriteBatch:
+    """What waits, mostly by the number of the robot; the fields are those of the tables. taken: messages and how
+    often they were begun; finished: of those that were written as taken. minds: when, and packed. lives: names, and
+    what is known of their lives."""
+
+    streams: dict[tuple[int, StreamId], StreamProgress] = field(default_factory=dict)
+    windows: dict[tuple[int, bytes, str, int], StoredWindow] = field(default_factory=dict)
+    standing: dict[tuple[StreamId, int], tuple[bytes, ...]] = field(default_factory=dict)
+    taken: dict[tuple[int, str], tuple[Message, int]] = field(default_factory=dict)
+    finished: set[tuple[int, str]] = field(default_factory=set)
+    evaluated: list[Evaluated] = field(default_factory=list)
+    minds: dict[int, tuple[float, bytes]] = field(default_factory=dict)
+    lives: dict[int, tuple[str, Remembered]] = field(default_factory=dict)
+
+    def __bool__(self) -> bool:
+        return any(getattr(self, each.name) for each in fields(self))
+
+    def write(self, to: sqlite3.Connection) -> None:
+        """Write everything, within a transaction of the caller's. Raises sqlite3.Error."""
+        to.executemany(
+            "INSERT INTO robots VALUES (?, ?, ?, ?, ?, 0.0, NULL) "
+            "ON CONFLICT (number) DO UPDATE SET epoch = excluded.epoch, sequence = excluded.sequence",
+            ((number, name, each.since, each.epoch, each.sequence) for number, (name, each) in self.lives.items()),
+        )
+        to.executemany(
+            "INSERT OR REPLACE INTO streams VALUES (?, ?, ?, ?, ?, ?, ?)",
+            (
+                (robot, *name, each.done, each.sent, each.until, each.rules)
+                for (robot, name), each in self.streams.items()
+            ),
+        )
+        to.executemany(
+            "INSERT OR REPLACE INTO windows VALUES (?, ?, ?, ?, ?, ?)",
+            ((*which, each.latest, _bytes(each.numbers)) for which, each in self.windows.items()),
+        )
+        to.executemany(
+            "INSERT OR IGNORE INTO standing (key, epoch, sequence, datagrams) VALUES (?, ?, ?, ?)",
+            ((*name, number, msgspec.msgpack.encode(data)) for (name, number), data in self.standing.items()),
+        )
+        self._write_taken(to)
+        to.executemany(
+            "UPDATE robots SET saved = ?, mind = ? WHERE number = ?",
+            ((saved, mind, number) for number, (saved, mind) in self.minds.items()),
+        )
+        self._write_evaluated(to)
+
+    def _write_taken(self, to: sqlite3.Connection) -> None:
+        to.executemany(
+            "INSERT INTO taken (robot, command, begun, message) VALUES (?, ?, ?, ?) "
+            "ON CONFLICT (robot, command) DO UPDATE SET begun = excluded.begun",
+            ((*which, begun, msgspec.msgpack.encode(said)) for which, (said, begun) in self.taken.items()),
+        )
+        to.executemany("DELETE FROM taken WHERE robot = ? AND command = ?", self.finished)
+
+    def _write_evaluated(self, to: sqlite3.Connection) -> None:
+        for *entry, arrived in self.evaluated:
+            row = to.execute(
+                "INSERT INTO evaluations (robot, command, kind, time, outcome) VALUES (?, ?, ?, ?, ?)", entry
+            )
+            if arrived is not None:
+                to.execute("INSERT INTO arrivals VALUES (?, ?)", (row.lastrowid, arrived))
+        if self.evaluated:
+            (last,) = to.execute("SELECT max(number) FROM evaluations").fetchone()
+            for table in ("evaluations", "arrivals"):
+                to.execute(f"DELETE FROM {table} WHERE number <= ?", (last - MAX_EVALUATIONS,))
+
+
+def _bytes(number: int) -> bytes:
+    return number.to_bytes((number.bit_length() + 7) // 8, "big")

@@ -1,6 +1,6 @@
 """Tellings: what robots tell of themselves on the air, read as something that anybody may have written.
 
-`sleepcast.node.looks` writes these; here every one of them is checked before anything is made of it: sorts, lengths,
+`sleepcast.node.telemetry` writes these; here every one of them is checked before anything is made of it: sorts, lengths,
 names. Whatever else comes is a `TellingError`, and no other.
 """
 
@@ -131,7 +131,7 @@ class MindTold(msgspec.Struct):
 
 
 class TelemetryTold(msgspec.Struct):
-    """What a robot tells of itself now; see `sleepcast.node.looks.telemetry`."""
+    """What a robot tells of itself now; see `sleepcast.node.telemetry.telemetry`."""
 
     type: Annotated[bytes, msgspec.Meta(min_length=DIGEST_BYTES, max_length=DIGEST_BYTES)]
     mind: Annotated[bytes, msgspec.Meta(min_length=DIGEST_BYTES, max_length=DIGEST_BYTES)]

@@ -1,0 +1,247 @@
+"""Recall: why a robot did what it did, without having kept what it did.
+
+Of a command the fleet keeps what went into it: the columns that the program can look at, as they were, what the
+robots had learned, and what their own functions gave. An explanation evaluates the command again, for the one robot,
+which gives the very same values.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.fleet.acts import ACTS
+from sleepcast.fleet.columns import Column, FleetState, Mask, Rows
+from sleepcast.fleet.machine import evaluate
+from sleepcast.fleet.memory import FleetMemory, Given
+from sleepcast.fleet.messages import Outbox
+from sleepcast.language.chance import draw
+from sleepcast.language.explain import Recollection
+from sleepcast.language.machine import Program
+from sleepcast.language.names import UserVariable
+from sleepcast.language.parts import Part, Storing, walk, written
+from sleepcast.language.rehearsal import Rehearsal
+from sleepcast.language.vocabulary import TICK, TIME_SLOT, Vocabulary
+from sleepcast.mind.limits import MAX_RECOLLECTIONS, MEMO_BYTES, RECALL_BYTES, RECALL_LEAST
+from sleepcast.mind.rules import Mind, Minds
+
+_READING = frozenset({"var", "write", "defvar", "set_user"})
+
+
+@dataclass
+class LogEntry:
+    """What went into one command on the robots `rows`. minds: by number, those that they had then.
+
+    proven, unproven_since: kept only if it may roll back. held: who was held then, kept only if anybody was.
+    """
+
+    program: Program
+    command: str
+    rows: Rows
+    mind: NDArray[np.int32]
+    proven: NDArray[np.int32] | None
+    unproven_since: NDArray[np.int64] | None
+    held: Mask | None
+    minds: dict[int, Mind]
+    draws: NDArray[np.int32]
+    columns: dict[int, Column | float]
+    groups: dict[str, Mask]
+    hosts: list[Given] = field(default_factory=list)
+
+    @property
+    def bytes(self) -> int:
+        """About how much memory it takes."""
+        arrays: Iterable[object] = (
+            self.rows.index,
+            self.mind,
+            self.proven,
+            self.unproven_since,
+            self.held,
+            self.draws,
+        )
+        kept = (*arrays, *self.columns.values(), *self.groups.values())
+        return MEMO_BYTES + self.host_bytes + sum(array.nbytes for array in kept if isinstance(array, np.ndarray))
+
+    @property
+    def host_bytes(self) -> int:
+        """As much of it is what the robots' own functions gave."""
+        return sum(8 * len(given) for _, given in self.hosts if len(given) and not _alike(given))
+
+    def given(self, robot: int) -> Iterator[float | str]:
+        """What a robot's own functions gave it, in their order."""
+        for rows, given in self.hosts:
+            place = rows.place(robot)
+            if place is not None:
+                found = given[place]
+                yield found if isinstance(found, str) else float(found)
+
+    def place(self, robot: int) -> int | None:
+        """Where a robot is among those of the command."""
+        return self.rows.place(robot)
+
+
+class EvaluationLog:
+    """The last commands of a fleet, as many as its share of memory allows, the last one always."""
+
+    def __init__(self, memory: FleetMemory) -> None:
+        self._memory = memory
+        self._memos: deque[LogEntry] = deque(maxlen=MAX_RECOLLECTIONS)
+        self._bytes = 0
+        self.since: float | None = None
+        """The time (s) of the snapshot that the fleet goes on from: it holds no inputs of what came before."""
+
+    def remember(self, program: Program, rows: Rows, command: str) -> LogEntry:
+        """Keep what goes into a command that these robots are about to evaluate."""
+        state, minds = self._memory.state, self._memory.minds
+        mind, proven, unproven_since = state.mind[rows.index].copy(), None, None
+        there = {number: minds[number] for number, _, _ in self._memory.divide(rows, lambda number: number)}
+        slots, groups = reach(program, there.values())
+        if slots is None:
+            slots, groups = set(state.slots()), set(state.groups)
+            proven, unproven_since = state.proven[rows.index].copy(), state.unproven_since[rows.index].copy()
+            there |= {number: minds[number] for number in np.unique(proven).tolist()}
+        columns = {}
+        for slot in {*slots, TICK, TIME_SLOT}:
+            values = state.read(slot, rows)
+            columns[slot] = values if isinstance(values, float) else values.copy()
+        memo = LogEntry(
+            program,
+            command,
+            rows,
+            mind,
+            proven,
+            unproven_since,
+            state.held[rows.index].copy() if state.held.any() else None,
+            there,
+            state.draws[rows.index].copy(),
+            columns,
+            {key: state.groups[key][rows.index].copy() for key in groups if key in state.groups},
+        )
+        self._bytes += memo.bytes
+        if len(self._memos) == MAX_RECOLLECTIONS:
+            self._drop()
+        self._memos.append(memo)
+        self._bound()
+        return memo
+
+    def weigh(self, memo: LogEntry) -> None:
+        """Count what the evaluation of the last memo has added to it."""
+        self._bytes += memo.host_bytes
+        self._bound()
+
+    def _bound(self) -> None:
+        while len(self._memos) > 1 and self._bytes > max(RECALL_BYTES * self._memory.state.count, RECALL_LEAST):
+            self._drop()
+
+    def _drop(self) -> None:
+        self._bytes -= self._memos.popleft().bytes
+
+    def find(self, robot: int, command: str | None) -> LogEntry | None:
+        """The memo of a command (None: the last one) that a robot has evaluated."""
+        for memo in reversed(self._memos):
+            if (command is None or memo.command == command) and memo.place(robot) is not None:
+                return memo
+        return None
+
+    def limits(self) -> str:
+        """Why a command may not be here, for people."""
+        if self.since is None:
+            return "its fleet keeps the last commands, as many as have room"
+        return f"this run goes on from a snapshot taken at {self.since:g} s, which keeps no explanations of before"
+
+
+def _alike(given: Column | list[float | str]) -> bool:
+    """Whether one number stands for all."""
+    return isinstance(given, np.ndarray) and given.strides == (0,)
+
+
+def recollect(memo: LogEntry, robot: int, vocabulary: Vocabulary, keys: NDArray[np.uint64]) -> Recollection:
+    """Evaluate a command again as one robot did, writing down what its memory answered. keys: of chance, by robot."""
+    place = memo.place(robot)
+    if place is None:
+        raise KeyError(robot)
+    state = FleetState(vocabulary, [0], 0)
+    state.keys[0] = keys[robot]
+    state.draws[0] = memo.draws[place]
+    alone = Rows.run(0, 1)
+    for slot, values in memo.columns.items():
+        state.assign(slot, alone, values if isinstance(values, float) else float(values[place]))
+    for key, members in memo.groups.items():
+        state.group(key)[0] = members[place]
+    minds = Minds(vocabulary)
+    state.turn(alone, minds.add(memo.minds[int(memo.mind[place])]))
+    if memo.proven is not None and memo.unproven_since is not None:
+        state.proven[0] = minds.add(memo.minds[int(memo.proven[place])])
+        state.unproven_since[0] = memo.unproven_since[place]
+    if memo.held is not None:
+        state.held[0] = memo.held[place]
+    memory = FleetMemory(state, minds, Outbox(state, ["again"]), ACTS, [None])
+    memory.answers, memory.script = [], memo.given(robot)
+    before, groups = state.row(0), state.groups_of(0)
+    evaluate(memory, memo.program, alone)
+    time, tick = before[TIME_SLOT], int(before[TICK])
+    return Recollection(memo.program, before, groups, memory.answers, time, tick, memo.command)
+
+
+def rehearsal(memory: FleetMemory, robot: int) -> Rehearsal:
+    """A memory for asking what a robot would do now: it starts where the robot is, and nothing in it happens."""
+    state, mind = memory.state, memory.kept(robot)
+    values = state.row(robot)
+    key, tick = int(state.keys[robot]), int(values[TICK])
+    drawn = iter(range(int(state.draws[robot]), 1 << 62))
+    return Rehearsal(
+        values,
+        state.groups_of(robot),
+        fetch=lambda part: mind.rules[part.name].program if part.name in mind.rules else None,
+        operator=lambda part: mind.operators.get(part.name),
+        has=lambda key: isinstance(mind.learned.get(key), UserVariable),
+        draw=lambda: draw(key, tick, next(drawn)),
+    )
+
+
+def reach(program: Program, minds: Iterable[Mind]) -> tuple[set[int] | None, set[str]]:
+    """The slots and groups that a program can look at, with all that it can enter in these minds; None for any."""
+    slots: set[int] = set()
+    groups: set[str] = set()
+    taught: set[str] = set()
+    named: set[str] = set()
+    seen: set[Program] = set()
+    waiting = [program]
+    while waiting:
+        found = waiting.pop()
+        if found in seen:
+            continue
+        seen.add(found)
+        named |= found.uses
+        for part in walk(found.root):
+            if part.op in _READING:
+                slots |= {part.slot} - {_NOWHERE}
+            elif part.op == "in":
+                groups.add(part.name)
+            else:
+                taught |= _taught(part)
+        for mind in minds:
+            waiting += [mind.rules[key].program for key in found.uses if key in mind.rules]
+            waiting += [mind.operators[key] for key in found.uses if key in mind.operators]
+    if named and (_ANYTHING in taught or not named.isdisjoint(taught)):
+        # It may enter what it has only just learned, so it may look at anything.
+        return None, groups
+    return slots, groups
+
+
+_ANYTHING = "*"
+_NOWHERE = -1
+"""The slot of a name that was unknown when the program was checked."""
+
+
+def _taught(part: Part) -> set[str]:
+    """The keys of what a part stores."""
+    if isinstance(part.data, Storing):
+        return {part.data.key}
+    if part.op == "act" and part.name == "defun":
+        return {written(part).casefold()}
+    return {_ANYTHING} if part.op == "act" and part.name == "rollback" else set()

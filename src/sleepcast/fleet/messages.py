@@ -1,0 +1,275 @@
+"""Speech: what robots say, kept as it was said - by many at once - and turned into messages when somebody looks.
+
+A command to a hundred thousand robots brings a hundred thousand answers; as columns they cost nothing until they are
+read, robot by robot.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.channel.message import Kind, Message
+from sleepcast.channel.message_batch import Answers, Contents, MessageBatch, Reports
+from sleepcast.channel.serialized import ascending, dump_batch, load_batch
+from sleepcast.core.serial import Array, SerialError
+from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
+from sleepcast.fleet.schema import InboxState, OutboxState
+from sleepcast.language.vocabulary import TIME_SLOT
+from sleepcast.mind.limits import MAX_OUTBOX, MAX_QUEUE, MAX_SEEN, REPORTS_A_SECOND, TELL_BURST, TELLS_A_SECOND
+
+
+class Outbox:
+    """The outboxes of a fleet. names: of the robots."""
+
+    def __init__(self, state: FleetState, names: Sequence[str]) -> None:
+        self._state, self._names = state, names
+        self.epoch = 0
+        self._sayings: list[MessageBatch] = []
+        self._outboxes: dict[int, list[Message]] = {}
+        self._pings: list[tuple[Index, Column]] = []
+        self._pinged: NDArray[np.int16] | None = None
+        """Pings of each robot that nobody has taken yet; made when one first pings."""
+        self._ping_lists: dict[int, list[float]] = {}
+
+    def say(self, kind: Kind, rows: Rows, words: Contents, *, places: Index | None = None, lasts: float = inf) -> None:
+        """Say something on each of these robots. places: where in `words` their own are, if not in their order."""
+        if rows.size == 0:
+            return
+        state = self._state
+        if (state.said[rows.index] >= MAX_OUTBOX).any():
+            self._count_again(rows)
+        room = state.said[rows.index] < MAX_OUTBOX
+        if not room.all():
+            state.lost[rows.take(~room).index] += 1
+            rows, places = rows.take(room), np.flatnonzero(room) if places is None else places[room]
+        state.said[rows.index] += 1
+        state.sequence[rows.index] += 1
+        robots, sequences, now = rows.robots, state.sequence[rows.index].copy(), state.read(TIME_SLOT, rows)
+        issued = np.broadcast_to(now, rows.size) if isinstance(now, float) else now.copy()
+        if places is None:
+            places = robots if robots[0] == 0 and robots[-1] == rows.size - 1 else np.arange(rows.size)
+        self._sayings.append(
+            MessageBatch(kind, self._names, self.epoch, robots, places, sequences, issued, lasts, words)
+        )
+
+    def _count_again(self, rows: Rows) -> None:
+        """Outboxes that seem full may have been emptied since."""
+        self._deliver_all()
+        for robot in rows.robots[self._state.said[rows.index] >= MAX_OUTBOX].tolist():
+            self._state.said[robot] = len(self._outboxes.get(robot, ()))
+
+    def report(self, rows: Rows, label: str, values: Sequence[Column] = ()) -> None:
+        """REPORT on each of these robots."""
+
+        heard = self._within_rate(rows)
+        words = Reports(label, tuple(values))
+        if heard.all():
+            self.say(Kind.REPORT, rows, words)
+        else:
+            self._state.lost[rows.take(~heard).index] += 1
+            self.say(Kind.REPORT, rows.take(heard), words, places=np.flatnonzero(heard))
+
+    def _within_rate(self, rows: Rows) -> Mask:
+        """Which of the robots have not reported too much in this second of their clock; they have done so once more."""
+        state = self._state
+        seconds = state.column(TIME_SLOT, rows).astype(np.int32)
+        before = np.where(state.reported_in[rows.index] == seconds, state.reported[rows.index], 0)
+        state.reported_in[rows.index] = seconds
+        state.reported[rows.index] = before + 1
+        return before < REPORTS_A_SECOND
+
+    def may_tell(self, rows: Rows, hops: int) -> tuple[Mask, Rows]:
+        """Which of the robots may tell something now, so many hops far, which is counted as told; and who of the others
+        has told everything so far."""
+        state, now = self._state, self._state.column(TIME_SLOT, rows)
+        begin = np.maximum(state.telling_until[rows.index], now)
+        may: Mask = begin - now <= (TELL_BURST - 1) / TELLS_A_SECOND
+        if hops < 1:
+            may[:] = False
+        less = state.told_less[rows.index]
+        silenced = rows.take(~may & ~less)
+        state.lost[rows.take(~may).index] += 1
+        state.told_less[rows.index] = np.where(may, less & (begin > now), True)
+        some = rows.take(may)
+        state.telling_until[some.index] = begin[may] + 1.0 / TELLS_A_SECOND
+        return may, silenced
+
+    def answer(self, rows: Rows, answers: Answers) -> None:
+        """Answer a message on each of these robots."""
+        self.say(Kind.ANSWER, rows, answers)
+
+    def ping(self, rows: Rows, castes: Column) -> None:
+        """PING on each of these robots."""
+        if self._pinged is None:
+            self._pinged = np.zeros(self._state.count, np.int16)
+        room = self._pinged[rows.index] < MAX_OUTBOX
+        if not room.all():
+            room = self._count_pings(rows)
+            self._state.lost[rows.take(~room).index] += 1
+            rows, castes = rows.take(room), castes[room]
+        self._pinged[rows.index] += 1
+        self._pings.append((rows.robots, castes))
+
+    def _count_pings(self, rows: Rows) -> Mask:
+        """Which of these robots have room for a ping, whose lists may have been emptied since."""
+        counts = np.array([len(self.pings(robot)) for robot in rows.robots.tolist()], np.int16)
+        if self._pinged is not None:
+            self._pinged[rows.index] = counts
+        room: Mask = counts < MAX_OUTBOX
+        return room
+
+    def pings(self, robot: int) -> list[float]:
+        """The castes of a robot's pings; whoever sends them clears the list."""
+        for robots, castes in self._pings:
+            for place, caste in zip(robots.tolist(), castes.tolist(), strict=True):
+                self._ping_lists.setdefault(place, []).append(caste)
+        self._pings.clear()
+        return self._ping_lists.setdefault(robot, [])
+
+    def take_pings(self) -> list[tuple[Index, Column]]:
+        """The pings that are in no list yet: robots and castes. They will not come into one."""
+        taken, self._pings = self._pings, []
+        for robots, _ in taken:
+            if self._pinged is not None:
+                self._pinged[robots] -= 1
+        return taken
+
+    def outbox(self, robot: int) -> list[Message]:
+        """What a robot has to say; whoever sends it clears the list."""
+        self._deliver_all()
+        return self._outboxes.setdefault(robot, [])
+
+    def take(self) -> list[MessageBatch]:
+        """What is in no outbox yet; it will not come into one."""
+        taken, self._sayings = self._sayings, []
+        for saying in taken:
+            self._state.said[saying.robots] -= 1
+        return taken
+
+    def state(self) -> OutboxState:
+        """What has been said and is still to be sent."""
+        return OutboxState(
+            self.epoch,
+            [dump_batch(saying) for saying in self._sayings],
+            {robot: list(messages) for robot, messages in self._outboxes.items() if messages},
+            [(Array.of(robots.astype(np.int32)), Array.of(castes)) for robots, castes in self._pings],
+            {robot: list(castes) for robot, castes in self._ping_lists.items() if castes},
+        )
+
+    def restore(self, parcel: OutboxState) -> None:
+        """Have to say what was to be said then. Raises ParcelError."""
+        count = self._state.count
+        if not all(0 <= robot < count for robot in (*parcel.outboxes, *parcel.ping_lists)):
+            raise SerialError("a robot that is not there has something to say")
+        self.epoch = parcel.epoch
+        self._sayings = [load_batch(saying, self._names) for saying in parcel.sayings]
+        self._outboxes = {robot: list(messages) for robot, messages in parcel.outboxes.items()}
+        self._ping_lists = {robot: list(castes) for robot, castes in parcel.ping_lists.items()}
+        self._pings, self._pinged = [], np.zeros(count, np.int16)
+        for listed, told in parcel.pings:
+            robots = ascending(listed, count)
+            self._pings.append((robots, told.made(np.float64, robots.shape, "castes")))
+            self._pinged[robots] += 1
+        for robot, castes in self._ping_lists.items():
+            self._pinged[robot] += len(castes)
+
+    def _deliver_all(self) -> None:
+        for saying in self._sayings:
+            for robot, message in zip(saying.robots.tolist(), saying.messages(), strict=True):
+                self._outboxes.setdefault(robot, []).append(message)
+        self._sayings.clear()
+
+
+# The inbox: messages that wait for the next tick, and which robots have heard which message before.
+
+
+class Inbox:
+    """The queues of `count` robots. Indices are ascending and name each robot once."""
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._seen: OrderedDict[str, NDArray[np.uint8] | None] = OrderedDict()
+        self._queue: list[tuple[Message, Index]] = []
+        self.waiting: NDArray[np.int16] = np.zeros(count, np.int16)
+        """Messages waiting for each robot."""
+
+    def first_heard(self, message: Message, robots: Index) -> Index:
+        """Those of the robots that have not heard this message before; now they have."""
+        everybody = len(robots) == self._count
+        if message.id not in self._seen:
+            self._seen[message.id] = None if everybody else self._bits(robots)
+            if len(self._seen) > MAX_SEEN:
+                self._seen.popitem(last=False)
+            return robots
+        bits = self._seen[message.id]
+        if bits is None:
+            return robots[:0]
+        new: Index = robots[(bits[robots >> 3] >> (robots & 7).astype(np.uint8)) & 1 == 0]
+        bits |= self._bits(new)
+        return new
+
+    def _bits(self, robots: Index) -> NDArray[np.uint8]:
+        bits = np.zeros((self._count + 7) // 8, np.uint8)
+        np.bitwise_or.at(bits, robots >> 3, np.left_shift(1, robots & 7).astype(np.uint8))
+        return bits
+
+    def put(self, message: Message, robots: Index) -> Index:
+        """Let a message wait on these robots; gives those that had no room for it."""
+        room = self.waiting[robots] < MAX_QUEUE
+        there = robots[room]
+        if there.size:
+            self.waiting[there] += 1
+            self._queue.append((message, there))
+        return robots[~room]
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing waits on anybody."""
+        return not self._queue
+
+    def take(self, rows: Rows) -> list[tuple[Message, Rows]]:
+        """The messages that wait on some robots, in the order in which they came, each with those robots."""
+        if not self._queue:
+            return []
+        thinking = np.zeros(self._count, np.bool_)
+        thinking[rows.index] = True
+        taken, left = [], []
+        for message, robots in self._queue:
+            now = thinking[robots]
+            taken.append((message, Rows.of(robots[now])))
+            if not now.all():
+                left.append((message, robots[~now]))
+        self._queue = left
+        self.waiting[rows.index] = 0
+        return taken
+
+    def messages(self) -> list[tuple[Message, Index]]:
+        """What waits, in the order in which it came, each message with its robots."""
+        return list(self._queue)
+
+    def state(self) -> InboxState:
+        """Everything that waits, and who has heard what."""
+        return InboxState(
+            [(key, None if bits is None else Array.of(bits)) for key, bits in self._seen.items()],
+            [(message, Array.of(robots.astype(np.int32))) for message, robots in self._queue],
+        )
+
+    def restore(self, parcel: InboxState) -> None:
+        """Be as that inbox was. Raises ParcelError."""
+        if len(parcel.seen) > MAX_SEEN:
+            raise SerialError(f"{len(parcel.seen)} messages that have been heard, at most {MAX_SEEN} are remembered")
+        bytes_of_bits = (self._count + 7) // 8
+        self._seen = OrderedDict(
+            (key, None if bits is None else bits.made(np.uint8, (bytes_of_bits,), "who has heard a message"))
+            for key, bits in parcel.seen
+        )
+        self._queue = []
+        self.waiting[:] = 0
+        for message, listed in parcel.queue:
+            if self.put(message, ascending(listed, self._count)).size:
+                raise SerialError(f"more than {MAX_QUEUE} messages that wait for one robot")

@@ -1,0 +1,378 @@
+"""Native code: several programs, one after the other, become one loop over robots, through LLVM; the only module that
+knows llvmlite.
+
+What has been made once is kept for other processes (`code_cache`), since it takes a tenth of a second to make.
+
+The loop takes as many robots at once as a vector has lanes. A robot's variables are read once and written once, in
+place, when all programs are done; so a robot that met anything out of the ordinary is left as it was, and walked.
+All is computed in 64-bit floats, without contraction and without fast-math, so each number is the one that NumPy and
+the one-robot machine give, whatever the lanes and however many threads.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Sequence
+from hashlib import sha256
+from operator import is_
+from pathlib import Path
+from threading import Lock
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.core.code_cache import CodeCache
+from sleepcast.core.threads import ThreadPool, borders
+from sleepcast.fleet.columns import Column, FleetState, Rows
+from sleepcast.fleet.native import libm
+from sleepcast.fleet.native.assembly import Assembly
+from sleepcast.fleet.native.lowering import Columns, Lowering, enters
+from sleepcast.fleet.native.symbols import Meaning, Size
+from sleepcast.language.machine import Program
+from sleepcast.language.parts import walk
+from sleepcast.language.rehearsal import FLAGS
+from sleepcast.language.vocabulary import TICK, TIME_SLOT
+
+if TYPE_CHECKING:
+    from llvmlite.binding import ModuleRef, TargetMachine
+
+LANES = 8
+"""Robots at a time: what the widest vectors hold; where they are narrower, LLVM takes several."""
+SPLIT = 500_000
+"""Robots times parts from which on threads share the work: below, waiting for others costs more than that."""
+GRAIN = 64
+"""Robots whose numbers of a byte each fill a line of the processor's caches, which two threads had better not share."""
+
+ABSENT, THERE, TROUBLED = range(3)
+"""What a byte of `part` says of a robot: it takes no part, it does, it did not because it has to be walked."""
+
+_ELEMENTS = {
+    "slot": ("double", 8),
+    "value": ("double", 8),
+    "keys": ("i64", 8),
+    "draws": ("i32", 4),
+    "steps": ("i16", 2),
+    "part": ("i8", 1),
+    "group": ("i8", 1),
+    "acted": ("i8", 1),
+    "fresh": ("i8", 1),
+}
+"""The type and bytes of an element of each sort of column."""
+
+Entry: TypeAlias = tuple[str, int | str]
+"""One thing that the code finds by its table: a column by its sort and what of that sort, or `tick` or `time`."""
+
+
+class Sink(NamedTuple):
+    """Where the results of one program go. fresh: one more where it matched. steps: None where they are not written."""
+
+    value: Column
+    fresh: NDArray[np.uint8]
+    steps: NDArray[np.uint16] | None
+
+
+class Writer:
+    """Writes the text of one loop. counted: whether the steps of each program are kept."""
+
+    def __init__(self, programs: Sequence[Program], names: Meaning, lanes: int, counted: bool) -> None:
+        self.a = Assembly(lanes)
+        self.entries: dict[Entry, int] = {}
+        self._programs, self._names, self._counted = programs, names, counted
+        self._base = ""
+
+    def text(self) -> str:
+        """The module's text; `entries` then says what its table holds."""
+        a = self.a
+        place, bad = a.cell("i64", "%start"), a.cell("i64", "0")
+        head, body, done = a.label(), a.label(), a.label()
+        a.do(f"br label %{head}")
+        a.begin(head)
+        here = a.get(place, "i64")
+        a.do(f"br i1 {a.emit(f'icmp slt i64 {here}, %stop')}, label %{body}, label %{done}")
+        a.begin(body)
+        lanes = self._lanes(here)
+        with a.when(a.any(lanes)):
+            self._body(lanes, bad)
+        a.put(place, "i64", a.binary("add", "i64", here, str(a.lanes)))
+        a.do(f"br label %{head}")
+        a.begin(done)
+        a.do(f"ret i64 {a.get(bad, 'i64')}")
+        pointers = []
+        for (sort, what), number in self.entries.items():
+            kind = {("tick", ""): "i64", ("time", TICK): "double", ("time", TIME_SLOT): "double"}.get(
+                (sort, what), "ptr"
+            )
+            pointers += [f"%q{number} = getelementptr i64, ptr %table, i64 {number}"]
+            pointers += [f"%p{number} = load {kind}, ptr %q{number}"]
+        start = "define i64 @round(i64 %start, i64 %stop, i64 %count, ptr %table) {\nentry:"
+        return "\n".join([*a.outside.values(), start, *a.cells, *pointers, *a.lines, "}", ""])
+
+    def _lanes(self, here: str) -> str:
+        """The lanes that take part; the last ones reach back to robots that have had their turn, who do not."""
+        a = self.a
+        room = a.binary("sub", "i64", "%count", str(a.lanes))
+        late = a.emit(f"icmp sgt i64 {here}, {room}")
+        self._base = a.emit(f"select i1 {late}, i64 {room}, i64 {here}")
+        steps = a.each_lane("i64", [str(lane) for lane in range(a.lanes)])
+        index = a.binary("add", a.long, a.splat("i64", self._base), steps)
+        since = a.emit(f"icmp sge {a.long} {index}, {a.splat('i64', here)}")
+        until = a.emit(f"icmp slt {a.long} {index}, {a.splat('i64', '%stop')}")
+        there = a.emit(f"icmp eq {a.byte} {self._read('part', '', a.byte)}, {a.integer('i8', THERE)}")
+        return a.both(a.both(since, until), there)
+
+    def _body(self, lanes: str, bad: str) -> None:
+        a = self.a
+        columns = Columns(a, self._read)
+        for slot in _written(self._programs, self._names):
+            columns.written[slot] = (a.cell(a.real, self._read("slot", slot, a.real)), a.cell(a.truth, a.no))
+        low = Lowering(a, columns, self._names)
+        chancy = any(program.chancy for program in _all(self._programs, self._names))
+        if chancy:
+            low.drawn = a.cell(a.whole, self._read("draws", "", a.whole))
+        results = []
+        for program in self._programs:
+            value = a.cell(a.real, low.program(program, lanes))
+            results.append((value, low.matched, low.steps))
+        trouble = a.both(lanes, a.get(low.trouble, a.truth))
+        well = a.both(lanes, a.neither(trouble))
+        with a.when(a.any(trouble)):
+            part = self._read("part", "", a.byte)
+            a.put(self._at("part", ""), a.byte, a.select(trouble, a.integer("i8", TROUBLED), part, a.byte))
+            a.put(bad, "i64", "1")
+        for slot, (value, where) in columns.written.items():
+            self._keep("slot", slot, a.get(value, a.real), a.both(well, a.get(where, a.truth)))
+            if slot in columns.actuators:
+                self._keep("acted", slot, a.integer("i8", 1), a.both(well, a.get(where, a.truth)))
+        if chancy:
+            self._keep("draws", "", a.get(low.drawn, a.whole), well)
+        for number, (value, matched, steps) in enumerate(results):
+            if not self._counted:
+                self._give("value", a.get(value, a.real), well)
+                self._give("fresh", a.convert("zext", a.truth, a.get(matched, a.truth), a.byte), well)
+                continue
+            self._keep("value", number, a.get(value, a.real), well)
+            self._count(number, a.both(well, a.get(matched, a.truth)))
+            if steps:
+                self._keep("steps", number, a.convert("trunc", a.whole, a.get(steps, a.whole), a.short), well)
+
+    def _give(self, sort: str, value: str, mask: str) -> None:
+        """Write a column that nobody has written yet."""
+        a = self.a
+        kind = self._vector(sort)
+        place = self._at(sort, 0)
+        some = a.cell(kind, value)
+        with a.when(a.any(a.neither(mask))):
+            a.put(some, kind, a.select(mask, value, a.get(place, kind), kind))
+        a.put(place, kind, a.get(some, kind))
+
+    def _count(self, number: int, matched: str) -> None:
+        a = self.a
+        with a.when(a.any(matched)):
+            more = a.convert("zext", a.truth, matched, a.byte)
+            a.put(self._at("fresh", number), a.byte, a.binary("add", a.byte, self._read("fresh", number, a.byte), more))
+
+    def _keep(self, sort: str, what: int | str, value: str, mask: str) -> None:
+        """Write what is new of a column; what is as it was costs no writing."""
+        a = self.a
+        kind = self._vector(sort)
+        old = self._read(sort, what, kind)
+        new, was = value, old
+        if kind == a.real:
+            new, was = (a.convert("bitcast", a.real, x, a.long) for x in (value, old))
+        whole = a.long if kind == a.real else kind
+        with a.when(a.any(a.both(mask, a.emit(f"icmp ne {whole} {new}, {was}")))):
+            a.put(self._at(sort, what), kind, a.select(mask, value, old, kind))
+
+    def _vector(self, sort: str) -> str:
+        return self.a.vector(_ELEMENTS[sort][0])
+
+    def _read(self, sort: str, what: int | str, kind: str) -> str:
+        """The lanes of a column, or one number in all of them."""
+        a = self.a
+        if sort == "tick":
+            return a.splat("i64", self._pointer(sort, what))
+        if sort == "slot" and what in (TICK, TIME_SLOT):
+            return a.splat("double", self._pointer("time", what))
+        return a.get(self._at(sort, what), kind)
+
+    def _at(self, sort: str, what: int | str) -> str:
+        return self.a.at(self._pointer(sort, what), _ELEMENTS[sort][0], self._base)
+
+    def _pointer(self, sort: str, what: int | str) -> str:
+        return f"%p{self.entries.setdefault((sort, what), len(self.entries))}"
+
+
+class Kernel:
+    """The native code of some programs in a row, on robots on which their names mean the same."""
+
+    def __init__(self, programs: Sequence[Program], names: Meaning, lanes: int, *, counted: bool = True) -> None:
+        writer = Writer(programs, names, lanes, counted)
+        text = writer.text()
+        self._entries, self._count = list(writer.entries), len(programs)
+        sizes = [Size(program, names) for program in programs]
+        self.lanes, self.parts = lanes, sum(size.parts for size in sizes)
+        self.steps = [size.steps for size in sizes]
+        """Steps of each program at most."""
+        self.entering = [enters(program, names) for program in programs]
+        """Whether each program enters others: if not, its steps are always as many."""
+        self._slots = [what for sort, what in self._entries if sort == "slot" and isinstance(what, int)]
+        self._acted = [what for sort, what in self._entries if sort == "acted" and isinstance(what, int)]
+        self._groups = [what for sort, what in self._entries if sort == "group" and isinstance(what, str)]
+        self._call = _compiled(text)
+        self._bound: list[object] = []
+        self._table = np.zeros(len(self._entries) + 1, np.int64)
+        self._address = self._table.ctypes.data
+
+    def run(
+        self,
+        state: FleetState,
+        part: NDArray[np.uint8],
+        where: range,
+        when: tuple[float, float] | None,
+        sinks: Sequence[Sink],
+        pool: ThreadPool,
+    ) -> bool:
+        """Evaluate the programs on those of the robots `where` for which `part` says `THERE`.
+
+        when: see `moment`. sinks: for each program. Robots that have to be walked are `TROUBLED` then; gives whether
+        there are any.
+        """
+        start, stop = where.start, where.stop
+        if when is None or state.count < self.lanes or not self._bind(state, part, sinks):
+            there = part[start:stop]
+            there[there == THERE] = TROUBLED
+            return True
+        reals = self._table.view(np.float64)
+        for number, (sort, what) in enumerate(self._entries):
+            if sort == "time":
+                reals[number] = when[what == TIME_SLOT]
+            elif sort == "tick":
+                self._table[number] = int(when[0])
+        if (stop - start) * self.parts < SPLIT:
+            return bool(self._call(start, stop, state.count, self._address))
+
+        def work(first: int, last: int) -> int:
+            return self._call(start + first, start + last, state.count, self._address)
+
+        return any(pool.share(work, borders(stop - start, pool.threads, grain=GRAIN)))
+
+    def _bind(self, state: FleetState, part: NDArray[np.uint8], sinks: Sequence[Sink]) -> bool:
+        """Let the table hold the addresses of the columns as they are now; False if one is not as it should be."""
+        now: list[object] = [state.own(slot) for slot in self._slots]
+        now += [state.assigned(slot) for slot in self._acted]
+        now += [state.groups.get(key) for key in self._groups]
+        now += [*sinks, part, state.keys, state.draws]
+        if len(now) == len(self._bound) and all(map(is_, now, self._bound)):
+            return True
+        nobody = np.zeros(state.count, np.bool_)
+        arrays = []
+        for number, (sort, what) in enumerate(self._entries):
+            if sort in ("tick", "time"):
+                continue
+            array = _array(state, part, sinks, sort, what)
+            array = nobody if array is None else array
+            if not array.flags.c_contiguous or array.itemsize != _ELEMENTS[sort][1] or array.size != state.count:
+                return False
+            self._table[number] = array.ctypes.data
+            arrays.append(array)
+        self._bound, self._kept = now, arrays
+        return True
+
+
+def _array(
+    state: FleetState, part: NDArray[np.uint8], sinks: Sequence[Sink], sort: str, what: int | str
+) -> NDArray[np.generic] | None:
+    """A column of the table, None for a group that nobody is in."""
+    if isinstance(what, str):
+        found: dict[str, NDArray[np.generic] | None]
+        found = {"part": part, "keys": state.keys, "draws": state.draws, "group": state.groups.get(what)}
+        return found[sort]
+    if sort == "slot":
+        return state.own(what)
+    if sort == "acted":
+        return state.assigned(what)
+    sink = sinks[what]
+    return sink.value if sort == "value" else sink.fresh if sort == "fresh" else sink.steps
+
+
+def moment(state: FleetState, rows: Rows) -> tuple[float, float] | None:
+    """The tick and the time (s) of these robots, None if they are not of one moment."""
+    found = []
+    for slot in (TICK, TIME_SLOT):
+        values = state.read(slot, rows)
+        if not isinstance(values, float):
+            if not (values == values[0]).all():
+                return None
+            values = float(values[0])
+        found.append(values)
+    return found[0], found[1]
+
+
+def _all(programs: Sequence[Program], names: Meaning) -> list[Program]:
+    """The programs, and those that they enter."""
+    return [*programs, *(found for found in names.values() if isinstance(found, Program))]
+
+
+def _written(programs: Sequence[Program], names: Meaning) -> list[int]:
+    """The slots that programs may assign."""
+    slots = set()
+    for program in _all(programs, names):
+        for part in walk(program.root):
+            if part.op in ("write", "set_user") and part.slot >= 0:
+                slots.add(part.slot)
+            elif part.op == "act" and part.name in FLAGS:
+                slots.add(FLAGS[part.name][0])
+    return sorted(slots)
+
+
+CACHE = CodeCache("rules")
+_ONE_AT_A_TIME = Lock()
+
+
+def _compiled(text: str) -> Callable[[int, int, int, int], int]:
+    """The function in a module's text, optimised for this processor; as it was kept, if it was."""
+    from llvmlite import binding
+
+    with _ONE_AT_A_TIME:
+        binding.initialize_native_target()
+        binding.initialize_native_asmprinter()
+        triple, processor = binding.get_process_triple(), binding.get_host_cpu_name()
+        features = binding.get_host_cpu_features().flatten()
+        target = binding.Target.from_triple(triple).create_target_machine(
+            cpu=processor, features=features, opt=2, jit=True
+        )
+        name = _name(text, triple, processor, features, str(binding.llvm_version_info))
+        code = CACHE.load(name)
+        if code is None:
+            code = _optimised(binding.parse_assembly(text), target)
+            CACHE.save(name, code)
+        for called in libm.NAMES:
+            if (symbol := libm.symbol(called)) in text:
+                binding.add_symbol(symbol, libm.address(called))
+        engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target)
+        engine.add_object_file(binding.ObjectFileRef.from_data(code))
+        engine.finalize_object()
+        place = engine.get_function_address("round")
+    function = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p)(place)
+
+    def call(start: int, stop: int, count: int, table: int) -> int:
+        return int(function(start, stop, count, table)) if engine else 0  # the engine owns the code, so it must live on
+
+    return call
+
+
+def _name(*depends: str) -> str:
+    """Under which name code is kept that depends on these, and on this module."""
+    return sha256(b"\0".join([Path(__file__).read_bytes(), *(each.encode() for each in depends)])).hexdigest()
+
+
+def _optimised(module: ModuleRef, target: TargetMachine) -> bytes:
+    """The object file of a module."""
+    from llvmlite import binding
+
+    tuning = binding.PipelineTuningOptions(speed_level=2)
+    tuning.loop_vectorization = tuning.slp_vectorization = False
+    passes = binding.create_pass_builder(target, tuning)
+    passes.getModulePassManager().run(module, passes)
+    return bytes(target.emit_object(module))

@@ -1,0 +1,251 @@
+"""Formulas: the built-in functions of numbers as native code, with the results of `pure` to the last bit.
+
+Each takes known numbers; where one gives no finite number, or leaves a case to the walk, the result is not finite.
+What only the C library can say is asked lane by lane, for the lanes that come to it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial, reduce
+from itertools import combinations, pairwise
+
+from sleepcast.fleet.native import libm
+from sleepcast.fleet.native.assembly import Assembly
+from sleepcast.language import angles, chance
+from sleepcast.language.functions import TWO_PI
+from sleepcast.language.parts import Part
+
+ORDERED = {"<": "olt", "<=": "ole", ">": "ogt", ">=": "oge", "=": "oeq", "EQ": "oeq"}
+TRUTHS = frozenset({*ORDERED, "/=", "NOT"})
+"""Functions that give a truth and never a fault."""
+MOST_DIFFERENT = 8
+"""Arguments of /= at most: each is compared with each."""
+
+Formula = Callable[[Assembly, Sequence[str], str], str]
+"""Takes the numbers and the lanes that come to it."""
+
+
+def is_known(part: Part) -> bool:
+    """Whether there is native code for a pure part."""
+    name = part.function.name
+    if name in TRUTHS:
+        return name != "/=" or len(part.parts) <= MOST_DIFFERENT
+    return name in FORMULAS and (name not in _NEEDS or libm.address(_NEEDS[name]) is not None)
+
+
+def has_logarithm() -> bool:
+    """Whether there is native code for what needs a logarithm."""
+    return libm.address("log") is not None
+
+
+def holds(a: Assembly, name: str, numbers: Sequence[str]) -> str:
+    """Where a truth of known numbers holds."""
+    if name == "NOT":
+        return a.compare("oeq", numbers[0], a.zero)
+    if name == "/=":
+        return reduce(a.both, (a.compare("one", x, y) for x, y in combinations(numbers, 2)), a.yes)
+    return reduce(a.both, (a.compare(ORDERED[name], x, y) for x, y in pairwise(numbers)), a.yes)
+
+
+def each(a: Assembly, name: str, numbers: Sequence[str], mask: str) -> str:
+    """A function of the C library, called for each lane of the mask; 0 in the others."""
+    own = f"each_{name}"
+    if own not in a.outside:
+        a.outside[name] = f"declare double @{libm.symbol(name)}({', '.join(['double'] * len(numbers))})"
+        a.outside[own] = _each(a, name, len(numbers))
+    lanes = f"i{a.lanes}"
+    flags = mask if a.lanes == 1 else a.convert("bitcast", a.truth, mask, lanes)
+    return a.call(own, a.real, [*numbers, flags], [*[a.real] * len(numbers), lanes])
+
+
+def _each(a: Assembly, name: str, count: int) -> str:
+    """The text of such a function: a way for each lane, taken if its bit is set."""
+    given = "".join(f"{a.real} %a{i}, " for i in range(count))
+    lines = [f"define internal {a.real} @each_{name}({given}i{a.lanes} %mask) noinline {{", "entry:"]
+    before, value = "entry", a.zero
+    for lane in range(a.lanes):
+        lines += [f"%m{lane} = and i{a.lanes} %mask, {1 << lane if a.lanes > 1 else 'true'}"]
+        lines += [f"%t{lane} = icmp ne i{a.lanes} %m{lane}, 0"]
+        lines += [f"br i1 %t{lane}, label %in{lane}, label %after{lane}", f"in{lane}:"]
+        numbers = [f"%x{i}_{lane}" if a.lanes > 1 else f"%a{i}" for i in range(count)]
+        if a.lanes > 1:
+            lines += [f"{x} = extractelement {a.real} %a{i}, i32 {lane}" for i, x in enumerate(numbers)]
+        lines += [f"%r{lane} = call double @{libm.symbol(name)}({', '.join(f'double {x}' for x in numbers)})"]
+        result = f"%r{lane}"
+        if a.lanes > 1:
+            result = f"%s{lane}"
+            lines += [f"{result} = insertelement {a.real} {value}, double %r{lane}, i32 {lane}"]
+        lines += [f"br label %after{lane}", f"after{lane}:"]
+        lines += [f"%v{lane} = phi {a.real} [ {value}, %{before} ], [ {result}, %in{lane} ]"]
+        before, value = f"after{lane}", f"%v{lane}"
+    return "\n".join([*lines, f"ret {a.real} {value}", "}"])
+
+
+def quantile(a: Assembly, u: str, mask: str) -> str:
+    """The standard normal quantile of `u` in [0, 1), see `language.chance.normal`."""
+    u = a.select(a.compare("oeq", u, a.zero), a.number(2.0**-54), u)
+    q = a.binary("fsub", a.real, u, a.number(0.5))
+    centre = a.compare("ole", a.intrinsic("fabs", q), a.number(0.425))
+    r = a.binary("fsub", a.real, a.number(0.180625), a.binary("fmul", a.real, q, q))
+    top = a.binary("fmul", a.real, q, _polynomial(a, chance.CENTRE_TOP, r))
+    found = a.cell(a.real, a.binary("fdiv", a.real, top, _polynomial(a, chance.CENTRE_BOTTOM, r)))
+    outside = a.both(mask, a.neither(centre))
+    with a.when(a.any(outside)):
+        a.put(found, a.real, a.select(outside, _tail(a, u, q, outside), a.get(found, a.real)))
+    return a.get(found, a.real)
+
+
+def _tail(a: Assembly, u: str, q: str, mask: str) -> str:
+    low = a.compare("olt", q, a.zero)
+    near = a.select(low, u, a.binary("fsub", a.real, a.one, u))
+    r = a.intrinsic("sqrt", a.emit(f"fneg {a.real} {each(a, 'log', [near], mask)}"))
+    sizes = []
+    for shift, top, bottom in (
+        (1.6, chance.MIDDLE_TOP, chance.MIDDLE_BOTTOM),
+        (5.0, chance.TAIL_TOP, chance.TAIL_BOTTOM),
+    ):
+        x = a.binary("fsub", a.real, r, a.number(shift))
+        sizes.append(a.binary("fdiv", a.real, _polynomial(a, top, x), _polynomial(a, bottom, x)))
+    size = a.select(a.compare("ole", r, a.number(5.0)), *sizes)
+    return a.select(low, a.emit(f"fneg {a.real} {size}"), size)
+
+
+def _polynomial(a: Assembly, coefficients: Sequence[float], x: str) -> str:
+    total = a.number(coefficients[0])
+    for c in coefficients[1:]:
+        total = a.binary("fadd", a.real, a.binary("fmul", a.real, total, x), a.number(c))
+    return total
+
+
+def _fold(operation: str, empty: float, a: Assembly, numbers: Sequence[str], mask: str) -> str:
+    if len(numbers) < 2:
+        return _single(operation, a, numbers[0]) if numbers else a.number(empty)
+    return reduce(partial(a.binary, operation, a.real), numbers)
+
+
+def _single(operation: str, a: Assembly, number: str) -> str:
+    if operation == "fsub":
+        return a.emit(f"fneg {a.real} {number}")
+    return a.binary("fdiv", a.real, a.one, number) if operation == "fdiv" else number
+
+
+def _pick(how: str, a: Assembly, numbers: Sequence[str], mask: str) -> str:
+    return reduce(lambda best, x: a.select(a.compare(how, x, best), x, best), numbers)
+
+
+def _of_c(name: str, a: Assembly, numbers: Sequence[str], mask: str) -> str:
+    return each(a, name, numbers, mask)
+
+
+def _bearing(a: Assembly, n: Sequence[str], mask: str) -> str:
+    return _angle(a, [a.binary("fsub", a.real, n[3], n[1]), a.binary("fsub", a.real, n[2], n[0])], mask)
+
+
+def _angle(a: Assembly, n: Sequence[str], mask: str) -> str:
+    """See `language.angles`, step by step."""
+    y, x = n
+    across, up = a.intrinsic("fabs", x), a.intrinsic("fabs", y)
+    swapped = a.compare("olt", across, up)
+    behind = a.compare("olt", a.intrinsic("copysign", a.one, x), a.zero)
+    low, high = a.select(swapped, across, up), a.select(swapped, up, across)
+    scale = a.select(a.compare("ogt", high, a.number(angles.HUGE)), a.number(0.25), a.one)
+    low, high = (a.binary("fmul", a.real, scale, each) for each in (low, high))
+    steep = a.compare("ogt", low, a.binary("fmul", a.real, a.number(angles.STEEP), high))
+    flat = a.select(a.compare("oeq", high, a.zero), a.one, high)
+    bottom = a.select(steep, a.binary("fadd", a.real, low, high), flat)
+    t = a.binary("fdiv", a.real, a.select(steep, a.binary("fsub", a.real, low, high), low), bottom)
+    z = a.binary("fmul", a.real, t, t)
+    rest = a.binary("fmul", a.real, t, a.binary("fmul", a.real, z, _polynomial(a, angles.COEFFICIENTS, z)))
+    turned = a.binary("xor", a.truth, swapped, behind)
+    t, rest = (a.select(turned, a.emit(f"fneg {a.real} {each}"), each) for each in (t, rest))
+    base, tail = (_eighths(a, steep, swapped, behind, values) for values in (angles.EIGHTHS, angles.TAILS))
+    found = a.binary("fadd", a.real, base, a.binary("fadd", a.real, t, a.binary("fadd", a.real, rest, tail)))
+    return a.intrinsic("copysign", found, y)
+
+
+def _eighths(a: Assembly, steep: str, swapped: str, behind: str, values: Sequence[float]) -> str:
+    v = [a.number(value) for value in values]
+    flat = a.select(swapped, v[2], a.select(behind, v[4], v[0]))
+    return a.select(steep, a.select(behind, v[3], v[1]), flat)
+
+
+def _distance(a: Assembly, n: Sequence[str], mask: str) -> str:
+    across, up = a.binary("fsub", a.real, n[0], n[2]), a.binary("fsub", a.real, n[1], n[3])
+    squares = [a.binary("fmul", a.real, x, x) for x in (across, up)]
+    return a.intrinsic("sqrt", a.binary("fadd", a.real, *squares))
+
+
+def _mod(a: Assembly, n: Sequence[str], mask: str) -> str:
+    """The remainder with the sign of the divisor, as Python's `%`; that of a smaller number is the number itself."""
+    number, divisor = n
+    small = a.compare("olt", a.intrinsic("fabs", number), a.intrinsic("fabs", divisor))
+    found = a.cell(a.real, number)
+    large = a.both(mask, a.neither(small))
+    with a.when(a.any(large)):
+        a.put(found, a.real, a.select(large, each(a, "fmod", n, large), number))
+    rest = a.get(found, a.real)
+    apart = a.binary("xor", a.truth, a.compare("olt", divisor, a.zero), a.compare("olt", rest, a.zero))
+    turned = a.select(apart, a.binary("fadd", a.real, rest, divisor), rest)
+    return a.select(a.compare("oeq", rest, a.zero), a.intrinsic("copysign", a.zero, divisor), turned)
+
+
+def _wrap(a: Assembly, n: Sequence[str], mask: str) -> str:
+    full = a.number(TWO_PI)
+    turned = _mod(a, [n[0], full], mask)
+    return a.select(a.compare("ogt", turned, a.number(math.pi)), a.binary("fsub", a.real, turned, full), turned)
+
+
+def _clamp(a: Assembly, n: Sequence[str], mask: str) -> str:
+    value, low, high = n
+    above = a.select(a.compare("ogt", value, high), high, value)
+    found = a.select(a.compare("olt", value, low), low, above)
+    return a.select(a.compare("ogt", low, high), a.nan, found)
+
+
+def _whole(name: str, a: Assembly, n: Sequence[str], mask: str) -> str:
+    """Adding 0 makes a 0 of -0, see `pure`."""
+    return a.binary("fadd", a.real, a.intrinsic(name, n[0]), a.zero)
+
+
+FORMULAS: dict[str, Formula] = {
+    "+": partial(_fold, "fadd", 0.0),
+    "-": partial(_fold, "fsub", 0.0),
+    "*": partial(_fold, "fmul", 1.0),
+    "/": partial(_fold, "fdiv", 1.0),
+    "MIN": partial(_pick, "olt"),
+    "MAX": partial(_pick, "ogt"),
+    "ABS": lambda a, n, mask: a.intrinsic("fabs", n[0]),
+    "SQRT": lambda a, n, mask: a.intrinsic("sqrt", n[0]),
+    "FLOOR": partial(_whole, "floor"),
+    "CEIL": partial(_whole, "ceil"),
+    "ROUND": partial(_whole, "rint"),
+    "DIST": _distance,
+    "CLAMP": _clamp,
+    "MOD": _mod,
+    "WRAP": _wrap,
+    "BEARING": _bearing,
+    "ATAN2": _angle,
+    "^": partial(_of_c, "pow"),
+    "EXP": partial(_of_c, "exp"),
+    "LOG": partial(_of_c, "log"),
+    "SIN": partial(_of_c, "sin"),
+    "COS": partial(_of_c, "cos"),
+    "TAN": partial(_of_c, "tan"),
+}
+"""Every function of numbers by name."""
+
+_NEEDS = {
+    "MOD": "fmod",
+    "WRAP": "fmod",
+    "^": "pow",
+    "EXP": "exp",
+    "LOG": "log",
+    "SIN": "sin",
+    "COS": "cos",
+    "TAN": "tan",
+}
+"""The function of the C library that each needs, if it needs one."""
+COSTLY = frozenset({*_NEEDS, "BEARING", "ATAN2"})
+"""Functions that are jumped over where no lane comes to them."""

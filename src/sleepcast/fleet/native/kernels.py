@@ -1,0 +1,223 @@
+"""Kernels: which programs get native code, and when.
+
+The rules that robots of one mind run at every tick become one piece of code, in their order; so does a text that is
+evaluated again and again. Code is made in a thread of its own, if llvmlite is installed. Until it is there, and where
+a rule is not for native code at all, rules are walked - those that are new, while what was there before them keeps the
+code that it has. Which of the two has run makes no difference to anything but speed.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import NamedTuple, TypeAlias
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.core.arrays import filled
+from sleepcast.core.threads import ThreadPool
+from sleepcast.fleet.columns import Column, FleetState, Rows
+from sleepcast.fleet.evaluation import Evaluation
+from sleepcast.fleet.native.compiler import LANES, THERE, TROUBLED, Kernel, Sink, moment
+from sleepcast.fleet.native.symbols import Name, Size, meaning, name_of
+from sleepcast.language.machine import MAX_STEPS, Program
+from sleepcast.language.parts import walk
+from sleepcast.mind.rules import Mind
+
+THREADS = 2
+"""Threads that share the work of one piece of native code, where nobody says which."""
+HOT = 4
+"""Walks of the same programs before native code is made of them: a command is heard once, a rule stays."""
+MAX_KERNELS = 512
+"""Pieces of native code that are kept; when full, all are forgotten and made again as they are needed."""
+MAX_PARTS = 1_500
+"""Parts of one piece at most: the optimiser's time grows faster than the program."""
+
+Rule: TypeAlias = tuple[Program, frozenset[tuple[Name, Program | bool | None]]]
+"""A program and what the names in it mean."""
+
+
+class Leg(NamedTuple):
+    """Some rules of a sequence that are evaluated in one go: natively, or walked if there is no kernel."""
+
+    rules: int
+    kernel: Kernel | None
+
+
+class Plan:
+    """How the rules of a sequence are evaluated now. keys: of the rules; rounds: in which that was asked for.
+
+    steps: that the rules may use in a tick, at most.
+    """
+
+    def __init__(self, keys: tuple[str, ...], rules: tuple[Rule, ...]) -> None:
+        self.keys, self.rules = keys, rules
+        self.rounds, self.version = 0, -1
+        self.legs: tuple[Leg, ...] = ()
+        self.native = False
+        self.sizes = [Size(program, dict(names)) for program, names in rules]
+        self.steps = sum(size.steps for size in self.sizes)
+
+    def pieces(self) -> Iterator[tuple[Rule, ...]]:
+        """The rules that native code can be made of, as many at a time as make a piece."""
+        piece: list[Rule] = []
+        parts = 0
+        for rule, size in zip(self.rules, self.sizes, strict=True):
+            possible = not size.hopeless and size.parts <= MAX_PARTS and size.steps <= MAX_STEPS
+            if piece and (not possible or parts + size.parts > MAX_PARTS):
+                yield tuple(piece)
+                piece, parts = [], 0
+            if possible:
+                piece.append(rule)
+                parts += size.parts
+        if piece:
+            yield tuple(piece)
+
+
+class Kernels:
+    """The native code of a fleet's programs.
+
+    hot: see `HOT`; with 0 nothing is ever walked that could be native, because all wait for the code. pool: the threads
+    that share the work where there is much of it.
+    """
+
+    def __init__(self, hot: int = HOT, pool: ThreadPool | None = None) -> None:
+        self._hot, self._pool = hot, pool or ThreadPool(THREADS)
+        self._plans: dict[tuple[tuple[str, ...], tuple[Rule, ...]], Plan] = {}
+        self._of_mind: WeakKeyDictionary[Mind, Plan] = WeakKeyDictionary()
+        self._rules: dict[tuple[Rule, ...], Future[Kernel]] = {}
+        self._texts: dict[Program, int | Future[Kernel] | None] = {}
+        self._maker = ThreadPoolExecutor(1, "sleepcast-native")
+        self._ready = 0
+        self._part: NDArray[np.uint8] = np.zeros(0, np.uint8)
+
+    # ---- rules
+
+    def plan(self, mind: Mind, state: FleetState) -> Plan | None:
+        """How the rules of a mind are evaluated in the round that begins; None if they are all walked."""
+        plan = self._of_mind.get(mind)
+        if plan is None:
+            rules = tuple((kept.program, frozenset(meaning([kept.program], mind).items())) for kept in mind.running)
+            if len(self._plans) >= MAX_KERNELS:
+                self._plans.clear()
+            plan = self._plans.setdefault((mind.sequence, rules), Plan(mind.sequence, rules))
+            self._of_mind[mind] = plan
+        plan.rounds += 1
+        if plan.rounds == max(self._hot, 1):
+            self._ask_for(plan, state)
+        if plan.version != self._ready:
+            plan.version = self._ready
+            plan.legs = tuple(self._legs(plan.rules))
+            plan.native = any(leg.kernel is not None for leg in plan.legs)
+        return plan if plan.native else None
+
+    def _ask_for(self, plan: Plan, state: FleetState) -> None:
+        if len(self._rules) >= MAX_KERNELS:
+            self._rules.clear()
+        for piece in plan.pieces():
+            if piece not in self._rules:
+                names = {name: meant for _, some in piece for name, meant in some}
+                made = self._maker.submit(Kernel, [program for program, _ in piece], names, lanes(state))
+                self._rules[piece] = made
+                made.add_done_callback(self._count)
+        if self._hot == 0:
+            self.settle()
+
+    def _count(self, made: Future[Kernel]) -> None:
+        self._ready += 1
+
+    def _legs(self, rules: tuple[Rule, ...]) -> Iterator[Leg]:
+        """From each place on the longest piece that there is code for; what lies between is walked."""
+        ready = {piece: found for piece, found in self._rules.items() if found.done() and not found.exception()}
+        lengths = sorted({len(piece) for piece in ready}, reverse=True)
+        place = walked = 0
+        while place < len(rules):
+            count = next((n for n in lengths if rules[place : place + n] in ready and place + n <= len(rules)), 0)
+            if count and walked:
+                yield Leg(walked, None)
+                walked = 0
+            if count:
+                yield Leg(count, ready[rules[place : place + count]].result())
+            walked += not count
+            place += count or 1
+        if walked:
+            yield Leg(walked, None)
+
+    def evaluate(
+        self,
+        kernel: Kernel,
+        state: FleetState,
+        rows: Rows,
+        when: tuple[float, float] | None,
+        sinks: Sequence[Sink],
+    ) -> Rows:
+        """Let native code evaluate its programs on these robots at a `moment`; gives those that have to be walked."""
+        if len(self._part) != state.count:
+            self._part = filled(0, np.uint8, state.count)
+        part, index = self._part, rows.index
+        if isinstance(index, slice):
+            start, stop = index.start, index.stop
+        else:
+            start, stop = int(index[0]), int(index[-1]) + 1
+            part[start:stop] = 0
+        part[index] = THERE
+        if not kernel.run(state, part, range(start, stop), when, sinks, self._pool):
+            return Rows.run(start, start)
+        return Rows.of(np.flatnonzero(part[start:stop] == TROUBLED) + start)
+
+    # ---- texts
+
+    def run(self, memory: Evaluation, program: Program, rows: Rows) -> tuple[Column, Rows] | None:
+        """Evaluate a text natively, if it can be done; gives the values, and the robots that have to be walked."""
+        found = self._texts.get(program, 0)
+        if isinstance(found, int):
+            self._meet(program, found + 1, memory.state)
+            found = self._texts[program]
+        if not isinstance(found, Future) or not found.done() or found.exception() or rows.size == 0:
+            return None
+        state = memory.state
+        values, matched = np.empty(state.count), memory.matched
+        sinks = [Sink(values, matched.view(np.uint8), None)]
+        left = self.evaluate(found.result(), state, rows, moment(state, rows), sinks)
+        matched[left.index] = program.test is None
+        return values[rows.index], left
+
+    def _meet(self, program: Program, times: int, state: FleetState) -> None:
+        """A text has been walked once more."""
+        if len(self._texts) >= MAX_KERNELS and program not in self._texts:
+            self._texts.clear()
+        if times < self._hot:
+            self._texts[program] = times
+        elif translatable(program):
+            self._texts[program] = made = self._maker.submit(Kernel, [program], {}, lanes(state), counted=False)
+            if self._hot == 0:
+                made.result()
+        else:
+            self._texts[program] = None
+
+    def settle(self) -> None:
+        """Wait until all code that has been asked for is made."""
+        for found in (*self._rules.values(), *self._texts.values()):
+            if isinstance(found, Future):
+                found.result()
+
+
+def available() -> bool:
+    """Whether llvmlite is installed."""
+    return importlib.util.find_spec("llvmlite") is not None
+
+
+def lanes(state: FleetState) -> int:
+    """Robots that native code takes at once in this fleet."""
+    return LANES if state.count >= LANES else 1
+
+
+def translatable(program: Program) -> bool:
+    """Whether native code can be made of a text by itself: it names nothing that robots learn, and is short enough."""
+    if any(name_of(part) is not None for part in walk(program.root)):
+        return False
+    size = Size(program, {})
+    return not size.hopeless and size.parts <= MAX_PARTS

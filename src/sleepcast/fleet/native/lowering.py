@@ -1,0 +1,366 @@
+"""Lowering: the parts of checked expressions become native code, as `machine` walks them, for all lanes at once.
+
+A mask says which lanes come to a part. Whatever is out of the ordinary - a fault, an unknown for an actuator, anything
+that only a walk can do - is noted as trouble of its lanes; what else the code then does there is thrown away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from sleepcast.fleet.native import formulas
+from sleepcast.fleet.native.assembly import Assembly
+from sleepcast.fleet.native.symbols import Meaning, entered, is_native
+from sleepcast.language.chance import GOLDEN, MASK, UNIT
+from sleepcast.language.machine import Program
+from sleepcast.language.parts import Part, walk
+from sleepcast.language.rehearsal import FLAGS
+from sleepcast.language.vocabulary import Kind, Variable
+
+LIGHT = 3
+"""Parts at most that are computed for nothing rather than jumped over."""
+_FIRST, _SECOND = 0xBF58_476D_1CE4_E5B9, 0x94D0_49BB_1331_11EB
+
+
+class Columns:
+    """Where the code finds what it works on: addresses of columns, one for each slot and so on, made as they are met.
+
+    read: gives the lanes of a column. `written` holds the cells of slots that the code assigns: their new values, and
+    in which lanes.
+    """
+
+    def __init__(self, a: Assembly, read: Callable[[str, int | str, str], str]) -> None:
+        self.a, self.read = a, read
+        self.written: dict[int, tuple[str, str]] = {}
+        self.actuators: set[int] = set()
+
+    def slot(self, slot: int) -> str:
+        """The value of a variable now."""
+        if slot in self.written:
+            return self.a.get(self.written[slot][0], self.a.real)
+        return self.read("slot", slot, self.a.real)
+
+    def assign(self, slot: int, value: str, mask: str) -> None:
+        a = self.a
+        place, where = self.written[slot]
+        a.put(place, a.real, a.select(mask, value, a.get(place, a.real)))
+        a.put(where, a.truth, a.either(a.get(where, a.truth), mask))
+
+
+class Lowering:
+    """Writes the code of one program after the other. drawn: the cell of the draws of this tick."""
+
+    def __init__(self, a: Assembly, columns: Columns, names: Meaning) -> None:
+        self.a, self._columns, self._names = a, columns, names
+        self.trouble = a.cell(a.truth, a.no)
+        self.drawn = ""
+        self.matched = self.steps = ""
+        self._locals: list[str] = []
+        self._depth = self._levels = 0
+
+    def program(self, program: Program, mask: str) -> str:
+        """The values of a program; `matched` and, if it enters others, `steps` are then cells that say the rest."""
+        a = self.a
+        self.matched = a.cell(a.truth, a.no)
+        self.steps = a.cell(a.whole, a.integer("i32", program.cost)) if enters(program, self._names) else ""
+        self._locals = [a.cell(a.real, a.nan) for _ in range(program.locals)]
+        self._depth, self._levels = 0, program.height
+        value = self.value(program.root, mask)
+        if program.test is None:
+            a.put(self.matched, a.truth, mask)
+        elif program.test is program:
+            a.put(self.matched, a.truth, self._true(value))
+        return value
+
+    # ---- values
+
+    def value(self, part: Part, mask: str) -> str:
+        """The values of a part in the lanes of the mask, with all its effects."""
+        a = self.a
+        if not is_native(part, self._names, self._depth, self._levels):
+            return self._give_up(mask)
+        match part.op:
+            case "const":
+                return a.number(part.number)
+            case "absent":
+                return a.nan
+            case "var":
+                return self._columns.slot(part.slot)
+            case "local":
+                return a.get(self._locals[part.slot], a.real)
+            case "progn":
+                return self._last(part.parts, mask)
+            case "known":
+                return a.select(self._unknown(self.value(part.parts[0], mask)), a.zero, a.one)
+            case "in":
+                member = self._columns.read("group", part.name, a.byte)
+                return a.convert("uitofp", a.byte, member, a.real)
+            case "defvar":
+                return self._columns.slot(part.slot)
+            case "act":
+                slot, value = FLAGS[part.name]
+                self._columns.assign(slot, a.number(value), mask)
+                return a.one
+            case "pure":
+                return self._pure(part, [self.value(each, mask) for each in part.parts], mask)
+            case _:
+                how: Callable[[Part, str], str] = getattr(self, f"_{part.op}")
+                return how(part, mask)
+
+    def _guarded(self, parts: Sequence[Part], mask: str) -> str:
+        """One part after the other; jumped over where no lane comes to them, if that saves anything."""
+        if sum(map(weight, parts)) <= LIGHT:
+            return self._last(parts, mask)
+        a = self.a
+        found = a.cell(a.real, a.zero)
+        with a.when(a.any(mask)):
+            a.put(found, a.real, self._last(parts, mask))
+        return a.get(found, a.real)
+
+    def _last(self, parts: Sequence[Part], mask: str) -> str:
+        value = self.a.zero
+        for part in parts:
+            value = self.value(part, mask)
+        return value
+
+    def _truth(self, part: Part, mask: str) -> str:
+        """Where a part is true."""
+        if part.op == "pure" and part.function.name in formulas.ORDERED and len(part.parts) == 2:
+            first, second = (self.value(each, mask) for each in part.parts)
+            return self.a.compare(formulas.ORDERED[part.function.name], first, second)
+        if part.op == "and" and not part.watch:
+            found = self.a.yes
+            for inside in part.parts:
+                found = self.a.both(found, self._truth(inside, self.a.both(mask, found)))
+            return found
+        return self._true(self._guarded([part], mask))
+
+    def _true(self, value: str) -> str:
+        return self.a.compare("one", value, self.a.zero)
+
+    def _unknown(self, value: str) -> str:
+        return self.a.compare("uno", value, value)
+
+    def _in_trouble(self, truth: str, mask: str) -> None:
+        a = self.a
+        a.put(self.trouble, a.truth, a.either(a.get(self.trouble, a.truth), a.both(truth, mask)))
+
+    def _give_up(self, mask: str) -> str:
+        self._in_trouble(self.a.yes, mask)
+        return self.a.nan
+
+    def _watched(self, part: Part, mask: str) -> None:
+        if part.watch and self._depth == 0:
+            a = self.a
+            a.put(self.matched, a.truth, a.either(a.get(self.matched, a.truth), mask))
+
+    # ---- functions of numbers
+
+    def _pure(self, part: Part, numbers: list[str], mask: str) -> str:
+        a, name = self.a, part.function.name
+        if not formulas.is_known(part):
+            return self._give_up(mask)
+        known = a.yes
+        for number in numbers:
+            known = a.both(known, a.compare("ord", number, number))
+        if name in formulas.TRUTHS:
+            held = a.select(formulas.holds(a, name, numbers), a.one, a.zero)
+            return a.select(known, held, a.nan)
+        found = formulas.FORMULAS[name](a, numbers, a.both(known, mask))
+        self._in_trouble(a.both(known, self._unknown(a.binary("fsub", a.real, found, found))), mask)
+        return a.select(known, found, a.nan)
+
+    # ---- ways
+
+    def _and(self, part: Part, mask: str) -> str:
+        a = self.a
+        found, holding = a.one, a.yes
+        for place, inside in enumerate(part.parts):
+            come = a.both(mask, holding)
+            if part.watch == place:
+                self._watched(part, come)
+            value = self._guarded([inside], come)
+            found = a.select(holding, value, found)
+            holding = a.both(holding, self._true(value))
+        if part.watch == len(part.parts):
+            self._watched(part, a.both(mask, holding))
+        return found
+
+    def _or(self, part: Part, mask: str) -> str:
+        a = self.a
+        found, holds, unknown = a.zero, a.no, a.no
+        for inside in part.parts:
+            still = a.neither(holds)
+            value = self._guarded([inside], a.both(mask, still))
+            true = a.both(still, self._true(value))
+            found = a.select(true, value, found)
+            unknown = a.either(unknown, a.both(still, self._unknown(value)))
+            holds = a.either(holds, true)
+        return a.select(holds, found, a.select(unknown, a.nan, a.zero))
+
+    def _cond(self, part: Part, mask: str) -> str:
+        a = self.a
+        found, still = a.zero, mask
+        for clause in part.parts:
+            test, *body = clause.parts
+            value = a.zero if body else self.value(test, still)
+            true = a.both(still, self._truth(test, still) if body else self._true(value))
+            self._watched(clause, true)
+            found = a.select(true, self._guarded(body, true) if body else value, found)
+            still = a.both(still, a.neither(true))
+        return found
+
+    def _if(self, part: Part, mask: str) -> str:
+        a = self.a
+        true = self._truth(part.parts[0], mask)
+        taken = a.both(mask, true)
+        self._watched(part, taken)
+        value = self._guarded(part.parts[1:2], taken)
+        return a.select(true, value, self._guarded(part.parts[2:], a.both(mask, a.neither(true))))
+
+    def _let(self, part: Part, mask: str) -> str:
+        count = int(part.number)
+        for place, value in enumerate([self.value(each, mask) for each in part.parts[:count]]):
+            self._set(part.slot + place, value, mask)
+        return self._last(part.parts[count:], mask)
+
+    def _dotimes(self, part: Part, mask: str) -> str:
+        if part.number:
+            with self.a.repeated(int(part.number)) as number:
+                self._set(part.slot, number, mask)
+                self._last(part.parts, mask)
+        return self.a.zero
+
+    # ---- assigning, entering
+
+    def _set(self, local: int, value: str, mask: str) -> None:
+        a, place = self.a, self._locals[local]
+        a.put(place, a.real, a.select(mask, value, a.get(place, a.real)))
+
+    def _set_local(self, part: Part, mask: str) -> str:
+        value = self.value(part.parts[0], mask)
+        self._set(part.slot, value, mask)
+        return value
+
+    def _set_user(self, part: Part, mask: str) -> str:
+        value = self.value(part.parts[0], mask)
+        self._columns.assign(part.slot, value, mask)
+        return value
+
+    def _write(self, part: Part, mask: str) -> str:
+        value = self.value(part.parts[0], mask)
+        if isinstance(part.data, Variable):
+            self._in_trouble(self._unknown(value), mask)
+            if part.data.kind is Kind.ACTUATOR:
+                self._columns.actuators.add(part.slot)
+        self._columns.assign(part.slot, value, mask)
+        return value
+
+    def _fetch(self, part: Part, mask: str) -> str:
+        return self._enter(part, mask)
+
+    def _call(self, part: Part, mask: str) -> str:
+        return self._enter(part, mask)
+
+    def _enter(self, part: Part, mask: str) -> str:
+        """A buffer, rule or operator, its code written here; an empty buffer is unknown."""
+        a, program = self.a, entered(part, self._names)
+        if program is None:
+            return a.nan
+        arguments = [self.value(each, mask) for each in part.parts]
+        charged = a.binary("add", a.whole, a.get(self.steps, a.whole), a.integer("i32", program.cost))
+        a.put(self.steps, a.whole, a.select(mask, charged, a.get(self.steps, a.whole), a.whole))
+        kept, levels = self._locals, self._levels
+        self._locals = [a.cell(a.real) for _ in range(program.locals)]
+        for place, value in zip(self._locals, [*arguments, *[a.nan] * program.locals], strict=False):
+            a.put(place, a.real, value)
+        self._depth, self._levels = self._depth + 1, levels + program.height
+        value = self._guarded([program.root], mask)
+        self._locals, self._depth, self._levels = kept, self._depth - 1, levels
+        return value
+
+    # ---- chance
+
+    def _draw(self, mask: str) -> str:
+        """The next number in [0, 1) of the lanes of the mask."""
+        a = self.a
+        golden, number = a.integer("i64", _signed(GOLDEN)), a.get(self.drawn, a.whole)
+        tick = self._columns.read("tick", "", a.long)
+        of_tick = self._mixed(
+            a.binary("add", a.long, self._columns.read("keys", "", a.long), a.binary("mul", a.long, tick, golden))
+        )
+        later = a.binary("mul", a.long, a.convert("zext", a.whole, number, a.long), golden)
+        word = self._mixed(a.binary("add", a.long, of_tick, later))
+        following = a.binary("add", a.whole, number, a.convert("zext", a.truth, mask, a.whole))
+        a.put(self.drawn, a.whole, following)
+        high = a.binary("lshr", a.long, word, a.integer("i64", 11))
+        return a.binary("fmul", a.real, a.convert("sitofp", a.long, high, a.real), a.number(UNIT))
+
+    def _mixed(self, z: str) -> str:
+        """The finaliser of SplitMix64, see `language.chance.mix`."""
+        a = self.a
+        for shift, factor in ((30, _FIRST), (27, _SECOND)):
+            z = a.binary("xor", a.long, z, a.binary("lshr", a.long, z, a.integer("i64", shift)))
+            z = a.binary("mul", a.long, z, a.integer("i64", _signed(factor)))
+        return a.binary("xor", a.long, z, a.binary("lshr", a.long, z, a.integer("i64", 31)))
+
+    def _prob(self, part: Part, mask: str) -> str:
+        a = self.a
+        chance = self.value(part.parts[0], mask)
+        known = a.compare("ord", chance, chance)
+        held = a.compare("olt", self._draw(a.both(mask, known)), chance)
+        return a.select(known, a.select(held, a.one, a.zero), a.nan)
+
+    def _random(self, part: Part, mask: str) -> str:
+        a = self.a
+        low, high = (self.value(each, mask) for each in part.parts)
+        known = a.compare("ord", low, high)
+        across = a.binary("fmul", a.real, self._draw(a.both(mask, known)), a.binary("fsub", a.real, high, low))
+        found = a.binary("fadd", a.real, low, across)
+        self._in_trouble(a.both(known, self._unknown(a.binary("fsub", a.real, found, found))), mask)
+        return a.select(known, found, a.nan)
+
+    def _gauss(self, part: Part, mask: str) -> str:
+        a = self.a
+        if not formulas.has_logarithm():
+            return self._give_up(mask)
+        mean, deviation = (self.value(each, mask) for each in part.parts)
+        known = a.compare("ord", mean, deviation)
+        self._in_trouble(a.compare("olt", deviation, a.zero), a.both(mask, known))
+        come = a.both(mask, known)
+        out = a.binary("fmul", a.real, deviation, formulas.quantile(a, self._draw(come), come))
+        found = a.binary("fadd", a.real, mean, out)
+        self._in_trouble(a.both(known, self._unknown(a.binary("fsub", a.real, found, found))), mask)
+        return a.select(known, found, a.nan)
+
+    def _dice(self, part: Part, mask: str) -> str:
+        a = self.a
+        drawn, total, found, still = self._draw(mask), a.zero, a.zero, mask
+        for side in part.parts:
+            total = a.binary("fadd", a.real, total, self._guarded(side.parts[:1], still))
+            unknown = a.both(still, self._unknown(total))
+            hit = a.both(still, a.compare("olt", drawn, total))
+            value = self._guarded(side.parts[1:], hit)
+            found = a.select(hit, value, a.select(unknown, a.nan, found))
+            still = a.both(still, a.neither(a.either(hit, unknown)))
+        return found
+
+
+def weight(part: Part) -> int:
+    """About how much a part costs, of the measure of `LIGHT`."""
+    heavy = {"prob", "random", "gauss", "dice", "dotimes", "fetch", "call", "in"}
+    found = 0
+    for inside in walk(part):
+        costly = inside.op in heavy or (inside.op == "pure" and inside.function.name in formulas.COSTLY)
+        found += 10 * LIGHT if costly else 1
+    return found
+
+
+def enters(program: Program, names: Meaning) -> bool:
+    """Whether a program enters others."""
+    return any(entered(part, names) is not None for part in walk(program.root))
+
+
+def _signed(word: int) -> int:
+    """A word of 64 bits as LLVM writes it."""
+    return word - (1 << 64) if word > MASK >> 1 else word

@@ -1,0 +1,120 @@
+"""Meanings: what the names in a program stand for on robots of one mind, so that native code can be made of it all.
+
+A buffer, a rule or an operator is another program, found only when it is evaluated; native code has it inside, so it
+belongs to the robots on which those names mean the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
+
+from sleepcast.language.machine import MAX_STEPS, Program
+from sleepcast.language.names import UserVariable
+from sleepcast.language.operations import MAX_DEPTH, MAX_LEVELS
+from sleepcast.language.parts import Part, walk
+from sleepcast.language.rehearsal import FLAGS
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Kind, Variable
+from sleepcast.mind.rules import Mind
+
+Name: TypeAlias = tuple[str, str]
+"""The op of the part that uses a name - `fetch`, `call` or `known` (a user variable) - and its key."""
+Meaning: TypeAlias = Mapping[Name, Program | bool | None]
+
+_EVERYWHERE = frozenset(
+    {"const", "var", "local", "absent", "and", "or", "known", "cond", "clause", "if", "progn", "let"}
+)
+_NATIVE = _EVERYWHERE | {"dotimes", "set_user", "set_local", "in", "prob", "dice", "random", "gauss", "pure"}
+_ONE_WAY = frozenset({"and", "or", "if", "cond", "clause", "dice"})
+"""Parts of which only the first is evaluated whatever it gives."""
+
+
+def meaning(programs: Sequence[Program], mind: Mind) -> dict[Name, Program | bool | None]:
+    """What every name in these programs, and in those that they reach, means in this mind."""
+    found: dict[Name, Program | bool | None] = {}
+    waiting, seen = list(programs), set(programs)
+    while waiting:
+        for part in walk(waiting.pop().root):
+            name = name_of(part)
+            if name is not None and name not in found:
+                found[name] = meant = _meant(name, mind)
+                if isinstance(meant, Program) and meant not in seen:
+                    seen.add(meant)
+                    waiting.append(meant)
+    return found
+
+
+def name_of(part: Part) -> Name | None:
+    """The name whose meaning a part depends on, None if it depends on none."""
+    if part.op in ("fetch", "call"):
+        return part.op, part.name
+    if part.op == "defvar" or (part.op == "write" and not isinstance(part.data, Variable)):
+        return "known", part.name
+    return None
+
+
+def _meant(name: Name, mind: Mind) -> Program | bool | None:
+    op, key = name
+    if op == "known":
+        return isinstance(mind.learned.get(key), UserVariable)
+    if op == "call":
+        return mind.operators.get(key)
+    kept = mind.rules.get(key)
+    return None if kept is None else kept.program
+
+
+def entered(part: Part, names: Meaning) -> Program | None:
+    """The program that a part enters, None if it enters none."""
+    name = name_of(part)
+    found = None if name is None else names[name]
+    if not isinstance(found, Program) or (part.op == "call" and found.parameters != len(part.parts)):
+        return None
+    return found
+
+
+def is_native(part: Part, names: Meaning, depth: int, levels: int) -> bool:
+    """Whether native code does what a part itself does; if not, robots that come to it are walked.
+
+    depth, levels: programs entered inside one another, and parentheses open in them.
+    """
+    if part.op in ("fetch", "call"):
+        inside = entered(part, names)
+        if inside is None:
+            return part.op == "fetch"
+        return depth < MAX_DEPTH and levels + inside.height <= MAX_LEVELS
+    if part.op == "write":
+        if not isinstance(part.data, Variable):
+            return part.slot >= 0 and names["known", part.name] is True
+        return part.data.kind is Kind.ACTUATOR or not ACTIVE0 < part.slot < ACTIVE0 + BUFFERS
+    if part.op == "defvar":
+        return names["known", part.name] is True
+    return part.op in _NATIVE or (part.op == "act" and part.name in FLAGS)
+
+
+class Size:
+    """How large a program is with everything that it enters. parts: of all; steps: at most, in one evaluation.
+
+    hopeless: every evaluation comes to something that is not native.
+    """
+
+    def __init__(self, program: Program, names: Meaning) -> None:
+        self._names = names
+        self.parts, self.steps, self.hopeless = 0, 0, False
+        self._enter(program, 1, True, 0, program.height)
+
+    def _enter(self, program: Program, times: int, always: bool, depth: int, levels: int) -> None:
+        self.steps += times * program.cost
+        if self.steps <= MAX_STEPS:
+            self._look(program.root, times, always, depth, levels)
+
+    def _look(self, part: Part, times: int, always: bool, depth: int, levels: int) -> None:
+        self.parts += 1
+        native = is_native(part, self._names, depth, levels)
+        self.hopeless |= always and not native
+        repeated = times * int(part.number) if part.op == "dotimes" else times
+        if repeated:
+            for place, inside in enumerate(part.parts):
+                self._look(inside, repeated, always and not (part.op in _ONE_WAY and place), depth, levels)
+        program = entered(part, self._names)
+        if program is not None and native:
+            self._enter(program, times, always, depth + 1, levels + program.height)

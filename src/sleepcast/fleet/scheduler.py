@@ -1,0 +1,304 @@
+"""Rounds: the active rules of many robots in a tick, each robot's in its own order and within its own budget.
+
+The order is that of one robot's scheduler: E1 upwards, then the rules in the order of their arrival, a higher
+priority later; if the budget does not reach for all, the higher priority is served, then those left over from the
+tick before. Robots with different rules go different ways; where ways meet in the same rule, they evaluate it
+together.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.fleet.columns import Mask, Rows
+from sleepcast.fleet.machine import walk_through
+from sleepcast.fleet.memory import FleetMemory
+from sleepcast.fleet.native.compiler import Kernel, moment
+from sleepcast.fleet.native.kernels import Plan
+from sleepcast.fleet.rule_statistics import RuleStatistics
+from sleepcast.language.machine import Program
+from sleepcast.mind.limits import FAILED, MAX_FAULTS_IN_ROW, TICK_STEPS
+from sleepcast.mind.rules import Mind, Rule
+
+
+class Way:
+    """Robots that have the same rules before them. keys: of those rules, in order; done: how many are behind.
+
+    until: how many of the rules are walked now.
+    """
+
+    def __init__(self, keys: tuple[str, ...], rows: Rows, done: int = 0, until: int | None = None) -> None:
+        self.keys, self.rows, self.done = keys, rows, done
+        self.until = len(keys) if until is None else until
+
+    @property
+    def head(self) -> str:
+        return self.keys[self.done]
+
+
+class BatchScheduler:
+    """The rounds of a fleet. left_over: by robot, the rules that the budget of the last tick did not reach."""
+
+    def __init__(self, memory: FleetMemory) -> None:
+        self._memory = memory
+        self._used: NDArray[np.int32] = np.zeros(memory.state.count, np.int32)
+        self.left_over: dict[int, frozenset[str]] = {}
+
+    def run(self, rows: Rows) -> None:
+        """One round of each of these robots, which are awake."""
+        self._memory.tallies.lost.clear()
+        for stretch in self._run_natively(rows).stretches():
+            self._used[stretch.index] = 0
+            self._walk(self._ways(stretch))
+        self._memory.tallies.lost.clear()
+
+    # ---- natively
+
+    def _run_natively(self, rows: Rows) -> Rows:
+        """The rounds of those robots for whose rules there is native code; gives the others."""
+        memory, kernels = self._memory, self._memory.kernels
+        if kernels is None or rows.size == 0:
+            return rows
+        left = []
+        for plan, some, _ in memory.divide(rows, lambda number: kernels.plan(memory.minds[number], memory.state)):
+            if plan is None or not self._affordable(plan):
+                left.append(some)
+                continue
+            if self.left_over:
+                behind = np.isin(some.robots, list(self.left_over))
+                left.append(some.take(behind))
+                some = some.take(~behind) if behind.any() else some
+            if some.size:
+                self._follow(plan, some)
+        if len(left) == 1:
+            return left[0]
+        return Rows.of(np.sort(np.concatenate([some.robots for some in left]))) if left else Rows.run(0, 0)
+
+    def _affordable(self, plan: Plan) -> bool:
+        """Whether the budget reaches for all rules of a plan, whatever their robots do."""
+        expected = plan.steps
+        for key, size in zip(plan.keys, plan.sizes, strict=True):
+            expected += max(0, self._memory.tallies[key].most_steps - size.steps)
+        return expected <= TICK_STEPS
+
+    def _follow(self, plan: Plan, rows: Rows) -> None:
+        """One round of robots that all have the rules of a plan, leg by leg."""
+        memory, done = self._memory, 0
+        self._used[rows.index] = 0
+        for leg in plan.legs:
+            after = done + leg.rules
+            if leg.kernel is None:
+                before = memory.state.mind[rows.index].copy()
+                way = Way(plan.keys, rows, done, after)
+                self._walk([way])
+                rows = self._unchanged(way, rows, before)
+            else:
+                left = self._evaluate_natively(plan.keys[done:after], leg.kernel, rows, last=after == len(plan.keys))
+                if left.size:
+                    self._walk([Way(plan.keys, left, done)])
+                    rows = rows.take(~np.isin(rows.robots, left.robots))
+            if rows.size == 0:
+                return
+            done = after
+
+    def _unchanged(self, way: Way, rows: Rows, before: NDArray[np.int32]) -> Rows:
+        """Those robots that walking has left as they were; the others, which have other rules now, walk on."""
+        memory = self._memory
+        changed = memory.state.mind[rows.index] != before
+        for lost in memory.tallies.lost.values():
+            changed |= lost[rows.index]
+        spent = np.ones(rows.size, np.bool_)
+        spent[np.isin(rows.robots, way.rows.robots)] = False
+        on = rows.take(changed & ~spent)
+        if on.size and way.until < len(way.keys):
+            self._walk([Way(way.keys, on, way.until)])
+        return rows.take(~(changed | spent)) if changed.any() or spent.any() else rows
+
+    def _evaluate_natively(self, keys: Sequence[str], kernel: Kernel, rows: Rows, *, last: bool) -> Rows:
+        """Evaluate rules natively; gives the robots that have to walk them. last: nothing comes after them."""
+        memory, kernels = self._memory, self._memory.kernels
+        if kernels is None:
+            return rows
+        tallies = [memory.tallies[key] for key in keys]
+        one = int(rows.index.start if isinstance(rows.index, slice) else rows.index[0])
+        when = moment(memory.state, Rows.run(one, one + 1))  # all robots of a round think at the same moment
+        sinks = [tally.sink(steps=entering) for tally, entering in zip(tallies, kernel.entering, strict=True)]
+        left = kernels.evaluate(kernel, memory.state, rows, when, sinks)
+        done = rows.take(~np.isin(rows.robots, left.robots)) if left.size else rows
+        for tally, steps, entering in zip(tallies, kernel.steps, kernel.entering, strict=True):
+            tally.ran(steps, done, kept=entering)
+            if not last:
+                self._used[done.index] += np.asarray(tally.steps(done), np.int32)
+        return left
+
+    # ---- which rules, in which order
+
+    def _ways(self, rows: Rows) -> list[Way]:
+        memory, ways = self._memory, []
+        for sequence, some, _ in memory.divide(rows, lambda number: memory.minds[number].sequence):
+            if not sequence:
+                continue
+            special = self._out_of_the_ordinary(some)
+            for robot in some.robots[special].tolist():
+                chosen = self._choose(robot)
+                ways.append(Way(chosen, Rows.of(np.array([robot]))))
+            if not special.all():
+                ways.append(Way(sequence, some.take(~special) if special.any() else some))
+        return ways
+
+    def _out_of_the_ordinary(self, rows: Rows) -> Mask:
+        """Robots whose budget may not reach for all, or with rules left over."""
+        memory = self._memory
+        found = np.zeros(rows.size, np.bool_)
+        for mind, some, mask in memory.divide(rows, lambda number: memory.minds[number]):
+            tallies = [(kept.program.cost, memory.tallies[kept.key]) for kept in mind.running]
+            if sum(max(cost, tally.most_steps) for cost, tally in tallies) > TICK_STEPS:
+                expected = sum(np.maximum(cost, np.asarray(tally.steps(some), np.int32)) for cost, tally in tallies)
+                found[... if mask is None else mask] = expected > TICK_STEPS
+        if self.left_over:
+            found |= np.isin(rows.robots, list(self.left_over))
+        return found
+
+    def _choose(self, robot: int) -> tuple[str, ...]:
+        """The rules that one robot's budget reaches for, in the order of evaluation; the others are left over."""
+        running = self._memory.kept(robot).running
+        left_over = self.left_over.get(robot, frozenset())
+        budget = TICK_STEPS
+        taken: set[str] = set()
+        for kept in sorted(running, key=lambda k: (-k.priority, k.key not in left_over)):
+            budget -= max(kept.program.cost, self._memory.tallies[kept.key].steps_of(robot))
+            if budget < 0 and taken:
+                break
+            taken.add(kept.key)
+        chosen = [kept for kept in running if kept.key in taken]
+        chosen.sort(key=lambda k: (k.priority, k.key not in left_over))
+        self._leave_over(robot, frozenset(kept.key for kept in running) - taken)
+        return tuple(kept.key for kept in chosen)
+
+    def _leave_over(self, robot: int, keys: frozenset[str]) -> None:
+        if keys:
+            self.left_over[robot] = keys
+        else:
+            self.left_over.pop(robot, None)
+
+    # ---- evaluating
+
+    def _walk(self, ways: list[Way]) -> None:
+        while ways:
+            ways = self._step(ways)
+
+    def _step(self, ways: list[Way]) -> list[Way]:
+        """Evaluate one rule on all robots that have it before them; gives the ways that go on."""
+        key = _next(ways)
+        there = [way for way in ways if way.head == key]
+        if len(there) == 1:
+            rows = there[0].rows
+        else:
+            rows = Rows.of(np.sort(np.concatenate([way.rows.robots for way in there])))
+        self._evaluate(key, rows)
+        for way in there:
+            way.done += 1
+            self._spare(way)
+        return [way for way in ways if way.done < way.until and way.rows.size]
+
+    def _spare(self, way: Way) -> None:
+        """Robots that have used up their budget leave the rest over."""
+        spent = self._used[way.rows.index] > TICK_STEPS
+        if spent.any():
+            rest = frozenset(way.keys[way.done :])
+            for robot in way.rows.robots[spent].tolist():
+                self._leave_over(robot, self.left_over.get(robot, frozenset()) | rest)
+            way.rows = way.rows.take(~spent)
+
+    def _evaluate(self, key: str, rows: Rows) -> None:
+        """Evaluate one rule where it is still there and active."""
+        memory = self._memory
+
+        def active(number: int) -> Program | None:
+            kept = memory.minds[number].rules.get(key)
+            return kept.program if kept is not None and kept.active else None
+
+        lost = memory.tallies.lost_in_round(key, rows)
+        if lost is not None and lost.any():
+            rows = rows.take(~lost)
+        for program, some, _ in memory.divide(rows, active):
+            if program is not None:
+                memory.begin(program, some)
+                values = walk_through(memory, program, some)
+                steps = memory.steps(some)
+                self._used[some.index] += steps
+                self._tally(key, some, values, steps)
+
+    def _tally(self, key: str, rows: Rows, values: NDArray[np.float64], steps: NDArray[np.int32] | int) -> None:
+        """Note how the evaluation went; a rule that only has faults is deactivated."""
+        memory, tally = self._memory, self._memory.tallies[key]
+        first = memory.first_faults()
+        faulted = np.zeros(rows.size, np.bool_)
+        if first:
+            faulted = np.isin(rows.robots, list(first))
+            memory.changing(rows.take(faulted))
+        lost = memory.tallies.lost_in_round(key, rows)
+        if lost is not None and lost.any():  # what it was on these robots is no more
+            here = ~lost
+            gone = set(rows.robots[lost].tolist())
+            first = {robot: text for robot, text in first.items() if robot not in gone}
+            rows, values, faulted = rows.take(here), values[here], faulted[here]
+            steps = steps if isinstance(steps, int) else steps[here]
+        tally.last_value[rows.index] = values
+        tally.used(steps, rows)
+        tally.most_steps = max(tally.most_steps, int(np.max(steps, initial=0)))
+        tally.fired(rows, memory.matched[rows.index])
+        if first or tally.faulted:
+            tally.failed(rows, faulted)
+        if first:
+            tally.last_fault.update(first)
+            self._deactivate(key, tally, rows.take(faulted))
+
+    def _deactivate(self, key: str, tally: RuleStatistics, rows: Rows) -> None:
+        """Deactivate a rule where it has had nothing but faults for too long, unless it is built in."""
+        memory = self._memory
+        worn = rows.take(tally.in_row(rows) >= MAX_FAULTS_IN_ROW)
+        for number, some, _ in memory.divide(worn, lambda number: number):
+            kept = memory.minds[number].rules[key]
+            if not kept.protected:
+                draft = memory.minds.draft(number)
+                draft.activate(key, False)
+                memory.turn(some, draft)
+                memory.state.unproven_since[some.index] = FAILED
+                memory.speech.report(some, f"rule {kept.name} deactivated")
+
+
+def _next(ways: list[Way]) -> str:
+    """The rule to evaluate next: one that no way comes to later, if there is one, so that ways meet."""
+    if len(ways) == 1:
+        return ways[0].head
+    later = {key for way in ways for key in way.keys[way.done + 1 : way.until]}
+    robots: Counter[str] = Counter()
+    for way in ways:
+        robots[way.head] += way.rows.size
+    free = {key: size for key, size in robots.items() if key not in later} or robots
+    return max(free, key=lambda key: free[key])
+
+
+def expired(memory: FleetMemory, rows: Rows, now: float) -> None:
+    """Deactivate what robots hold on a lease that has ended, and let them report it."""
+    tallies = memory.tallies
+    if not tallies.leases:
+        return
+    for mind, some, _ in memory.divide(rows, lambda number: memory.minds[number]):
+        ended = [(kept, some.take(tallies.leases[kept.key][some.index] <= now)) for kept in _leased(memory, mind)]
+        for kept, there in ended:
+            for number, few, _ in memory.divide(there, lambda number: number):
+                draft = memory.minds.draft(number)
+                draft.activate(kept.key, False)
+                memory.turn(few, draft)
+        for kept, there in ended:
+            memory.speech.report(there, f"lease of {kept.name} ended")
+
+
+def _leased(memory: FleetMemory, mind: Mind) -> list[Rule]:
+    return [kept for kept in mind.running if kept.key in memory.tallies.leases]

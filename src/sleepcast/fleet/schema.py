@@ -1,0 +1,140 @@
+"""What a fleet is when it is kept: the parcels of its parts, from which the same fleet can be made again.
+
+Programs are kept as texts, with what their learned names meant, and compiled again. Robots are named by their indices.
+What only lasts within a tick is not here, and neither are the inputs of past commands, from which explanations are
+made.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from sleepcast.channel.message import Message
+from sleepcast.channel.serialized import MessageBatchState
+from sleepcast.channel.stop_latch import Latch
+from sleepcast.core.serial import Array, Arrays
+
+
+class ValuesState(msgspec.Struct):
+    """The variables and groups of a `FleetState`: by slot one number for all or a column; members by group."""
+
+    same: list[float]
+    columns: dict[int, Array]
+    groups: Arrays
+
+
+class ColumnsState(msgspec.Struct):
+    """`FleetState`: its values, its arrays by name, by slot who has assigned an actuator, and which of the latches
+    each robot has (`orders`)."""
+
+    values: ValuesState
+    arrays: Arrays
+    actuated: dict[int, Array]
+    orders: Arrays = {}
+    latches: list[Latch] = []
+    telling: Arrays = {}
+
+
+class TelemetryState(msgspec.Struct):
+    """What robots last told of themselves, and who was stopped then. asked: of a large fleet, the slots that are told,
+    each with who has told it; None where that was not kept yet. last: those who told last."""
+
+    values: ValuesState
+    stopped: Array
+    asked: dict[int, Array] | None = None
+    last: Array | None = None
+
+
+class SymbolState(msgspec.Struct, array_like=True):
+    """A learned name. sort: "variable", "rule", "operator" or "group"."""
+
+    sort: str
+    name: str
+    parameters: tuple[str, ...] = ()
+    uses: tuple[str, ...] = ()
+
+
+class ProgramState(msgspec.Struct, array_like=True):
+    """A program: its text and parameters, and what its free names meant when it was compiled."""
+
+    text: str
+    parameters: tuple[str, ...]
+    meanings: dict[str, SymbolState]
+
+
+class RuleState(msgspec.Struct, array_like=True):
+    """A kept expression. program: its place among the programs."""
+
+    key: str
+    name: str
+    program: int
+    active: bool
+    protected: bool
+    priority: int
+
+
+class MindState(msgspec.Struct, array_like=True):
+    """A mind. operators: by key, their programs' places."""
+
+    rules: list[RuleState]
+    learned: dict[str, SymbolState]
+    operators: dict[str, int]
+
+
+class MindsState(msgspec.Struct):
+    """The table of minds by number. user_names: the keys of user variables in the order of their slots."""
+
+    user_names: list[str]
+    programs: list[ProgramState]
+    minds: dict[int, MindState]
+    next: int
+
+
+class RuleStatisticsState(msgspec.Struct, array_like=True):
+    """How one expression has fared; see `Tally`."""
+
+    arrays: Arrays
+    most_steps: int
+    faulted: bool
+    last_fault: dict[int, str]
+
+
+class StatisticsState(msgspec.Struct):
+    """All tallies and leases by key."""
+
+    tallies: dict[str, RuleStatisticsState]
+    leases: Arrays
+    proven_leases: Arrays
+
+
+class InboxState(msgspec.Struct):
+    """seen: ids of messages with who has heard them (None: all), oldest first. queue: what waits for whom."""
+
+    seen: list[tuple[str, Array | None]]
+    queue: list[tuple[Message, Array]]
+
+
+class OutboxState(msgspec.Struct):
+    """What has been said and not yet been sent: in one piece, or by robot where somebody has looked. pings: robots and
+    castes."""
+
+    epoch: int
+    sayings: list[MessageBatchState]
+    outboxes: dict[int, list[Message]]
+    pings: list[tuple[Array, Array]]
+    ping_lists: dict[int, list[float]]
+
+
+class FleetSnapshot(msgspec.Struct):
+    """Everything. left_over: by robot, the rules that the budget of the last tick did not reach. measured: by slot,
+    when each robot last measured it (s)."""
+
+    minds: MindsState
+    state: ColumnsState
+    told: TelemetryState
+    tallies: StatisticsState
+    inbox: InboxState
+    speech: OutboxState
+    left_over: dict[int, tuple[str, ...]]
+    measured: dict[int, Array]
+    minds_used: int

@@ -1,0 +1,210 @@
+"""A crew: many minds in one process, in real time: each with a line of its own, all with one ear, and simulated bodies.
+
+    advance  the bodies move on by one tick
+    deliver  what the air has brought is received, and written down if somebody keeps it
+    sense    minds that have something to think about get their readings
+    think    ... and think
+    act      what they want of their bodies' actuators goes there
+    report   what has come of it is written down, and what they say goes on the air
+
+Between two ticks the crew listens: whatever comes is received at once, so that STOP waits for nothing. Ticks that begin
+late are counted, and what could not be kept up with is let go, never made up for. However it ends, all bodies are
+stopped first.
+"""
+
+from __future__ import annotations
+
+import gc
+import select
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from math import inf, nan
+from typing import Self
+
+from sleepcast.channel.message import Message
+from sleepcast.channel.receiver import Receiver
+from sleepcast.channel.roles import Role
+from sleepcast.channel.sequencer import Skipped
+from sleepcast.channel.session import GATHER_FOR, ChannelSession
+from sleepcast.channel.transports.multiplexer import Multiplexer
+from sleepcast.core.clock import Clock
+from sleepcast.loop.real import Keeper, Watch
+from sleepcast.node.node import Node
+from sleepcast.robot import Setpoint
+from sleepcast.simulator import Guard, Simulator
+
+
+@dataclass(slots=True)
+class Member:
+    """A mind, the index of its body in the simulator, and its line, on which it speaks. due: when the line wants to be
+    tended even if nothing comes, s of Unix time."""
+
+    node: Node
+    number: int
+    line: ChannelSession
+    due: float = -inf
+
+
+@dataclass(slots=True)
+class NetworkSwarm:
+    """See the module. trunk: on which the ear and all lines have their branches. clock: for the pace of the ticks; air:
+    Unix time, by which they are tended. watch: how it goes. guard: of the bodies' limits. keeper: of what the minds
+    know. time: of the minds, which began when their nodes say, s."""
+
+    simulator: Simulator
+    members: Sequence[Member]
+    trunk: Multiplexer
+    ear: Receiver
+    clock: Clock
+    air: Clock
+    watch: Watch = field(default_factory=Watch)
+    guard: Guard | None = None
+    keeper: Keeper | None = None
+    time: float = 0.0
+
+    def run(self, going: Callable[[], bool]) -> None:
+        """Live until `going`, asked before each tick, says no; then every body is stopped. Raises what the channel
+        raises, once they are."""
+        tick = self.simulator.scenario.tick
+        due = self.clock.now()
+        try:
+            with PacedCollector() as sweeper:
+                while going():
+                    self.listen(due)
+                    now = self.clock.now()
+                    self.watch.begin(now - due, tick)
+                    due = max(due + tick, now)
+                    self.step()
+                    sweeper.sweep()
+        finally:
+            for member in self.members:
+                self.simulator.robots[member.number].stop()
+
+    def step(self) -> None:
+        """One tick."""
+        if self.guard is not None:
+            self.guard.attend()
+        self.simulator.step()
+        self.hear()
+        awake = [member for member in self.members if member.node.awake]
+        if self.keeper is not None:
+            self.keeper.before()
+        now = self._time()
+        if awake:
+            readings = self.simulator.readings([member.number for member in awake])
+            for member, values in zip(awake, readings, strict=True):
+                member.node.sense(values, now)
+                self._think(member, now)
+        if self.keeper is not None:
+            self.keeper.after()
+        for member in awake:
+            if member.node.outbox:
+                self._report(member)
+
+    def listen(self, until: float) -> None:
+        """Receive what comes, until that time of `clock`."""
+        while (left := until - self.clock.now()) > 0.0:
+            wait = min(self.ear.due(), *(member.due for member in self.members)) - self.air.now()
+            if wait > 0.0 and not self.ear.waits:
+                select.select([self.trunk], [], [], min(wait, left))
+            pause = min(GATHER_FOR, until - self.clock.now()) if self.hear() else 0.0
+            if pause > 0.0:
+                select.select([], [], [], pause)
+
+    def hear(self) -> bool:
+        """Receive what has come, and send what is due; whether anything came from elsewhere. What one says, its
+        neighbours hear in their turn."""
+        came = self.trunk.gather()
+        heard = self.ear.take()
+        self._give(heard)  # what has come reaches every mind before anything else is done
+        now = self.air.now()
+        if self.ear.due() <= now:
+            freed = self.ear.tend()
+            self._give(freed)
+            heard += freed
+        skipped = self.ear.skipped()
+        for member in self.members:
+            self._tend(member, now, skipped, news=bool(heard))
+        speaking = [member for member in self.members if member.node.outbox]
+        if self.keeper is not None and speaking:
+            self.keeper.after()
+        for member in speaking:
+            self._report(member)
+        return came
+
+    def _give(self, messages: Sequence[Message]) -> None:
+        """Let every mind hear these, but for what it has said itself."""
+        for member in self.members if messages else ():
+            name = member.node.name
+            member.line.hear(each for each in messages if each.sender != name or each.role != Role.ROBOT)
+            self._receive(member)
+
+    def _tend(self, member: Member, now: float, skipped: Sequence[Skipped], *, news: bool) -> None:
+        """Let a line do what is due. news: whether it has heard something, and other things may be due now."""
+        if skipped:
+            member.line.miss(skipped)
+        if skipped or news:
+            member.due = member.line.due()
+        if skipped or member.due <= now:
+            member.line.tend()
+            self._receive(member)
+            member.due = member.line.due()
+
+    @staticmethod
+    def _receive(member: Member) -> None:
+        for message in member.line.heard():
+            member.node.receive(message)
+
+    def _time(self) -> float:
+        """That of the minds, s: what is on the wall, as deadlines are of that, however the ticks keep up. It never goes
+        back."""
+        zero = self.members[0].node.zero if self.members else 0.0
+        self.time = max(self.time, self.air.now() - zero)
+        return self.time
+
+    def _think(self, member: Member, now: float) -> None:
+        node, body = member.node, self.simulator.robots[member.number]
+        node.think(self.simulator.tick, now)
+        wanted = node.actuators()
+        if wanted:
+            body.act(Setpoint(*(wanted.get(actuator.name, nan) for actuator in body.model.actuators)))
+        for caste in node.pings:
+            self.simulator.ping(member.number, caste)
+        node.pings.clear()
+
+    @staticmethod
+    def _report(member: Member) -> None:
+        for message in member.node.outbox:
+            member.line.send(message)
+        member.node.outbox.clear()
+        member.due = member.line.due()
+
+
+# Garbage is looked for right after a tick, when nobody waits for anything.
+
+THOROUGH = 600
+"""Ticks after which all that was made since the beginning is looked through, and not only what is new: a minute's."""
+
+
+class PacedCollector:
+    """Looks for garbage when it is told to, during a `with` block, and not at what was there before."""
+
+    def __init__(self) -> None:
+        self._ticks = 0
+        self._by_itself = gc.isenabled()
+
+    def __enter__(self) -> Self:
+        gc.collect()
+        gc.freeze()
+        gc.disable()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        gc.unfreeze()
+        if self._by_itself:
+            gc.enable()
+
+    def sweep(self) -> None:
+        """A tick is over."""
+        self._ticks += 1
+        gc.collect(1 if self._ticks % THOROUGH else 2)

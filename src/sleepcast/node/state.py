@@ -1,0 +1,213 @@
+"""Keeping a mind: what a robot has learned, as plain data, and a mind that goes on with it.
+
+Kept are the names it has learned with their values and texts, the groups it is in, its flags, its rules as they are
+and as they last proved themselves, whether it is stopped, who has leases of its groups, and which command has changed
+what. Programs are texts and are compiled again. What is built in is not kept: whoever starts the robot gives it that.
+Nothing of a body is kept: after a restart it stands still until something moves it anew.
+"""
+
+from __future__ import annotations
+
+from math import inf, isfinite
+
+import msgspec
+
+from sleepcast.core.errors import SleepcastError
+from sleepcast.core.serial import SerialError
+from sleepcast.language.machine import Program
+from sleepcast.language.names import Group, Operator, Stored, UserVariable
+from sleepcast.language.reader import read_all
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, buffer_number
+from sleepcast.mind.merging import MergingState
+from sleepcast.node.buffers import RuleSet
+from sleepcast.node.memory import FAILED, PROVEN_TICKS, RobotMemory
+from sleepcast.node.node import Node
+
+UNFIT = (*(ValueError, TypeError, LookupError, ArithmeticError), *(AttributeError, RecursionError, SleepcastError))
+"""What plain data that nobody has checked may raise on its way into a mind."""
+
+
+class RuleState(msgspec.Struct, frozen=True, array_like=True):
+    """A rule or buffer: its name as written. left: s of its lease, None without one."""
+
+    name: str
+    text: str
+    active: bool
+    left: float | None
+
+
+class OperatorState(msgspec.Struct, frozen=True, array_like=True):
+    """An operator made by DEFUN."""
+
+    name: str
+    parameters: tuple[str, ...]
+    text: str
+
+
+class MindState(msgspec.Struct, frozen=True):
+    """See the module. flags: values of the support variables from `marked` to `active63`. proven: the rules that
+    ROLLBACK brings back; ticks: for how many these here have run without a fault, None if one has failed. authority:
+    see `Authority.state`; merging: see `Merging`; doubt: see `Embodied`."""
+
+    stopped: bool
+    authority: dict[str, object]
+    flags: tuple[float, ...]
+    variables: dict[str, float]
+    known: tuple[str, ...]
+    groups: tuple[str, ...]
+    operators: tuple[OperatorState, ...]
+    rules: tuple[RuleState, ...]
+    proven: tuple[RuleState, ...]
+    ticks: int | None
+    merging: MergingState = MergingState()
+    doubt: str = ""
+
+
+def mind_of(node: Node) -> MindState:
+    """What this robot has learned."""
+    memory = node.memory
+    values, learned = memory.values, memory.learned.values()
+    failed = memory.unproven_since == FAILED
+    return MindState(
+        node.stopped,
+        node.authority.state(memory.time),
+        tuple(values[: ACTIVE0 + BUFFERS]),
+        {found.name: values[found.slot] for found in learned if isinstance(found, UserVariable)},
+        tuple(found.name for found in learned if isinstance(found, Group)),
+        tuple(sorted(memory.groups)),
+        tuple(
+            OperatorState(found.name, found.parameters, memory.operators[key].text)
+            for key, found in memory.learned.items()
+            if isinstance(found, Operator)
+        ),
+        _packed(memory.rules.rule_set(), memory.time),
+        _packed(memory.proven, memory.time),
+        None if failed else min(memory.tick - memory.unproven_since, PROVEN_TICKS),
+        memory.merging.state(),
+        node.doubt,
+    )
+
+
+def fingerprint(node: Node) -> tuple[object, ...]:
+    """Something that is the same as long as `mind_of` says the same, but for times that go on by themselves."""
+    memory = node.memory
+    proven = memory.tick - memory.unproven_since >= PROVEN_TICKS
+    own = [memory.values[found.slot] for found in memory.learned.values() if isinstance(found, UserVariable)]
+    values = (*memory.values[: ACTIVE0 + BUFFERS], *own)
+    # Unknown is not equal to itself, so numbers are compared by their text.
+    return (
+        *(
+            node.stopped,
+            node.doubt,
+            repr(node.authority.state(0.0)),
+            proven,
+            memory.rules.version,
+            memory.groups,
+            repr(values),
+        ),
+        memory.merging.version,
+        *(tuple(memory.learned), tuple(memory.operators.values())),
+    )
+
+
+def restore(parcel: MindState, node: Node, away: float) -> list[str]:
+    """Let a robot that has learned nothing yet go on with this; a STOP holds. away: s that have passed meanwhile, for
+    leases. Gives what could not be kept and why, as sentences. Raises ParcelError for what no mind can be; the robot is
+    then of no use any more."""
+    try:
+        lost = _put_back(parcel, node.memory, away)
+        node.authority.restore(parcel.authority, node.memory.time - away)
+    except UNFIT as error:
+        raise SerialError(f"no mind can be made of this: {type(error).__name__}: {error}") from None
+    return lost + stand(node, parcel.doubt) if parcel.stopped else lost
+
+
+def stand(node: Node, doubt: str) -> list[str]:
+    """Let a robot begin its life stopped; gives what of it did not come to rest, as sentences."""
+    try:
+        node.halt(doubt)
+    except SleepcastError as error:
+        return [str(error)]
+    return []
+
+
+def _put_back(parcel: MindState, memory: RobotMemory, away: float) -> list[str]:
+    if len(parcel.flags) != ACTIVE0 + BUFFERS or not all(map(isfinite, parcel.flags)):
+        raise SerialError(f"wanted {ACTIVE0 + BUFFERS} flags")
+    protected = {f"e{number}" for number in range(BUFFERS) if _is_protected(memory, f"e{number}")}
+    for slot, value in enumerate(parcel.flags):
+        if f"e{slot - ACTIVE0}" not in protected:
+            memory.values[slot] = value
+    _learn_names(parcel, memory)
+    lost: list[str] = []
+    for operator in parcel.operators:
+        key = operator.name.casefold()
+        program = _program(memory, f"operator {operator.name}", operator.text, operator.parameters, lost)
+        if program is None:
+            del memory.learned[key]
+        else:
+            memory.operators[key] = program
+            memory.learn(key, Operator(operator.name, operator.parameters, program.uses))
+    memory.rules.restore(_unpacked(parcel.rules, memory, away, lost))
+    memory.proven = _unpacked(parcel.proven, memory, away, [])
+    for key in [key for key, found in memory.learned.items() if isinstance(found, Stored)]:
+        if key not in memory.rules.kept:
+            del memory.learned[key]
+    for buffer in memory.rules.kept.values():
+        if buffer_number(buffer.key) is None:
+            memory.learn(buffer.key, Stored(buffer.name, buffer.program.uses))
+    memory.merging.restore(parcel.merging)
+    memory.unproven_since = FAILED if parcel.ticks is None else memory.tick - parcel.ticks
+    return lost
+
+
+def _learn_names(parcel: MindState, memory: RobotMemory) -> None:
+    """All names before any text, as texts name each other."""
+    for name, value in parcel.variables.items():
+        slot = memory.vocabulary.user_slot(name.casefold())
+        memory.values.extend([float("nan")] * (slot + 1 - len(memory.values)))
+        memory.values[slot] = value
+        memory.learned[name.casefold()] = UserVariable(name, slot)
+    for name in parcel.known:
+        memory.learned[name.casefold()] = Group(name)
+    memory.groups = frozenset(parcel.groups)
+    for operator in parcel.operators:
+        memory.learned[operator.name.casefold()] = Operator(operator.name, operator.parameters, frozenset())
+    for rule in (*parcel.rules, *parcel.proven):
+        if buffer_number(rule.name.casefold()) is None and not _is_protected(memory, rule.name.casefold()):
+            memory.learned[rule.name.casefold()] = Stored(rule.name, frozenset())
+
+
+def _is_protected(memory: RobotMemory, key: str) -> bool:
+    buffer = memory.rules.kept.get(key)
+    return buffer is not None and buffer.protected
+
+
+def _packed(rules: RuleSet, now: float) -> tuple[RuleState, ...]:
+    return tuple(
+        RuleState(name, text, active, None if lease == inf else lease - now)
+        for name, text, _, active, lease in rules.values()
+    )
+
+
+def _unpacked(rules: tuple[RuleState, ...], memory: RobotMemory, away: float, lost: list[str]) -> RuleSet:
+    found = {}
+    for rule in rules:
+        key = rule.name.casefold()
+        if _is_protected(memory, key):
+            lost.append(f"{rule.name} is built in now, so what it was over the air is forgotten")
+            continue
+        program = _program(memory, f"rule {rule.name}", rule.text, (), lost)
+        if program is not None:
+            lease = inf if rule.left is None else memory.time + rule.left - away
+            found[key] = (rule.name, rule.text, program, rule.active, lease)
+    return found
+
+
+def _program(memory: RobotMemory, what: str, text: str, parameters: tuple[str, ...], lost: list[str]) -> Program | None:
+    """The program of a kept text; None, and a sentence more in `lost`, if this robot cannot have it any more."""
+    try:
+        return memory.library.program(text, lambda: read_all(text), memory, parameters)
+    except SleepcastError as error:
+        lost.append(f"the {what} cannot be kept: {str(error).splitlines()[0]}")
+        return None

@@ -21,7 +21,7 @@ from sleepcast.channel.transports.multiplexer import Multiplexer
 from sleepcast.channel.transports.transport import Transport, open_transport
 from sleepcast.core.clock import ManualClock
 from sleepcast.language import Vocabulary
-from sleepcast.loop import Crew, Member, vocabulary_of
+from sleepcast.loop import Member, NetworkSwarm, vocabulary_of
 from sleepcast.node.node import Node
 from sleepcast.simulator import Body
 from small_worlds import simulator
@@ -45,7 +45,7 @@ class Field:
         self.branch = self.trunk.branch(ROBOT_KINDS)
         self.ear = Receiver(self.branch, self.mailbox("r0+19", ROBOTS), self.clock, START)
         members = self._members(robots, world.robots, names)
-        self.crew = Crew(world, members, self.trunk, self.ear, self.clock, self.clock)
+        self.crew = NetworkSwarm(world, members, self.trunk, self.ear, self.clock, self.clock)
         self.bystander = open_transport(self.medium, self.clock)
         self.desk = self.line("desk", DESK, open_transport(self.medium, self.clock))
         self.desk.zero = START

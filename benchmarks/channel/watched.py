@@ -59,7 +59,7 @@ def main() -> None:
     file, *arguments = sys.argv[1:]
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs would ignore it
     sleepcast.channel.session.ChannelSession = WatchedLine  # type: ignore[misc]
-    sleepcast.loop.Crew = WatchedCrew  # type: ignore[misc]
+    sleepcast.loop.NetworkSwarm = WatchedCrew  # type: ignore[misc]
     try:
         sleepcast_main(arguments)
     finally:

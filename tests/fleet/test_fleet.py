@@ -136,7 +136,7 @@ def test_what_the_budget_leaves_over_goes_first_in_the_next_tick() -> None:
     for _ in range(6):
         both.think()
         both.compare()
-    assert both.fleet.rounds.left_over
+    assert both.fleet.scheduler.left_over
 
 
 def test_rules_that_enter_costly_buffers_are_expected_to_cost_as_much_again() -> None:
@@ -148,7 +148,7 @@ def test_rules_that_enter_costly_buffers_are_expected_to_cost_as_much_again() ->
     for _ in range(5):
         both.think()
         both.compare()
-    assert both.fleet.rounds.left_over
+    assert both.fleet.scheduler.left_over
 
 
 def test_robots_that_run_out_of_steps_stop_there_and_the_others_go_on() -> None:

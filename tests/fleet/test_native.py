@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from fleet.twins import Twins
 from language.cases import SENSORS
 from sleepcast.core.threads import ThreadPool
-from sleepcast.fleet import columns
+from sleepcast.fleet import columns, rule_statistics
 from sleepcast.fleet.native import compiler, kernels
 from sleepcast.fleet.native.formulas import FORMULAS
 from sleepcast.fleet.native.kernels import Kernels, available, translatable
@@ -99,7 +99,7 @@ def test_native_code_gives_what_nodes_give(start: int, lanes: int) -> None:
     chance = Random(start)
     writer, twins = Writer(chance), Twins(ROBOTS, seed=start % 1_000)
     made = forced(twins)
-    with patch.object(kernels, "LANES", lanes), patch.object(native, "SPLIT", chance.choice((1, compiler.SPLIT))):
+    with patch.object(kernels, "LANES", lanes), patch.object(compiler, "SPLIT", chance.choice((1, compiler.SPLIT))):
         twins.sense(sensed(chance))
         twins.do("(PROGN (DEFVAR v1 x) (DEFVAR v2 1) (DEFUN twice (a) (* 2 a)) (WHEN (> x 0) (JOIN bravo)))")
         buffer = writer.expression(2).replace("E1", "v1")
@@ -179,7 +179,7 @@ def test_threads_share_robots_and_none_is_evaluated_twice(some: Sequence[int] | 
     forced(twins, threads=3)
     twins.do("(PROGN (DEFVAR v1 0) (DEFVAR v2 0))")
     twins.do("(RULE r (PROGN (SETQ v1 (+ v1 1)) (WHEN (> x 0) (SETQ v2 (RANDOM 0 1)) (SETQ lamp (/ v2 (- y 1))))))")
-    with patch.object(native, "SPLIT", 1):
+    with patch.object(compiler, "SPLIT", 1):
         for _ in range(20):
             twins.sense([[chance.choice((1.0, chance.uniform(-1, 2))) for _ in SENSORS] for _ in range(robots)])
             twins.think(robots=some)
@@ -266,13 +266,13 @@ def test_a_thousand_matches_are_all_counted() -> None:
     twins.sense([[float(i)] * len(SENSORS) for i in range(ROBOTS)])
     twins.do("(RULE r (WHEN (> x 2) (SETQ lamp x)))")
     made.settle()
-    with patch.object(tallies, "MOST_FRESH", 7), patch.object(tallies, "NARROW", 250):
+    with patch.object(rule_statistics, "MOST_FRESH", 7), patch.object(rule_statistics, "NARROW", 250):
         for tick in range(300):
             twins.think()
             if tick == 40:
                 twins.compare()
-                assert twins.fleet.memory.tallies["r"].firings.dtype == np.uint16
-    assert twins.fleet.memory.tallies["r"].firings.dtype == np.uint32
+                assert twins.fleet.memory.statistics["r"].firings.dtype == np.uint16
+    assert twins.fleet.memory.statistics["r"].firings.dtype == np.uint32
     twins.compare()
     assert twins.views[3].rules()[0].firings == 301
 
@@ -297,7 +297,7 @@ def test_a_text_that_is_asked_again_and_again_becomes_native() -> None:
 KEPT = """
 from fleet.test_native import SENSORS, forced
 from fleet.twins import Twins
-from sleepcast.fleet import native
+from sleepcast.fleet.native import compiler
 
 made = []
 optimised = compiler._optimised

@@ -11,7 +11,7 @@ import pytest
 from fleet.twins import vocabulary
 from language.cases import SENSORS
 from sleepcast.core.serial import pack, unpack
-from sleepcast.fleet import Fleet
+from sleepcast.fleet import Fleet, telemetry
 from sleepcast.fleet.schema import FleetSnapshot
 from sleepcast.fleet.snapshot import restore, state_of
 from sleepcast.fleet.telemetry import NOT_YET
@@ -24,14 +24,14 @@ X = [sensor.name for sensor in SENSORS].index("x")
 
 
 def made() -> Fleet:
-    with patch.object(told, "MANY", ROBOTS):
+    with patch.object(telemetry, "MANY", ROBOTS):
         return Fleet([f"s{i}" for i in range(ROBOTS)], vocabulary(), seed=1)
 
 
 @pytest.fixture
 def fleet(monkeypatch: pytest.MonkeyPatch) -> Fleet:
     """A fleet that counts as a large one, whose x is 0, 1, 2, ..."""
-    monkeypatch.setattr(told, "MANY", ROBOTS)
+    monkeypatch.setattr(telemetry, "MANY", ROBOTS)
     fleet = Fleet([f"s{i}" for i in range(ROBOTS)], vocabulary(), seed=1)
     measure(fleet, np.arange(ROBOTS, dtype=float))
     return fleet
@@ -44,24 +44,24 @@ def measure(fleet: Fleet, x: np.ndarray[tuple[int], np.dtype[np.float64]]) -> No
 
 
 def tell(fleet: Fleet, robots: Sequence[int] = EVERYBODY) -> None:
-    fleet.told.take(np.array(robots, np.intp))
+    fleet.telemetry.take(np.array(robots, np.intp))
 
 
 def judged(fleet: Fleet, text: str, robots: Sequence[int] = EVERYBODY) -> tuple[list[int], list[int], list[str]]:
     """For whom a test holds, of whom that cannot be said, and the reasons."""
     names = FleetNames(fleet.vocabulary, fleet)
     program = fleet.minds.library.program(text, lambda: [read(text)], names)
-    yes, reason, reasons = fleet.told.judge(program, np.array(robots, np.intp))
+    yes, reason, reasons = fleet.telemetry.judge(program, np.array(robots, np.intp))
     index = np.array(robots)
     return index[yes].tolist(), index[reason > 0].tolist(), reasons
 
 
 def test_what_nobody_has_asked_for_is_not_kept(fleet: Fleet) -> None:
     tell(fleet)
-    assert not fleet.told.state().values.columns
+    assert not fleet.telemetry.state().values.columns
     assert judged(fleet, "(> x 3.5)") == ([4, 5], [], [])
     slot = fleet.vocabulary.first_sensor + X
-    assert [*fleet.told.state().values.columns] == [slot]
+    assert [*fleet.telemetry.state().values.columns] == [slot]
 
 
 def test_from_then_on_it_stays_what_was_told(fleet: Fleet) -> None:

@@ -200,7 +200,7 @@ def _lease(memory: FleetMemory, part: Part, rows: Rows, seconds: Column) -> Colu
     done = memory.change(part, known, look, proving=True)
     if done.any():
         some = known.take(done)
-        memory.tallies.lease(key, some, memory.state.column(TIME_SLOT, some) + values[lasting][done])
+        memory.statistics.lease(key, some, memory.state.column(TIME_SLOT, some) + values[lasting][done])
     values[lasting] = np.where(done, 1.0, nan)
     return values
 
@@ -236,7 +236,7 @@ def _rollback(memory: FleetMemory, part: Part, rows: Rows) -> Column:
         some = rows.take(unproven & (state.proven[rows.index] == proven))
         memory.change(part, some, _Restoring(wanted))
         for kept in wanted:
-            memory.tallies.restore_lease(kept.key, some)
+            memory.statistics.restore_lease(kept.key, some)
     return np.ones(rows.size)
 
 
@@ -262,7 +262,7 @@ class _Restoring:
 
 
 def _report(memory: FleetMemory, part: Part, rows: Rows, *arguments: Column) -> Column:
-    memory.speech.report(rows, label_of(part), arguments)
+    memory.outbox.report(rows, label_of(part), arguments)
     if memory.printed is not None:
         memory.printed.append((rows.robots, label_of(part), arguments))
     return arguments[-1] if arguments else np.ones(rows.size)
@@ -290,16 +290,16 @@ def _tell(memory: FleetMemory, part: Part, rows: Rows, *arguments: Column) -> Co
             reason = f"a text of {len(text)} characters cannot be told: at most {MAX_TEXT} fit"
             memory.refuse_where(part, rows, mask, reason, values)
         else:
-            memory.speech.say(Kind.COMMAND, rows.take(mask), Relays(text, hops), lasts=TELL_SECONDS)
+            memory.outbox.say(Kind.COMMAND, rows.take(mask), Relays(text, hops), lasts=TELL_SECONDS)
     return values
 
 
 def _may_tell(memory: FleetMemory, rows: Rows, hops: int) -> Mask:
     """Which of these robots may tell something now, so many hops far."""
-    told, less = memory.speech.may_tell(rows, hops)
+    told, less = memory.outbox.may_tell(rows, hops)
     label = TELLS_TOO_OFTEN if hops >= 1 else TELLS_TOO_FAR
     if less.size:
-        memory.speech.report(less, label)
+        memory.outbox.report(less, label)
         if memory.printed is not None:
             memory.printed.append((less.robots, label, ()))
     return told
@@ -309,7 +309,7 @@ def _ping(memory: FleetMemory, part: Part, rows: Rows, caste: Column | None = No
     castes = np.zeros(rows.size) if caste is None else caste
     values = np.ones(rows.size)
     known = memory.refuse_where(part, rows, np.isnan(castes), "a ping of unknown caste", values)
-    memory.speech.ping(known, castes[~np.isnan(castes)])
+    memory.outbox.ping(known, castes[~np.isnan(castes)])
     return values
 
 

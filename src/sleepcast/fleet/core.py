@@ -56,7 +56,7 @@ class Outcome:
     """What came of one text on the robots `rows`. Columns have one value for each of them; faults are in order."""
 
     rows: Rows
-    memo: LogEntry
+    entry: LogEntry
     values: Column
     matched: Mask
     steps: NDArray[np.int32]
@@ -104,15 +104,15 @@ class Core:
         self.vocabulary, self.bodies, self.numbers = vocabulary, bodies, numbers
         self.state = FleetState(vocabulary, numbers, seed)
         self.minds = Minds(vocabulary)
-        self.speech = Outbox(self.state, self.names)
+        self.outbox = Outbox(self.state, self.names)
         self.kernels = Kernels(pool=pool) if native and available() else None
-        self.memory = FleetMemory(self.state, self.minds, self.speech, ACTS, bodies, self.kernels)
-        self.recall = EvaluationLog(self.memory)
-        self.rounds = BatchScheduler(self.memory)
-        self._embodied = Bodies(self.state, bodies)
-        self.told = FleetTelemetry(self.state, self.minds)
+        self.memory = FleetMemory(self.state, self.minds, self.outbox, ACTS, bodies, self.kernels)
+        self.evaluation_log = EvaluationLog(self.memory)
+        self.scheduler = BatchScheduler(self.memory)
+        self._bodies = Bodies(self.state, bodies)
+        self.telemetry = FleetTelemetry(self.state, self.minds)
         """What the robots last told the operator of themselves."""
-        self._attention = ReadSet(self.memory)
+        self._read_set = ReadSet(self.memory)
         self.inbox = Inbox(count)
         self.minds_used = 1
         """Minds that robots were of when it was last looked."""
@@ -174,11 +174,11 @@ class Core:
 
     def said(self) -> list[MessageBatch]:
         """Everything that has been said and lies in no outbox that was looked into; it will come into none."""
-        return self.speech.take()
+        return self.outbox.take()
 
     def pings(self) -> list[tuple[Index, Column]]:
         """All pings that lie in no list that was looked into: robots, and their castes."""
-        return self.speech.take_pings()
+        return self.outbox.take_pings()
 
     # ---- what comes in
 
@@ -189,12 +189,12 @@ class Core:
             meant = np.array([i for i in heard.tolist() if is_addressed(message.body, self.names[i])], np.intp)
         if message.kind is Kind.STOP:  # whoever hears it stops; those that are not addressed need not say so again
             rows = Rows.of(heard)
-            stopped, others = self._embodied.obey_stop(message, rows)
+            stopped, others = self._bodies.obey_stop(message, rows)
             self._answer_alike(message, Rows.of(np.intersect1d(stopped.robots, meant)), "stopped")
             self._answer_alike(message, others, "fault", ENDED)
         elif message.kind is Kind.RELEASE:
             rows = Rows.of(meant)
-            free, refused = self._embodied.obey_release(message, rows)
+            free, refused = self._bodies.obey_release(message, rows)
             self._answer_alike(message, free, "released")
             for some, why in refused:
                 self._answer_alike(message, some, "fault", why)
@@ -203,7 +203,7 @@ class Core:
 
     def _answer_alike(self, message: Message, rows: Rows, sort: str, fault: str = "") -> None:
         """The same answer on each of these robots."""
-        self.speech.answer(rows, Answers.alike(message.id, rows.size, sort, fault=fault))
+        self.outbox.answer(rows, Answers.alike(message.id, rows.size, sort, fault=fault))
 
     def sense(self, readings: NDArray[np.float64], now: float, robots: Some = None) -> None:
         """Take sensor values (SI; one row a robot, in the order of the vocabulary's sensors) at `now` (s).
@@ -246,9 +246,9 @@ class Core:
         expired(self.memory, rows, now)
         for message, some in self.inbox.take(rows):
             self._obey(message, some, now)
-        resting = self._embodied.resting(rows)
-        self.rounds.run(rows if resting is None else rows.take(~resting))
-        self._embodied.hold(rows)
+        resting = self._bodies.resting(rows)
+        self.scheduler.run(rows if resting is None else rows.take(~resting))
+        self._bodies.hold(rows)
         self._tidy()
 
     def _age(self, rows: Rows, now: float) -> None:
@@ -264,7 +264,7 @@ class Core:
         if len(self.minds) > 2 * self.minds_used + SPARE_MINDS:
             used = {*np.unique(self.state.mind).tolist(), *np.unique(self.state.proven).tolist()}
             self.minds.keep_only(used)
-            self.memory.tallies.keep_only({key for number in used for key in self.minds[number].rules})
+            self.memory.statistics.keep_only({key for number in used for key in self.minds[number].rules})
             self.minds_used = len(self.minds)
 
     # ---- evaluating
@@ -284,13 +284,13 @@ class Core:
     def run(self, program: Program, rows: Rows, command: str = "") -> Outcome:
         """Evaluate a program on these robots, and remember how to explain it."""
         memory = self.memory
-        memo = self.recall.remember(program, rows, command)
-        memory.hosts, memory.printed = memo.hosts, []
+        entry = self.evaluation_log.remember(program, rows, command)
+        memory.hosts, memory.printed = entry.hosts, []
         values = evaluate(memory, program, rows)
         steps = np.broadcast_to(np.asarray(memory.steps(rows), np.int32), rows.size)
         printed, memory.hosts, memory.printed = memory.printed, None, None
-        self.recall.weigh(memo)
-        return Outcome(rows, memo, values, memory.matched[rows.index].copy(), steps, memory.noted, printed)
+        self.evaluation_log.weigh(entry)
+        return Outcome(rows, entry, values, memory.matched[rows.index].copy(), steps, memory.noted, printed)
 
     def install(
         self,
@@ -334,7 +334,7 @@ class Core:
             elif message.kind is Kind.ASK:
                 self._asked(message, found, some)
             else:
-                self.speech.answer(some, _came_of(message, self.run(found, some, message.id)))
+                self.outbox.answer(some, _came_of(message, self.run(found, some, message.id)))
         self.memory.hops = MAX_HOPS
 
     def _asked(self, message: Message, program: Program, rows: Rows) -> None:
@@ -342,7 +342,7 @@ class Core:
         for robot in rows.robots.tolist():
             found = rehearse(program, rehearsal(self.memory, robot), command=message.id)
             answers = Answers.alike(message.id, 1, "answer", found.value, "; ".join(found.faults))
-            self.speech.answer(self.rows([robot]), answers)
+            self.outbox.answer(self.rows([robot]), answers)
 
 
 def _runs(mind: Mind) -> bool:

@@ -67,7 +67,7 @@ class Evaluation:
     """
 
     def __init__(self, state: FleetState, minds: Minds) -> None:
-        self.state, self.minds, self.tallies = state, minds, StatisticsTable(state)
+        self.state, self.minds, self.statistics = state, minds, StatisticsTable(state)
         self.depth = self.levels = 0
         """Programs entered inside one another, and parentheses open in them: the same for all that have come so far."""
         self.top: Program
@@ -224,7 +224,7 @@ class Evaluation:
     def turn(self, rows: Rows, draft: Transaction) -> None:
         """Give these robots the mind of the draft."""
         self.state.turn(rows, self.minds.settle(draft))
-        self.tallies.carry_out(draft.effects, rows)
+        self.statistics.carry_out(draft.effects, rows)
 
     def changing(self, rows: Rows) -> None:
         """The rules of these robots are about to change: where they have proved themselves, they are remembered."""
@@ -234,7 +234,7 @@ class Evaluation:
         if ripe.any():
             some = rows.take(ripe)
             state.proven[some.index] = state.mind[some.index]
-            self.tallies.prove(some)
+            self.statistics.prove(some)
         state.unproven_since[rows.index] = ticks
 
     def is_dead(self, rows: Rows) -> bool:

@@ -89,7 +89,7 @@ class EvaluationLog:
 
     def __init__(self, memory: FleetMemory) -> None:
         self._memory = memory
-        self._memos: deque[LogEntry] = deque(maxlen=MAX_RECOLLECTIONS)
+        self._entries: deque[LogEntry] = deque(maxlen=MAX_RECOLLECTIONS)
         self._bytes = 0
         self.since: float | None = None
         """The time (s) of the snapshot that the fleet goes on from: it holds no inputs of what came before."""
@@ -108,7 +108,7 @@ class EvaluationLog:
         for slot in {*slots, TICK, TIME_SLOT}:
             values = state.read(slot, rows)
             columns[slot] = values if isinstance(values, float) else values.copy()
-        memo = LogEntry(
+        entry = LogEntry(
             program,
             command,
             rows,
@@ -121,30 +121,30 @@ class EvaluationLog:
             columns,
             {key: state.groups[key][rows.index].copy() for key in groups if key in state.groups},
         )
-        self._bytes += memo.bytes
-        if len(self._memos) == MAX_RECOLLECTIONS:
+        self._bytes += entry.bytes
+        if len(self._entries) == MAX_RECOLLECTIONS:
             self._drop()
-        self._memos.append(memo)
+        self._entries.append(entry)
         self._bound()
-        return memo
+        return entry
 
-    def weigh(self, memo: LogEntry) -> None:
-        """Count what the evaluation of the last memo has added to it."""
-        self._bytes += memo.host_bytes
+    def weigh(self, entry: LogEntry) -> None:
+        """Count what the evaluation of the last entry has added to it."""
+        self._bytes += entry.host_bytes
         self._bound()
 
     def _bound(self) -> None:
-        while len(self._memos) > 1 and self._bytes > max(RECALL_BYTES * self._memory.state.count, RECALL_LEAST):
+        while len(self._entries) > 1 and self._bytes > max(RECALL_BYTES * self._memory.state.count, RECALL_LEAST):
             self._drop()
 
     def _drop(self) -> None:
-        self._bytes -= self._memos.popleft().bytes
+        self._bytes -= self._entries.popleft().bytes
 
     def find(self, robot: int, command: str | None) -> LogEntry | None:
-        """The memo of a command (None: the last one) that a robot has evaluated."""
-        for memo in reversed(self._memos):
-            if (command is None or memo.command == command) and memo.place(robot) is not None:
-                return memo
+        """The entry of a command (None: the last one) that a robot has evaluated."""
+        for entry in reversed(self._entries):
+            if (command is None or entry.command == command) and entry.place(robot) is not None:
+                return entry
         return None
 
     def limits(self) -> str:
@@ -159,32 +159,32 @@ def _alike(given: Column | list[float | str]) -> bool:
     return isinstance(given, np.ndarray) and given.strides == (0,)
 
 
-def recollect(memo: LogEntry, robot: int, vocabulary: Vocabulary, keys: NDArray[np.uint64]) -> Recollection:
+def recollect(entry: LogEntry, robot: int, vocabulary: Vocabulary, keys: NDArray[np.uint64]) -> Recollection:
     """Evaluate a command again as one robot did, writing down what its memory answered. keys: of chance, by robot."""
-    place = memo.place(robot)
+    place = entry.place(robot)
     if place is None:
         raise KeyError(robot)
     state = FleetState(vocabulary, [0], 0)
     state.keys[0] = keys[robot]
-    state.draws[0] = memo.draws[place]
+    state.draws[0] = entry.draws[place]
     alone = Rows.run(0, 1)
-    for slot, values in memo.columns.items():
+    for slot, values in entry.columns.items():
         state.assign(slot, alone, values if isinstance(values, float) else float(values[place]))
-    for key, members in memo.groups.items():
+    for key, members in entry.groups.items():
         state.group(key)[0] = members[place]
     minds = Minds(vocabulary)
-    state.turn(alone, minds.add(memo.minds[int(memo.mind[place])]))
-    if memo.proven is not None and memo.unproven_since is not None:
-        state.proven[0] = minds.add(memo.minds[int(memo.proven[place])])
-        state.unproven_since[0] = memo.unproven_since[place]
-    if memo.held is not None:
-        state.held[0] = memo.held[place]
+    state.turn(alone, minds.add(entry.minds[int(entry.mind[place])]))
+    if entry.proven is not None and entry.unproven_since is not None:
+        state.proven[0] = minds.add(entry.minds[int(entry.proven[place])])
+        state.unproven_since[0] = entry.unproven_since[place]
+    if entry.held is not None:
+        state.held[0] = entry.held[place]
     memory = FleetMemory(state, minds, Outbox(state, ["again"]), ACTS, [None])
-    memory.answers, memory.script = [], memo.given(robot)
+    memory.answers, memory.script = [], entry.given(robot)
     before, groups = state.row(0), state.groups_of(0)
-    evaluate(memory, memo.program, alone)
+    evaluate(memory, entry.program, alone)
     time, tick = before[TIME_SLOT], int(before[TICK])
-    return Recollection(memo.program, before, groups, memory.answers, time, tick, memo.command)
+    return Recollection(entry.program, before, groups, memory.answers, time, tick, entry.command)
 
 
 def rehearsal(memory: FleetMemory, robot: int) -> Rehearsal:

@@ -85,5 +85,5 @@ class Fleet(Core, Mapping[str, RobotView]):
 
     def reads(self) -> frozenset[int]:
         """The slots of the variables that any active rule or waiting message may look at in the next tick."""
-        found = self._attention.slots(self.inbox.messages())
+        found = self._read_set.slots(self.inbox.messages())
         return frozenset(self.state.slots()) if found is None else found

@@ -47,13 +47,13 @@ class FleetMemory(Evaluation):
         self,
         state: FleetState,
         minds: Minds,
-        speech: Outbox,
+        outbox: Outbox,
         acts: dict[str, Act],
         bodies: Sequence[object | None],
         kernels: Kernels | None = None,
     ) -> None:
         super().__init__(state, minds)
-        self.speech, self.bodies, self.vocabulary, self._acts = speech, bodies, minds.vocabulary, acts
+        self.outbox, self.bodies, self.vocabulary, self._acts = outbox, bodies, minds.vocabulary, acts
         self._many = bodies if isinstance(bodies, ManyBodies) else None
         self.printed: list[tuple[Index, str, Sequence[Column]]] | None = None
         self.hosts: list[Given] | None = None

@@ -139,7 +139,7 @@ class Outbox:
                 self._pinged[robots] -= 1
         return taken
 
-    def outbox(self, robot: int) -> list[Message]:
+    def of(self, robot: int) -> list[Message]:
         """What a robot has to say; whoever sends it clears the list."""
         self._deliver_all()
         return self._outboxes.setdefault(robot, [])

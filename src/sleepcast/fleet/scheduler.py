@@ -50,11 +50,11 @@ class BatchScheduler:
 
     def run(self, rows: Rows) -> None:
         """One round of each of these robots, which are awake."""
-        self._memory.tallies.lost.clear()
+        self._memory.statistics.lost.clear()
         for stretch in self._run_natively(rows).stretches():
             self._used[stretch.index] = 0
             self._walk(self._ways(stretch))
-        self._memory.tallies.lost.clear()
+        self._memory.statistics.lost.clear()
 
     # ---- natively
 
@@ -82,7 +82,7 @@ class BatchScheduler:
         """Whether the budget reaches for all rules of a plan, whatever their robots do."""
         expected = plan.steps
         for key, size in zip(plan.keys, plan.sizes, strict=True):
-            expected += max(0, self._memory.tallies[key].most_steps - size.steps)
+            expected += max(0, self._memory.statistics[key].most_steps - size.steps)
         return expected <= TICK_STEPS
 
     def _follow(self, plan: Plan, rows: Rows) -> None:
@@ -109,7 +109,7 @@ class BatchScheduler:
         """Those robots that walking has left as they were; the others, which have other rules now, walk on."""
         memory = self._memory
         changed = memory.state.mind[rows.index] != before
-        for lost in memory.tallies.lost.values():
+        for lost in memory.statistics.lost.values():
             changed |= lost[rows.index]
         spent = np.ones(rows.size, np.bool_)
         spent[np.isin(rows.robots, way.rows.robots)] = False
@@ -123,7 +123,7 @@ class BatchScheduler:
         memory, kernels = self._memory, self._memory.kernels
         if kernels is None:
             return rows
-        tallies = [memory.tallies[key] for key in keys]
+        tallies = [memory.statistics[key] for key in keys]
         one = int(rows.index.start if isinstance(rows.index, slice) else rows.index[0])
         when = moment(memory.state, Rows.run(one, one + 1))  # all robots of a round think at the same moment
         sinks = [tally.sink(steps=entering) for tally, entering in zip(tallies, kernel.entering, strict=True)]
@@ -155,7 +155,7 @@ class BatchScheduler:
         memory = self._memory
         found = np.zeros(rows.size, np.bool_)
         for mind, some, mask in memory.divide(rows, lambda number: memory.minds[number]):
-            tallies = [(kept.program.cost, memory.tallies[kept.key]) for kept in mind.running]
+            tallies = [(kept.program.cost, memory.statistics[kept.key]) for kept in mind.running]
             if sum(max(cost, tally.most_steps) for cost, tally in tallies) > TICK_STEPS:
                 expected = sum(np.maximum(cost, np.asarray(tally.steps(some), np.int32)) for cost, tally in tallies)
                 found[... if mask is None else mask] = expected > TICK_STEPS
@@ -170,7 +170,7 @@ class BatchScheduler:
         budget = TICK_STEPS
         taken: set[str] = set()
         for kept in sorted(running, key=lambda k: (-k.priority, k.key not in left_over)):
-            budget -= max(kept.program.cost, self._memory.tallies[kept.key].steps_of(robot))
+            budget -= max(kept.program.cost, self._memory.statistics[kept.key].steps_of(robot))
             if budget < 0 and taken:
                 break
             taken.add(kept.key)
@@ -222,7 +222,7 @@ class BatchScheduler:
             kept = memory.minds[number].rules.get(key)
             return kept.program if kept is not None and kept.active else None
 
-        lost = memory.tallies.lost_in_round(key, rows)
+        lost = memory.statistics.lost_in_round(key, rows)
         if lost is not None and lost.any():
             rows = rows.take(~lost)
         for program, some, _ in memory.divide(rows, active):
@@ -235,13 +235,13 @@ class BatchScheduler:
 
     def _tally(self, key: str, rows: Rows, values: NDArray[np.float64], steps: NDArray[np.int32] | int) -> None:
         """Note how the evaluation went; a rule that only has faults is deactivated."""
-        memory, tally = self._memory, self._memory.tallies[key]
+        memory, tally = self._memory, self._memory.statistics[key]
         first = memory.first_faults()
         faulted = np.zeros(rows.size, np.bool_)
         if first:
             faulted = np.isin(rows.robots, list(first))
             memory.changing(rows.take(faulted))
-        lost = memory.tallies.lost_in_round(key, rows)
+        lost = memory.statistics.lost_in_round(key, rows)
         if lost is not None and lost.any():  # what it was on these robots is no more
             here = ~lost
             gone = set(rows.robots[lost].tolist())
@@ -269,7 +269,7 @@ class BatchScheduler:
                 draft.activate(key, False)
                 memory.turn(some, draft)
                 memory.state.unproven_since[some.index] = FAILED
-                memory.speech.report(some, f"rule {kept.name} deactivated")
+                memory.outbox.report(some, f"rule {kept.name} deactivated")
 
 
 def _next(ways: list[Way]) -> str:
@@ -286,7 +286,7 @@ def _next(ways: list[Way]) -> str:
 
 def expired(memory: FleetMemory, rows: Rows, now: float) -> None:
     """Deactivate what robots hold on a lease that has ended, and let them report it."""
-    tallies = memory.tallies
+    tallies = memory.statistics
     if not tallies.leases:
         return
     for mind, some, _ in memory.divide(rows, lambda number: memory.minds[number]):
@@ -297,8 +297,8 @@ def expired(memory: FleetMemory, rows: Rows, now: float) -> None:
                 draft.activate(kept.key, False)
                 memory.turn(few, draft)
         for kept, there in ended:
-            memory.speech.report(there, f"lease of {kept.name} ended")
+            memory.outbox.report(there, f"lease of {kept.name} ended")
 
 
 def _leased(memory: FleetMemory, mind: Mind) -> list[Rule]:
-    return [kept for kept in mind.running if kept.key in memory.tallies.leases]
+    return [kept for kept in mind.running if kept.key in memory.statistics.leases]

@@ -27,11 +27,11 @@ def state_of(fleet: Core) -> FleetSnapshot:
     return FleetSnapshot(
         minds_parcel(fleet.minds),
         fleet.state.state(),
-        fleet.told.state(),
-        fleet.memory.tallies.state(),
+        fleet.telemetry.state(),
+        fleet.memory.statistics.state(),
         fleet.inbox.state(),
-        fleet.speech.state(),
-        {robot: tuple(sorted(keys)) for robot, keys in fleet.rounds.left_over.items()},
+        fleet.outbox.state(),
+        {robot: tuple(sorted(keys)) for robot, keys in fleet.scheduler.left_over.items()},
         {slot: Array.of(column) for slot, column in fleet.measured.items()},
         fleet.minds_used,
     )
@@ -44,23 +44,23 @@ def restore(fleet: Core, parcel: FleetSnapshot, when: float) -> None:
     """
     refill(fleet.minds, parcel.minds)
     fleet.state.restore(parcel.state)
-    fleet.told.restore(parcel.told)
+    fleet.telemetry.restore(parcel.told)
     known, _ = fleet.minds.table
     for numbers in (fleet.state.mind, fleet.state.proven):
         if not known.keys() >= set(np.unique(numbers).tolist()):
             raise SerialError("a robot whose mind is not there")
-    fleet.memory.tallies.restore(parcel.tallies)
+    fleet.memory.statistics.restore(parcel.tallies)
     fleet.inbox.restore(parcel.inbox)
-    fleet.speech.restore(parcel.speech)
+    fleet.outbox.restore(parcel.speech)
     if not all(0 <= robot < len(fleet) for robot in parcel.left_over):
         raise SerialError("rules left over by a robot that is not there")
-    fleet.rounds.left_over = {robot: frozenset(keys) for robot, keys in parcel.left_over.items()}
+    fleet.scheduler.left_over = {robot: frozenset(keys) for robot, keys in parcel.left_over.items()}
     if parcel.measured.keys() != fleet.measured.keys():
         raise SerialError("other sensors whose values grow old")
     for slot, column in fleet.measured.items():
         column[:] = parcel.measured[slot].made(np.float64, column.shape, f"when sensor {slot} was measured")
     fleet.minds_used = parcel.minds_used
-    fleet.recall.since = when
+    fleet.evaluation_log.since = when
 
 
 # ---- minds

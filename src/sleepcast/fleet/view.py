@@ -61,11 +61,11 @@ class Result:
     steps: int
     printed: tuple[tuple[str, tuple[float, ...]], ...]
     _view: RobotView
-    _memo: LogEntry
+    _entry: LogEntry
 
     @property
     def recollection(self) -> Recollection:
-        return self._view.recollection(self._memo)
+        return self._view.recollection(self._entry)
 
     @property
     def explanation(self) -> Explanation:
@@ -124,12 +124,12 @@ class RobotView:
     @property
     def outbox(self) -> list[Message]:
         """What the robot has to say; whoever sends it clears the list."""
-        return self._fleet.speech.outbox(self.place)
+        return self._fleet.outbox.of(self.place)
 
     @property
     def pings(self) -> list[float]:
         """The castes of its pings; whoever sends them clears the list."""
-        return self._fleet.speech.pings(self.place)
+        return self._fleet.outbox.pings(self.place)
 
     @property
     def _mind(self) -> Mind:
@@ -154,7 +154,7 @@ class RobotView:
 
     def rules(self) -> list[RuleView]:
         """Every kept expression, in the order of the round."""
-        found, tallies = [], self._fleet.memory.tallies
+        found, tallies = [], self._fleet.memory.statistics
         for kept in in_order(self._mind.rules):
             tally, leases = tallies[kept.key], tallies.leases.get(kept.key)
             found.append(
@@ -230,7 +230,7 @@ class RobotView:
             int(outcome.steps[at]),
             tuple(printed),
             self,
-            outcome.memo,
+            outcome.entry,
         )
 
     def _faults(self, noted: Iterable[Noted]) -> Iterable[Fault]:
@@ -242,18 +242,18 @@ class RobotView:
 
         Raises SleepcastError if the robot remembers neither.
         """
-        memo = self._fleet.recall.find(self.place, command)
-        if memo is not None:
-            return explain(self.recollection(memo))
+        entry = self._fleet.evaluation_log.find(self.place, command)
+        if entry is not None:
+            return explain(self.recollection(entry))
         kept = self._mind.rules.get((command or "").casefold())
         if kept is not None:
             return rehearse(kept.program, rehearsal(self._fleet.memory, self.place), command=kept.name)
         what = "no command" if command is None else f"no command or rule {command}"
-        raise SleepcastError(f"{self.name} remembers {what}: {self._fleet.recall.limits()}")
+        raise SleepcastError(f"{self.name} remembers {what}: {self._fleet.evaluation_log.limits()}")
 
-    def recollection(self, memo: LogEntry) -> Recollection:
+    def recollection(self, entry: LogEntry) -> Recollection:
         """What went into a command on this robot."""
-        return recollect(memo, self.place, self.vocabulary, self._fleet.state.keys)
+        return recollect(entry, self.place, self.vocabulary, self._fleet.state.keys)
 
     def install(self, name: str, text: str, *, priority: int = 0, protected: bool = True) -> None:
         """Give the robot an active rule of its own; see `Fleet.install`."""

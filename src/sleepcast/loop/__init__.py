@@ -11,7 +11,13 @@ if TYPE_CHECKING:
     from sleepcast.loop.network_swarm import Member, NetworkSwarm
     from sleepcast.loop.real import Watch, run_robot, step_robot
 
-_LATER = {"NetworkSwarm": "crew", "Member": "crew", "Watch": "real", "run_robot": "real", "step_robot": "real"}
+_LATER = {
+    "NetworkSwarm": "network_swarm",
+    "Member": "network_swarm",
+    "Watch": "real",
+    "run_robot": "real",
+    "step_robot": "real",
+}
 """What takes nodes and the air, and where it is: a simulated swarm starts without."""
 
 __all__ = [

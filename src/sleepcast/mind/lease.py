@@ -124,7 +124,7 @@ def _held_by(lease: Lease, group: str, now: float) -> str:
 
 DEAD_MAN_SECONDS = 1.0
 """Seconds, as the programs of the thesis have it (`conf_tm(1)`), unless another time is said."""
-LEAST, MOST = 0.2, 3_600.0
+LEAST_DEAD_MAN, MOST_DEAD_MAN = 0.2, 3_600.0
 """Seconds: a heartbeat comes each third of the lease, and one lost must not end it; beyond an hour it is none."""
 OFF = "off"
 COMMANDING = frozenset({"operator", "commander"})
@@ -162,6 +162,6 @@ def read_lease(text: str) -> float:
         found = float(text.strip().removesuffix("s"))
     except ValueError:
         found = 0.0
-    if not LEAST <= found <= MOST:
-        raise MisuseError(f"a lease of {text!r:.40}: wanted {LEAST:g}s to {MOST:g}s, or {OFF}")
+    if not LEAST_DEAD_MAN <= found <= MOST_DEAD_MAN:
+        raise MisuseError(f"a lease of {text!r:.40}: wanted {LEAST_DEAD_MAN:g}s to {MOST_DEAD_MAN:g}s, or {OFF}")
     return found

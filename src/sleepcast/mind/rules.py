@@ -1,8 +1,8 @@
 """Minds: what robots have learned - rules, operators, names - kept once for all robots that have learned the same.
 
 A `Mind` never changes. A message that teaches something takes the robots it is for from one mind to another: a
-`Transaction` of the old mind is changed, and the table gives the mind that is like it, a new one if there is none yet. So
-the work of storing a rule is done once, however many robots store it.
+`Transaction` of the old mind is changed, and the table gives the mind that is like it, a new one if there is none yet.
+So the work of storing a rule is done once, however many robots store it.
 
 What a draft changes of the single robots (flags, leases, how often a rule has fired) it writes down as `Effect`s.
 """

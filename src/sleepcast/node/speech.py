@@ -10,7 +10,7 @@ from math import inf, isnan, nan
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.payload import HOPS
 from sleepcast.core.clock import Clock
-from sleepcast.node.telemetry import NOTHING
+from sleepcast.node.telemetry import NOTHING, Details
 
 MAX_OUTBOX = 256
 """Things said in one tick; the rest is dropped and counted."""
@@ -61,7 +61,7 @@ class Speaker:
         )
 
     def _answer(
-        self, message: Message, outcome: str, value: float = nan, fault: str = "", told: Told = NOTHING
+        self, message: Message, outcome: str, value: float = nan, fault: str = "", told: Details = NOTHING
     ) -> None:
         said = {"command": message.id, "outcome": outcome, "value": None if isnan(value) else value}
         self._say(Kind.ANSWER, body={**said, "fault": fault or None, **told})

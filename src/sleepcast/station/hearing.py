@@ -43,7 +43,7 @@ class Hearing:
         self._minds, self._clock = minds, clock
         self._roster = Roster(minds.names if isinstance(minds, ManyMinds) else minds, len(minds))
         self._rows = Rows(minds)
-        self._told: ToldByMany | None = minds.told if isinstance(minds, ManyMinds) else None
+        self._told: ToldByMany | None = minds.telemetry if isinstance(minds, ManyMinds) else None
         self._sent = Sent()
         self._lock = RLock()
 

@@ -1,7 +1,7 @@
 """Tellings: what robots tell of themselves on the air, read as something that anybody may have written.
 
-`sleepcast.node.telemetry` writes these; here every one of them is checked before anything is made of it: sorts, lengths,
-names. Whatever else comes is a `TellingError`, and no other.
+`sleepcast.node.telemetry` writes these; here every one of them is checked before anything is made of it: sorts,
+lengths, names. Whatever else comes is a `TellingError`, and no other.
 """
 
 from __future__ import annotations

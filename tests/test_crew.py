@@ -13,12 +13,13 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import ROBOT_KINDS, Admission
 from sleepcast.channel.drops import DropCounter
 from sleepcast.channel.envelope import kind_of
-from sleepcast.channel.keys import KeyPair, PublicKey, Role, Trust
-from sleepcast.channel.receiver import Receiver
+from sleepcast.channel.keys import KeyPair, PublicKey, Trust
+from sleepcast.channel.message import Role
 from sleepcast.channel.reliable import ReliableDelivery
-from sleepcast.channel.session import ChannelSession
+from sleepcast.channel.session import ChannelSession, Receiver
+from sleepcast.channel.transports import open_transport
 from sleepcast.channel.transports.multiplexer import Multiplexer
-from sleepcast.channel.transports.transport import Transport, open_transport
+from sleepcast.channel.transports.transport import Transport
 from sleepcast.core.clock import ManualClock
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Member, NetworkSwarm, vocabulary_of

@@ -17,7 +17,8 @@ from benchmarks.report import Bar, number
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import Admission
 from sleepcast.channel.envelope import encode
-from sleepcast.channel.keys import KeyPair, Role, Trust
+from sleepcast.channel.keys import KeyPair, Trust
+from sleepcast.channel.message import Role
 from sleepcast.channel.reliable import BATCH, REPAIR_RATE, ReliableDelivery
 from sleepcast.core.clock import ManualClock
 

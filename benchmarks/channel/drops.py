@@ -18,7 +18,8 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import Admission
 from sleepcast.channel.drops import DropReason
 from sleepcast.channel.envelope import FIXED, MAX_DATAGRAM, PAYLOAD_AT, encode
-from sleepcast.channel.keys import KeyChange, KeyPair, Role, Trust
+from sleepcast.channel.keys import KeyChange, KeyPair, Trust
+from sleepcast.channel.message import Role
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.core.clock import ManualClock
 

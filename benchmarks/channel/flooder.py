@@ -18,8 +18,8 @@ from random import Random
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import HEAD, encode
-from sleepcast.channel.keys import ID_BYTES, KeyPair, Role
-from sleepcast.channel.message import MAX_TEXT
+from sleepcast.channel.keys import ID_BYTES, KeyPair
+from sleepcast.channel.message import MAX_TEXT, Role
 from sleepcast.channel.transports.udp import UdpTransport
 from sleepcast.cli.air import FLEET
 

@@ -25,7 +25,8 @@ from benchmarks.report import Bar, Json, described, machine, table
 from sleepcast.channel import Kind
 from sleepcast.channel.admission import Admission
 from sleepcast.channel.drops import DropReason
-from sleepcast.channel.keys import KeyPair, Role, Trust
+from sleepcast.channel.keys import KeyPair, Trust
+from sleepcast.channel.message import Role
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.cli.progress import steps
 from sleepcast.core.clock import ManualClock

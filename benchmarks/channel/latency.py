@@ -34,7 +34,8 @@ from benchmarks.report import Bar, number
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import encode
 from sleepcast.channel.keyring import development_keys
-from sleepcast.channel.keys import KeyPair, Role
+from sleepcast.channel.keys import KeyPair
+from sleepcast.channel.message import Role
 from sleepcast.channel.payload import WITHIN
 from sleepcast.channel.transports.udp import UdpTransport
 from sleepcast.cli.air import FLEET, Air, line_for

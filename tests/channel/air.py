@@ -11,7 +11,8 @@ from random import Random
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import Admission
 from sleepcast.channel.envelope import look
-from sleepcast.channel.keys import KeyPair, PublicKey, Role, Trust
+from sleepcast.channel.keys import KeyPair, PublicKey, Trust
+from sleepcast.channel.message import Role
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.core.clock import ManualClock
 

@@ -17,8 +17,10 @@ from tests.channel_contract import Air
 from sleepcast.channel import Message
 from sleepcast.channel.admission import Admission
 from sleepcast.channel.envelope import encode
-from sleepcast.channel.keys import KeyPair, Role, Trust
-from sleepcast.channel.transports.transport import Transport, open_transport
+from sleepcast.channel.keys import KeyPair, Trust
+from sleepcast.channel.message import Role
+from sleepcast.channel.transports import open_transport
+from sleepcast.channel.transports.transport import Transport
 from sleepcast.core.clock import ManualClock
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)

@@ -26,8 +26,8 @@ from sleepcast.channel.admission import (
 )
 from sleepcast.channel.drops import DropReason
 from sleepcast.channel.envelope import HEAD, PAYLOAD_AT, SIGNATURE_HEAD, encode, look, signed_bytes
-from sleepcast.channel.keys import ID_BYTES, KeyPair, KeyRefusal, Role, Trust
-from sleepcast.channel.message import MAX_TEXT
+from sleepcast.channel.keys import ID_BYTES, KeyPair, KeyRefusal, Trust
+from sleepcast.channel.message import MAX_TEXT, Role
 from sleepcast.core.clock import ManualClock
 
 DESK = KeyPair("desk", Role.OPERATOR, b"d" * 32)

@@ -12,9 +12,10 @@ from channel.test_udp import free_port
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import ROBOT_KINDS
 from sleepcast.channel.envelope import KINDS, LEAST, encode, kind_of
-from sleepcast.channel.keys import KeyPair, Role
-from sleepcast.channel.message import TO_OPERATOR
-from sleepcast.channel.transports.transport import Transport, listen_for, open_transport
+from sleepcast.channel.keys import KeyPair
+from sleepcast.channel.message import TO_OPERATOR, Role
+from sleepcast.channel.transports import open_transport
+from sleepcast.channel.transports.transport import Transport, listen_for
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
 PATIENCE = 20.0

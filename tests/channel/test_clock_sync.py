@@ -9,7 +9,7 @@ import pytest
 from channel.air import DESK, ROBOTS
 from sleepcast.channel import Kind
 from sleepcast.channel.admission import Admission
-from sleepcast.channel.clock_offsets import ENOUGH, FRESH, MAX_OFFSETS, ClockOffsets
+from sleepcast.channel.clock_sync import ENOUGH, FRESH, MAX_OFFSETS, ClockOffsets
 from sleepcast.channel.drops import DropReason
 from sleepcast.channel.keys import Trust
 from sleepcast.channel.reliable import ReliableDelivery

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from sleepcast.channel.drops import AGAIN, MAX_STRANGERS, DropCounter, DropReason, NoticeLog
-from sleepcast.channel.keys import KeyPair, Role, Trust
+from sleepcast.channel.keys import KeyPair, Trust
+from sleepcast.channel.message import Role
 from sleepcast.core.clock import ManualClock
 
 DESK = KeyPair("desk", Role.OPERATOR, b"d" * 32)

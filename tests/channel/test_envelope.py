@@ -27,8 +27,8 @@ from sleepcast.channel.envelope import (
     read_message,
     read_piece,
 )
-from sleepcast.channel.keys import KeyPair, Role
-from sleepcast.channel.message import MAX_NAME, MAX_NUMBER, MAX_TEXT
+from sleepcast.channel.keys import KeyPair
+from sleepcast.channel.message import MAX_NAME, MAX_NUMBER, MAX_TEXT, Role
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
 VECTORS = Path(__file__).parents[2] / "docs" / "wire-vectors.json"

@@ -25,7 +25,8 @@ from channel.test_envelope import unwritten
 from sleepcast.channel import Kind, payload
 from sleepcast.channel.admission import Admission
 from sleepcast.channel.drops import DropReason
-from sleepcast.channel.keys import KeyChange, PublicKey, Role, Trust
+from sleepcast.channel.keys import KeyChange, PublicKey, Trust
+from sleepcast.channel.message import Role
 from sleepcast.core.clock import ManualClock
 
 ROOT = Path(__file__).parents[2]

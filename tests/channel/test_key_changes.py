@@ -18,10 +18,10 @@ from sleepcast.channel.keys import (
     KeyPair,
     KeyRefusal,
     PublicKey,
-    Role,
     Trust,
     fingerprint,
 )
+from sleepcast.channel.message import Role
 from sleepcast.channel.payload import KEYS
 
 CHIEF = KeyPair("chief", Role.COMMANDER, b"c" * 32)

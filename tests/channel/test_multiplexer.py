@@ -15,9 +15,11 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import ROBOT_KINDS
 from sleepcast.channel.drops import DropCounter, DropReason
 from sleepcast.channel.envelope import encode
-from sleepcast.channel.keys import KeyPair, Role
+from sleepcast.channel.keys import KeyPair
+from sleepcast.channel.message import Role
+from sleepcast.channel.transports import open_transport
 from sleepcast.channel.transports.multiplexer import MAX_QUEUE, Multiplexer, Port
-from sleepcast.channel.transports.transport import Transport, open_transport
+from sleepcast.channel.transports.transport import Transport
 from sleepcast.core.clock import WallClock
 
 DESK = KeyPair("desk", Role.OPERATOR, b"d" * 32)

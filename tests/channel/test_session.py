@@ -6,11 +6,12 @@ from random import Random
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import Admission
-from sleepcast.channel.keys import KeyPair, Role, Trust
+from sleepcast.channel.keys import KeyPair, Trust
+from sleepcast.channel.message import Role
 from sleepcast.channel.payload import AGAIN, FOR, WITHIN
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.channel.session import MAX_ANSWERED, ChannelSession
-from sleepcast.channel.transports.transport import open_transport
+from sleepcast.channel.transports import open_transport
 from sleepcast.core.clock import ManualClock, UnixClock
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)

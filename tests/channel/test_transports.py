@@ -16,9 +16,10 @@ import pytest
 from channel.endpoints import MEDIA, PATIENCE, air_over, free_port, heard_everywhere, parties_of
 from channel_contract import Air, ChannelContract
 from sleepcast.channel.envelope import MAX_DATAGRAM
+from sleepcast.channel.transports import open_transport
 from sleepcast.channel.transports.address import AddressError
 from sleepcast.channel.transports.memory import LATE, MAX_WAITING, MemoryTransport
-from sleepcast.channel.transports.transport import Transport, open_transport
+from sleepcast.channel.transports.transport import Transport
 from sleepcast.core.clock import ManualClock
 
 

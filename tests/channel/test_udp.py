@@ -16,9 +16,10 @@ from channel_contract import message
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.drops import DropReason
 from sleepcast.channel.envelope import encode
-from sleepcast.channel.keys import KeyPair, Role
+from sleepcast.channel.keys import KeyPair
+from sleepcast.channel.message import Role
+from sleepcast.channel.transports import open_transport
 from sleepcast.channel.transports.address import AddressError
-from sleepcast.channel.transports.transport import open_transport
 from sleepcast.channel.transports.udp import MOST_STOPS, UdpError
 
 

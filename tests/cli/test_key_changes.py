@@ -14,8 +14,8 @@ import pytest
 from cli.calling import LONGEST, called
 from cli.test_crew import account, channel, swarm
 from sleepcast.channel.keyring import KeyFileLostError, add_trust, key_file, load_trust, save_key, save_trust
-from sleepcast.channel.keys import KeyChange, KeyPair, Role, Trust
-from sleepcast.channel.message import Kind
+from sleepcast.channel.keys import KeyChange, KeyPair, Trust
+from sleepcast.channel.message import Kind, Role
 from sleepcast.cli.air import FLEET, Air, line_for
 
 __all__ = ["channel"]  # a fixture

@@ -11,7 +11,7 @@ import pytest
 from tests.cli.calling import Called, called
 
 from sleepcast.channel.keyring import development_keys, find_key, keys_folder, load_key, load_trust
-from sleepcast.channel.keys import Role
+from sleepcast.channel.message import Role
 from sleepcast.cli.air import Air
 from sleepcast.cli.air import _keys as keys_of
 from sleepcast.cli.key_changes import commander

@@ -11,7 +11,8 @@ from benchmarks.channel.lab import MAX_HOSTS, URI, Lab, LabError, Traffic, why_n
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import encode
-from sleepcast.channel.keys import KeyPair, Role
+from sleepcast.channel.keys import KeyPair
+from sleepcast.channel.message import Role
 
 REASON = why_not()
 needs_networks = pytest.mark.skipif(bool(REASON), reason=f"no networks of our own here: {REASON}")

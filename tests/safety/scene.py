@@ -12,7 +12,8 @@ from random import Random
 
 from sleepcast.channel import Message
 from sleepcast.channel.admission import Admission
-from sleepcast.channel.keys import KeyPair, PublicKey, Role, Trust
+from sleepcast.channel.keys import KeyPair, PublicKey, Trust
+from sleepcast.channel.message import Role
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.channel.session import ChannelSession
 from sleepcast.core.clock import ManualClock

@@ -10,7 +10,8 @@ from safety.scene import FLEET, KEYS, Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.drops import DropReason
 from sleepcast.channel.envelope import encode
-from sleepcast.channel.keys import KeyPair, Role
+from sleepcast.channel.keys import KeyPair
+from sleepcast.channel.message import Role
 from sleepcast.station.aired import RoleError
 
 RULES = [

@@ -10,11 +10,12 @@ import pytest
 from safety.scene import FLEET, KEYS, Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import TIMES_A_SECOND
+from sleepcast.channel.clock_sync import MAX_TRIP, SLOWEST
 from sleepcast.channel.envelope import encode, look, read_message, read_piece
-from sleepcast.channel.keys import KeyPair, Role
+from sleepcast.channel.keys import KeyPair
+from sleepcast.channel.message import Role
 from sleepcast.channel.payload import TIME, TOOK
 from sleepcast.channel.reliable import TIME_REPLIES_A_SECOND
-from sleepcast.channel.time_request import MAX_TRIP, SLOWEST
 from sleepcast.core.clock import ManualClock, epoch_at
 
 TODAY = 1_795_000_000.0

@@ -17,13 +17,12 @@ from typing import NamedTuple
 
 import msgspec
 
-from sleepcast.channel.clock_offsets import ClockOffsets
-from sleepcast.channel.delivery_state import StoredWindow
+from sleepcast.channel.clock_sync import ClockOffsets, WrongClocks
 from sleepcast.channel.drops import DropCounter, DropReason
 from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Part, Piece, look, read_message, read_piece
-from sleepcast.channel.keys import MAY, PublicKey, Role, Trust
-from sleepcast.channel.message import TO_OPERATOR, Kind, Message
-from sleepcast.channel.wrong_clocks import WrongClocks
+from sleepcast.channel.keys import MAY, PublicKey, Trust
+from sleepcast.channel.message import TO_OPERATOR, Kind, Message, Role
+from sleepcast.channel.message_store import StoredWindow
 from sleepcast.core.clock import Clock
 
 WINDOW = 4_096
@@ -300,7 +299,8 @@ class Admission:
             self.clocks.note(sender, ahead)
 
     def forget_clocks(self) -> None:
-        """Our clock has been set: by how much others differ from it is not known any more."""
+        """Our clock has been set: by how much others differ from it is not known any more, and nobody is asked."""
+        self.nonce = b""
         self.skews = ClockOffsets(self.skew)
         self.clocks.clear()
         self._timely.clear()

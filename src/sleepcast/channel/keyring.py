@@ -19,7 +19,8 @@ from typing import TypeVar
 
 import msgspec
 
-from sleepcast.channel.keys import FINGERPRINT_BYTES, ID_BYTES, KeyChange, KeyPair, KeyRefusal, PublicKey, Role, Trust
+from sleepcast.channel.keys import FINGERPRINT_BYTES, ID_BYTES, KeyChange, KeyPair, KeyRefusal, PublicKey, Trust
+from sleepcast.channel.message import Role
 from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.core.files import config_folder, replace_file
 

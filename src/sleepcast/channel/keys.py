@@ -19,9 +19,8 @@ from nacl.bindings import crypto_sign_BYTES
 from nacl.exceptions import BadSignatureError
 from nacl.signing import SigningKey, VerifyKey
 
-from sleepcast.channel.message import MAX_NAME, Kind, Message
+from sleepcast.channel.message import MAX_NAME, Kind, Message, Role
 from sleepcast.channel.payload import KEYS
-from sleepcast.channel.roles import Role as Role
 from sleepcast.core.errors import MisuseError, did_you_mean
 
 SEED_BYTES = PUBLIC_BYTES = 32

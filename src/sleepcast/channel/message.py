@@ -7,13 +7,14 @@ number.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
 from functools import cached_property
 from math import inf, isnan
+from typing import NamedTuple
 
 import msgspec
 
-from sleepcast.channel.payload import Link
 from sleepcast.core.errors import MisuseError
 
 MAX_TEXT = 16_384
@@ -50,6 +51,47 @@ class Kind(StrEnum):
 
 TO_OPERATOR = frozenset({Kind.ANSWER, Kind.REPORT})
 """Kinds that robots address to the operator; every other kind is for all who hear it."""
+
+
+class Role(StrEnum):
+    """What the owner of a key may do. Anybody with a role may send STOP."""
+
+    OBSERVER = "observer"
+    """Ask, and nothing else."""
+    OPERATOR = "operator"
+    """Command."""
+    COMMANDER = "commander"
+    """Command, and say whom to trust."""
+    ROBOT = "robot"
+    """Answer, report, tell other robots, and hand on what others have missed."""
+
+
+class Link(NamedTuple):
+    """What came before a command. after: number of the one before, 0 for none; sent, until: when it was issued and its
+    deadline (s, inf for one that stands); rules: number of the standing one before, 0 for none."""
+
+    after: int = 0
+    sent: float = inf
+    until: float = inf
+    rules: int = 0
+
+    def written(self) -> dict[str, object]:
+        """As it stands in a message's body."""
+        sent, until = (None if time == inf else time for time in (self.sent, self.until))
+        return {"after": self.after, "sent": sent, "until": until, "rules": self.rules}
+
+    @staticmethod
+    def of(body: Mapping[str, object], number: int) -> Link:
+        """That of the message of this number with this body; one without any follows nothing."""
+        after, rules = body.get("after"), body.get("rules")
+        if isinstance(after, int) and isinstance(rules, int) and "until" in body and 0 <= rules <= after < number:
+            return Link(after, _time(body.get("sent")), _time(body["until"]), rules)
+        return Link()
+
+
+def _time(found: object) -> float:
+    """A time as it was written; what is none, or no number of this world, is never."""
+    return float(found) if isinstance(found, float) or (isinstance(found, int) and abs(found) < 1e300) else inf
 
 
 class MessageError(MisuseError):

@@ -1,6 +1,6 @@
-"""A chorus: what many robots say at once, kept side by side, and turned into messages only for those who read them.
+"""A message batch: one message from each of many robots, as columns; a single one is made only for its reader.
 
-A command to a million robots brings a million answers; as columns they take some bytes each and no time.
+A command to a million robots brings a million answers; as columns they take a few bytes each and no time.
 """
 
 from __future__ import annotations
@@ -9,11 +9,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.message import Kind, Message, message_id
+from sleepcast.channel.message import MAX_NUMBER, Kind, Message, message_id
 from sleepcast.channel.payload import HOPS
+from sleepcast.core.serial import Array, SerialError, within
 
 Index = NDArray[np.intp]
 Column = NDArray[np.float64]
@@ -144,3 +146,95 @@ class MessageBatch:
         """Each robot with the id of its message."""
         for robot, sequence in zip(self.robots.tolist(), self.sequences.tolist(), strict=True):
             yield robot, message_id(self.names[robot], self.epoch, sequence)
+
+
+# ---- serialized state
+
+
+class AnswersState(msgspec.Struct, tag="answers"):
+    """See `Answers`; the columns are in the order of the robots."""
+
+    command: str
+    sorts: tuple[str, ...]
+    sort: Array
+    value: Array
+    faults: tuple[str, ...]
+    fault: Array
+
+
+class ReportsState(msgspec.Struct, tag="reports"):
+    """See `Reports`."""
+
+    label: str
+    values: tuple[Array, ...]
+
+
+class RelaysState(msgspec.Struct, tag="told"):
+    """See `Relays`."""
+
+    said: str
+    hops: int = 1
+
+
+class MessageBatchState(msgspec.Struct, tag="chorus"):
+    """See `MessageBatch`."""
+
+    kind: Kind
+    epoch: int
+    robots: Array
+    sequences: Array
+    issued: Array
+    lasts: float
+    words: AnswersState | ReportsState | RelaysState
+
+
+def dump_batch(what: MessageBatch) -> MessageBatchState:
+    """What many say, as a parcel."""
+    robots, sequences = Array.of(what.robots.astype(np.int32)), Array.of(what.sequences)
+    words = _dump_contents(what.words, what.places)
+    return MessageBatchState(what.kind, what.epoch, robots, sequences, Array.of(what.issued), what.lasts, words)
+
+
+def load_batch(parcel: MessageBatchState, names: Sequence[str]) -> MessageBatch:
+    """What many said. names: of all robots. Raises ParcelError."""
+    robots = ascending(parcel.robots, len(names))
+    shape = robots.shape
+    sequences = parcel.sequences.made(np.int32, shape, "sequences")
+    within(sequences, 0, MAX_NUMBER, "sequences")
+    issued = parcel.issued.made(np.float64, shape, "issued")
+    if not 0 <= parcel.epoch <= MAX_NUMBER or not parcel.lasts >= 0.0 or np.isnan(issued).any():
+        raise SerialError("something said at no time or in no life")
+    words = _load_contents(parcel.words, shape)
+    places = np.arange(len(robots))
+    return MessageBatch(parcel.kind, names, parcel.epoch, robots, places, sequences, issued, parcel.lasts, words)
+
+
+def ascending(listed: Array, count: int) -> NDArray[np.intp]:
+    """Indices of some of `count` robots, each once. Raises ParcelError."""
+    robots = listed.column(np.int32, count, "robots").astype(np.intp)
+    if robots.size and (robots[0] < 0 or robots[-1] >= count or (np.diff(robots) <= 0).any()):
+        raise SerialError("robots that are not there, or twice")
+    return robots
+
+
+def _dump_contents(words: Contents, places: NDArray[np.intp]) -> AnswersState | ReportsState | RelaysState:
+    if isinstance(words, Answers):
+        sort, value, fault = (Array.of(column[places]) for column in (words.sort, words.value, words.fault))
+        return AnswersState(words.command, words.sorts, sort, value, words.faults, fault)
+    if isinstance(words, Reports):
+        return ReportsState(words.label, tuple(Array.of(column[places]) for column in words.values))
+    if isinstance(words, Relays):
+        return RelaysState(words.said, words.hops)
+    raise TypeError(f"{type(words).__name__} cannot be kept")
+
+
+def _load_contents(parcel: AnswersState | ReportsState | RelaysState, shape: tuple[int, ...]) -> Contents:
+    if isinstance(parcel, RelaysState):
+        return Relays(parcel.said, parcel.hops)
+    if isinstance(parcel, ReportsState):
+        return Reports(parcel.label, tuple(column.made(np.float64, shape, "reported") for column in parcel.values))
+    sort, fault = parcel.sort.made(np.uint8, shape, "outcomes"), parcel.fault.made(np.int32, shape, "faults")
+    within(sort, 0, len(parcel.sorts) - 1, "outcomes")
+    within(fault, 0, len(parcel.faults), "faults")
+    value = parcel.value.made(np.float64, shape, "answers")
+    return Answers(parcel.command, parcel.sorts, sort, value, parcel.faults, fault)

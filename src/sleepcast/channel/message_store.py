@@ -1,4 +1,7 @@
-"""The shelf: the bytes of commands, kept for those who missed them, and when each was last heard on the air."""
+"""The commands that a party stores for those who missed them, and what of reliable delivery outlasts its process.
+
+Delivery gives its changes as a `DeliveryState`; all of them together, the latest of each, restore it.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,54 @@ from collections import OrderedDict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import inf
+from typing import NamedTuple
 
-from sleepcast.channel.delivery_state import StandingCommand, StreamId
+StreamId = tuple[bytes, int]
+"""Of a stream: the id of its sender's key, and the epoch."""
+
+
+class StreamProgress(NamedTuple):
+    """How far a stream has come: numbers of the latest command that was dealt with (`done`, issued when it was `sent`,
+    with its deadline `until`, s of Unix time, inf for one that stands), and of the latest standing one (`rules`)."""
+
+    stream: StreamId
+    done: int
+    sent: float
+    until: float
+    rules: int
+
+
+class StoredWindow(NamedTuple):
+    """What was heard of one sender in one epoch. key: its id; numbers: bit i is message `latest - i`."""
+
+    key: bytes
+    sender: str
+    epoch: int
+    latest: int
+    numbers: int
+
+    def without(self, numbers: set[int]) -> StoredWindow:
+        """The same, as if these messages had not been heard."""
+        most = self.numbers.bit_length()
+        gone = sum(1 << self.latest - number for number in numbers if 0 <= self.latest - number < most)
+        return self._replace(numbers=self.numbers & ~gone)
+
+
+class StandingCommand(NamedTuple):
+    """A command that stands, and its bytes."""
+
+    stream: StreamId
+    number: int
+    datagrams: tuple[bytes, ...]
+
+
+class DeliveryState(NamedTuple):
+    """What has changed since this was asked last."""
+
+    streams: tuple[StreamProgress, ...] = ()
+    windows: tuple[StoredWindow, ...] = ()
+    standing: tuple[StandingCommand, ...] = ()
+
 
 MAX_RECENT = 512
 """One-shot commands kept: all of the last seconds at a hundred a second."""
@@ -24,7 +73,7 @@ class StoredCommand:
 
 
 class MessageStore:
-    """See the module."""
+    """The bytes of commands, and when each datagram was last on the air."""
 
     def __init__(self) -> None:
         self._standing: OrderedDict[tuple[StreamId, int], StoredCommand] = OrderedDict()

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from enum import StrEnum
 from math import inf
-from typing import NamedTuple
 
-from sleepcast.channel.roles import Role
+from sleepcast.channel.message import Role
 
 WITHIN = "within"
 """Seconds over which answers are to be spread."""
@@ -93,31 +92,3 @@ def age_of(body: Mapping[str, object]) -> float:
     """Seconds since a message was first sent; inf where it does not say what can be meant."""
     age = body.get(AGE, 0.0)
     return float(age) if isinstance(age, float | int) and age >= 0.0 else inf
-
-
-class Link(NamedTuple):
-    """What came before a command. after: number of the one before, 0 for none; sent, until: when it was issued and its
-    deadline (s, inf for one that stands); rules: number of the standing one before, 0 for none."""
-
-    after: int = 0
-    sent: float = inf
-    until: float = inf
-    rules: int = 0
-
-    def written(self) -> dict[str, object]:
-        """As it stands in a message's body."""
-        sent, until = (None if time == inf else time for time in (self.sent, self.until))
-        return {"after": self.after, "sent": sent, "until": until, "rules": self.rules}
-
-    @staticmethod
-    def of(body: Mapping[str, object], number: int) -> Link:
-        """That of the message of this number with this body; one without any follows nothing."""
-        after, rules = body.get("after"), body.get("rules")
-        if isinstance(after, int) and isinstance(rules, int) and "until" in body and 0 <= rules <= after < number:
-            return Link(after, _time(body.get("sent")), _time(body["until"]), rules)
-        return Link()
-
-
-def _time(found: object) -> float:
-    """A time as it was written; what is none, or no number of this world, is never."""
-    return float(found) if isinstance(found, float) or (isinstance(found, int) and abs(found) < 1e300) else inf

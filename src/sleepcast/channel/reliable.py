@@ -15,27 +15,25 @@ Kinds that are no commands go through as they come.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from heapq import heappop, heappush
 from itertools import count
 from math import inf
 from random import Random
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import msgspec
 
 from sleepcast.channel.admission import Admission, Budget
-from sleepcast.channel.delivery_state import DeliveryState, StreamId
+from sleepcast.channel.clock_sync import MAX_TRIP, NONCE_BYTES, TimeRequest
 from sleepcast.channel.digest_timer import DigestTimer, mostly_late
-from sleepcast.channel.envelope import Part, encode
-from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal, Role
-from sleepcast.channel.message import Kind, Message
-from sleepcast.channel.message_store import MessageStore
+from sleepcast.channel.envelope import MAX_PARTS, Part, encode
+from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal
+from sleepcast.channel.message import Kind, Message, Role
+from sleepcast.channel.message_store import DeliveryState, MessageStore, StreamId
 from sleepcast.channel.payload import KEYS, TIME, age_of
-from sleepcast.channel.repair_payload import request, streams_in, wanted_parts
 from sleepcast.channel.sequencer import MAX_STREAMS, Sequencer, Skipped, Stream
-from sleepcast.channel.time_request import MAX_TRIP, NONCE_BYTES, TimeRequest
 from sleepcast.core.clock import MADE
 
 REPEATS = (0.03, 0.09, 0.21, 0.45)
@@ -130,7 +128,7 @@ class ReliableDelivery:
         self._later: list[Repair | Repeat] = []
         self._stopping = StopRepeats()
         self._tie = count()
-        self._sync: TimeRequest | None = None
+        self._time_request: TimeRequest | None = None
         self._times_told = Budget(TIME_REPLIES_A_SECOND, TIME_REPLIES_A_SECOND, chance, 0.0)
         self._mendable, self._mended_at = REPAIR_RATE, 0.0
         """Bytes that may be sent of what others miss, as of then (s)."""
@@ -212,9 +210,9 @@ class ReliableDelivery:
             self.order.since = now
             self._trickle.restart(now)
 
-    def seek_time(self, taken: Callable[[float, str], None]) -> None:
-        """Our clock is plainly wrong: ask for the time until an operator tells it; see `TimeRequest`."""
-        self._sync = TimeRequest(self.door, taken)
+    def seek_time(self, set_clock: Callable[[float, str], None]) -> None:
+        """Our clock is plainly wrong: ask for the time until an operator tells it. set_clock: see `TimeRequest`."""
+        self._time_request = TimeRequest(set_clock)
 
     def _number(self) -> int:
         """The next number is ours: whatever comes back of it from the air, by an echo or by malice, is no news."""
@@ -243,8 +241,8 @@ class ReliableDelivery:
             if part.kind is Kind.COMMAND and self.door.robot and self._missing(name, part.sequence):
                 self.order.piecemeal(name, part.sequence, part.deadline, now + ASK_PARTS_AFTER)
             turned_away = self.door.turned_away()
-            if turned_away and self._sync is not None:
-                self._sync.hurry()
+            if turned_away and self._time_request is not None:
+                self._time_request.hurry()
             return turned_away
         message = entered.message
         if TIME in message.body and message.kind in (Kind.REPORT, Kind.HEARTBEAT):
@@ -271,9 +269,12 @@ class ReliableDelivery:
         """Somebody asks for the time, or tells it; it is no heartbeat that keeps anybody going."""
         nonce = message.body[TIME]
         if message.kind is Kind.HEARTBEAT:
-            behind = 0.0 if self._sync is None else self._sync.answer(message, now)
-            if behind:
-                self._sync = None
+            request = self._time_request
+            behind = None if request is None else request.answer(message, now)
+            if request is not None and behind is not None:
+                self._time_request = None
+                self.door.forget_clocks()
+                request.set_clock(behind, message.sender)
                 self.order.since = now + behind  # what was turned away until now is waited for no more
         elif (
             Kind.HEARTBEAT in MAY[self.role]
@@ -425,8 +426,9 @@ class ReliableDelivery:
         wanted = self.order.wanted(now, MAX_WANTED)
         if wanted:
             self._request(wanted, now)
-        if self._sync is not None and self._sync.due <= now:
-            self._say(Kind.REPORT, self._sync.question(now), now)
+        if self._time_request is not None and self._time_request.due <= now:
+            self._say(Kind.REPORT, self._time_request.question(now), now)
+            self.door.nonce = self._time_request.nonce
         if self._trickle.is_due(now):
             self._say(Kind.DIGEST, self._digest(), now)
         return self.posted(), found
@@ -434,8 +436,8 @@ class ReliableDelivery:
     def due(self) -> float:
         """When `step` has something to do next, s of Unix time; it may be called earlier."""
         later = min(self._later[0].time if self._later else inf, self._stopping.time)
-        sync = inf if self._sync is None else self._sync.due
-        return -inf if self._out else min(later, sync, self.order.due(), self._trickle.due())
+        ask = inf if self._time_request is None else self._time_request.due
+        return -inf if self._out else min(later, ask, self.order.due(), self._trickle.due())
 
     def skipped(self) -> list[Skipped]:
         """The commands that never came, since this was asked last."""
@@ -466,3 +468,51 @@ class ReliableDelivery:
     def _say(self, kind: Kind, body: dict[str, object], now: float) -> None:
         message = Message(self.name, self.epoch, self._number(), kind, now, now + LIFE, body=body)
         self._out += encode(message, self.door.fleet, self._key)
+
+
+# ---- the bodies of digests and requests
+#
+# have     a digest's list of streams, each with the number of its latest standing command
+# want     a request's list of streams, each with the numbers of missing commands
+# parts    a request's list of commands of which some parts have come, each with the numbers of the others
+
+MAX_ASKED = 24
+"""Commands of which parts are looked at in one request."""
+
+Value = TypeVar("Value")
+
+
+def streams_in(body: dict[str, object], what: str, kind: type[Value]) -> list[tuple[StreamId, Value]]:
+    """Streams, each with a value, as digests and requests have them; what is no such thing is left out."""
+    found = []
+    listed = body.get(what)
+    for each in listed[:MAX_STREAMS] if isinstance(listed, list) else ():
+        match each:
+            case [bytes() as key, int() as epoch, value] if isinstance(value, kind):
+                found.append(((key, epoch), value))
+    return found
+
+
+def wanted_parts(body: dict[str, object]) -> list[tuple[StreamId, int, list[int]]]:
+    """Parts that are wanted of commands; what is no such thing is left out."""
+    found = []
+    listed = body.get("parts")
+    for each in listed[:MAX_ASKED] if isinstance(listed, list) else ():
+        match each:
+            case [bytes() as key, int() as epoch, int() as number, list() as said]:
+                numbers = [part for part in said[:MAX_PARTS] if isinstance(part, int)]
+                found += [((key, epoch), number, numbers)] if numbers else []
+    return found
+
+
+def request(missing: Iterable[tuple[StreamId, int, Sequence[int]]]) -> dict[str, object]:
+    """A body that asks for these commands, or for those of their parts that are named."""
+    whole: dict[StreamId, list[int]] = {}
+    some: list[object] = []
+    for name, number, parts in missing:
+        if parts:
+            some.append([*name, number, [*parts]])
+        else:
+            whole.setdefault(name, []).append(number)
+    want: list[object] = [[*name, numbers] for name, numbers in whole.items()]
+    return {what: listed for what, listed in (("want", want), ("parts", some)) if listed}

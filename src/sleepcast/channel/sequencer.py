@@ -14,10 +14,9 @@ from math import inf
 from random import Random
 from typing import NamedTuple
 
-from sleepcast.channel.delivery_state import StreamId, StreamProgress
 from sleepcast.channel.digest_timer import mostly_late
-from sleepcast.channel.message import Message
-from sleepcast.channel.payload import Link
+from sleepcast.channel.message import Link, Message
+from sleepcast.channel.message_store import StreamId, StreamProgress
 
 MAX_STREAMS = 64
 """Senders of commands, each in each of its epochs, whose order is kept; of those that were silent longest, one without

@@ -1,16 +1,21 @@
-"""A line: a party's mailbox on a transport, and the way from the clock on the wall to the time of a mind.
+"""A session: one party's connection to the channel. It joins a transport, reliable delivery, and the time of a mind.
 
-A line never waits unless it is asked to; `wait` mends and hears while its owner has nothing to do. Answers that
-somebody has asked for within a time are spread over it by chance, so that a thousand robots do not answer at once. They
-are said once, and whoever has missed them asks for them again by the names of those that he has not heard; that is the
-line's own business, of which the mind hears nothing.
+A session never waits unless it is asked to; `wait` repairs and receives while its owner has nothing to do. Answers that
+were asked for within a time are spread over it at random, so that a thousand robots do not answer at once. An answer is
+sent once; who has missed some asks for them by the robots' names, which is the session's own business: the mind hears
+nothing of it.
+
+Many robots of one process share one `Receiver`, as one computer has one radio however many minds live on it. It checks,
+orders and repairs what comes from others once for all of them, and hands it to every robot, which decides by itself
+whether it is addressed. Each robot sends by a session of its own, under its own name and numbers; what one robot tells
+the others reaches its neighbours through the same receiver.
 """
 
 from __future__ import annotations
 
 import select
 from collections import OrderedDict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import count
@@ -21,10 +26,11 @@ import msgspec
 
 from sleepcast.channel.admission import Admission
 from sleepcast.channel.keys import KeyChange, KeyRefusal
-from sleepcast.channel.message import Kind, Message, message_id
+from sleepcast.channel.message import MAX_NAME, Kind, Message, message_id
 from sleepcast.channel.payload import AGAIN, FOR, KEYS, MISSED, NOT, WITHIN
 from sleepcast.channel.reliable import LIFE, ReliableDelivery
 from sleepcast.channel.sequencer import Skipped
+from sleepcast.channel.transports.multiplexer import Port
 from sleepcast.channel.transports.transport import Transport
 from sleepcast.core.clock import Clock
 
@@ -254,3 +260,55 @@ def _within(asked: Message) -> float:
         case float() | int() as within if 0.0 < within <= MAX_SPREAD:
             return float(within)
     return 0.0
+
+
+def receiver_name(names: Sequence[str]) -> str:
+    """Under which name robots of these names hear: of the first one, if need be cut short, and how many more."""
+    more = f"+{len(names) - 1}"
+    return names[0][: MAX_NAME - len(more)] + more
+
+
+class Receiver:
+    """See the module. branch: what brings datagrams; mailbox: whose digests and requests speak for all; clock: Unix
+    time, s; zero: when the minds' time began."""
+
+    def __init__(self, branch: Port, mailbox: ReliableDelivery, clock: Clock, zero: float = 0.0) -> None:
+        self.mailbox, self.zero = mailbox, zero
+        self._branch, self._clock = branch, clock
+        mailbox.start(clock.now())
+
+    @property
+    def waits(self) -> bool:
+        """Whether something has come that nobody has looked at."""
+        return bool(self._branch.waiting)
+
+    def due(self) -> float:
+        """When `tend` has something to do next even if nothing comes, s of Unix time."""
+        return self.mailbox.due()
+
+    def take(self) -> list[Message]:
+        """What has come and can be dealt with now, with the times of the minds."""
+        found: list[Message] = []
+        for datagram in self._branch.drain():
+            now = self._clock.now()
+            found += self._in_time(self.mailbox.take(datagram, now), now)
+        return found
+
+    def tend(self) -> list[Message]:
+        """Mend, and send what is due; gives what waits no longer."""
+        now = self._clock.now()
+        out, freed = self.mailbox.step(now)
+        for datagram in out:
+            self._branch.send(datagram)
+        return self._in_time(freed, now)
+
+    def skipped(self) -> list[Skipped]:
+        """The commands that never came, since this was asked last."""
+        return self.mailbox.skipped()
+
+    def close(self) -> None:
+        """Leave the trunk."""
+        self._branch.close()
+
+    def _in_time(self, messages: Iterable[Message], now: float) -> list[Message]:
+        return [to_mind_time(message, self.zero, self.mailbox.door, now) for message in messages]

@@ -1,34 +1,134 @@
-"""The radio of a simulated swarm, in this process: range, loss, delay, duplication and reordering, all from
-the seed.
+"""The radio of a simulated swarm, in one process: range, loss, delay, duplication and reordering, all from the seed.
 
-Parties have numbers: the robots 0 to n - 1, the operator `OPERATOR`. What happens to a copy of a message is
-a pure function of the seed, who sends what and when, and who receives it; neither the order of the calls nor
-what else is on the air changes it. A copy waits until its time has come, then its receiver can have it.
+Parties have numbers: the robots 0 to n - 1, the operator `OPERATOR`. What happens to a copy of a message is a pure
+function of the seed, of who sends what and when, and of who receives it; neither the order of the calls nor other
+traffic changes it. A copy is in flight until it is due; then its receiver can take it.
 
-All copies of a message are one thing with an array of receivers, and so are the answers of many robots to the
-operator (a `MessageBatch`): a broadcast to a million robots and what comes back cost a few arrays, not millions of
-objects.
+All copies of a message are one `InFlight` with an array of receivers, and so are the answers of many robots to the
+operator (a `MessageBatch`): a broadcast to a million robots costs a few arrays, not millions of objects. Where the
+radio has a rate, a `TransmitQueue` says when each transmitter gets to a message.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from math import inf
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.in_flight import CopyChance, InFlight, Numbers, Reception, Seconds, receptions, single
 from sleepcast.channel.message import TO_OPERATOR, Kind, Message
-from sleepcast.channel.message_batch import MessageBatch
-from sleepcast.channel.serialized import RadioState, ascending, dump_in_flight, dump_sent, load_in_flight, load_sent
-from sleepcast.channel.transmit_queue import TransmitQueue
+from sleepcast.channel.message_batch import MessageBatch, MessageBatchState, ascending, dump_batch, load_batch
 from sleepcast.core.clock import Clock
 from sleepcast.core.counter_rng import key, uniform
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.serial import Array, SerialError, within
+
+Numbers = NDArray[np.int64]
+Seconds = NDArray[np.float64]
+Reception = tuple[Message, Numbers]
+"""A message, and the robots that have it, ascending, each once."""
+
+
+@dataclass(slots=True)
+class InFlight:
+    """Copies on their way: of one message to some robots, or of what many robots say to the operator.
+
+    order: transmitter, epoch, sequence, repeat and copy; what is due at the same time arrives in this order.
+    due: s, for each copy, or for all alike. receivers: of a message; a chorus goes to the operator.
+    """
+
+    order: tuple[int, int, int, int, int]
+    what: Message | MessageBatch
+    receivers: Numbers
+    due: Seconds | float
+
+    @property
+    def size(self) -> int:
+        return len(self.receivers)
+
+    def take(self, which: NDArray[np.bool_] | slice) -> InFlight:
+        """Some of the copies."""
+        what = self.what.take(which) if isinstance(self.what, MessageBatch) else self.what
+        due = self.due if isinstance(self.due, float) else self.due[which]
+        return InFlight(self.order, what, self.receivers[which], due)
+
+    def split(self, now: float) -> tuple[InFlight | None, InFlight | None]:
+        """What is due by now, and what is not."""
+        if isinstance(self.due, float):
+            return (self, None) if self.due <= now else (None, self)
+        here = self.due <= now
+        if here.all():
+            return self, None
+        return (self.take(here), self.take(~here)) if here.any() else (None, self)
+
+
+@dataclass(frozen=True, slots=True)
+class CopyChance:
+    """Where the chance of each copy comes from. keys: what a draw is for to its key, one for all copies or one each."""
+
+    keys: Callable[[tuple[object, ...]], int | NDArray[np.uint64]]
+    receivers: Numbers
+
+    def drawn(self, *what: object) -> NDArray[np.float64]:
+        """For each copy a number evenly from [0, 1)."""
+        return uniform(self.keys(what), self.receivers.astype(np.uint64))
+
+
+def single(heard: Iterable[Message | MessageBatch]) -> Iterable[Message]:
+    for each in heard:
+        if isinstance(each, MessageBatch):
+            yield from each.messages()
+        else:
+            yield each
+
+
+def receptions(launches: list[InFlight]) -> list[Reception]:
+    """Launches as batches in an order in which each robot finds its messages in theirs: of time, then of sending."""
+    if all(isinstance(launch.due, float) for launch in launches):
+        launches.sort(key=lambda launch: (launch.due, launch.order))
+        return [(launch.what, launch.receivers) for launch in launches if isinstance(launch.what, Message)]
+    launches.sort(key=lambda launch: launch.order)
+    sizes = [launch.size for launch in launches]
+    receivers = np.concatenate([launch.receivers for launch in launches])
+    numbers = np.repeat(np.arange(len(launches)), sizes)
+    dues = np.concatenate([np.broadcast_to(launch.due, launch.size) for launch in launches])
+    sort = np.lexsort((numbers, dues, receivers))
+    receivers, numbers = receivers[sort], numbers[sort]
+    starts = np.flatnonzero(np.diff(receivers, prepend=-1))
+    turns = np.arange(len(receivers)) - np.repeat(starts, np.diff(starts, append=len(receivers)))
+    """Whether it is a robot's first message of these, its second, ..."""
+    groups = turns * len(launches) + numbers
+    sort = np.argsort(groups, kind="stable")
+    ends = np.flatnonzero(np.diff(groups[sort], append=-1)) + 1
+    found: list[Reception] = []
+    for robots in np.split(sort, ends[:-1]):
+        message = launches[numbers[robots[0]]].what
+        if isinstance(message, Message):
+            found.append((message, receivers[robots]))
+    return found
+
+
+class TransmitQueue:
+    """The transmitters of `parties`, each for `rate` messages a second and with room for `queue` that wait. free: when
+    each has sent all that it was given, s, shape (parties,)."""
+
+    def __init__(self, parties: int, rate: float, queue: int) -> None:
+        self.free: Seconds = np.full(parties, -np.inf)
+        self._each, self._queue = 1.0 / rate, queue
+
+    def take(self, senders: NDArray[np.intp], now: float, *, urgent: bool = False) -> tuple[Seconds, NDArray[np.bool_]]:
+        """When each of these parties (each once) gets to what it sends at `now`, s, and whether it finds room."""
+        begin = np.maximum(self.free[senders], now)
+        # As many wait as are not begun; what is being sent waits no more. A thousandth of one is rounding.
+        waiting = np.ceil((begin - now) / self._each - 1e-3)
+        room = np.full(len(senders), True) if urgent else waiting <= self._queue
+        self.free[senders[room]] = begin[room] + self._each
+        return (np.full(len(senders), now) if urgent else begin), room
+
 
 OPERATOR = -1
 """The operator's number among the parties."""
@@ -337,3 +437,72 @@ class Endpoint:
 
     def receive(self) -> list[Message]:
         return self._radio.receive(self._number)
+
+
+# ---- serialized state
+
+SendOrder = tuple[int, int, int, int, int]
+
+
+class MessageState(msgspec.Struct, tag="message"):
+    """One message among choruses."""
+
+    message: Message
+
+
+class InFlightState(msgspec.Struct):
+    """Copies on their way. receivers: robots; None where it is the operator. due: of each, or of all alike."""
+
+    order: SendOrder
+    what: MessageState | MessageBatchState
+    receivers: Array | None
+    due: Array | float
+
+
+class RadioState(msgspec.Struct):
+    """See `Radio`. heard: what robots could have had already, and which. repeats: how often each party has sent which
+    message at the time `repeats_at`. free: see `Turns`."""
+
+    counts: dict[str, int]
+    waiting: list[InFlightState]
+    heard: list[tuple[Message, Array]]
+    for_operator: list[MessageState | MessageBatchState]
+    repeats: list[tuple[int, str, int]]
+    repeats_at: float
+    free: Array | None
+
+
+def dump_sent(what: Message | MessageBatch) -> MessageState | MessageBatchState:
+    """What is said, as a parcel."""
+    return MessageState(what) if isinstance(what, Message) else dump_batch(what)
+
+
+def load_sent(parcel: MessageState | MessageBatchState, names: Sequence[str]) -> Message | MessageBatch:
+    """What was said. names: of all robots. Raises ParcelError."""
+    return parcel.message if isinstance(parcel, MessageState) else load_batch(parcel, names)
+
+
+def dump_in_flight(
+    order: SendOrder, what: Message | MessageBatch, receivers: Numbers, due: Seconds | float
+) -> InFlightState:
+    """Copies on their way, as a parcel. receivers: robots, or the operator (-1) alone."""
+    up = receivers[0] < 0
+    when = due if isinstance(due, float) else Array.of(due)
+    return InFlightState(order, dump_sent(what), None if up else Array.of(receivers.astype(np.int32)), when)
+
+
+def load_in_flight(
+    parcel: InFlightState, names: Sequence[str]
+) -> tuple[SendOrder, Message | MessageBatch, Numbers, Seconds | float]:
+    """The order, content, receivers and times of copies on their way. Raises ParcelError."""
+    what = load_sent(parcel.what, names)
+    if parcel.receivers is None:
+        receivers = np.broadcast_to(np.int64(-1), len(what) if isinstance(what, MessageBatch) else 1)
+    elif isinstance(what, MessageBatch):
+        raise SerialError("a chorus that goes to robots")
+    else:
+        receivers = ascending(parcel.receivers, len(names)).astype(np.int64)
+    due = parcel.due if isinstance(parcel.due, float) else parcel.due.made(np.float64, receivers.shape, "due times")
+    if receivers.size == 0 or np.isnan(due).any():
+        raise SerialError("copies for nobody, or that are never due")
+    return parcel.order, what, receivers, due

@@ -18,9 +18,8 @@ from sleepcast.cli.times import Seconds
 
 if TYPE_CHECKING:
     from sleepcast.channel.keys import KeyPair, Trust
-    from sleepcast.channel.receiver import Receiver
     from sleepcast.channel.reliable import ReliableDelivery
-    from sleepcast.channel.session import ChannelSession
+    from sleepcast.channel.session import ChannelSession, Receiver
     from sleepcast.channel.transports.multiplexer import Multiplexer
     from sleepcast.node.store import Store
     from sleepcast.station.aired import AirStation
@@ -204,7 +203,8 @@ def line_for(
     from sleepcast.channel.admission import ROBOT_KINDS
     from sleepcast.channel.message import Kind
     from sleepcast.channel.session import ChannelSession
-    from sleepcast.channel.transports.transport import listen_for, open_transport
+    from sleepcast.channel.transports import open_transport
+    from sleepcast.channel.transports.transport import listen_for
     from sleepcast.core.clock import UnixClock
 
     key, trust = _keys(air, robot, say)
@@ -225,10 +225,9 @@ def lines_for(
     """Lines of robots with these names, and the ear that hears for all of them, on one trunk. store: of these robots.
     Raises what the channel raises."""
     from sleepcast.channel.admission import ROBOT_KINDS
-    from sleepcast.channel.receiver import Receiver, receiver_name
-    from sleepcast.channel.session import ChannelSession
+    from sleepcast.channel.session import ChannelSession, Receiver, receiver_name
+    from sleepcast.channel.transports import open_transport
     from sleepcast.channel.transports.multiplexer import Multiplexer
-    from sleepcast.channel.transports.transport import open_transport
     from sleepcast.core.clock import UnixClock
 
     key, trust = _keys(air, True, say)

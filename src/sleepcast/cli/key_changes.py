@@ -47,7 +47,7 @@ def commander(folder: Path, owner: str | None) -> KeyPair:
     """The commander's key that speaks: that of `owner`, or the one in use, or the only one here. Raises MisuseError if
     there is none."""
     from sleepcast.channel.keyring import DEVELOPMENT_DESK, KeyFileError, find_key, load_key, used_keys
-    from sleepcast.channel.keys import Role
+    from sleepcast.channel.message import Role
     from sleepcast.core.errors import MisuseError
 
     if owner is not None:

@@ -59,7 +59,8 @@ def new(owner: str, role: str, folder: Path | None, file: Path | None, as_json: 
       sleepcast keys new 'scout*' --role robot
     """
     from sleepcast.channel.keyring import key_file, save_key
-    from sleepcast.channel.keys import KeyPair, Role
+    from sleepcast.channel.keys import KeyPair
+    from sleepcast.channel.message import Role
     from sleepcast.core.errors import MisuseError
 
     folder, file, trust = _opened(folder, file)
@@ -173,7 +174,8 @@ def trust_(
           --owner anna --role operator --channel udp://192.168.1.255:47123
     """
     from sleepcast.channel.keyring import half
-    from sleepcast.channel.keys import KeyChange, PublicKey, Role
+    from sleepcast.channel.keys import KeyChange, PublicKey
+    from sleepcast.channel.message import Role
 
     folder, file, known = _opened(folder, file)
     added = PublicKey(owner, Role(role), half(public))
@@ -258,7 +260,8 @@ def rotate(
       sleepcast keys rotate desk --channel udp://192.168.1.255:47123
     """
     from sleepcast.channel.keyring import add_trust, find_key, retire_key
-    from sleepcast.channel.keys import KeyChange, KeyPair, Role, Trust
+    from sleepcast.channel.keys import KeyChange, KeyPair, Trust
+    from sleepcast.channel.message import Role
 
     folder, file, known = _opened(folder, file)
     old = find_key(folder, owner)

@@ -125,7 +125,7 @@ def _tell_reasons(station: AirStation, clear: Callable[[], None]) -> None:
 def _reasons(station: AirStation) -> Iterator[str]:
     """Why nobody may have answered, what is known for certain first."""
     from sleepcast.channel.drops import DropReason
-    from sleepcast.channel.roles import Role
+    from sleepcast.channel.message import Role
     from sleepcast.cli.told import heard_at
 
     box = station.line.mailbox

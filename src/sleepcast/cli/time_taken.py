@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterable
 from typing import Protocol
 
 from sleepcast.channel import Kind
+from sleepcast.channel.clock_sync import differs, took
 from sleepcast.channel.payload import TOOK
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.channel.session import ChannelSession
-from sleepcast.channel.wrong_clocks import differs, took
 from sleepcast.core.clock import MADE, UnixClock
 
 

@@ -6,9 +6,9 @@ import json
 from collections.abc import Callable, Mapping
 
 from sleepcast.channel.admission import Admission
+from sleepcast.channel.clock_sync import differs
 from sleepcast.channel.drops import NoticeLog
 from sleepcast.channel.payload import TOOK
-from sleepcast.channel.wrong_clocks import differs
 from sleepcast.cli.standard_memory import reported_body
 from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import printable

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.message import Kind, Message
-from sleepcast.channel.message_batch import Answers, Contents, MessageBatch, Reports
-from sleepcast.channel.serialized import ascending, dump_batch, load_batch
+from sleepcast.channel.message_batch import Answers, Contents, MessageBatch, Reports, ascending, dump_batch, load_batch
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.schema import InboxState, OutboxState

@@ -10,7 +10,7 @@ from __future__ import annotations
 import msgspec
 
 from sleepcast.channel.message import Message
-from sleepcast.channel.serialized import MessageBatchState
+from sleepcast.channel.message_batch import MessageBatchState
 from sleepcast.channel.stop_latch import Latch
 from sleepcast.core.serial import Array, Arrays
 

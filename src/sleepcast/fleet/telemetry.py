@@ -16,7 +16,7 @@ from math import nan
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.serialized import ascending
+from sleepcast.channel.message_batch import ascending
 from sleepcast.core.serial import Array
 from sleepcast.fleet.acts import ACTS
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows, is_true

@@ -21,11 +21,9 @@ from dataclasses import dataclass, field
 from math import inf, nan
 from typing import Self
 
-from sleepcast.channel.message import Message
-from sleepcast.channel.receiver import Receiver
-from sleepcast.channel.roles import Role
+from sleepcast.channel.message import Message, Role
 from sleepcast.channel.sequencer import Skipped
-from sleepcast.channel.session import GATHER_FOR, ChannelSession
+from sleepcast.channel.session import GATHER_FOR, ChannelSession, Receiver
 from sleepcast.channel.transports.multiplexer import Multiplexer
 from sleepcast.core.clock import Clock
 from sleepcast.loop.real import Keeper, Watch

@@ -18,7 +18,7 @@ import msgspec
 
 from sleepcast import __version__
 from sleepcast.channel import Message
-from sleepcast.channel.serialized import RadioState
+from sleepcast.channel.simulated_radio import RadioState
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.files import open_file, replace_file
 from sleepcast.core.serial import UNREADABLE, SerialError, pack, room_for, unpack

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from sleepcast.channel.message import Kind, Message
+from sleepcast.channel.message import Kind, Message, Role
 from sleepcast.channel.payload import LEASE
-from sleepcast.channel.roles import Role
 from sleepcast.channel.stop_latch import Latch, Life, mark_of, restored
 from sleepcast.language.machine import Program
 from sleepcast.language.parts import label_of, rules, walk

@@ -10,9 +10,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from math import inf
 
-from sleepcast.channel.message import MAX_NAME, Kind, Message
+from sleepcast.channel.message import MAX_NAME, Kind, Message, Role
 from sleepcast.channel.payload import DO, GROUP, SECONDS, TO, LeaseAction
-from sleepcast.channel.roles import Role
 from sleepcast.core.errors import MisuseError
 
 MAX_LEASE = 3_600.0

@@ -12,9 +12,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import inf
 
+from sleepcast.channel.clock_sync import differs
 from sleepcast.channel.message import Kind, Message
 from sleepcast.channel.payload import LEASE, LOOK, MATCHED, hops_left, is_addressed
-from sleepcast.channel.wrong_clocks import differs
 from sleepcast.core.errors import SleepcastError
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
 from sleepcast.language.form import show

@@ -25,8 +25,8 @@ from pathlib import Path
 
 import msgspec
 
-from sleepcast.channel.delivery_state import DeliveryState
 from sleepcast.channel.message import Kind, Message
+from sleepcast.channel.message_store import DeliveryState
 from sleepcast.channel.reliable import KEEP_EVERY, ReliableDelivery
 from sleepcast.core.clock import Clock
 from sleepcast.core.serial import SerialError, pack

@@ -17,9 +17,8 @@ from pathlib import Path
 
 import msgspec
 
-from sleepcast.channel.delivery_state import StandingCommand, StoredWindow, StreamId, StreamProgress
 from sleepcast.channel.message import Message
-from sleepcast.channel.message_store import MAX_STANDING
+from sleepcast.channel.message_store import MAX_STANDING, StandingCommand, StoredWindow, StreamId, StreamProgress
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.files import settle
 from sleepcast.core.serial import SerialError, unpack

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
+from sleepcast.channel.message_batch import ascending
 from sleepcast.channel.name_index import NameIndex, natural_order
 from sleepcast.channel.payload import LOOK
-from sleepcast.channel.serialized import ascending
 from sleepcast.core.errors import printable
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.station.answers import FAULT, MATCHED, NOT_MATCHED, OUTCOMES, SILENT, Answers

@@ -18,14 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
+from sleepcast.channel.clock_sync import WrongClocks
 from sleepcast.channel.keys import MAY
-from sleepcast.channel.message import MAX_NAME, TO_OPERATOR
+from sleepcast.channel.message import MAX_NAME, TO_OPERATOR, Role
 from sleepcast.channel.payload import ENDS, FOR, LOOK, STOPS, TOOK, WITHIN
 from sleepcast.channel.payload import MATCHED as WOULD
-from sleepcast.channel.roles import Role
 from sleepcast.channel.session import MAX_SPREAD, ChannelSession
 from sleepcast.channel.stop_latch import MAX_MARKS, Life, Mark, mark_of, marks_and_ages
-from sleepcast.channel.wrong_clocks import WrongClocks
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.language.machine import Program

@@ -8,6 +8,8 @@ from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from sleepcast.core.errors import MisuseError, did_you_mean
 
+EXAMPLE = "udp://239.255.83.76:47123?interface=lo"
+"""An address for error messages: multicast that stays on this machine."""
 MAX_URI = 1_000
 """Characters of an address: names, options and their values, with room to spare."""
 

@@ -19,7 +19,7 @@ from typing import ClassVar
 
 from sleepcast.channel.envelope import MAX_DATAGRAM
 from sleepcast.channel.transports.address import AddressError, number_option, split_address
-from sleepcast.channel.transports.wakeup import WakeUp
+from sleepcast.channel.transports.transport import WakeUp
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
 

@@ -1,16 +1,13 @@
-"""What carries bytes from each to all others, by its address; what they mean is no matter of it."""
+"""A transport: what carries datagrams from each party to all others, whatever is in them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import socket
+from collections.abc import Iterable
+from contextlib import suppress
 from typing import Protocol, runtime_checkable
 
 from sleepcast.channel.message import Kind
-from sleepcast.channel.transports.address import AddressError
-from sleepcast.channel.transports.memory import MemoryTransport
-from sleepcast.channel.transports.udp import EXAMPLE, UdpTransport
-from sleepcast.core.clock import Clock, UnixClock
-from sleepcast.core.errors import did_you_mean
 
 
 class Transport(Protocol):
@@ -42,28 +39,31 @@ def listen_for(transport: Transport, wanted: Iterable[Kind]) -> None:
         transport.ignore(frozenset(Kind) - frozenset(wanted))
 
 
-def open_transport(uri: str, clock: Clock | None = None) -> Transport:
-    """The transport at an address. clock: s; of a medium that exists only here, and whose delays are ours; None for
-    this computer's. Raises AddressError for an address that means nothing, and what the transport raises where it
-    cannot be had."""
-    scheme = uri.partition(":")[0]
-    if scheme not in SCHEMES:
-        wanted = f"wanted one that begins with {', '.join(SCHEMES)}:, for instance {EXAMPLE}"
-        raise AddressError(f"{uri[:80]!r} is no address of a channel{did_you_mean(scheme, SCHEMES)}: {wanted}")
-    return SCHEMES[scheme](uri, clock or UnixClock())
+class WakeUp:
+    """A file descriptor that is readable while there is something to receive, for transports without a socket of their
+    own. It may be rung from any thread."""
 
+    def __init__(self) -> None:
+        self._ear, self._hand = socket.socketpair()
+        self._ear.setblocking(False)
+        self._hand.setblocking(False)
 
-def _udp(uri: str, clock: Clock) -> Transport:
-    return UdpTransport(uri)
+    def fileno(self) -> int:
+        """Readable from `ring` on until `quiet`; -1 once it is closed."""
+        return self._ear.fileno()
 
+    def ring(self) -> None:
+        """There is news. A bell that rings already, or is closed, stays as it is."""
+        with suppress(OSError):
+            self._hand.send(b"!")
 
-def _zenoh(uri: str, clock: Clock) -> Transport:
-    from sleepcast.channel.transports.zenoh import (
-        ZenohTransport,  # a library of megabytes, for those who have and want it
-    )
+    def quiet(self) -> None:
+        """The news have been taken; to be called before they are taken, so that none is overlooked."""
+        with suppress(OSError):
+            while len(self._ear.recv(4_096)) == 4_096:
+                pass
 
-    return ZenohTransport(uri)
-
-
-SCHEMES: dict[str, Callable[[str, Clock], Transport]] = {"udp": _udp, "memory": MemoryTransport, "zenoh": _zenoh}
-"""What carries bytes, by the first word of its addresses."""
+    def close(self) -> None:
+        """Ring no more."""
+        self._ear.close()
+        self._hand.close()

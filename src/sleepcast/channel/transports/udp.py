@@ -23,12 +23,10 @@ from typing import NamedTuple
 
 from sleepcast.channel.envelope import MAX_DATAGRAM
 from sleepcast.channel.message import TO_OPERATOR, Kind
-from sleepcast.channel.transports.address import AddressError, split_address
+from sleepcast.channel.transports.address import EXAMPLE, AddressError, split_address
 from sleepcast.channel.transports.bpf_filter import drop_kinds, keep_kinds
 from sleepcast.core.errors import SleepcastError, did_you_mean
 
-EXAMPLE = "udp://239.255.83.76:47123?interface=lo"
-"""Multicast that stays on this machine."""
 MOST_AT_ONCE = 2_048
 """Datagrams taken in by one call: a flood costs a tick some milliseconds and not more."""
 MOST_STOPS = 64

@@ -21,7 +21,7 @@ from threading import Lock
 
 from sleepcast.channel.envelope import MAX_DATAGRAM
 from sleepcast.channel.transports.address import AddressError, split_address
-from sleepcast.channel.transports.wakeup import WakeUp
+from sleepcast.channel.transports.transport import WakeUp
 from sleepcast.core.errors import SleepcastError
 
 try:

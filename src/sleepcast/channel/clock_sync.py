@@ -1,0 +1,199 @@
+"""Clocks that differ: by how much, whose are wrong, and how a robot without a real-time clock gets the time.
+
+`ClockOffsets` are measured by heartbeats: one that was sent at t by its sender's clock and arrives at T by ours took
+T - t, which is the clocks' difference and the time on the way. The least of several is the difference and the shortest
+way, which is short on a radio.
+
+`WrongClocks` differ from ours by more than is allowed. What is noted there was signed and is no replay; the caller has
+checked that.
+
+`TimeRequest` is for a robot that wakes in 1970. It asks with a nonce, and an operator signs nonce and time (Cristian,
+*Probabilistic clock synchronization*, 1989). The nonce was never used before, so no recording answers it; the round
+trip was short, so nobody has held the answer back: the time is wrong by half the round trip at most.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict, deque
+from collections.abc import Callable, Sequence
+from math import inf
+from secrets import token_bytes
+
+from sleepcast.channel.message import Message
+from sleepcast.channel.payload import TIME
+from sleepcast.core.clock import MADE
+
+ENOUGH, LATEST = 3, 16
+"""Heartbeats from which a difference is believed, and how many of the latest tell it: those of some five seconds."""
+FRESH = 600.0
+"""Seconds for which a difference is believed that no heartbeat confirms: clocks part by milliseconds meanwhile."""
+LEAST = 0.05
+"""Seconds of a difference that matters: less may be the way, and clocks that are kept differ by less."""
+MAX_OFFSETS = 64
+"""Senders whose clocks are known; the one that was silent longest makes room."""
+
+
+class ClockOffsets:
+    """The clocks of those that send heartbeats, by their names. bound: s that a clock may be wrong: who delays
+    heartbeats on their way cannot move anybody's deadlines farther."""
+
+    def __init__(self, bound: float) -> None:
+        self._bound = bound
+        self._took: OrderedDict[str, deque[tuple[float, float]]] = OrderedDict()
+
+    def note(self, sender: str, issued: float, now: float) -> None:
+        """A heartbeat of that time was heard at `now`, each s by its own clock."""
+        took = self._took.setdefault(sender, deque(maxlen=LATEST))
+        took.append((now, now - issued))
+        self._took.move_to_end(sender)
+        if len(self._took) > MAX_OFFSETS:
+            self._took.popitem(last=False)
+
+    def of(self, sender: str, now: float) -> float:
+        """Seconds by which our clock is ahead of this sender's; 0 while that is not known, or no more than the way
+        explains."""
+        took = self._took.get(sender)
+        if took is None or len(took) < ENOUGH or now - took[-1][0] > FRESH:
+            return 0.0
+        found = max(-self._bound, min(self._bound, *(each for _, each in took)))
+        return found if abs(found) >= LEAST else 0.0
+
+    def all(self, now: float) -> dict[str, float]:
+        """Those that are known."""
+        found = {sender: self.of(sender, now) for sender in self._took}
+        return {sender: skew for sender, skew in found.items() if skew}
+
+
+MAX_CLOCKS = 1_000_000
+"""Parties whose clocks are known: as many as a roster takes."""
+ALIKE = 4.0
+"""Seconds by which clocks may differ that are wrong together: each of them may be wrong by the skew."""
+SHOWN = 5
+"""Names in a sentence; of more, their number."""
+UNITS = ((2 * 365.25 * 86_400.0, 365.25 * 86_400.0, "years"), (2 * 86_400.0, 86_400.0, "days"), (0.0, 1.0, "s"))
+"""From how many seconds on a difference is told in which unit."""
+
+
+class WrongClocks:
+    """See the module. What is kept of each party: by how many s its clock is ahead of ours, 0 for one that is right."""
+
+    def __init__(self) -> None:
+        self._ahead: dict[str, float] = {}
+        self._took: dict[str, tuple[str, float]] = {}
+
+    def note(self, name: str, ahead: float) -> None:
+        """The clock of this party is so many s ahead; 0 where it is right."""
+        if ahead or name in self._ahead or len(self._ahead) < MAX_CLOCKS:
+            self._ahead[name] = ahead
+
+    def note_took(self, name: str, whose: str, behind: float) -> None:
+        """This robot had a clock that was so many s behind, and has taken its time from another party."""
+        if name in self._took or len(self._took) < MAX_CLOCKS:
+            self._took[name] = whose, behind
+        self.note(name, 0.0)
+
+    def clear(self) -> None:
+        """Nothing is known any more."""
+        self._ahead.clear()
+        self._took.clear()
+
+    def ahead(self, name: str) -> float:
+        """By how many s its clock is ahead; 0 where that is not known."""
+        return self._ahead.get(name, 0.0)
+
+    @property
+    def wrong(self) -> dict[str, float]:
+        """Those that are wrong."""
+        return {name: ahead for name, ahead in self._ahead.items() if ahead}
+
+    def of_robots(self, life: float) -> list[str]:
+        """What an operator has to know of the clocks of robots. life: s for which commands count."""
+        found, wrong = [], sorted(self.wrong.items(), key=lambda each: each[1])
+        if len(wrong) > 1:
+            middle = wrong[len(wrong) // 2][1]
+            alike = [name for name, ahead in wrong if abs(ahead - middle) <= ALIKE]
+            if 2 * len(alike) > max(2, len(self._ahead)):  # more likely one clock is wrong than so many
+                rest = "they obey nothing but your STOP; set it, and start sleepcast again"
+                found.append(
+                    f"your clock is {differs(-middle)} {'of ' if middle < 0 else ''}{len(alike)} robots: {rest}"
+                )
+                wrong = [(name, ahead) for name, ahead in wrong if name not in alike]
+        while wrong:
+            first = wrong[0][1]
+            names = [name for name, ahead in wrong if ahead - first <= ALIKE]
+            whose = "its clock is" if len(names) == 1 else "their clocks are"
+            only = "" if 0.0 < first <= life else "; it obeys STOP only" if len(names) == 1 else "; they obey STOP only"
+            found.append(f"{_listed(names)}: {whose} {differs(first)}{only}")
+            wrong = wrong[len(names) :]
+        return found + self._taken()
+
+    def _taken(self) -> list[str]:
+        """Who has taken the time from whom, those alike in one sentence."""
+        alike: dict[tuple[str, str], list[str]] = {}
+        for name, (whose, behind) in self._took.items():
+            alike.setdefault((whose, differs(-behind)), []).append(name)
+        return [took(names, *which) for which, names in alike.items()]
+
+    def of_operators(self) -> list[str]:
+        """What a robot tells of its clock, by those of the operators."""
+        return [
+            f"our clock is {differs(-ahead)} {'of ' if ahead < 0 else ''}that of {name}: nothing but STOP is obeyed"
+            for name, ahead in self.wrong.items()
+        ]
+
+
+def differs(ahead: float) -> str:
+    """By how much a clock is wrong, for a person: `3,600 s ahead`."""
+    _, unit, name = next(each for each in UNITS if abs(ahead) >= each[0])
+    return f"{abs(ahead) / unit:,.0f} {name} {'ahead' if ahead > 0.0 else 'behind'}"
+
+
+def took(names: Sequence[str], whose: str, differs: str) -> str:
+    """Robots have taken the time from somebody, as a sentence. differs: by how much they were wrong."""
+    theirs, clocks = ("its", "its clock was") if len(names) == 1 else ("their", "their clocks were")
+    return f"{_listed(names)} took {theirs} time from {whose}: {clocks} {differs}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return ", ".join(names[:SHOWN]) + more
+
+
+NONCE_BYTES = 16
+"""Bytes of a nonce: nobody guesses it, and it never comes again by chance."""
+MAX_TRIP = 1.0
+"""Seconds from the question to the answer at most: so the time is wrong by half a second, a quarter of the skew."""
+SOONEST, SLOWEST = 2.0, 16.0
+"""Seconds between two questions at first, and at most: the pause doubles while nobody answers. It is longer than
+`MAX_TRIP`, so no answer in time is to a question that is given up."""
+HURRIED_PAUSE = 0.25
+"""Seconds between two questions where somebody commands us, who may be gone as soon as he has our answer."""
+
+
+class TimeRequest:
+    """A robot's question for the time, asked again until it is answered. set_clock: called with the seconds by which
+    our clock is behind, and with the name of the operator who says so. nonce: of the open question; due: when to ask
+    next, s of our clock."""
+
+    def __init__(self, set_clock: Callable[[float, str], None]) -> None:
+        self.set_clock = set_clock
+        self.nonce, self.due = b"", -inf
+        self._asked, self._pause = -inf, SOONEST
+
+    def question(self, now: float) -> dict[str, object]:
+        """The body of a new question; an answer to an older one is too late from now on."""
+        self.nonce = token_bytes(NONCE_BYTES)
+        self._asked, self.due = now, now + self._pause
+        self._pause = min(2.0 * self._pause, SLOWEST)
+        return {TIME: self.nonce}
+
+    def hurry(self) -> None:
+        """An operator who commands us is there: ask as soon as we may."""
+        self.due = min(self.due, self._asked + HURRIED_PAUSE)
+
+    def answer(self, message: Message, now: float) -> float | None:
+        """Seconds by which our clock is behind according to this answer; None for an answer that cannot be trusted."""
+        trip = now - self._asked
+        if message.body.get(TIME) != self.nonce or not 0.0 <= trip <= MAX_TRIP or message.issued < MADE:
+            return None
+        return message.issued + trip / 2.0 - now

@@ -19,8 +19,8 @@ from benchmarks.language.timing import Timing, calls, command_times, in_turns, o
 from sleepcast.channel.message import Kind, Message
 from sleepcast.core.units import Quantity
 from sleepcast.language import Vocabulary, check, evaluate, read
-from sleepcast.language.compiler import generate
-from sleepcast.language.machine import build
+from sleepcast.language.codegen import generate
+from sleepcast.language.program import build
 from sleepcast.node.node import Node
 
 COMMAND = "(WHEN (AND (< (DIST x y vessel_x vessel_y) 5mi) (> fuel 50%) (> ordnance 70%)) (JOIN bravo))"

@@ -33,9 +33,9 @@ from sleepcast.language import (
     Vocabulary,
     check,
     format_value,
-    machine,
+    program,
 )
-from sleepcast.language.names import Operator
+from sleepcast.language.symbols import Operator
 from sleepcast.node.node import Node, Result
 
 FOLDER = Path(__file__).parent.parent / "cases"
@@ -191,7 +191,7 @@ class NodeMachine:
             checked = check(text, self.mind)
             if self.compiled and checked.program is not None:
                 checked.program.compile()
-            with patch.object(machine, "HOT", 0) if self.compiled else nullcontext():
+            with patch.object(program, "HOT", 0) if self.compiled else nullcontext():
                 result = self.result = self.mind.run(checked)
         except (ReadError, CheckError) as error:
             return Outcome(refused=str(error))

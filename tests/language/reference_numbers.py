@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import reduce
 from itertools import combinations, pairwise
 
-from sleepcast.language.angles import angle
+from sleepcast.language.numerics import angle
 
 
 class Undefined(Exception):

@@ -28,8 +28,8 @@ from sleepcast.language.classic import (
     TranscriptEntry,
     run_transcript,
 )
-from sleepcast.language.classic_evaluator import ARGUMENTS
-from sleepcast.language.classic_tokens import (
+from sleepcast.language.classic_evaluator import (
+    ARGUMENTS,
     BUFFER_TOKENS,
     EXPRESSION_NAMES,
     TEXT_CHARACTERS,

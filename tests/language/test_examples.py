@@ -6,8 +6,7 @@ import pytest
 
 from sleepcast.cli.standard_memory import StandardMemory
 from sleepcast.language import check
-from sleepcast.language.examples import EXAMPLES
-from sleepcast.language.functions import FUNCTIONS
+from sleepcast.language.functions import EXAMPLES, FUNCTIONS
 
 
 def test_every_function_has_an_example() -> None:

@@ -20,9 +20,9 @@ from sleepcast.console import Order, Outline, Rule, Scene
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.units import LENGTH, UNITS
 from sleepcast.language import Explanation, Variable, Vocabulary
-from sleepcast.language.machine import Program
-from sleepcast.language.names import Declared
 from sleepcast.language.parts import Part
+from sleepcast.language.program import Program
+from sleepcast.language.symbols import Declared
 from sleepcast.station.accounting import Command
 from sleepcast.station.aired import AirStation
 from sleepcast.station.looking import Looker

@@ -11,7 +11,7 @@ from sleepcast.cli.desk_panes import span
 from sleepcast.cli.desk_session import Session
 from sleepcast.cli.desk_words import QUESTIONS
 from sleepcast.cli.prompt import WORD, usage_of
-from sleepcast.language.names import Group
+from sleepcast.language.symbols import Group
 from sleepcast.language.vocabulary import Variable
 from sleepcast.station.remote import RemoteMinds
 

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 from sleepcast.language import Form, List, Symbol, Vocabulary
 from sleepcast.language.form import walk
-from sleepcast.language.machine import build
-from sleepcast.language.names import Declared, Group, Operator, Stored, UserVariable
+from sleepcast.language.program import build
+from sleepcast.language.symbols import Declared, Group, Operator, Stored, UserVariable
 from sleepcast.language.vocabulary import buffer_number
 
 

@@ -181,9 +181,8 @@ _OVERVIEW = (
 
 def _help_on(memory: StandardMemory, name: str) -> Iterator[str]:
     from sleepcast.language import HostFunction, Variable
-    from sleepcast.language.examples import EXAMPLES
-    from sleepcast.language.functions import FUNCTIONS
-    from sleepcast.language.names import SORTS
+    from sleepcast.language.functions import EXAMPLES, FUNCTIONS
+    from sleepcast.language.symbols import SORTS
     from sleepcast.language.vocabulary import describe
 
     name = name.strip("()")

@@ -164,7 +164,7 @@ def _refuse_early(station: AirStation, draft: Draft) -> None:
 
 def _ask_first(station: AirStation, looker: Looker, text: str) -> None:
     """Have robots tell of themselves, and those decide whose answer cannot be foreseen from that; nothing is done."""
-    from sleepcast.language.undecided import CHANCE
+    from sleepcast.language.rehearsal import CHANCE
     from sleepcast.station.audience import MAX_LISTED
     from sleepcast.station.preview import NEVER_HEARD, STALE
 

@@ -16,7 +16,7 @@ from sleepcast.cli.streams import complain, put
 from sleepcast.core.errors import SleepcastError, and_more, printable
 
 if TYPE_CHECKING:
-    from sleepcast.language.machine import Program
+    from sleepcast.language.program import Program
     from sleepcast.station.aired import AirStation
     from sleepcast.station.looking import Looker
 

@@ -10,7 +10,7 @@ from sleepcast.console.explaining import shown_value
 from sleepcast.console.swarm import Minds, Swarm
 from sleepcast.language import Constant, HostFunction, Variable
 from sleepcast.language.functions import FUNCTIONS
-from sleepcast.language.names import Group, Operator, UserVariable
+from sleepcast.language.symbols import Group, Operator, UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS
 
 

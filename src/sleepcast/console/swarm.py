@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.language import Vocabulary
-from sleepcast.language.names import Declared
+from sleepcast.language.symbols import Declared
 from sleepcast.station import Mind
 
 

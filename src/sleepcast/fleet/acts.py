@@ -15,9 +15,9 @@ from sleepcast.channel.message_batch import Relays
 from sleepcast.fleet.columns import Column, Mask, Rows
 from sleepcast.fleet.memory import Act, FleetMemory
 from sleepcast.language.form import Form, Number, show
-from sleepcast.language.names import Group, Operator, Stored
 from sleepcast.language.parts import Defining, Part, Storing, Template, label_of, written
 from sleepcast.language.reader import MAX_TEXT
+from sleepcast.language.symbols import Group, Operator, Stored
 from sleepcast.language.vocabulary import (
     ACTIVE0,
     MAX_GROUPS,

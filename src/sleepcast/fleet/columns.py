@@ -18,7 +18,7 @@ from sleepcast.channel.stop_latch import Latch
 from sleepcast.core.arrays import filled
 from sleepcast.core.serial import Array, SerialError, dump_arrays, load_arrays, within
 from sleepcast.fleet.schema import ColumnsState, ValuesState
-from sleepcast.language.chance import GOLDEN, MASK, UNIT, mix
+from sleepcast.language.numerics import GOLDEN, MASK, UNIT, mix
 from sleepcast.language.vocabulary import (
     ACTIVE0,
     BUFFERS,

@@ -36,7 +36,7 @@ from sleepcast.fleet.telemetry import FleetTelemetry
 from sleepcast.language.explain import rehearse
 from sleepcast.language.form import show
 from sleepcast.language.functions import MAX_HOPS
-from sleepcast.language.machine import Program
+from sleepcast.language.program import Program
 from sleepcast.language.reader import read
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Vocabulary, buffer_number
 from sleepcast.mind.limits import SPARE_MINDS

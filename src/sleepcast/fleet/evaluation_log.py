@@ -19,12 +19,12 @@ from sleepcast.fleet.columns import Column, FleetState, Mask, Rows
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory, Given
 from sleepcast.fleet.messages import Outbox
-from sleepcast.language.chance import draw
 from sleepcast.language.explain import Recollection
-from sleepcast.language.machine import Program
-from sleepcast.language.names import UserVariable
+from sleepcast.language.numerics import draw
 from sleepcast.language.parts import Part, Storing, walk, written
+from sleepcast.language.program import Program
 from sleepcast.language.rehearsal import Rehearsal
+from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Vocabulary
 from sleepcast.mind.limits import MAX_RECOLLECTIONS, MEMO_BYTES, RECALL_BYTES, RECALL_LEAST
 from sleepcast.mind.rules import Mind, Minds

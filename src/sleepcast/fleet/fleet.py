@@ -10,7 +10,7 @@ import numpy as np
 from sleepcast.fleet.columns import Column, Index, Mask
 from sleepcast.fleet.core import Core, FleetError
 from sleepcast.fleet.view import RobotView
-from sleepcast.language.names import Declared
+from sleepcast.language.symbols import Declared
 from sleepcast.mind.rules import Mind
 
 

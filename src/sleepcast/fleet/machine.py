@@ -18,10 +18,10 @@ import numpy as np
 from sleepcast.fleet import pure
 from sleepcast.fleet.columns import Column, Index, Mask, Rows, is_true
 from sleepcast.fleet.memory import FleetMemory, Found
-from sleepcast.language.chance import normal
-from sleepcast.language.machine import Program
+from sleepcast.language.numerics import normal
 from sleepcast.language.operations import too_deep
 from sleepcast.language.parts import Part, walk
+from sleepcast.language.program import Program
 
 _CHANGING = frozenset({"set_user", "set_local", "write", "defvar", "store", "fetch", "call", "host", "act"})
 

@@ -17,10 +17,10 @@ from sleepcast.fleet.evaluation import Evaluation, by_the_living
 from sleepcast.fleet.messages import Outbox
 from sleepcast.fleet.native.kernels import Kernels
 from sleepcast.language.functions import MAX_HOPS
-from sleepcast.language.machine import Program
-from sleepcast.language.names import UserVariable
 from sleepcast.language.parts import Label, Part, host_of, written
+from sleepcast.language.program import Program
 from sleepcast.language.rehearsal import FLAGS
+from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, HostFunction, Kind, Variable
 from sleepcast.mind.rules import Minds, Transaction
 

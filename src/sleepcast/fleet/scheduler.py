@@ -20,7 +20,7 @@ from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.native.compiler import Kernel, moment
 from sleepcast.fleet.native.kernels import Plan
 from sleepcast.fleet.rule_statistics import RuleStatistics
-from sleepcast.language.machine import Program
+from sleepcast.language.program import Program
 from sleepcast.mind.limits import FAILED, MAX_FAULTS_IN_ROW, TICK_STEPS
 from sleepcast.mind.rules import Mind, Rule
 

@@ -15,9 +15,9 @@ from sleepcast.core.errors import SleepcastError
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.fleet.core import Core
 from sleepcast.fleet.schema import FleetSnapshot, MindsState, MindState, ProgramState, RuleState, SymbolState
-from sleepcast.language.machine import Program
-from sleepcast.language.names import SORTS, Declared, Group, Operator, Stored, UserVariable
+from sleepcast.language.program import Program
 from sleepcast.language.reader import read_all
+from sleepcast.language.symbols import SORTS, Declared, Group, Operator, Stored, UserVariable
 from sleepcast.language.vocabulary import MAX_USER_VARIABLES, Vocabulary
 from sleepcast.mind.rules import Mind, Minds, Rule
 

@@ -26,9 +26,9 @@ from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory, Found
 from sleepcast.fleet.messages import Outbox
 from sleepcast.fleet.schema import TelemetryState
-from sleepcast.language.machine import Program
 from sleepcast.language.parts import Part, acts
-from sleepcast.language.undecided import CHANCE, DEED, asks, does
+from sleepcast.language.program import Program
+from sleepcast.language.rehearsal import CHANCE, DEED, asks, does
 from sleepcast.mind.rules import Minds
 
 MAX_REASONS = 200

@@ -14,10 +14,10 @@ from sleepcast.fleet.core import Core, Outcome
 from sleepcast.fleet.evaluation import Noted, fault_text
 from sleepcast.fleet.evaluation_log import LogEntry, recollect, rehearsal
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
-from sleepcast.language.machine import Program
-from sleepcast.language.names import Declared, UserVariable
+from sleepcast.language.lint import Checked, check
 from sleepcast.language.parts import Part
-from sleepcast.language.review import Checked, check
+from sleepcast.language.program import Program
+from sleepcast.language.symbols import Declared, UserVariable
 from sleepcast.language.vocabulary import TICK, Variable, Vocabulary
 from sleepcast.mind.rules import Mind, in_order
 

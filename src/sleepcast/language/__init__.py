@@ -6,12 +6,12 @@ Standard library only; it knows nothing of robots, channels or pages.
 from sleepcast.language.checker import CheckError, Finding
 from sleepcast.language.explain import Explanation, Recollection, Step, explain, rehearse
 from sleepcast.language.form import Form, List, Number, Symbol, Text, format_value, show
-from sleepcast.language.machine import MAX_STEPS, Library, Program, evaluate
-from sleepcast.language.names import FreshNames, Names
+from sleepcast.language.lint import Checked, check
 from sleepcast.language.operations import Memory
+from sleepcast.language.program import MAX_STEPS, Library, Program, evaluate
 from sleepcast.language.reader import ReadError, read, read_all
 from sleepcast.language.rehearsal import Rehearsal
-from sleepcast.language.review import Checked, check
+from sleepcast.language.symbols import FreshNames, Names
 from sleepcast.language.vocabulary import Constant, HostFunction, Kind, Variable, Vocabulary
 
 __all__ = [

@@ -20,8 +20,8 @@ from sleepcast.core.units import UNITS
 from sleepcast.language.form import Form, List, Number, Symbol, Text, walk
 from sleepcast.language.functions import FUNCTIONS, MANY, Function
 from sleepcast.language.infix import ALIASES, rows, written
-from sleepcast.language.names import Group, Names, Operator, Stored, UserVariable, circle, uses_in
 from sleepcast.language.parts import Defining, Label, Part, Storing
+from sleepcast.language.symbols import Group, Names, Operator, Stored, UserVariable, circle, uses_in
 from sleepcast.language.vocabulary import (
     Constant,
     HostFunction,

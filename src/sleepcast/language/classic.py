@@ -18,8 +18,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from sleepcast.core.errors import MisuseError
-from sleepcast.language.classic_evaluator import Evaluator
-from sleepcast.language.classic_tokens import (
+from sleepcast.language.classic_evaluator import (
     CLOSE,
     EXPRESSION,
     EXPRESSION_NAMES,
@@ -27,6 +26,7 @@ from sleepcast.language.classic_tokens import (
     VARIABLE_NAMES,
     ClassicError,
     ClassicReadError,
+    Evaluator,
     Memory,
     closing,
     display,

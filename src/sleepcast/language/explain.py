@@ -6,18 +6,18 @@ ran (a `Recollection`). The course is walked again when somebody asks, which giv
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from math import isnan, nan
 
-from sleepcast.language.form import format_value, show
-from sleepcast.language.machine import MAX_STEPS, OutOfSteps, Program
-from sleepcast.language.parts import Part
-from sleepcast.language.reasons import culprit, shortfall
-from sleepcast.language.reasons import reason as reason_of
+from sleepcast.core.units import shown
+from sleepcast.language.evaluate import Walker, is_true
+from sleepcast.language.form import List, Number, format_value, show
+from sleepcast.language.operations import Entered, Memory, too_deep
+from sleepcast.language.parts import Part, deciding
+from sleepcast.language.program import MAX_STEPS, OutOfSteps, Program
 from sleepcast.language.rehearsal import Answer, Rehearsal, Replay
-from sleepcast.language.tracer import Tracer
-from sleepcast.language.walker import is_true
+from sleepcast.language.vocabulary import Variable
 
 
 @dataclass(slots=True)
@@ -140,7 +140,7 @@ def _explained(recollection: Recollection, memory: Rehearsal) -> Explanation:
     if program.test is program:
         memory.matched = is_true(value)
     course = _Course(tracer, {(id(part), 0): reason for part, reason in memory.faults})
-    reason = "" if memory.matched else reason_of(program, tracer)
+    reason = "" if memory.matched else refusal(program, tracer)
     root = _step(program.root, program.text, course, tracer, None if memory.matched else culprit(program, tracer))
     faults = tuple(f"{reason} in {show(part.form)}" for part, reason in memory.faults)
     return Explanation(
@@ -161,3 +161,114 @@ def _step(part: Part, text: str, course: _Course, tracer: Tracer, wanting: Part 
     value = tracer.found.get(part.index)
     fault = course.faults.get((id(part), 0))
     return Step(show(part.form), value, part.form.start, part.form.end, fault, note, tuple(children))
+
+
+# ---- the tracer: remembers the value of every part
+
+
+class Tracer(Walker):
+    """A walk that keeps the value of every part (the last one, inside a loop) and the walks inside it."""
+
+    def __init__(self, memory: Memory, program: Entered, arguments: Sequence[float] = ()) -> None:
+        super().__init__(memory, program, arguments)
+        self.found: dict[int, float] = {}
+        self.inner: dict[int, Tracer] = {}
+
+    def value(self, part: Part) -> float:
+        value = super().value(part)
+        self.found[part.index] = value
+        return value
+
+    def enter(self, part: Part, program: Entered | None, arguments: Sequence[float]) -> float:
+        memory = self.memory
+        if program is None:
+            return nan
+        refusal = too_deep(memory, program)
+        if refusal:
+            return memory.fault(part, refusal)
+        tracer = self.inner[part.index] = Tracer(memory, program, arguments)
+        memory.steps += program.cost
+        if memory.steps > MAX_STEPS:
+            raise OutOfSteps
+        memory.values.extend([nan] * (program.slots - len(memory.values)))
+        matched = memory.matched
+        memory.depth += 1
+        memory.levels += program.height
+        try:
+            return tracer.value(program.root)
+        finally:
+            memory.depth -= 1
+            memory.levels -= program.height
+            memory.matched = matched
+
+
+# ---- why a test was not true
+
+
+def culprit(program: Program, tracer: Tracer) -> Part | None:
+    """The first operand of the program's test that was not true: the smallest part that says why."""
+    if program.test is None:
+        return None
+    part = deciding(program.root)
+    if part is None or not part.parts:
+        return None
+    if part.op == "cond":
+        return _narrow(part.parts[0].parts[0], tracer)
+    return _narrow(part.parts[0] if part.op == "if" else part, tracer)
+
+
+def _narrow(part: Part, tracer: Tracer) -> Part:
+    """Inside an AND, its first operand that was evaluated and not true; and so on inwards."""
+    while part.op == "and":
+        failed = next((p for p in part.parts if p.index in tracer.found and not is_true(tracer.found[p.index])), None)
+        if failed is None:
+            break
+        part = failed
+    return part
+
+
+def refusal(program: Program, tracer: Tracer) -> str:
+    """Why the program's test did not hold, in a sentence's half; "" if there is nothing to say."""
+    part = culprit(program, tracer)
+    if part is None:
+        return ""
+    if part.op == "call" and (inner := tracer.inner.get(part.index)) is not None:
+        inside = shortfall(_narrow(inner.program.root, inner), inner)
+        return f"{show(part.form)}: {inside}"
+    return shortfall(part, tracer)
+
+
+def shortfall(part: Part, tracer: Tracer) -> str:
+    """How far `part` is from true, in a sentence's half: `fuel = 43.1 %, needed > 50 %`."""
+    if part.op == "pure" and part.name in ("<", "<=", ">", ">=", "=", "EQ", "/=") and len(part.parts) == 2:
+        left, right = part.parts
+        if left.op == "const" and right.op != "const":
+            left, right = right, left
+            operator = {"<": ">", ">": "<", "<=": ">=", ">=": "<="}.get(part.name, part.name)
+        else:
+            operator = part.name
+        unit = _unit(left, right)
+        have, want = (tracer.found.get(p.index, nan) for p in (left, right))
+        needed = shown(want, unit) if right.op == "const" else f"{show(right.form)} ({shown(want, unit)})"
+        known = f"{show(left.form)} = {shown(have, unit)}" if have == have else f"{show(left.form)} is unknown"
+        return f"{known}, needed {'=' if operator == 'EQ' else operator} {needed}"
+    value = tracer.found.get(part.index, nan)
+    if part.op == "in":
+        return f"not a member of {show(part.form.items[1]) if isinstance(part.form, List) else part.name}"
+    if part.op == "or":
+        return f"none of {len(part.parts)} alternatives holds in {show(part.form)}"
+    if value != value:
+        return f"{show(part.form)} is unknown"
+    return f"{show(part.form)} = {format_value(value)}, needed true"
+
+
+def _unit(left: Part, right: Part) -> str:
+    """The unit to show two compared values in: of the literal as it was written, else of the variable."""
+    for part in (right, left):
+        if isinstance(part.form, Number) and part.form.unit:
+            return part.form.unit
+    for part in (left, right):
+        if isinstance(part.data, Variable):
+            quantity = part.data.quantity
+            return quantity.shown_as or quantity.unit
+    return ""

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from sleepcast.language.angles import angle
+from sleepcast.language.numerics import angle
 
 MANY = 100
 """Arguments of one call at most: the bound of the original interpreter (`eval numArgs > 100`)."""
@@ -323,3 +323,80 @@ _TABLE = (
 
 FUNCTIONS: dict[str, Function] = {function.name.casefold(): function for function in _TABLE}
 """Every built-in by its key (case-folded name)."""
+
+
+# ---- one example of each built-in: what a person types, and its value on a new robot
+
+EXAMPLES: dict[str, tuple[str, str]] = {
+    "+": ("(+ 1 2 3)", "6"),
+    "-": ("(- 10 3 2)", "5"),
+    "*": ("(* 2 3 4)", "24"),
+    "/": ("(/ 100 5 2)", "10"),
+    "^": ("(^ 2 10)", "1024"),
+    "MOD": ("(MOD -7 3)", "2"),
+    "ABS": ("(ABS -3)", "3"),
+    "MIN": ("(MIN 4 2 8)", "2"),
+    "MAX": ("(MAX 4 2 8)", "8"),
+    "SQRT": ("(SQRT 16)", "4"),
+    "EXP": ("(EXP 0)", "1"),
+    "LOG": ("(LOG 1)", "0"),
+    "SIN": ("(ROUND (* 100 (SIN 30deg)))", "50"),
+    "COS": ("(COS 0)", "1"),
+    "TAN": ("(ROUND (TAN 45deg))", "1"),
+    "ATAN2": ("(ATAN2 0 1)", "0"),
+    "FLOOR": ("(FLOOR -2.5)", "-3"),
+    "CEIL": ("(CEIL 2.1)", "3"),
+    "ROUND": ("(ROUND 2.5)", "2"),
+    "DIST": ("(DIST 0 0 3 4)", "5"),
+    "BEARING": ("(BEARING 0 0 1 0)", "0"),
+    "WRAP": ("(WRAP (* 2 PI))", "0"),
+    "CLAMP": ("(CLAMP 12 0 10)", "10"),
+    "=": ("(= 1km 1000m)", "1"),
+    "EQ": ("(EQ 1 2)", "0"),
+    "/=": ("(/= 1 2 3)", "1"),
+    "<": ("(< 1 2 3)", "1"),
+    "<=": ("(<= 1 1 2)", "1"),
+    ">": ("(> 60% 50%)", "1"),
+    ">=": ("(>= 2 3)", "0"),
+    "NOT": ("(NOT (> 1 2))", "1"),
+    "AND": ("(AND (> 2 1) 5)", "5"),
+    "OR": ("(OR (> 1 2) 5)", "5"),
+    "KNOWN": ("(KNOWN UNKNOWN)", "0"),
+    "COND": ("(COND ((> 1 2) 10) ((> 2 1) 20) (TRUE 30))", "20"),
+    "IF": ("(IF (> 2 1) 10 20)", "10"),
+    "WHEN": ("(WHEN (> 2 1) (MARK) 7)", "7"),
+    "PROGN": ("(PROGN (MARK) 2)", "2"),
+    "LET": ("(LET ((a 3) (b 4)) (* a b))", "12"),
+    "DOTIMES": ("(LET ((sum 0)) (DOTIMES (i 5) (SETQ sum (+ sum i))) sum)", "10"),
+    "SETQ": ("(LET ((a 1)) (SETQ a (+ a 1)))", "2"),
+    "SETQQ": ("(PROGN (SETQQ E5 (+ 1 2)) E5)", "3"),
+    "DEFVAR": ("(PROGN (DEFVAR level 80%) (+ level 10%))", "0.9"),
+    "QUOTE": ("(PROGN (SETQ E6 (QUOTE (+ 1 2))) E6)", "3"),
+    "QUASIQUOTE": ("(TELL (QUASIQUOTE (MARK (UNQUOTE (+ 1 2)))))", "1"),
+    "UNQUOTE": ("(LET ((a 2)) (TELL `(DEFVAR leader ,a)))", "1"),
+    "RULE": ("(RULE blink (IF marked (UNMARK) (MARK)))", "1"),
+    "ACTIVATE": ("(PROGN (SETQQ E7 (MARK)) (ACTIVATE E7))", "1"),
+    "DEACTIVATE": ("(PROGN (RULE signal (MARK)) (DEACTIVATE signal))", "1"),
+    "FORGET": ("(PROGN (RULE wave (MARK)) (FORGET wave))", "1"),
+    "LEASE": ("(PROGN (RULE watch (MARK)) (LEASE watch 10s))", "1"),
+    "DEFUN": ("(PROGN (DEFUN half (a) (/ a 2)) (half 10))", "5"),
+    "JOIN": ("(PROGN (JOIN bravo) (IN bravo))", "1"),
+    "LEAVE": ("(PROGN (JOIN bravo) (LEAVE bravo) (IN bravo))", "0"),
+    "IN": ("(IN charlie)", "0"),
+    "PROB": ("(PROB 100%)", "1"),
+    "DICE": ("(DICE (100% 6))", "6"),
+    "RANDOM": ("(< (RANDOM 1 6) 7)", "1"),
+    "GAUSS": ("(GAUSS 5 0)", "5"),
+    "SLEEP": ("(SLEEP)", "1"),
+    "WAKE": ("(WAKE)", "1"),
+    "FREEZE": ("(FREEZE)", "1"),
+    "THAW": ("(THAW)", "1"),
+    "MARK": ("(PROGN (MARK) marked)", "1"),
+    "UNMARK": ("(PROGN (UNMARK) marked)", "0"),
+    "ROLLBACK": ("(WHEN (> 1 2) (ROLLBACK))", "0"),
+    "REPORT": ('(REPORT "sum" (+ 1 2))', "3"),
+    "PRINT": ('(PRINT "id" id)', "0"),
+    "TELL": ("(TELL (WHEN (IN bravo) (MARK)))", "1"),
+    "PING": ("(PING)", "1"),
+}
+"""The expression and its value, by the name of the function."""

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from math import inf, nan
 from typing import Protocol
 
-from sleepcast.language.chance import normal
+from sleepcast.language.numerics import normal
 from sleepcast.language.parts import Part
 
 MAX_DEPTH = 32

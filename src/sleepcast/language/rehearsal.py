@@ -196,3 +196,24 @@ def apply_flags(memory: Rehearsal, part: Part) -> None:
             memory.groups -= {key}
         elif part.name in ("activate", "deactivate", "forget") and (number := buffer_number(key)):
             memory.values[ACTIVE0 + number] = 1.0 if part.name == "activate" else 0.0
+
+
+# ---- why a test cannot be judged from a robot's numbers alone
+
+CHANCE = "its test depends on chance"
+DEED = "its test does something itself"
+
+
+def asks(name: str) -> str:
+    """The test calls one of the robot's own functions."""
+    return f"its test asks the robot itself: {name.upper()}"
+
+
+def does(name: str) -> str:
+    """The test enters a buffer, rule or operator that acts."""
+    return f"its test evaluates {name}, which does something"
+
+
+def holds(name: str) -> str:
+    """The test enters a buffer, rule or operator of a robot that cannot be asked."""
+    return f"its test depends on what the robot holds as {name}"

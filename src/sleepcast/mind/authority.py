@@ -12,8 +12,8 @@ from collections.abc import Collection, Mapping
 from sleepcast.channel.message import Kind, Message, Role
 from sleepcast.channel.payload import LEASE
 from sleepcast.channel.stop_latch import Latch, Life, mark_of, restored
-from sleepcast.language.machine import Program
 from sleepcast.language.parts import label_of, rules, walk
+from sleepcast.language.program import Program
 from sleepcast.mind.lease import LeaseRequest, Leases
 
 OPERATORS = frozenset({Role.OPERATOR.value, Role.COMMANDER.value})

@@ -13,9 +13,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from sleepcast.core.errors import SleepcastError
-from sleepcast.language.machine import Library, Program
-from sleepcast.language.names import Declared, Operator, circle, clash, declared_in, uses_in
+from sleepcast.language.program import Library, Program
 from sleepcast.language.reader import read_all
+from sleepcast.language.symbols import Declared, Operator, circle, clash, declared_in, uses_in
 from sleepcast.language.vocabulary import BUFFERS, Vocabulary, buffer_number
 
 

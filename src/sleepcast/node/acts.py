@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from math import nan
 
 from sleepcast.language.form import show
-from sleepcast.language.names import Group, Operator, Stored
 from sleepcast.language.parts import Defining, Part, Template, label_of, written
 from sleepcast.language.reader import MAX_TEXT
+from sleepcast.language.symbols import Group, Operator, Stored
 from sleepcast.language.vocabulary import ACTIVE0, MAX_GROUPS, MAX_OPERATORS, buffer_number
 from sleepcast.node.buffers import ExpressionBuffer
 from sleepcast.node.memory import PROVEN_TICKS, Act, RobotMemory

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from math import inf, nan
 
-from sleepcast.language.machine import Program
+from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, buffer_number
 from sleepcast.mind.merging import Making
 

@@ -12,14 +12,14 @@ from math import inf, nan
 from weakref import WeakKeyDictionary
 
 from sleepcast.core.errors import SleepcastError
-from sleepcast.language.chance import draw, stream
 from sleepcast.language.form import Form, Number, show
 from sleepcast.language.functions import MAX_HOPS
-from sleepcast.language.machine import Library, Program
-from sleepcast.language.names import Declared, Operator, Stored, UserVariable, circle, clash, declared_in, uses_in
+from sleepcast.language.numerics import draw, stream
 from sleepcast.language.parts import Label, Part, Storing, host_of, written
+from sleepcast.language.program import Library, Program
 from sleepcast.language.reader import read_all
 from sleepcast.language.rehearsal import FLAGS, Answer, Refusal, Rehearsal
+from sleepcast.language.symbols import Declared, Operator, Stored, UserVariable, circle, clash, declared_in, uses_in
 from sleepcast.language.vocabulary import (
     ACTIVE0,
     BUFFERS,

@@ -14,9 +14,9 @@ import msgspec
 
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.serial import SerialError
-from sleepcast.language.machine import Program
-from sleepcast.language.names import Group, Operator, Stored, UserVariable
+from sleepcast.language.program import Program
 from sleepcast.language.reader import read_all
+from sleepcast.language.symbols import Group, Operator, Stored, UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, buffer_number
 from sleepcast.mind.merging import MergingState
 from sleepcast.node.buffers import RuleSet

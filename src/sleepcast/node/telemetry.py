@@ -24,7 +24,7 @@ from sleepcast.channel.payload import LOOK, OF, STOPS, TOLD, Inspection
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.core.units import Quantity
 from sleepcast.language.explain import Explanation, Step
-from sleepcast.language.names import Group, Operator, UserVariable
+from sleepcast.language.symbols import Group, Operator, UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Constant, HostFunction, Vocabulary
 from sleepcast.node.memory import RobotMemory
 

@@ -27,8 +27,8 @@ from sleepcast.channel.session import MAX_SPREAD, ChannelSession
 from sleepcast.channel.stop_latch import MAX_MARKS, Life, Mark, mark_of, marks_and_ages
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
-from sleepcast.language.machine import Program
 from sleepcast.language.parts import rules
+from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.accounting import Command, account
 from sleepcast.station.answers import MATCHED

@@ -24,7 +24,7 @@ from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.serial import SerialError, pack, room_for, unpack
 from sleepcast.language import Checked, CheckError, Explanation, check
-from sleepcast.language.machine import Program
+from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.accounting import Accounting, Command, account
 from sleepcast.station.audience import Audience

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from sleepcast.core.errors import SleepcastError
-from sleepcast.language.machine import Library, Program
-from sleepcast.language.names import Declared, Group, Operator, Stored, UserVariable
+from sleepcast.language.program import Library, Program
 from sleepcast.language.reader import read_all
+from sleepcast.language.symbols import Declared, Group, Operator, Stored, UserVariable
 from sleepcast.language.vocabulary import Vocabulary, buffer_number
 from sleepcast.station.telling import MindTold
 

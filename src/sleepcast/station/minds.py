@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.language.explain import Explanation
-from sleepcast.language.machine import Program
-from sleepcast.language.names import Declared
 from sleepcast.language.operations import Entered
 from sleepcast.language.parts import Part
+from sleepcast.language.program import Program
+from sleepcast.language.symbols import Declared
 from sleepcast.language.vocabulary import Vocabulary
 
 Index = NDArray[np.intp]

@@ -17,11 +17,11 @@ from math import nan
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.language.machine import Program, evaluate
-from sleepcast.language.names import Operator
 from sleepcast.language.operations import Entered
 from sleepcast.language.parts import Part, acts, walk
-from sleepcast.language.undecided import CHANCE, DEED, asks, does, holds
+from sleepcast.language.program import Program, evaluate
+from sleepcast.language.rehearsal import CHANCE, DEED, asks, does, holds
+from sleepcast.language.symbols import Operator
 from sleepcast.language.vocabulary import Variable
 from sleepcast.station.minds import Index, Judged, Mind, Minds, Telemetry, Told
 from sleepcast.station.roster import Roster

@@ -23,11 +23,11 @@ from sleepcast.channel.payload import TOLD, Inspection
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.language.explain import Explanation
 from sleepcast.language.functions import FUNCTIONS
-from sleepcast.language.machine import Program
-from sleepcast.language.names import Declared, Group, UserVariable
 from sleepcast.language.parts import Part
+from sleepcast.language.program import Program
 from sleepcast.language.reader import is_name
-from sleepcast.language.undecided import holds
+from sleepcast.language.rehearsal import holds
+from sleepcast.language.symbols import Declared, Group, UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Variable, Vocabulary, VocabularyError, buffer_number
 from sleepcast.station.learned import Learned
 from sleepcast.station.preview import Undecided

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import Checked
-from sleepcast.language.machine import Program
 from sleepcast.language.parts import irreversible, walk
+from sleepcast.language.program import Program
 from sleepcast.station.audience import EVERYBODY, Audience
 from sleepcast.station.preview import is_for_everybody
 from sleepcast.station.roster import Index

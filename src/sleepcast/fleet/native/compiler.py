@@ -29,8 +29,8 @@ from sleepcast.fleet.native import libm
 from sleepcast.fleet.native.assembly import Assembly
 from sleepcast.fleet.native.lowering import Columns, Lowering, enters
 from sleepcast.fleet.native.symbols import Meaning, Size
-from sleepcast.language.machine import Program
 from sleepcast.language.parts import walk
+from sleepcast.language.program import Program
 from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.vocabulary import TICK, TIME_SLOT
 

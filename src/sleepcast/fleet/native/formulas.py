@@ -13,7 +13,7 @@ from itertools import combinations, pairwise
 
 from sleepcast.fleet.native import libm
 from sleepcast.fleet.native.assembly import Assembly
-from sleepcast.language import angles, chance
+from sleepcast.language import numerics
 from sleepcast.language.functions import TWO_PI
 from sleepcast.language.parts import Part
 
@@ -89,8 +89,8 @@ def quantile(a: Assembly, u: str, mask: str) -> str:
     q = a.binary("fsub", a.real, u, a.number(0.5))
     centre = a.compare("ole", a.intrinsic("fabs", q), a.number(0.425))
     r = a.binary("fsub", a.real, a.number(0.180625), a.binary("fmul", a.real, q, q))
-    top = a.binary("fmul", a.real, q, _polynomial(a, chance.CENTRE_TOP, r))
-    found = a.cell(a.real, a.binary("fdiv", a.real, top, _polynomial(a, chance.CENTRE_BOTTOM, r)))
+    top = a.binary("fmul", a.real, q, _polynomial(a, numerics.CENTRE_TOP, r))
+    found = a.cell(a.real, a.binary("fdiv", a.real, top, _polynomial(a, numerics.CENTRE_BOTTOM, r)))
     outside = a.both(mask, a.neither(centre))
     with a.when(a.any(outside)):
         a.put(found, a.real, a.select(outside, _tail(a, u, q, outside), a.get(found, a.real)))
@@ -103,8 +103,8 @@ def _tail(a: Assembly, u: str, q: str, mask: str) -> str:
     r = a.intrinsic("sqrt", a.emit(f"fneg {a.real} {each(a, 'log', [near], mask)}"))
     sizes = []
     for shift, top, bottom in (
-        (1.6, chance.MIDDLE_TOP, chance.MIDDLE_BOTTOM),
-        (5.0, chance.TAIL_TOP, chance.TAIL_BOTTOM),
+        (1.6, numerics.MIDDLE_TOP, numerics.MIDDLE_BOTTOM),
+        (5.0, numerics.TAIL_TOP, numerics.TAIL_BOTTOM),
     ):
         x = a.binary("fsub", a.real, r, a.number(shift))
         sizes.append(a.binary("fdiv", a.real, _polynomial(a, top, x), _polynomial(a, bottom, x)))
@@ -150,17 +150,17 @@ def _angle(a: Assembly, n: Sequence[str], mask: str) -> str:
     swapped = a.compare("olt", across, up)
     behind = a.compare("olt", a.intrinsic("copysign", a.one, x), a.zero)
     low, high = a.select(swapped, across, up), a.select(swapped, up, across)
-    scale = a.select(a.compare("ogt", high, a.number(angles.HUGE)), a.number(0.25), a.one)
+    scale = a.select(a.compare("ogt", high, a.number(numerics.HUGE)), a.number(0.25), a.one)
     low, high = (a.binary("fmul", a.real, scale, each) for each in (low, high))
-    steep = a.compare("ogt", low, a.binary("fmul", a.real, a.number(angles.STEEP), high))
+    steep = a.compare("ogt", low, a.binary("fmul", a.real, a.number(numerics.STEEP), high))
     flat = a.select(a.compare("oeq", high, a.zero), a.one, high)
     bottom = a.select(steep, a.binary("fadd", a.real, low, high), flat)
     t = a.binary("fdiv", a.real, a.select(steep, a.binary("fsub", a.real, low, high), low), bottom)
     z = a.binary("fmul", a.real, t, t)
-    rest = a.binary("fmul", a.real, t, a.binary("fmul", a.real, z, _polynomial(a, angles.COEFFICIENTS, z)))
+    rest = a.binary("fmul", a.real, t, a.binary("fmul", a.real, z, _polynomial(a, numerics.COEFFICIENTS, z)))
     turned = a.binary("xor", a.truth, swapped, behind)
     t, rest = (a.select(turned, a.emit(f"fneg {a.real} {each}"), each) for each in (t, rest))
-    base, tail = (_eighths(a, steep, swapped, behind, values) for values in (angles.EIGHTHS, angles.TAILS))
+    base, tail = (_eighths(a, steep, swapped, behind, values) for values in (numerics.EIGHTHS, numerics.TAILS))
     found = a.binary("fadd", a.real, base, a.binary("fadd", a.real, t, a.binary("fadd", a.real, rest, tail)))
     return a.intrinsic("copysign", found, y)
 

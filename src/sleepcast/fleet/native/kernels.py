@@ -23,8 +23,8 @@ from sleepcast.fleet.columns import Column, FleetState, Rows
 from sleepcast.fleet.evaluation import Evaluation
 from sleepcast.fleet.native.compiler import LANES, THERE, TROUBLED, Kernel, Sink, moment
 from sleepcast.fleet.native.symbols import Name, Size, meaning, name_of
-from sleepcast.language.machine import MAX_STEPS, Program
 from sleepcast.language.parts import walk
+from sleepcast.language.program import MAX_STEPS, Program
 from sleepcast.mind.rules import Mind
 
 THREADS = 2

@@ -11,9 +11,9 @@ from collections.abc import Callable, Sequence
 from sleepcast.fleet.native import formulas
 from sleepcast.fleet.native.assembly import Assembly
 from sleepcast.fleet.native.symbols import Meaning, entered, is_native
-from sleepcast.language.chance import GOLDEN, MASK, UNIT
-from sleepcast.language.machine import Program
+from sleepcast.language.numerics import GOLDEN, MASK, UNIT
 from sleepcast.language.parts import Part, walk
+from sleepcast.language.program import Program
 from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.vocabulary import Kind, Variable
 

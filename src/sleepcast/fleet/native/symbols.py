@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TypeAlias
 
-from sleepcast.language.machine import MAX_STEPS, Program
-from sleepcast.language.names import UserVariable
 from sleepcast.language.operations import MAX_DEPTH, MAX_LEVELS
 from sleepcast.language.parts import Part, walk
+from sleepcast.language.program import MAX_STEPS, Program
 from sleepcast.language.rehearsal import FLAGS
+from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Kind, Variable
 from sleepcast.mind.rules import Mind
 

@@ -14,15 +14,15 @@ from collections.abc import Callable, Sequence
 from math import nan
 
 from sleepcast.core.errors import SleepcastError
-from sleepcast.language import special
+from sleepcast.language import special_forms
 from sleepcast.language.checker import MAX_COST, Checker, CheckError, cost
-from sleepcast.language.compiler import Code, generate
+from sleepcast.language.codegen import Code, generate
+from sleepcast.language.evaluate import Walker
 from sleepcast.language.form import Form, height
-from sleepcast.language.names import Names, Operator, reaches, uses_in
 from sleepcast.language.operations import Memory
 from sleepcast.language.parts import CHANCY, Part, acts, deciding, is_acting, walk
 from sleepcast.language.reader import read_all
-from sleepcast.language.walker import Walker
+from sleepcast.language.symbols import Names, Operator, reaches, uses_in
 
 MAX_STEPS = MAX_COST
 """Steps of one evaluation, all buffers and operators it enters included: about two milliseconds of a slow computer."""
@@ -148,7 +148,7 @@ def _within(root: Part, inside: Part, test: Part) -> Part:
 
 def build(text: str, forms: Sequence[Form], names: Names, parameters: tuple[str, ...] = ()) -> tuple[Program, Checker]:
     """Check `forms` (read from `text`) and make a program of them; look at the checker's findings before using it."""
-    checker = Checker(names, text, special.SPECIAL)
+    checker = Checker(names, text, special_forms.SPECIAL)
     for form in forms:
         checker.declare_all(form)
     with checker.scope([p.casefold() for p in parameters]):

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sleepcast.language.angles import angle
+from sleepcast.language.numerics import angle
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 NEAR = st.floats(-10.0, 10.0)

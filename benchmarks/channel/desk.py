@@ -25,9 +25,9 @@ from sleepcast.channel.payload import WITHIN
 from sleepcast.cli.air import FLEET, Air, line_for
 from sleepcast.core.clock import UnixClock
 from sleepcast.language import Vocabulary
-from sleepcast.station.accounting import Command
-from sleepcast.station.aired import AirStation
-from sleepcast.station.settling import Caution
+from sleepcast.station.account import Command
+from sleepcast.station.network import AirStation
+from sleepcast.station.validation import Caution
 
 MOMENT = 0.005
 """Seconds for which it listens at a time."""

@@ -15,9 +15,9 @@ from sleepcast.cli.desk_session import AGAIN_WITHIN, STOP_AGAIN, WHY_PATIENCE, S
 from sleepcast.cli.desk_words import Sort
 from sleepcast.language import Checked
 from sleepcast.station import MemoryJournal
-from sleepcast.station.journal import JournalError
-from sleepcast.station.looking import Looker
+from sleepcast.station.journal.journal import JournalError
 from sleepcast.station.remote import RemoteMinds
+from sleepcast.station.telemetry_client import Looker
 
 
 class Seat:

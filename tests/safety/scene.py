@@ -20,10 +20,10 @@ from sleepcast.core.clock import ManualClock
 from sleepcast.core.units import Quantity
 from sleepcast.language import HostFunction, Vocabulary
 from sleepcast.node.node import Node
-from sleepcast.station.aired import AirStation
-from sleepcast.station.expectation import NOBODY_SAID, Expectation
 from sleepcast.station.minds import Minds
-from sleepcast.station.settling import Caution
+from sleepcast.station.network import AirStation
+from sleepcast.station.roster import NOBODY_SAID, Expectation
+from sleepcast.station.validation import Caution
 
 START = 1_000_000.0
 STEP = 0.01

@@ -12,7 +12,7 @@ from sleepcast.channel.drops import DropReason
 from sleepcast.channel.envelope import encode
 from sleepcast.channel.keys import KeyPair
 from sleepcast.channel.message import Role
-from sleepcast.station.aired import RoleError
+from sleepcast.station.network import RoleError
 
 RULES = [
     "(RULE go (DRIVE 1))",

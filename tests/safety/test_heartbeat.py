@@ -5,7 +5,7 @@ from __future__ import annotations
 from safety.scene import KEYS, Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import look
-from sleepcast.station.aired import LEASE
+from sleepcast.station.network import LEASE
 
 
 def beats(scene: Scene, seconds: float) -> int:

@@ -9,8 +9,8 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.payload import LEASE, LeaseAction
 from sleepcast.mind.lease import MAX_LEASE, MAX_LEASES
 from sleepcast.station import Accounting
-from sleepcast.station.aired import AirStation
 from sleepcast.station.leases import LeaseError, lease_body, wish
+from sleepcast.station.network import AirStation
 
 
 @pytest.fixture

@@ -9,10 +9,9 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.payload import FOR, NOT
 from sleepcast.language import CheckError
 from sleepcast.station import AddressError, CountNeededError, DoubtError, NobodyHeardError, SortError, UnknownRobotError
-from sleepcast.station.aired import ABOVE, AirStation
-from sleepcast.station.audience import MAX_LISTED, AudienceError
-from sleepcast.station.settling import Caution, Draft
+from sleepcast.station.network import ABOVE, AirStation
 from sleepcast.station.staging import Stage, staged
+from sleepcast.station.validation import MAX_LISTED, AudienceError, Caution, Draft
 
 
 def driven(scene: Scene) -> set[str]:

@@ -8,7 +8,7 @@ import pytest
 from safety.scene import KEYS, START, Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import look
-from sleepcast.station.aired import AirStation, RoleError
+from sleepcast.station.network import AirStation, RoleError
 
 
 def silent(desk: AirStation, command: str) -> tuple[str, ...]:

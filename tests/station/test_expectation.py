@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from safety.scene import Scene
-from sleepcast.station.expectation import (
+from sleepcast.station.roster import (
+    MAX_ROBOTS,
     NOBODY_SAID,
     Expectation,
     ExpectationError,
@@ -15,8 +16,7 @@ from sleepcast.station.expectation import (
     FleetFileLostError,
     read_expectation,
 )
-from sleepcast.station.roster import MAX_ROBOTS
-from sleepcast.station.settling import Caution, CountNeededError
+from sleepcast.station.validation import Caution, CountNeededError
 
 HUNDRED = Expectation(size=100)
 

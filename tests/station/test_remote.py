@@ -16,7 +16,7 @@ from sleepcast.node.node import Node
 from sleepcast.node.telemetry import digest
 from sleepcast.station import Station
 from sleepcast.station.remote import MAX_TYPES, RemoteMinds
-from sleepcast.station.telling import TellingError, read_why
+from sleepcast.station.telemetry import TellingError, read_why
 from station.far import Far
 from station.fleet import Fleet
 

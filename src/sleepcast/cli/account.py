@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from sleepcast.core.errors import printable
 
 if TYPE_CHECKING:
-    from sleepcast.station.accounting import Accounting, Command
-    from sleepcast.station.settling import Foreseen
+    from sleepcast.station.account import Accounting, Command
+    from sleepcast.station.validation import Foreseen
 
 FEW = 12
 """Names that are listed; of more, their number is told."""

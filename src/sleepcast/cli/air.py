@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from sleepcast.channel.session import ChannelSession, Receiver
     from sleepcast.channel.transports.multiplexer import Multiplexer
     from sleepcast.node.store import Store
-    from sleepcast.station.aired import AirStation
-    from sleepcast.station.expectation import Expectation
-    from sleepcast.station.looking import Looker
+    from sleepcast.station.network import AirStation
+    from sleepcast.station.roster import Expectation
+    from sleepcast.station.telemetry_client import Looker
 
 FLEET = "sleepcast"
 """Whose messages are heard, unless another fleet is named."""
@@ -123,7 +123,7 @@ def on_air(command: Callable[..., int]) -> Callable[..., int]:
 
 def expectation(air: Air) -> Expectation:
     """Which robots there are, by what was said with this command, or is kept. Raises ExpectationError."""
-    from sleepcast.station.expectation import FleetFile, read_expectation
+    from sleepcast.station.roster import FleetFile, read_expectation
 
     return FleetFile(air.channel, air.fleet).read() if air.expect is None else read_expectation(air.expect)
 
@@ -146,13 +146,12 @@ def looking_for(
     """The same, with what asks robots to tell of themselves. It remembers what they told, too."""
     from sleepcast.core.clock import UnixClock
     from sleepcast.core.errors import MisuseError, printable
-    from sleepcast.station.aired import ABOVE, AirStation
-    from sleepcast.station.contacts import Contacts, ContactsLostError
-    from sleepcast.station.expectation import NOBODY_SAID
-    from sleepcast.station.looking import Looker
+    from sleepcast.station.cache import Contacts, ContactsLostError, Seen
+    from sleepcast.station.network import ABOVE, AirStation
     from sleepcast.station.remote import RemoteMinds
-    from sleepcast.station.seen import Seen
-    from sleepcast.station.settling import Caution
+    from sleepcast.station.roster import NOBODY_SAID
+    from sleepcast.station.telemetry_client import Looker
+    from sleepcast.station.validation import Caution
 
     if expected is None:
         try:

@@ -23,10 +23,10 @@ from sleepcast.language import Explanation, Variable, Vocabulary
 from sleepcast.language.parts import Part
 from sleepcast.language.program import Program
 from sleepcast.language.symbols import Declared
-from sleepcast.station.accounting import Command
-from sleepcast.station.aired import AirStation
-from sleepcast.station.looking import Looker
+from sleepcast.station.account import Command
+from sleepcast.station.network import AirStation
 from sleepcast.station.remote import RemoteMind, RemoteMinds
+from sleepcast.station.telemetry_client import Looker
 
 X, Y, HEADING = "x", "y", "heading"
 """The variables in which a robot says where it is (m, m, rad)."""

@@ -19,7 +19,7 @@ from sleepcast.cli.told import said
 from sleepcast.core.errors import printable
 from sleepcast.core.units import shown
 from sleepcast.language import Variable
-from sleepcast.station.accounting import Accounting, Command
+from sleepcast.station.account import Accounting, Command
 from sleepcast.station.roster import of_robots
 
 if TYPE_CHECKING:

@@ -31,13 +31,13 @@ from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.language import ReadError, read
 from sleepcast.language.vocabulary import Variable
 from sleepcast.station.preview import NO, UNKNOWN, YES
-from sleepcast.station.settling import AddressError, CountNeededError, DoubtError, Draft
+from sleepcast.station.validation import AddressError, CountNeededError, DoubtError, Draft
 
 if TYPE_CHECKING:
-    from sleepcast.station.accounting import Command
-    from sleepcast.station.aired import AirStation
-    from sleepcast.station.looking import Looker
+    from sleepcast.station.account import Command
+    from sleepcast.station.network import AirStation
     from sleepcast.station.remote import RemoteMind
+    from sleepcast.station.telemetry_client import Looker
 
 LOOKS_A_SECOND = 200.0
 """Robots that tell of themselves in a second at most: 60 kB on the air; of a larger fleet, more seldom."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from sleepcast.cli.account import FEW
 from sleepcast.core.errors import SleepcastError, printable
-from sleepcast.station.aired import ANSWERS_A_SECOND, AirStation
-from sleepcast.station.settling import Draft
+from sleepcast.station.network import ANSWERS_A_SECOND, AirStation
 from sleepcast.station.staging import Stages
+from sleepcast.station.validation import Draft
 
 PATIENCE = 2.0
 """Seconds after the time for answers for which a stage waits for those that are missing."""

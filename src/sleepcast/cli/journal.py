@@ -22,8 +22,8 @@ from sleepcast.cli.times import Moment
 from sleepcast.core.errors import MisuseError, SleepcastError, printable
 
 if TYPE_CHECKING:
-    from sleepcast.station.journal_file import Written
-    from sleepcast.station.journal_reader import JournalReader, Query
+    from sleepcast.station.journal.file import Written
+    from sleepcast.station.journal.reader import JournalReader, Query
 
 LAST = 20
 """Entries that are shown unless more are asked for."""
@@ -82,8 +82,8 @@ def _query(command: Callable[..., int]) -> Callable[..., int]:
     def chosen(
         text: str, robot: str, event: str, command_: str, since: float | None, until: float | None, **others: object
     ) -> int:
-        from sleepcast.station.journal import Event
-        from sleepcast.station.journal_reader import Query
+        from sleepcast.station.journal.journal import Event
+        from sleepcast.station.journal.reader import Query
 
         sorts = [each.value for each in Event]
         if event and event not in sorts:
@@ -109,7 +109,7 @@ def search(file: Path, query: Query, last: int = LAST, follow: bool = False, as_
       sleepcast journal search --event sent --since 2026-11-21 --last 100
       sleepcast journal search --command desk-1795298400000.7 --json
     """
-    from sleepcast.station.journal_reader import JournalReader
+    from sleepcast.station.journal.reader import JournalReader
 
     show = _as_json if as_json else _told
     with JournalReader(file) as reader:
@@ -138,7 +138,7 @@ def export(file: Path, query: Query, as_table: bool) -> int:
       sleepcast journal export > session.jsonl
       sleepcast journal export --csv --since 08:00 > today.csv
     """
-    from sleepcast.station.journal_reader import JournalReader
+    from sleepcast.station.journal.reader import JournalReader
 
     with JournalReader(file) as reader:
         _tell_lost(reader)
@@ -163,7 +163,7 @@ def verify(file: Path, head: str | None, as_json: bool) -> int:
       sleepcast journal verify
       sleepcast journal verify --head 5f0e...
     """
-    from sleepcast.station.journal_reader import JournalReader
+    from sleepcast.station.journal.reader import JournalReader
 
     if head is not None and not HASH.fullmatch(head):
         raise MisuseError(f"a head has 64 hexadecimal digits, as verify prints it, not {head[:80]!r}")
@@ -203,8 +203,8 @@ def rotate(file: Path, at: str | None) -> int:
     from contextlib import closing
 
     from sleepcast.core.clock import UnixClock
-    from sleepcast.station.journal_file import open_reading
-    from sleepcast.station.sqlite_journal import Limits, SqliteJournal
+    from sleepcast.station.journal.file import open_reading
+    from sleepcast.station.journal.sqlite import Limits, SqliteJournal
 
     open_reading(file).close()  # there must be one
     with closing(SqliteJournal(file, UnixClock())) as found:

@@ -13,7 +13,7 @@ import click
 from sleepcast.core.files import data_folder
 
 if TYPE_CHECKING:
-    from sleepcast.station.sqlite_journal import LateJournal
+    from sleepcast.station.journal.sqlite import LateJournal
 
 LONGEST = 200
 """Bytes of a file's name for a fleet, so that the names of its archives fit into 255."""
@@ -44,6 +44,6 @@ def journal_of(fleet: str) -> Path:
 def opened(journal: Path | None, fleet: str) -> LateJournal:
     """A journal for a desk to write to: the file, or that of the fleet."""
     from sleepcast.core.clock import UnixClock
-    from sleepcast.station.sqlite_journal import LateJournal
+    from sleepcast.station.journal.sqlite import LateJournal
 
     return LateJournal(journal or journal_of(fleet), UnixClock(), HASTE)

@@ -13,7 +13,7 @@ from sleepcast.core.errors import printable
 
 if TYPE_CHECKING:
     from sleepcast.channel.payload import LeaseAction
-    from sleepcast.station.aired import AirStation
+    from sleepcast.station.network import AirStation
 
 SECONDS = 60.0
 """For which a lease is had unless another time is said: long enough for a task, short enough to be waited for."""

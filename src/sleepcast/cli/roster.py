@@ -13,8 +13,8 @@ from sleepcast.cli.streams import put
 from sleepcast.core.errors import MisuseError, did_you_mean, printable
 
 if TYPE_CHECKING:
-    from sleepcast.station.contacts import Contacts
-    from sleepcast.station.expectation import FleetFile
+    from sleepcast.station.cache import Contacts
+    from sleepcast.station.roster import FleetFile
 
 HEARD, NONE = "heard", "none"
 """What --expect says besides a number and a file: the robots that were heard, and that nobody knows who there is."""
@@ -47,8 +47,8 @@ def roster(fleet: str, channel: str, expect: str | None, forget: str | None, as_
       sleepcast roster --expect 100
       sleepcast roster --expect fleet.txt
     """
-    from sleepcast.station.contacts import Contacts
-    from sleepcast.station.expectation import FleetFile
+    from sleepcast.station.cache import Contacts
+    from sleepcast.station.roster import FleetFile
 
     contacts, kept = Contacts.of(fleet), FleetFile(channel, fleet)
     if forget is not None:
@@ -84,7 +84,7 @@ def roster(fleet: str, channel: str, expect: str | None, forget: str | None, as_
 def _expect(said: str, contacts: Contacts, kept: FleetFile) -> None:
     """Keep which robots belong to the fleet. Raises ExpectationError, FleetFileLostError."""
     from sleepcast.channel.name_index import natural_order
-    from sleepcast.station.expectation import Expectation, read_expectation
+    from sleepcast.station.roster import Expectation, read_expectation
 
     if said == NONE:
         kept.remove()

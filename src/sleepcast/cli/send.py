@@ -17,10 +17,10 @@ from sleepcast.cli.who import look_around
 from sleepcast.core.errors import SleepcastError, and_more
 
 if TYPE_CHECKING:
-    from sleepcast.station.accounting import Command
-    from sleepcast.station.aired import AirStation
-    from sleepcast.station.looking import Looker
-    from sleepcast.station.settling import Draft
+    from sleepcast.station.account import Command
+    from sleepcast.station.network import AirStation
+    from sleepcast.station.telemetry_client import Looker
+    from sleepcast.station.validation import Draft
 
 GRACE = 1.0
 """Seconds after the time for answers for which they are still taken: for a robot's tick, and for repairs."""
@@ -80,8 +80,7 @@ def send(
       sleepcast send --only r7 --hold 10 '(SETQ drive_speed 1m/s)'
       sleepcast send --staged --count 48 '(WHEN (> fuel 20%) (GOTO 10mi 5mi))'
     """
-    from sleepcast.station.audience import Audience
-    from sleepcast.station.settling import CountNeededError, Draft
+    from sleepcast.station.validation import Audience, CountNeededError, Draft
 
     if staged and only is not None:
         raise click.UsageError("--staged and --only do not go together: stages are chosen among all")
@@ -121,7 +120,7 @@ def warn(station: AirStation, looker: Looker, text: str) -> None:
 
 def refuse_unknown(station: AirStation, looker: Looker, text: str, as_json: bool) -> None:
     """Let the desk refuse names that no robot has, where all have told their names; a person may insist."""
-    from sleepcast.station.settling import UnknownNameError
+    from sleepcast.station.validation import UnknownNameError
 
     names, robots = station.check(text).unknown, len(looker.minds) if looker.minds.complete else 0
     if not (names and robots):
@@ -133,7 +132,7 @@ def refuse_unknown(station: AirStation, looker: Looker, text: str, as_json: bool
 
 def _confirmed(station: AirStation, looker: Looker, draft: Draft, as_json: bool) -> Draft:
     """The draft, confirmed if it was doubted and a person at a terminal says so; else `settle` refuses it."""
-    from sleepcast.station.settling import DoubtError
+    from sleepcast.station.validation import DoubtError
 
     try:
         checked = station.check(draft.text)
@@ -165,8 +164,8 @@ def _refuse_early(station: AirStation, draft: Draft) -> None:
 def _ask_first(station: AirStation, looker: Looker, text: str) -> None:
     """Have robots tell of themselves, and those decide whose answer cannot be foreseen from that; nothing is done."""
     from sleepcast.language.rehearsal import CHANCE
-    from sleepcast.station.audience import MAX_LISTED
     from sleepcast.station.preview import NEVER_HEARD, STALE
+    from sleepcast.station.validation import MAX_LISTED
 
     look_around(station, looker, patience=AHEAD)
     unknown = station.preview(text).unknown

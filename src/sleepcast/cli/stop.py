@@ -19,9 +19,9 @@ from sleepcast.cli.times import Seconds
 from sleepcast.core.errors import MisuseError, printable
 
 if TYPE_CHECKING:
-    from sleepcast.station.accounting import Accounting, Command
-    from sleepcast.station.aired import AirStation
-    from sleepcast.station.expectation import Expectation
+    from sleepcast.station.account import Accounting, Command
+    from sleepcast.station.network import AirStation
+    from sleepcast.station.roster import Expectation
 
 GRACE = 1.0
 """Seconds after the time for answers for which they are taken where nobody is known who could be missed."""
@@ -82,7 +82,7 @@ def stop(air: Air, seconds: float | None, as_json: bool) -> int:
 
 def _expected(air: Air) -> tuple[Expectation, bool]:
     """Which robots there are, and whether that is known as it was meant: STOP waits for no file."""
-    from sleepcast.station.expectation import NOBODY_SAID
+    from sleepcast.station.roster import NOBODY_SAID
 
     try:
         return expectation(air), True

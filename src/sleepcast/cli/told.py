@@ -13,7 +13,7 @@ from sleepcast.cli.standard_memory import reported_body
 from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import printable
 from sleepcast.language import format_value
-from sleepcast.station.journal import Entry, Event
+from sleepcast.station.journal.journal import Entry, Event
 
 SHOWN = 5
 """Names that are listed."""

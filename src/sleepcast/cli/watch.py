@@ -18,9 +18,9 @@ from sleepcast.core.errors import MisuseError, did_you_mean, printable
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from sleepcast.station.aired import AirStation
-    from sleepcast.station.looking import Looker
+    from sleepcast.station.network import AirStation
     from sleepcast.station.remote import RemoteMind
+    from sleepcast.station.telemetry_client import Looker
 
 USUAL = ("x", "y", "heading", "battery", "fuel", "speed")
 """Variables that are shown, of those that there are, unless others are named."""

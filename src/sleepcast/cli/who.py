@@ -17,8 +17,8 @@ from sleepcast.core.errors import SleepcastError, and_more, printable
 
 if TYPE_CHECKING:
     from sleepcast.language.program import Program
-    from sleepcast.station.aired import AirStation
-    from sleepcast.station.looking import Looker
+    from sleepcast.station.network import AirStation
+    from sleepcast.station.telemetry_client import Looker
 
 PATIENCE = 1.0
 """Seconds after the time for answers for which they are still taken: they are asked for again where they were lost."""

@@ -20,7 +20,7 @@ from sleepcast.console.line import Line, encode
 from sleepcast.console.replay import ReplayDesk
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
-from sleepcast.station.settling import CountNeededError, DoubtError
+from sleepcast.station.validation import CountNeededError, DoubtError
 
 Answer = msgspec.Struct
 NEWS_PERIOD = 0.25

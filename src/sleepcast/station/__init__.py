@@ -1,14 +1,13 @@
 """The operator's desk, without a page: check, preview, send, stop, and a truthful account of what became of it."""
 
-from sleepcast.station.accounting import Accounting, Command
+from sleepcast.station.account import Accounting, Command, NoSuchCommandError
 from sleepcast.station.answers import FAULT, MATCHED, NOT_MATCHED, SILENT, Answer, Outcome
-from sleepcast.station.desk import NoExplanationError, Station
-from sleepcast.station.journal import Entry, Event, Journal, MemoryJournal, Report
+from sleepcast.station.journal.journal import Entry, Event, Journal, MemoryJournal, Report
 from sleepcast.station.minds import FleetNames, ManyMinds, Mind, Minds, Telemetry
 from sleepcast.station.preview import NO, UNKNOWN, YES, Preview
 from sleepcast.station.roster import UnknownRobotError
-from sleepcast.station.sent import NoSuchCommandError
-from sleepcast.station.settling import (
+from sleepcast.station.station import NoExplanationError, Station
+from sleepcast.station.validation import (
     DEADLINE,
     AddressError,
     Caution,

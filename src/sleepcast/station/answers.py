@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from sleepcast.channel.message_batch import Answers as Said
 from sleepcast.channel.name_index import NameIndex
 from sleepcast.core.serial import Array, SerialError, within
-from sleepcast.station.parcels import AnswersParcel
 from sleepcast.station.roster import Index, Seconds
+from sleepcast.station.serialized import AnswersParcel
 
 Number = TypeVar("Number", bound=np.generic)
 

@@ -9,10 +9,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import ceil
 
-from sleepcast.station.accounting import Accounting, Command
-from sleepcast.station.aired import AirStation
-from sleepcast.station.audience import Audience
-from sleepcast.station.settling import Draft
+from sleepcast.station.account import Accounting, Command
+from sleepcast.station.network import AirStation
+from sleepcast.station.validation import Audience, Draft
 
 SHARE = 0.1
 """Of those that may obey, in the second stage."""

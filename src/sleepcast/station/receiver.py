@@ -18,13 +18,13 @@ from sleepcast.channel.message_batch import Answers, MessageBatch
 from sleepcast.channel.payload import TOLD
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
+from sleepcast.station.account import Sent
 from sleepcast.station.answers import answer_from
-from sleepcast.station.journal import Event, Journal, MemoryJournal, Report
+from sleepcast.station.journal.journal import Event, Journal, MemoryJournal, Report
+from sleepcast.station.journal.write_batch import Note, Notes
 from sleepcast.station.minds import ManyMinds, Mask, Minds, Telemetry, ToldByMany
-from sleepcast.station.notes import Note, Notes
 from sleepcast.station.preview import Rows
 from sleepcast.station.roster import Index, Roster
-from sleepcast.station.sent import Sent
 
 MAX_REPORTS = 1_000
 """Latest reports that are kept for the page."""

@@ -8,8 +8,7 @@ from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from sleepcast.station.journal import Event, JournalError
-from sleepcast.station.journal_file import (
+from sleepcast.station.journal.file import (
     Origin,
     Written,
     digest,
@@ -18,6 +17,7 @@ from sleepcast.station.journal_file import (
     read_line,
     told,
 )
+from sleepcast.station.journal.journal import Event, JournalError
 
 MAX_ARCHIVES = 100_000
 """Archives of one journal: more than a folder holds with comfort; files that name each other in a circle end here."""

@@ -18,9 +18,9 @@ from sleepcast.cli.channel_page import EMPTY, FleetOnPage
 from sleepcast.cli.watch import Window
 from sleepcast.console import Scene as Ground
 from sleepcast.core.errors import SleepcastError
-from sleepcast.station.aired import AirStation
-from sleepcast.station.looking import Looker
+from sleepcast.station.network import AirStation
 from sleepcast.station.remote import RemoteMinds
+from sleepcast.station.telemetry_client import Looker
 
 
 def looking(scene: Scene) -> tuple[AirStation, Looker]:

@@ -26,16 +26,17 @@ from sleepcast.core.serial import SerialError, pack, room_for, unpack
 from sleepcast.language import Checked, CheckError, Explanation, check
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
-from sleepcast.station.accounting import Accounting, Command, account
-from sleepcast.station.audience import Audience
-from sleepcast.station.hearing import MAX_REPORTS, Hearing
-from sleepcast.station.journal import Event, Journal, MemoryJournal, Report
+from sleepcast.station.account import Accounting, Command, account
+from sleepcast.station.journal.journal import Event, Journal, MemoryJournal, Report
+from sleepcast.station.journal.snapshot import journal_parcel, refill
 from sleepcast.station.minds import FleetNames, Minds
-from sleepcast.station.parcels import AccountParcel, DeskParcel, ReportParcel
 from sleepcast.station.preview import NO, UNKNOWN, YES, Preview, preview
+from sleepcast.station.receiver import MAX_REPORTS, Hearing
 from sleepcast.station.roster import Index, Some
-from sleepcast.station.settling import (
+from sleepcast.station.serialized import AccountParcel, DeskParcel, ReportParcel
+from sleepcast.station.validation import (
     DEADLINE,
+    Audience,
     Caution,
     DoubtError,
     Draft,
@@ -46,7 +47,6 @@ from sleepcast.station.settling import (
     settle_count,
     settle_sort,
 )
-from sleepcast.station.snapshot import journal_parcel, refill
 
 STALE_AFTER = 5.0
 """Seconds after which a robot's last news decides nothing in a preview."""

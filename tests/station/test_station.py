@@ -22,9 +22,8 @@ from sleepcast.station import (
     Station,
     UnknownRobotError,
 )
-from sleepcast.station.accounting import Spread
-from sleepcast.station.desk import MAX_REPORTS, REPEAT_AFTER
-from sleepcast.station.sent import MAX_COMMANDS
+from sleepcast.station.account import MAX_COMMANDS, Spread
+from sleepcast.station.station import MAX_REPORTS, REPEAT_AFTER
 from station.fleet import Fleet, vocabulary
 
 HALF = "(WHEN (> fuel 50%) (JOIN bravo))"

@@ -7,9 +7,9 @@ import numpy as np
 from sleepcast.channel.message_batch import ascending
 from sleepcast.channel.name_index import NameIndex
 from sleepcast.core.serial import Array, SerialError
-from sleepcast.station.journal import MAX_ENTRIES, Entry, Journal, MemoryJournal
-from sleepcast.station.parcels import EntryParcel, JournalParcel
+from sleepcast.station.journal.journal import MAX_ENTRIES, Entry, Journal, MemoryJournal
 from sleepcast.station.roster import Some
+from sleepcast.station.serialized import EntryParcel, JournalParcel
 
 
 def journal_parcel(journal: Journal) -> JournalParcel:

@@ -9,8 +9,8 @@ import pytest
 
 from sleepcast.channel import Kind
 from sleepcast.station import Event, MemoryJournal, Station
-from sleepcast.station.journal import JournalError
-from sleepcast.station.notes import AGAIN, MAX_KEPT, Note, Notes
+from sleepcast.station.journal.journal import JournalError
+from sleepcast.station.journal.write_batch import AGAIN, MAX_KEPT, Note, Notes
 from station.fleet import Fleet, vocabulary
 
 

@@ -18,11 +18,10 @@ import numpy as np
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.payload import AGAIN, AGE, FIRST, FOR, NOT, WITHIN
 from sleepcast.channel.reliable import ReliableDelivery
-from sleepcast.station.accounting import Command
-from sleepcast.station.desk import REPEAT_AFTER
+from sleepcast.station.account import Command, Sent
 from sleepcast.station.roster import Roster
-from sleepcast.station.sent import Sent
-from sleepcast.station.settling import DEADLINE
+from sleepcast.station.station import REPEAT_AFTER
+from sleepcast.station.validation import DEADLINE
 
 SETTLE = 0.15
 """Seconds after the time for answers before somebody counts as missed: for a tick, and the way there and back."""

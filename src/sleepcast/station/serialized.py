@@ -9,7 +9,7 @@ import msgspec
 
 from sleepcast.channel import Message
 from sleepcast.core.serial import Array
-from sleepcast.station.journal import Event
+from sleepcast.station.journal.journal import Event
 
 
 class AnswersParcel(msgspec.Struct, array_like=True):

@@ -26,7 +26,7 @@ import numpy as np
 
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.files import settle
-from sleepcast.station.journal import Entry, Event, JournalError
+from sleepcast.station.journal.journal import Entry, Event, JournalError
 from sleepcast.station.roster import Some
 
 FORMAT = 1

@@ -30,17 +30,15 @@ from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.language.parts import rules
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
-from sleepcast.station.accounting import Command, account
+from sleepcast.station.account import Command, account
 from sleepcast.station.answers import MATCHED
-from sleepcast.station.audience import Audience
-from sleepcast.station.desk import STALE_AFTER, Station
-from sleepcast.station.expectation import NOBODY_SAID, Expectation
-from sleepcast.station.journal import Event, Journal
+from sleepcast.station.journal.journal import Event, Journal
 from sleepcast.station.minds import Index, Minds
 from sleepcast.station.preview import NO, UNKNOWN, YES
-from sleepcast.station.pursuit import LATCHING, Pursuit
-from sleepcast.station.roster import Some
-from sleepcast.station.settling import DEADLINE, Caution, Draft, Settled
+from sleepcast.station.retransmission import LATCHING, Pursuit
+from sleepcast.station.roster import NOBODY_SAID, Expectation, Some
+from sleepcast.station.station import STALE_AFTER, Station
+from sleepcast.station.validation import DEADLINE, Audience, Caution, Draft, Settled
 
 ANSWERS_A_SECOND = 1_000.0
 """Answers that are asked for in a second: 200 kB on the air, a fifth of what a slow radio carries."""

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import NamedTuple
 
-from sleepcast.station.journal import Event, Journal, JournalError
+from sleepcast.station.journal.journal import Event, Journal, JournalError
 
 MAX_KEPT = 100_000
 """Entries that wait for the journal: the answers of 1,000 robots to 100 commands; beyond, the oldest are lost."""

@@ -20,14 +20,14 @@ import pytest
 from sleepcast.channel.name_index import NameIndex
 from sleepcast.core.clock import ManualClock
 from sleepcast.station import Event, Station
-from sleepcast.station.journal import JournalError
-from sleepcast.station.journal_file import MAX_LISTED, NoJournalError
-from sleepcast.station.journal_reader import JournalReader, Query, Verified
+from sleepcast.station.journal.file import MAX_LISTED, NoJournalError
+from sleepcast.station.journal.journal import JournalError
+from sleepcast.station.journal.reader import JournalReader, Query, Verified
+from sleepcast.station.journal.sqlite import LateJournal, Limits, SqliteJournal
 from sleepcast.station.roster import Some
-from sleepcast.station.sqlite_journal import LateJournal, Limits, SqliteJournal
 from station.fleet import Fleet, vocabulary
 
-TESTS = Path(__file__).resolve().parent.parent
+TESTS = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.name_index import NameIndex
 from sleepcast.station import Outcome
-from sleepcast.station.accounting import Command, account
+from sleepcast.station.account import Command, account
 from sleepcast.station.answers import LATE, answer_from
 from station.fleet import Fleet
 

@@ -23,8 +23,7 @@ from threading import RLock
 
 from sleepcast.core.clock import Clock
 from sleepcast.core.files import settle
-from sleepcast.station.journal import Entry, Event, JournalError
-from sleepcast.station.journal_file import (
+from sleepcast.station.journal.file import (
     KEPT,
     PATIENCE,
     Origin,
@@ -40,6 +39,7 @@ from sleepcast.station.journal_file import (
     told,
     transaction,
 )
+from sleepcast.station.journal.journal import Entry, Event, JournalError
 
 PAGE = 500
 """Entries that are read in one go, so that a reader keeps nobody waiting."""

@@ -41,14 +41,14 @@ class Field:
     def __init__(self, folder: Path, robots: int = 20) -> None:
         self.clock, self.medium = ManualClock(START), f"memory:crew{next(_media)}"
         world = simulator(folder)
-        self.trunk = Multiplexer(open_transport(self.medium, self.clock), DropCounter(self.clock))
+        self.multiplexer = Multiplexer(open_transport(self.medium, self.clock), DropCounter(self.clock))
         names = vocabulary_of(world.model)
-        self.branch = self.trunk.branch(ROBOT_KINDS)
-        self.ear = Receiver(self.branch, self.mailbox("r0+19", ROBOTS), self.clock, START)
+        self.port = self.multiplexer.port(ROBOT_KINDS)
+        self.receiver = Receiver(self.port, self.delivery("r0+19", ROBOTS), self.clock, START)
         members = self._members(robots, world.robots, names)
-        self.crew = NetworkSwarm(world, members, self.trunk, self.ear, self.clock, self.clock)
+        self.crew = NetworkSwarm(world, members, self.multiplexer, self.receiver, self.clock, self.clock)
         self.bystander = open_transport(self.medium, self.clock)
-        self.desk = self.line("desk", DESK, open_transport(self.medium, self.clock))
+        self.desk = self.session("desk", DESK, open_transport(self.medium, self.clock))
         self.desk.zero = START
         self.heard: list[Message] = []
         self.ticks = 0
@@ -56,19 +56,19 @@ class Field:
     def _members(self, robots: int, bodies: Sequence[Body], names: Vocabulary) -> list[Member]:
         found = []
         for i in range(robots):
-            line = self.line(f"r{i}", ROBOTS, self.trunk.branch(()))
+            session = self.session(f"r{i}", ROBOTS, self.multiplexer.port(()))
             node = Node(f"r{i}", names, number=i, body=bodies[i])
-            node.zero = line.zero = START
-            found.append(Member(node, i, line))
+            node.zero = session.zero = START
+            found.append(Member(node, i, session))
         return found
 
-    def line(self, name: str, key: KeyPair, transport: Transport) -> ChannelSession:
-        return ChannelSession(transport, self.mailbox(name, key), self.clock, Random(name), listens=key is not ROBOTS)
+    def session(self, name: str, key: KeyPair, transport: Transport) -> ChannelSession:
+        return ChannelSession(transport, self.delivery(name, key), self.clock, Random(name), listens=key is not ROBOTS)
 
-    def mailbox(self, name: str, key: KeyPair) -> ReliableDelivery:
+    def delivery(self, name: str, key: KeyPair) -> ReliableDelivery:
         trust = Trust((DESK.public, ROBOTS.public, NAMESAKE.public))
-        door = Admission(trust, "lab", self.clock, robot=key is ROBOTS, rate=1e9)
-        return ReliableDelivery(name, 1, key, door, Random(name))
+        admission = Admission(trust, "lab", self.clock, robot=key is ROBOTS, rate=1e9)
+        return ReliableDelivery(name, 1, key, admission, Random(name))
 
     def run(self, seconds: float, *, ticking: bool = True) -> None:
         """Let time pass; the crew hears all the time, and ticks as the simulator does."""
@@ -88,8 +88,8 @@ class Field:
         for _ in range(round(seconds / STEP)):
             self.clock.advance(STEP)
             self.desk.pump()
-            self.trunk.gather()
-            self.branch.waiting.clear()
+            self.multiplexer.gather()
+            self.port.waiting.clear()
 
     def overheard(self, kind: Kind) -> int:
         """How many datagrams of this kind were on the air since this was asked last."""
@@ -105,9 +105,9 @@ def field(tmp_path: Path) -> Iterator[Field]:
     yield found
     found.bystander.close()
     found.desk.close()
-    found.ear.close()
+    found.receiver.close()
     for member in found.crew.members:
-        member.line.close()
+        member.session.close()
 
 
 def test_every_robot_decides_and_answers_for_itself(field: Field) -> None:
@@ -167,7 +167,7 @@ def test_what_robots_tell_each_other_reaches_their_neighbours(field: Field) -> N
 
 
 def test_who_commands_under_a_robots_name_is_heard_by_that_robot_too(field: Field) -> None:
-    namesake = field.line("r3", NAMESAKE, open_transport(field.medium, field.clock))
+    namesake = field.session("r3", NAMESAKE, open_transport(field.medium, field.clock))
     namesake.zero = START
     namesake.send(Message("r3", 1, 1, Kind.STOP, field.clock.now() - START))
     field.run(0.02, ticking=False)
@@ -177,11 +177,11 @@ def test_who_commands_under_a_robots_name_is_heard_by_that_robot_too(field: Fiel
 
 def test_a_quiet_crew_is_quiet_and_its_minds_sleep(field: Field) -> None:
     field.run(20.0)
-    before = field.ear.mailbox.door.passed
+    before = field.receiver.delivery.admission.passed
     field.run(10.0)
     assert field.answers() == []
     assert not any(member.node.awake for member in field.crew.members)
-    assert field.ear.mailbox.door.passed - before <= 4
+    assert field.receiver.delivery.admission.passed - before <= 4
 
 
 def test_bodies_are_stopped_at_the_end_whatever_happens(field: Field) -> None:

@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks.report import Json
 from sleepcast.channel import Kind
 from sleepcast.channel.payload import WITHIN
-from sleepcast.cli.air import FLEET, Air, line_for
+from sleepcast.cli.air import FLEET, Air, session_for
 from sleepcast.core.clock import UnixClock
 from sleepcast.language import Vocabulary
 from sleepcast.station.account import Command
@@ -65,22 +65,22 @@ class Desk:
         """So many commands, of these texts in turn, so many a second, each good for `life` s unless it stands, and
         their ids with their times; nobody waits for their answers, which are spread over a second. Ends when the last
         one is over."""
-        box, line = self._station.line.mailbox, self._station.line
+        delivery, session = self._station.session.delivery, self._station.session
         sent, begin = [], time.time()
         while len(sent) < count:
             now = time.time()
             while len(sent) < min(count, (now - begin) * rate):
                 text, deadline = texts[len(sent) % len(texts)], None if standing else now + life
-                message = box.post(
+                message = delivery.post(
                     Kind.COMMAND, now, text=text, deadline=deadline, standing=standing, body={WITHIN: 1.0}
                 )
                 sent.append((message.id, message.issued, 0.0 if standing else message.deadline))
-            line.wait(MOMENT)
-            line.receive()
+            session.wait(MOMENT)
+            session.receive()
         until = time.time() + life + 1.0
         while time.time() < until:
-            line.wait(MOMENT)
-            line.receive()
+            session.wait(MOMENT)
+            session.receive()
         return {"sent": sent}
 
     def _account(self, sending: Callable[[], Command], patience: float) -> Json:
@@ -138,8 +138,8 @@ def command_window(command: Command) -> float:
 
 def main() -> None:
     air = Air(sys.argv[1], FLEET, None, None, None, None)
-    with closing(line_for(air, None, robot=False, say=lambda _: None)) as line:
-        desk = Desk(AirStation(line, UnixClock(), Vocabulary(), {}, caution=Caution()))
+    with closing(session_for(air, None, robot=False, say=lambda _: None)) as session:
+        desk = Desk(AirStation(session, UnixClock(), Vocabulary(), {}, caution=Caution()))
         print(json.dumps({"ready": os.getpid()}), flush=True)
         waiting = b""
         while True:

@@ -45,8 +45,8 @@ def robot(rate: float) -> ReliableDelivery:
     """A robot that looks at so many signatures a second. Its clock stands still."""
     trust = Trust(key.public for key in (ANNA, WATCH, THIEF, ROBOTS))
     trust.take(KeyChange(revoke=frozenset((THIEF.id,))))
-    door = Admission(trust, FLEET, ManualClock(NOW), robot=True, rate=rate)
-    return ReliableDelivery("r1", 1, ROBOTS, door, Random(0))
+    admission = Admission(trust, FLEET, ManualClock(NOW), robot=True, rate=rate)
+    return ReliableDelivery("r1", 1, ROBOTS, admission, Random(0))
 
 
 def said(key: KeyPair, kind: Kind, *, at: float = 0.0, fleet: str = FLEET, number: int = 1) -> bytes:
@@ -95,12 +95,12 @@ def made(count: int, chance: Random) -> dict[DropReason, list[bytes]]:
     }
 
 
-def costs(box: ReliableDelivery, datagrams: Iterable[bytes]) -> list[float]:
+def costs(delivery: ReliableDelivery, datagrams: Iterable[bytes]) -> list[float]:
     """Microseconds of processor time that each took."""
     found, clock = [], time.thread_time_ns
     for datagram in datagrams:
         begin = clock()
-        box.take(datagram, NOW)
+        delivery.take(datagram, NOW)
         found.append((clock() - begin) / 1_000.0)
     return found
 
@@ -110,16 +110,18 @@ def drops(count: int) -> Proof:
     rows: list[Sequence[str]] = []
     bars = []
     before: dict[DropReason, Callable[[ReliableDelivery, list[bytes]], object]] = {
-        DropReason.REPEATED: lambda box, all_of_them: [box.take(datagram, NOW) for datagram in all_of_them],
-        DropReason.TOO_MANY: lambda box, _: [box.take(each, NOW) for each in numbered(said(ANNA, Kind.ASK), 2)],
+        DropReason.REPEATED: lambda delivery, all_of_them: [delivery.take(datagram, NOW) for datagram in all_of_them],
+        DropReason.TOO_MANY: lambda delivery, _: [
+            delivery.take(each, NOW) for each in numbered(said(ANNA, Kind.ASK), 2)
+        ],
     }
     for reason, datagrams in made(count, Random(1)).items():
-        box = robot(1.0 if reason is DropReason.TOO_MANY else 1e12)
-        before.get(reason, lambda box, _: None)(box, datagrams)
-        box.door.counts.clear()
-        took = sorted(costs(box, datagrams))
-        if box.door.counts != {reason: count}:
-            raise RuntimeError(f"meant to be dropped as {reason}: {dict(box.door.counts)}")
+        delivery = robot(1.0 if reason is DropReason.TOO_MANY else 1e12)
+        before.get(reason, lambda delivery, _: None)(delivery, datagrams)
+        delivery.admission.counts.clear()
+        took = sorted(costs(delivery, datagrams))
+        if delivery.admission.counts != {reason: count}:
+            raise RuntimeError(f"meant to be dropped as {reason}: {dict(delivery.admission.counts)}")
         middle = median(took)
         rows.append([str(reason), number(middle), number(took[int(0.99 * count)]), number(1e6 * count / sum(took))])
         if reason in CHEAP:

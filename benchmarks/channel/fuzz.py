@@ -56,23 +56,23 @@ class Robot:
 
     def __init__(self, name: str, trust: Trust, key: KeyPair, clock: ManualClock, seed: int) -> None:
         self.clock = clock
-        self.door = Admission(trust, FLEET, clock, robot=True)
-        self.box = ReliableDelivery(name, 1, key, self.door, Random(seed))
+        self.admission = Admission(trust, FLEET, clock, robot=True)
+        self.delivery = ReliableDelivery(name, 1, key, self.admission, Random(seed))
         self.node = Node(name, Vocabulary())
         self.said: list[bytes] = []
         self.answers: Counter[str] = Counter()
         self.given = self.ticks = 0
         self.node.evaluate("(DEFVAR hits 0)")
-        self.box.start(clock.now())
+        self.delivery.start(clock.now())
 
     def hear(self, datagram: bytes) -> None:
         self.given += 1
-        for message in self.box.take(datagram, self.clock.now()):
+        for message in self.delivery.take(datagram, self.clock.now()):
             self.node.receive(message)
 
     def think(self) -> None:
         """One tick."""
-        out, freed = self.box.step(self.clock.now())
+        out, freed = self.delivery.step(self.clock.now())
         for message in freed:
             self.node.receive(message)
         self.ticks += 1
@@ -89,12 +89,12 @@ class Robot:
     @property
     def uncounted(self) -> int:
         """Datagrams that are in no counter, or in two."""
-        return self.given - self.door.counts.total() - self.door.taken - self.box.overheard
+        return self.given - self.admission.counts.total() - self.admission.taken - self.delivery.overheard
 
     def state(self) -> tuple[object, ...]:
         """All that must not depend on what an attacker sends."""
-        streams = [(name, rules) for name, rules in self.box.order.standing().items()]
-        return self.hits, self.node.stopped, self.answers, self.said, streams, self.door.passed
+        streams = [(name, rules) for name, rules in self.delivery.sequencer.standing().items()]
+        return self.hits, self.node.stopped, self.answers, self.said, streams, self.admission.passed
 
 
 @dataclass
@@ -200,7 +200,7 @@ class Fuzzer:
         found.differing += self.robot.state() != self.twin.state()
         found.executed = int(sum(abs(robot.hits - 2 * self._rounds) for robot in (self.robot, self.insulted)))
         found.uncounted = self.robot.uncounted + self.insulted.uncounted
-        found.dropped, found.overheard = self.robot.door.counts, self.robot.box.overheard
+        found.dropped, found.overheard = self.robot.admission.counts, self.robot.delivery.overheard
 
 
 def fuzz(datagrams: int, seed: int, *, quiet: bool) -> Findings:

@@ -38,7 +38,7 @@ from sleepcast.channel.keys import KeyPair
 from sleepcast.channel.message import Role
 from sleepcast.channel.payload import WITHIN
 from sleepcast.channel.transports.udp import UdpTransport
-from sleepcast.cli.air import FLEET, Air, line_for
+from sleepcast.cli.air import FLEET, Air, session_for
 from sleepcast.cli.progress import steps
 
 BAR = 2.0
@@ -193,17 +193,17 @@ def _sleepcast(folder: Path, receivers: int, processes: int) -> Iterator[tuple[S
     options = ("--channel", uri, "--keys", str(keys), *YARD)
     with (
         _children(folder, "swarm", receivers, processes, *options),
-        closing(line_for(Air(uri, FLEET, None, None, keys, None), None, robot=False, say=lambda _: None)) as line,
+        closing(session_for(Air(uri, FLEET, None, None, keys, None), None, robot=False, say=lambda _: None)) as session,
     ):
 
         def send(_: int, __: bytes) -> int:
-            sent = line.mailbox.post(Kind.COMMAND, time.time(), text=TEXT, body={WITHIN: SPREAD})
-            line.flush()
+            sent = session.delivery.post(Kind.COMMAND, time.time(), text=TEXT, body={WITHIN: SPREAD})
+            session.flush()
             return sent.sequence
 
         def wait(seconds: float) -> None:
-            line.wait(seconds)
-            line.receive()
+            session.wait(seconds)
+            session.receive()
 
         yield send, wait
 

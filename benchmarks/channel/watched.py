@@ -35,7 +35,7 @@ class WatchedLine(ChannelSession):
     def send(self, message: Message) -> None:
         if message.kind is Kind.ANSWER:
             body = message.body
-            ANSWERS.append((self.mailbox.name, str(body.get("command")), str(body.get("outcome")), time.time()))
+            ANSWERS.append((self.delivery.name, str(body.get("command")), str(body.get("outcome")), time.time()))
         super().send(message)
 
 

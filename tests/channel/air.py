@@ -26,7 +26,7 @@ STEP = 0.005
 class Party:
     """A mailbox, and what it has let through, with the times."""
 
-    box: ReliableDelivery
+    delivery: ReliableDelivery
     got: list[Message] = field(default_factory=list)
     when: dict[int, float] = field(default_factory=dict)
     on: bool = True
@@ -61,10 +61,10 @@ class Air:
 
     def party(self, name: str, key: KeyPair, epoch: int = 1) -> Party:
         robot = key.public.role is Role.ROBOT
-        door = Admission(Trust(self.trusted), "lab", self.clock, robot=robot, rate=1e9)
-        box = ReliableDelivery(name, epoch, key, door, Random(self.chance.random()))
-        box.start(self.clock.now())
-        return Party(box)
+        admission = Admission(Trust(self.trusted), "lab", self.clock, robot=robot, rate=1e9)
+        delivery = ReliableDelivery(name, epoch, key, admission, Random(self.chance.random()))
+        delivery.start(self.clock.now())
+        return Party(delivery)
 
     def another_desk(self) -> Party:
         """The desk in its next life, beside the first one."""
@@ -91,10 +91,10 @@ class Air:
             _, _, to, datagram = heappop(self._flying)
             party = parties[to]
             if party.on:
-                self._give(party, party.box.take(datagram, now))
+                self._give(party, party.delivery.take(datagram, now))
         for number, party in enumerate(parties):
-            if party.on and party.box.due() <= now:
-                out, freed = party.box.step(now)
+            if party.on and party.delivery.due() <= now:
+                out, freed = party.delivery.step(now)
                 self._give(party, freed)
                 for datagram in out:
                     self._send(number, datagram, now)

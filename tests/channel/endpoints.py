@@ -41,14 +41,14 @@ class Endpoint:
     """A channel as bare as can be: each message is signed and sent once, and heard if the door lets it in. markers:
     datagrams that came and only show that all before them have come, too."""
 
-    def __init__(self, transport: Transport, key: KeyPair, door: Admission) -> None:
-        self.door, self.transport = door, transport
+    def __init__(self, transport: Transport, key: KeyPair, admission: Admission) -> None:
+        self.admission, self.transport = admission, transport
         self.markers: set[bytes] = set()
         self._key = key
         self._heard: list[Message] = []
 
     def send(self, sent: Message) -> None:
-        for datagram in encode(sent, self.door.fleet, self._key):
+        for datagram in encode(sent, self.admission.fleet, self._key):
             self.transport.send(datagram)
 
     def receive(self) -> list[Message]:
@@ -61,7 +61,7 @@ class Endpoint:
         for datagram in self.transport.receive():
             if datagram.startswith(MARKER):
                 self.markers.add(datagram)
-            elif entered := self.door.enter(datagram):
+            elif entered := self.admission.enter(datagram):
                 # Who has signed it is the door's affair: a transport is to bring what was said.
                 self._heard.append(msgspec.structs.replace(entered.message, role=""))
 

@@ -44,7 +44,7 @@ def trust() -> Trust:
     return Trust(key.public for key in (DESK, CHIEF, WATCH, ROBOTS))
 
 
-def door(robot: bool = True, rate: float = 1e9, clock: ManualClock | None = None) -> Admission:
+def admission(robot: bool = True, rate: float = 1e9, clock: ManualClock | None = None) -> Admission:
     return Admission(trust(), "lab", clock or ManualClock(NOW), robot=robot, rate=rate)
 
 
@@ -59,7 +59,7 @@ def only(datagrams: list[bytes]) -> bytes:
 
 
 def test_a_message_comes_in_once() -> None:
-    here, sent = door(), message()
+    here, sent = admission(), message()
     datagram = only(encode(sent, "lab", DESK))
     assert [here.enter(datagram) for _ in range(3)] == [Admitted(sent, (datagram,)), None, None]
     assert (here.passed, here.counts) == (1, {DropReason.REPEATED: 2})
@@ -67,7 +67,7 @@ def test_a_message_comes_in_once() -> None:
 
 def test_a_message_comes_in_once_whoever_of_a_keys_owners_says_it() -> None:
     for sender in ("r1", "r*"):
-        here = door(robot=False)
+        here = admission(robot=False)
         datagram = only(encode(message(sender=sender, kind=Kind.REPORT), "lab", ROBOTS))
         assert [here.enter(datagram) is not None for _ in range(3)] == [True, False, False]
         assert here.counts == {DropReason.REPEATED: 2}
@@ -90,13 +90,13 @@ def test_a_message_comes_in_once_whoever_of_a_keys_owners_says_it() -> None:
     ],
 )
 def test_what_is_dropped_and_why(reason: DropReason, sent: Message, key: KeyPair, fleet: str) -> None:
-    here = door()
+    here = admission()
     assert here.enter(only(encode(sent, fleet, key))) is None
     assert here.counts == {reason: 1}
 
 
 def test_without_a_deadline_news_grow_old() -> None:
-    here = door(clock=ManualClock(NOW + OLDEST + SKEW + 1.0))
+    here = admission(clock=ManualClock(NOW + OLDEST + SKEW + 1.0))
     assert here.enter(only(encode(message(deadline=inf), "lab", DESK))) is None
     assert here.counts == {DropReason.LATE: 1}
 
@@ -104,7 +104,7 @@ def test_without_a_deadline_news_grow_old() -> None:
 @pytest.mark.parametrize("key", [DESK, CHIEF, WATCH, ROBOTS], ids=lambda key: str(key.public.role))
 def test_anybody_with_a_role_may_stop(key: KeyPair) -> None:
     sender = "r5" if key is ROBOTS else key.public.owner
-    assert door().enter(only(encode(message(sender=sender, kind=Kind.STOP), "lab", key)))
+    assert admission().enter(only(encode(message(sender=sender, kind=Kind.STOP), "lab", key)))
 
 
 STANDS = "stands"
@@ -123,21 +123,21 @@ def test_a_role_goes_as_far_as_it_goes_and_no_further(key: KeyPair, kind: Kind |
     sender = "r5" if key is ROBOTS else key.public.owner
     sent = message(sender=sender, kind=Kind.COMMAND if kind == STANDS else Kind(kind), standing=kind == STANDS)
     datagram = only(encode(sent, "lab", key))
-    assert bool(door().enter(datagram)) is (kind in LETS_IN[key.public.role])
-    heard = door(robot=False).enter(datagram)
+    assert bool(admission().enter(datagram)) is (kind in LETS_IN[key.public.role])
+    heard = admission(robot=False).enter(datagram)
     to_operator = {Kind.ANSWER, Kind.REPORT, Kind.STOP, Kind.DIGEST, Kind.REQUEST}
     assert bool(heard) is (kind in (to_operator if key is ROBOTS else LETS_IN[key.public.role]))
 
 
 def test_an_operator_has_no_ear_for_what_robots_tell_each_other() -> None:
-    here = door(robot=False)
+    here = admission(robot=False)
     assert here.enter(only(encode(message(sender="r1"), "lab", ROBOTS))) is None
     assert here.counts == {DropReason.NOT_FOR_US: 1}
     assert here.enter(only(encode(message(sender="r1", kind=Kind.ANSWER, sequence=2), "lab", ROBOTS)))
 
 
 def test_a_revoked_key_counts_no_more_and_stays_revoked() -> None:
-    here = door()
+    here = admission()
     here.trust.revoke("desk")
     here.trust.add(DESK.public)
     assert here.enter(only(encode(message(), "lab", DESK))) is None
@@ -149,7 +149,7 @@ def test_a_revoked_key_counts_no_more_and_stays_revoked() -> None:
 def test_a_changed_byte_never_comes_in(data: st.DataObject) -> None:
     datagram = only(encode(message(), "lab", DESK))
     at = data.draw(st.integers(0, len(datagram) - 1))
-    here = door()
+    here = admission()
     assert (
         here.enter(datagram[:at] + bytes([datagram[at] ^ data.draw(st.integers(1, 255))]) + datagram[at + 1 :]) is None
     )
@@ -159,7 +159,7 @@ def test_a_changed_byte_never_comes_in(data: st.DataObject) -> None:
 
 def test_signatures_of_one_key_are_looked_at_at_a_rate_and_stop_has_its_own() -> None:
     clock = ManualClock(NOW)
-    here = door(rate=VERIFIED_A_SECOND, clock=clock)
+    here = admission(rate=VERIFIED_A_SECOND, clock=clock)
     good = only(encode(message(), "lab", DESK))
     forged = good[:-1] + bytes([good[-1] ^ 1])
     for _ in range(1_000):
@@ -244,7 +244,7 @@ def parts_of(text: str, sequence: int = 1) -> list[bytes]:
 @settings(max_examples=30)
 @given(st.randoms(use_true_random=False))
 def test_the_parts_of_a_long_message_come_in_any_order_and_more_than_once(chance: random.Random) -> None:
-    here, text = door(), "x" * 10_000
+    here, text = admission(), "x" * 10_000
     coming = parts_of(text) * 2
     chance.shuffle(coming)
     found = [heard for heard in map(here.enter, coming) if heard is not None]
@@ -252,7 +252,7 @@ def test_the_parts_of_a_long_message_come_in_any_order_and_more_than_once(chance
 
 
 def test_long_messages_that_are_never_completed_take_bounded_room() -> None:
-    here = door()
+    here = admission()
     for sequence in range(10 * MAX_REASSEMBLIES):
         here.enter(parts_of("x" * 5_000, sequence)[0])
     assert len(here._open) <= MAX_REASSEMBLIES
@@ -263,7 +263,7 @@ def test_long_messages_that_are_never_completed_take_bounded_room() -> None:
 @pytest.mark.parametrize("known", [True, False])
 def test_a_flood_of_messages_in_96_parts_pushes_out_no_long_message_of_others(known: bool) -> None:
     """An observer's, well signed, of which no one is ever complete; and forged ones of the desk's own key."""
-    here, text = door(rate=1e9), "y" * 5_000
+    here, text = admission(rate=1e9), "y" * 5_000
     first, *others = parts_of(text)
     assert here.enter(first) is None
     asked = encode(message(1, sender="watch", kind=Kind.ASK, text="\N{SNOWMAN}" * MAX_TEXT), "lab", WATCH)
@@ -300,14 +300,14 @@ def test_a_number_counts_once_and_never_after_the_window(numbers: list[tuple[int
 
 
 def test_what_stands_counts_however_old_it_is() -> None:
-    here = door(clock=ManualClock(NOW + 10.0 * OLDEST))
+    here = admission(clock=ManualClock(NOW + 10.0 * OLDEST))
     assert here.enter(only(encode(message(sender="chief", deadline=inf, standing=True), "lab", CHIEF)))
 
 
 @pytest.mark.parametrize("key", [DESK, WATCH, ROBOTS])
 def test_only_a_commander_says_what_stands(key: KeyPair) -> None:
     """Authority by key: rules are a commander's, however good the signature of somebody else."""
-    here = door()
+    here = admission()
     said = message(sender=key.public.owner.replace("*", "1"), deadline=inf, standing=True)
     assert here.enter(only(encode(said, "lab", key))) is None
     assert here.counts == {DropReason.NOT_ALLOWED: 1}
@@ -338,7 +338,7 @@ FLOODS: list[Callable[[], bytes]] = [
 
 @pytest.mark.parametrize("flood", FLOODS)
 def test_a_flood_leaves_nothing_behind(flood: Callable[[], bytes]) -> None:
-    here, datagram = door(), flood()
+    here, datagram = admission(), flood()
     for _ in range(10_000):
         here.enter(datagram)
     assert (here.passed, sum(here.counts.values())) == (0, 10_000)
@@ -346,7 +346,7 @@ def test_a_flood_leaves_nothing_behind(flood: Callable[[], bytes]) -> None:
 
 
 def test_a_number_far_behind_the_latest_costs_nothing() -> None:
-    here = door()
+    here = admission()
     here.note(ROBOTS.id, "r1", 1, 2**62)
     here.note(ROBOTS.id, "r1", 1, 5)
     sent = message(sender="r1", kind=Kind.DIGEST, sequence=5)

@@ -110,21 +110,21 @@ def test_it_follows_a_live_channel() -> None:
         key_id(key.public.public): Known(key.public.owner, key.public.role, key.public.public, False)
         for key in (DESK, ROBOTS)
     }
-    ear = Receiver("lab", True, 0, keys, set())
+    receiver = Receiver("lab", True, 0, keys, set())
     send = air._send
 
     def overheard(who: int, datagram: bytes, now: float) -> None:
-        ear.now = round(now * 1e6)
-        assert ear.take(datagram) in ("passed", "repeated", "kept")
+        receiver.now = round(now * 1e6)
+        assert receiver.take(datagram) in ("passed", "repeated", "kept")
         send(who, datagram, now)
 
     air._send = overheard  # type: ignore[method-assign]
     sent = []
     for number in range(20):
         sent.append(f"(SETQ v{number} {'9' * number * 80})")
-        air.desk.box.post(Kind.COMMAND, air.clock.now(), text=sent[-1], standing=number % 3 == 0)
+        air.desk.delivery.post(Kind.COMMAND, air.clock.now(), text=sent[-1], standing=number % 3 == 0)
         air.run(0.1)
     air.run(5.0)
-    found = {part.sequence: text for _, part, text, _ in ear.passed if part.kind == "command"}
+    found = {part.sequence: text for _, part, text, _ in receiver.passed if part.kind == "command"}
     assert [found[number] for number in sorted(found)] == sent
-    assert {part.kind for _, part, _, _ in ear.passed} >= {"command", "digest", "request"}
+    assert {part.kind for _, part, _, _ in receiver.passed} >= {"command", "digest", "request"}

@@ -35,11 +35,11 @@ def change(
     party: Party, air: Air, trust: Sequence[PublicKey] = (), vouch: Sequence[bytes] = (), **others: bytes
 ) -> None:
     said = KeyChange(tuple(trust), frozenset(vouch), frozenset(others.values()))
-    party.box.post(Kind.COMMAND, air.clock.now(), standing=True, body={KEYS: said.written()})
+    party.delivery.post(Kind.COMMAND, air.clock.now(), standing=True, body={KEYS: said.written()})
 
 
 def say(party: Party, air: Air, text: str, standing: bool = False) -> None:
-    party.box.post(Kind.COMMAND, air.clock.now(), text=text, standing=standing)
+    party.delivery.post(Kind.COMMAND, air.clock.now(), text=text, standing=standing)
 
 
 def texts(party: Party) -> list[str]:
@@ -48,7 +48,7 @@ def texts(party: Party) -> list[str]:
 
 def roles(party: Party) -> dict[str, list[bool]]:
     found: dict[str, list[bool]] = {}
-    for key in party.box.door.trust.keys:
+    for key in party.delivery.admission.trust.keys:
         found.setdefault(key.owner, []).append(key.revoked)
     return found
 
@@ -67,12 +67,12 @@ def test_a_new_operator_is_obeyed_and_a_revoked_one_is_not_everywhere_and_by_lat
     change(air.desk, air, thief=ANNA.id)
     air.run(3.0)
     say(anna, air, "(after)")
-    anna.box.post(Kind.STOP, air.clock.now())
+    anna.delivery.post(Kind.STOP, air.clock.now())
     late = air.join("r99", ROBOTS)
     air.run(5.0)
     assert [texts(robot) for robot in (*air.robots, late)] == [["(between)"]] * 8 + [[]]
     assert all(roles(robot)["anna"] == [True] for robot in (*air.robots, late))
-    assert all(robot.box.door.counts[DropReason.REVOKED] for robot in air.robots)
+    assert all(robot.delivery.admission.counts[DropReason.REVOKED] for robot in air.robots)
     assert not any(message.kind is Kind.STOP for robot in air.robots for message in robot.got)
 
 
@@ -83,8 +83,8 @@ def test_a_key_is_rotated_and_late_comers_have_the_rules_of_the_old_one() -> Non
     change(air.desk, air, trust=[NEW.public])
     air.run(3.0)
     desk = air.join("desk", NEW)
-    desk.box.door.trust.add(NEW.public)
-    change(desk, air, vouch=[*map(fingerprint, air.desk.box.standing_of(DESK.id))])
+    desk.delivery.admission.trust.add(NEW.public)
+    change(desk, air, vouch=[*map(fingerprint, air.desk.delivery.standing_of(DESK.id))])
     change(desk, air, old=DESK.id)
     air.run(4.0)
     say(air.desk, air, "(RULE stolen 1)", standing=True)
@@ -103,7 +103,7 @@ def test_what_a_thief_has_said_before_the_revocation_came_reaches_nobody_else() 
     chief = air.join("chief", CHIEF)
     say(chief, air, "(RULE good 1)", standing=True)
     air.run(2.0)
-    known = [*map(fingerprint, chief.box.standing_of(CHIEF.id))]
+    known = [*map(fingerprint, chief.delivery.standing_of(CHIEF.id))]
     air.cut = {frozenset((5, number)) for number in (0, 3, 4)} | {
         frozenset((far, near)) for far in (1, 2) for near in (0, 3, 4)
     }
@@ -131,7 +131,7 @@ def test_what_of_a_revoked_key_was_still_waited_for_is_not_obeyed_any_more() -> 
     air.cut = {frozenset((1, 2)), frozenset((0, 2))}
     say(anna, air, "(lost)")
     air.run(0.5)
-    anna.box._shelf._recent.clear()
+    anna.delivery._store._recent.clear()
     air.cut = set()
     say(anna, air, "(waits for it)")
     air.run(0.3)
@@ -147,10 +147,10 @@ def test_only_a_commander_says_whom_to_trust(key: KeyPair, standing: bool) -> No
     air = Air(2, seed=5, trusted=KNOWN)
     party = air.join("r9" if key is ROBOTS else key.public.owner, key)
     said = KeyChange((NEW.public,), frozenset(), frozenset((DESK.id,)))
-    party.box.post(Kind.COMMAND, air.clock.now(), standing=standing, body={KEYS: said.written()})
+    party.delivery.post(Kind.COMMAND, air.clock.now(), standing=standing, body={KEYS: said.written()})
     air.run(2.0)
     changed = key is CHIEF and standing
-    assert [robot.box.door.trust.find(NEW.id) is not None for robot in air.robots] == [changed] * 2
+    assert [robot.delivery.admission.trust.find(NEW.id) is not None for robot in air.robots] == [changed] * 2
     assert [roles(robot)["desk"][0] for robot in air.robots] == [changed] * 2
 
 
@@ -174,11 +174,11 @@ def test_a_change_that_is_written_wrongly_changes_nothing(written: object) -> No
     with pytest.raises(KeyRefusal):
         KeyChange.of(message)
     air = Air(1, seed=6)
-    before = air.robots[0].box.door.trust.keys
-    air.desk.box.post(Kind.COMMAND, air.clock.now(), standing=True, body={KEYS: written})
+    before = air.robots[0].delivery.admission.trust.keys
+    air.desk.delivery.post(Kind.COMMAND, air.clock.now(), standing=True, body={KEYS: written})
     say(air.desk, air, "(RULE next 1)", standing=True)
     air.run(2.0)
-    assert air.robots[0].box.door.trust.keys == before
+    assert air.robots[0].delivery.admission.trust.keys == before
     assert texts(air.robots[0]) == ["(RULE next 1)"], "what follows does not wait for it"
 
 

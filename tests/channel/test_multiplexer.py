@@ -32,7 +32,7 @@ PATIENCE = 20.0
 class Place:
     """A trunk with three robots, and somebody else on the same network."""
 
-    trunk: Multiplexer
+    multiplexer: Multiplexer
     branches: list[Port]
     outside: Transport
 
@@ -41,8 +41,8 @@ class Place:
         found: list[list[bytes]] = [[] for _ in self.branches]
         until = time.monotonic() + PATIENCE
         while sum(map(bool, found)) < count and time.monotonic() < until:
-            for each, branch in zip(found, self.branches, strict=True):
-                each += branch.receive()
+            for each, port in zip(found, self.branches, strict=True):
+                each += port.receive()
             time.sleep(0.001)
         return found
 
@@ -57,13 +57,13 @@ class Place:
 def place() -> Iterator[Place]:
     uri = f"udp://239.255.83.78:{free_port()}?interface=lo"
     with ExitStack() as stack:
-        trunk = Multiplexer(open_transport(uri), DropCounter(WallClock()))
-        branches = [trunk.branch(ROBOT_KINDS) for _ in range(3)]
+        multiplexer = Multiplexer(open_transport(uri), DropCounter(WallClock()))
+        branches = [multiplexer.port(ROBOT_KINDS) for _ in range(3)]
         outside = open_transport(uri)
         stack.callback(outside.close)
-        for branch in branches:
-            stack.callback(branch.close)
-        yield Place(trunk, branches, outside)
+        for port in branches:
+            stack.callback(port.close)
+        yield Place(multiplexer, branches, outside)
 
 
 def datagram(kind: Kind = Kind.COMMAND, sequence: int = 1, key: KeyPair = DESK, sender: str = "desk") -> bytes:
@@ -80,7 +80,7 @@ def test_what_comes_from_outside_reaches_every_branch_once(place: Place) -> None
         for each, more in zip(heard, place.heard(1), strict=True):
             each += more
     assert heard == [[first, second]] * 3
-    assert [branch.receive() for branch in place.branches] == [[], [], []]
+    assert [port.receive() for port in place.branches] == [[], [], []]
 
 
 def test_neighbours_and_the_network_hear_what_one_of_them_says_and_he_does_not(place: Place) -> None:
@@ -98,14 +98,14 @@ def test_what_nobody_has_ears_for_ends_at_the_trunk(place: Place) -> None:
     place.outside.send(b"nonsense")
     place.outside.send(datagram())
     assert place.heard(3) == [[datagram()]] * 3
-    assert place.trunk.drops.counts[DropReason.MALFORMED] == 1
-    assert place.trunk.drops.counts[DropReason.NOT_FOR_US] == (0 if sys.platform == "linux" else 1), (
+    assert place.multiplexer.drops.counts[DropReason.MALFORMED] == 1
+    assert place.multiplexer.drops.counts[DropReason.NOT_FOR_US] == (0 if sys.platform == "linux" else 1), (
         "a sieve takes it out before"
     )
 
 
 def test_an_operator_among_them_hears_answers(place: Place) -> None:
-    desk = place.trunk.branch(Kind)
+    desk = place.multiplexer.port(Kind)
     answer = datagram(Kind.ANSWER, key=ROBOTS, sender="r1")
     place.branches[0].send(answer)
     assert desk.receive() == [answer]
@@ -126,7 +126,7 @@ def test_a_party_that_does_not_look_keeps_the_latest_only(place: Place) -> None:
 
 
 def test_the_last_one_to_leave_closes_the_transport(place: Place) -> None:
-    for branch in place.branches:
-        assert place.trunk.fileno() >= 0
-        branch.close()
-    assert place.trunk.fileno() == -1
+    for port in place.branches:
+        assert place.multiplexer.fileno() >= 0
+        port.close()
+    assert place.multiplexer.fileno() == -1

@@ -242,28 +242,28 @@ def heard(on_air: Radio, robot: int = 0) -> list[int]:
 
 class TestTransmitters:
     def test_each_message_takes_its_time(self) -> None:
-        turns = TransmitQueue(2, 4.0, 10)
-        assert [turns.take(ONE, 1.0)[0].item() for _ in range(3)] == [1.0, 1.25, 1.5]
-        assert turns.take(np.array([1]), 1.0)[0].item() == 1.0  # another transmitter
-        assert turns.take(ONE, 1.6)[0].item() == 1.75
-        assert turns.take(ONE, 9.0)[0].item() == 9.0
+        queue = TransmitQueue(2, 4.0, 10)
+        assert [queue.take(ONE, 1.0)[0].item() for _ in range(3)] == [1.0, 1.25, 1.5]
+        assert queue.take(np.array([1]), 1.0)[0].item() == 1.0  # another transmitter
+        assert queue.take(ONE, 1.6)[0].item() == 1.75
+        assert queue.take(ONE, 9.0)[0].item() == 9.0
 
     def test_as_many_wait_as_there_is_room_for(self) -> None:
-        turns = TransmitQueue(1, 10.0, 3)
-        assert [turns.take(ONE, 0.0)[1].item() for _ in range(6)] == [True] * 4 + [False] * 2
-        assert [turns.take(ONE, 0.1)[1].item() for _ in range(2)] == [True, False]
+        queue = TransmitQueue(1, 10.0, 3)
+        assert [queue.take(ONE, 0.0)[1].item() for _ in range(6)] == [True] * 4 + [False] * 2
+        assert [queue.take(ONE, 0.1)[1].item() for _ in range(2)] == [True, False]
 
     def test_without_a_queue_only_a_free_transmitter_sends(self) -> None:
-        turns = TransmitQueue(1, 10.0, 0)
-        assert [turns.take(ONE, now)[1].item() for now in (0.0, 0.05, 0.1, 0.15)] == [True, False, True, False]
+        queue = TransmitQueue(1, 10.0, 0)
+        assert [queue.take(ONE, now)[1].item() for now in (0.0, 0.05, 0.1, 0.15)] == [True, False, True, False]
 
     def test_what_is_urgent_goes_before_all_that_waits_and_takes_its_time(self) -> None:
-        turns = TransmitQueue(1, 10.0, 2)
+        queue = TransmitQueue(1, 10.0, 2)
         for _ in range(5):
-            turns.take(ONE, 0.0)
-        begin, room = turns.take(ONE, 0.0, urgent=True)
+            queue.take(ONE, 0.0)
+        begin, room = queue.take(ONE, 0.0, urgent=True)
         assert (begin.item(), room.item()) == (0.0, True)
-        assert turns.free.item() == pytest.approx(0.4)
+        assert queue.free.item() == pytest.approx(0.4)
 
 
 class TestOnTheRadio:
@@ -308,10 +308,10 @@ class TestOnTheRadio:
             RadioModel(rate=rate, queue=queue)
 
     def test_without_a_rate_nothing_waits(self) -> None:
-        assert Radio(RadioModel(), np.zeros(2), np.zeros(2), seed=1, clock=ManualClock()).turns is None
+        assert Radio(RadioModel(), np.zeros(2), np.zeros(2), seed=1, clock=ManualClock()).transmit_queue is None
 
 
-def chorus(names: NameIndex, robots: list[int], sequence: int) -> MessageBatch:
+def batch(names: NameIndex, robots: list[int], sequence: int) -> MessageBatch:
     """The same answer of these robots."""
     count = len(robots)
     return MessageBatch(
@@ -334,8 +334,8 @@ def test_many_robots_at_once_take_the_turns_that_each_would_take() -> None:
     together, first_clock = radio(model, robots=6)
     alone, second_clock = radio(model, robots=6)
     for sequence, robots in enumerate(said, 1):
-        together.send_all(chorus(names, robots, sequence))
-        for robot, each in zip(robots, chorus(names, robots, sequence).messages(), strict=True):
+        together.send_all(batch(names, robots, sequence))
+        for robot, each in zip(robots, batch(names, robots, sequence).messages(), strict=True):
             alone.send(robot, each)
     heard: list[list[tuple[str, int]]] = [[], []]
     for _ in range(5):

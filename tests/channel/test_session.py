@@ -1,4 +1,4 @@
-"""A line: answers have their moments, and are said again to whoever has missed them."""
+"""A session: answers have their moments, and are said again to whoever has missed them."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ class Air:
 
     def __init__(self, *names: str) -> None:
         self.clock, self.deaf = ManualClock(START), ""
-        self.desk = self._line("desk", DESK)
-        self.robots = [self._line(name, ROBOTS) for name in names]
+        self.desk = self._session("desk", DESK)
+        self.robots = [self._session(name, ROBOTS) for name in names]
 
-    def _line(self, name: str, key: KeyPair) -> ChannelSession:
-        door = Admission(Trust((DESK.public, ROBOTS.public)), "lab", self.clock, robot=key is ROBOTS)
-        return ChannelSession(Wire(), ReliableDelivery(name, 1, key, door, Random(1)), self.clock, Random(name))
+    def _session(self, name: str, key: KeyPair) -> ChannelSession:
+        admission = Admission(Trust((DESK.public, ROBOTS.public)), "lab", self.clock, robot=key is ROBOTS)
+        return ChannelSession(Wire(), ReliableDelivery(name, 1, key, admission, Random(1)), self.clock, Random(name))
 
     def run(self, seconds: float) -> None:
-        lines = [self.desk, *self.robots]
+        sessions = [self.desk, *self.robots]
         until = self.clock.now() + seconds
         while self.clock.now() < until:
             self.clock.advance(0.005)
-            for line in lines:
+            for line in sessions:
                 line.pump()
                 said, line.transport.said = line.transport.said, []
-                for other in lines:
-                    if other is not line and not (other is self.desk and line.mailbox.name == self.deaf):
+                for other in sessions:
+                    if other is not line and not (other is self.desk and line.delivery.name == self.deaf):
                         other.transport.heard += said
 
 
@@ -65,12 +65,12 @@ class Wire:
         self.heard.clear()
 
 
-def answer(line: ChannelSession, to: Message, value: float) -> None:
-    line.send(Message(line.mailbox.name, 0, 0, Kind.ANSWER, 0.0, body={"command": to.id, "value": value}))
+def answer(session: ChannelSession, to: Message, value: float) -> None:
+    session.send(Message(session.delivery.name, 0, 0, Kind.ANSWER, 0.0, body={"command": to.id, "value": value}))
 
 
 def ask(air: Air, **body: object) -> Message:
-    return air.desk.mailbox.post(Kind.ASK, air.clock.now(), text="" if AGAIN in body else "battery", body=body)
+    return air.desk.delivery.post(Kind.ASK, air.clock.now(), text="" if AGAIN in body else "battery", body=body)
 
 
 def values(air: Air) -> dict[str, object]:
@@ -144,12 +144,12 @@ def test_only_the_latest_answers_are_kept() -> None:
 
 def test_a_robot_reports_the_commands_that_it_missed() -> None:
     air = Air("r1")
-    lost = [air.desk.mailbox.post(Kind.COMMAND, START, text="(ST)", deadline=START + 0.5) for _ in range(2)]
+    lost = [air.desk.delivery.post(Kind.COMMAND, START, text="(ST)", deadline=START + 0.5) for _ in range(2)]
     for _ in range(180):
         air.clock.advance(0.005)
         air.desk.pump()
         air.desk.transport.said.clear()
-    air.desk.mailbox.post(Kind.COMMAND, air.clock.now(), text="(GO)")
+    air.desk.delivery.post(Kind.COMMAND, air.clock.now(), text="(GO)")
     air.run(0.2)
     assert [message.text for message in air.robots[0].receive()] == ["(GO)"]
     told = [message.body for message in air.desk.receive() if message.kind is Kind.REPORT]
@@ -160,18 +160,18 @@ def waits_as_long(kind: Kind, robot: bool, seconds: float) -> bool:
     """Whether somebody waits as long as he is told to who hears this at once."""
     medium, clock = f"memory:waiting-{kind}-{robot}", UnixClock()
     trust = Trust((DESK.public, ROBOTS.public))
-    lines = []
+    sessions = []
     for name, key, is_robot in (("desk", DESK, False), ("r1" if robot else "desk", ROBOTS if robot else DESK, robot)):
-        door = Admission(trust, "lab", clock, robot=is_robot)
-        box = ReliableDelivery(name, len(lines) + 1, key, door, Random(1))
-        lines.append(ChannelSession(open_transport(medium, clock), box, clock, Random(2)))
-    desk, listener = lines
+        admission = Admission(trust, "lab", clock, robot=is_robot)
+        delivery = ReliableDelivery(name, len(sessions) + 1, key, admission, Random(1))
+        sessions.append(ChannelSession(open_transport(medium, clock), delivery, clock, Random(2)))
+    desk, listener = sessions
     desk.send(Message("desk", 1, 1, kind, clock.now(), text="(ST)" if kind is Kind.COMMAND else ""))
     begin = clock.now()
     listener.wait(seconds)
     took = clock.now() - begin
     assert [message.kind for message in listener.receive()] == [kind]
-    for line in lines:
+    for line in sessions:
         line.close()
     return took >= seconds
 

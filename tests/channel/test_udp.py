@@ -54,7 +54,7 @@ def test_strangers_are_counted_and_not_heard() -> None:
         while not heard and time.monotonic() - begin < PATIENCE:
             heard = robot.receive()
         assert [each.sequence for each in heard] == [2]
-        assert robot.door.counts == {DropReason.UNKNOWN_KEY: 1}
+        assert robot.admission.counts == {DropReason.UNKNOWN_KEY: 1}
 
 
 def test_a_port_that_somebody_has_for_himself_alone_is_named() -> None:

@@ -16,7 +16,7 @@ from cli.test_crew import account, channel, swarm
 from sleepcast.channel.keyring import KeyFileLostError, add_trust, key_file, load_trust, save_key, save_trust
 from sleepcast.channel.keys import KeyChange, KeyPair, Trust
 from sleepcast.channel.message import Kind, Role
-from sleepcast.cli.air import FLEET, Air, line_for
+from sleepcast.cli.air import FLEET, Air, session_for
 
 __all__ = ["channel"]  # a fixture
 
@@ -68,10 +68,10 @@ def test_no_key_goes_farther_on_the_wire_than_it_may(channel: str, tmp_path: Pat
 
     def speak(owner: str, *said: tuple[Kind, str, bool]) -> None:
         """Without asking, as our own programs do, whether one may."""
-        with closing(line_for(Air(channel, FLEET, owner, None, folder), None, robot=False, say=print)) as line:
+        with closing(session_for(Air(channel, FLEET, owner, None, folder), None, robot=False, say=print)) as session:
             for kind, text, standing in said:
-                line.mailbox.post(kind, time.time(), text=text, standing=standing)
-            line.flush()
+                session.delivery.post(kind, time.time(), text=text, standing=standing)
+            session.flush()
 
     def stopped() -> list[bool]:
         return [robot["stopped"] for robot in account(channel, "watch", "--once", "--key", "desk")["robots"]]
@@ -149,10 +149,10 @@ def test_keys_are_renewed_without_a_fleet(channel: str, tmp_path: Path) -> None:
 def test_what_cannot_be_written_down_is_said_and_counts_all_the_same(channel: str, tmp_path: Path) -> None:
     folder, said = keys(tmp_path), list[str]()
     air = Air("memory:unwritable", "lab", "*", None, folder)
-    with closing(line_for(air, "r1", robot=True, say=said.append)) as line:
+    with closing(session_for(air, "r1", robot=True, say=said.append)) as session:
         (folder / "trust.json").unlink()
         (folder / "trust.json").mkdir()
-        trust = line.mailbox.door.trust
+        trust = session.delivery.admission.trust
         trust.take(KeyChange(revoke=frozenset((trust.keys[0].id,))))
         assert trust.keys[0].revoked
     assert len(said) == 1

@@ -21,7 +21,7 @@ from channel.test_udp import free_port
 from cli.calling import LONGEST, called
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.session import ChannelSession
-from sleepcast.cli.air import Air, line_for
+from sleepcast.cli.air import Air, session_for
 
 NAMES = {"r1", "r2", "r3"}
 PATIENCE = 5.0
@@ -59,24 +59,24 @@ def swarm(channel: str, store: Path, robots: int = 3) -> Iterator[subprocess.Pop
 def desk(channel: str) -> Iterator[ChannelSession]:
     """An operator, as `sleepcast send` is one."""
     air = Air(channel, "sleepcast", None, None, None)
-    with closing(line_for(air, None, robot=False, say=lambda said: None)) as line:
-        yield line
+    with closing(session_for(air, None, robot=False, say=lambda said: None)) as session:
+        yield session
 
 
-def post(line: ChannelSession, text: str, kind: Kind = Kind.COMMAND, *, standing: bool = False) -> Message:
-    said = line.mailbox.post(kind, time.time(), text=text, standing=standing)
-    line.flush()
+def post(session: ChannelSession, text: str, kind: Kind = Kind.COMMAND, *, standing: bool = False) -> Message:
+    said = session.delivery.post(kind, time.time(), text=text, standing=standing)
+    session.flush()
     return said
 
 
-def exchange(line: ChannelSession, text: str, kind: Kind = Kind.COMMAND) -> dict[str, object]:
+def exchange(session: ChannelSession, text: str, kind: Kind = Kind.COMMAND) -> dict[str, object]:
     """Say this, until all have answered; the values, or for other kinds than questions the outcomes."""
     end = time.monotonic() + LONGEST
     while time.monotonic() < end:
-        said, found, until = post(line, text, kind), dict[str, object](), time.monotonic() + PATIENCE
+        said, found, until = post(session, text, kind), dict[str, object](), time.monotonic() + PATIENCE
         while time.monotonic() < until:
-            line.wait(0.02)
-            for message in line.receive():
+            session.wait(0.02)
+            for message in session.receive():
                 if message.body.get("command") == said.id:
                     found[message.sender] = message.body["value" if kind is Kind.ASK else "outcome"]
             if found.keys() >= NAMES:
@@ -92,43 +92,43 @@ def journal(store: Path) -> list[tuple[str, str, str]]:
 
 def test_robots_that_are_killed_go_on_where_they_were(channel: str, tmp_path: Path) -> None:
     store = tmp_path / "three.store"
-    with desk(channel) as line:
+    with desk(channel) as session:
         with swarm(channel, store):
             text = "(PROGN (DEFVAR n 0) (JOIN crew) (RULE count (SETQ n (+ n 1))) (SETQ drive_turn 0.5))"
-            assert exchange(line, text) == dict.fromkeys(NAMES, "matched")
-            assert exchange(line, "", Kind.STOP) == dict.fromkeys(NAMES, "stopped")
+            assert exchange(session, text) == dict.fromkeys(NAMES, "matched")
+            assert exchange(session, "", Kind.STOP) == dict.fromkeys(NAMES, "stopped")
         with swarm(channel, store):
-            asked = exchange(line, "(AND (IN crew) (> n 0))", Kind.ASK)
+            asked = exchange(session, "(AND (IN crew) (> n 0))", Kind.ASK)
             assert asked == dict.fromkeys(NAMES, 1.0), "the rule runs, and has run before"
-            exchange(line, "(SETQ drive_turn 0.5)")
-            before = exchange(line, "heading", Kind.ASK)
-            line.wait(0.5)
-            assert exchange(line, "heading", Kind.ASK) == before, "STOP holds"
-            assert exchange(line, "", Kind.RELEASE) == dict.fromkeys(NAMES, "released")
-            exchange(line, "(SETQ drive_turn 0.5)")
+            exchange(session, "(SETQ drive_turn 0.5)")
+            before = exchange(session, "heading", Kind.ASK)
+            session.wait(0.5)
+            assert exchange(session, "heading", Kind.ASK) == before, "STOP holds"
+            assert exchange(session, "", Kind.RELEASE) == dict.fromkeys(NAMES, "released")
+            exchange(session, "(SETQ drive_turn 0.5)")
             until = time.monotonic() + LONGEST
-            while exchange(line, "heading", Kind.ASK) == before:
+            while exchange(session, "heading", Kind.ASK) == before:
                 assert time.monotonic() < until
 
 
 def test_kill_at_any_moment_lets_nothing_be_done_twice(channel: str, tmp_path: Path) -> None:
     store, chance = tmp_path / "three.store", Random(5)
     standing = []
-    with desk(channel) as line:
+    with desk(channel) as session:
         for _ in range(3):
             with swarm(channel, store):
                 until = time.monotonic() + 0.2 + 0.6 * chance.random()
                 while time.monotonic() < until:
-                    standing.append(post(line, f"(RULE a {len(standing)})", standing=True).id)
-                    post(line, "(JOIN crew)")
-                    line.wait(0.05)
-                    line.receive()
+                    standing.append(post(session, f"(RULE a {len(standing)})", standing=True).id)
+                    post(session, "(JOIN crew)")
+                    session.wait(0.05)
+                    session.receive()
         with swarm(channel, store):
             until = time.monotonic() + LONGEST
             while not all((name, standing[-1], "matched") in journal(store) for name in NAMES):
                 assert time.monotonic() < until
-                line.wait(0.1)
-                line.receive()
+                session.wait(0.1)
+                session.receive()
     found = journal(store)
     assert set(Counter((robot, command) for robot, command, _ in found).values()) == {1}
     assert {outcome for _, _, outcome in found} <= {"matched", "interrupted", "late"}
@@ -139,26 +139,26 @@ def test_kill_at_any_moment_lets_nothing_be_done_twice(channel: str, tmp_path: P
 def test_robots_with_a_damaged_store_stand_and_every_desk_says_so(channel: str, tmp_path: Path) -> None:
     store, turn = tmp_path / "three.store", "(SETQ drive_turn 0.5)"
     with swarm(channel, store) as process:
-        with desk(channel) as line:
-            assert exchange(line, turn) == dict.fromkeys(NAMES, "matched")
-            assert exchange(line, "", Kind.STOP) == dict.fromkeys(NAMES, "stopped")
+        with desk(channel) as session:
+            assert exchange(session, turn) == dict.fromkeys(NAMES, "matched")
+            assert exchange(session, "", Kind.STOP) == dict.fromkeys(NAMES, "stopped")
         process.send_signal(signal.SIGINT)
         process.wait(LONGEST)
     os.truncate(store, 9_000)
-    with swarm(channel, store) as process, desk(channel) as line:
-        exchange(line, turn)
-        before = exchange(line, "heading", Kind.ASK)
-        line.wait(0.5)
-        assert exchange(line, "heading", Kind.ASK) == before, "STOP holds"
+    with swarm(channel, store) as process, desk(channel) as session:
+        exchange(session, turn)
+        before = exchange(session, "heading", Kind.ASK)
+        session.wait(0.5)
+        assert exchange(session, "heading", Kind.ASK) == before, "STOP holds"
         robots = json.loads(called("watch", "--once", "--json", "--channel", channel).out)["robots"]
         assert [robot["doubt"] for robot in robots if robot["stopped"]] == ["its store was damaged"] * 3
         told = "until RELEASE stand r1, r2, r3: its store was damaged"
         assert told in called("who", turn, "--told", "--channel", channel).out
         assert told in " ".join(called("watch", "--once", "--channel", channel).out.split())
-        assert exchange(line, "", Kind.RELEASE) == dict.fromkeys(NAMES, "released")
-        exchange(line, turn)
+        assert exchange(session, "", Kind.RELEASE) == dict.fromkeys(NAMES, "released")
+        exchange(session, turn)
         until = time.monotonic() + LONGEST
-        while exchange(line, "heading", Kind.ASK) == before:
+        while exchange(session, "heading", Kind.ASK) == before:
             assert time.monotonic() < until
         robots = json.loads(called("watch", "--once", "--json", "--channel", channel).out)["robots"]
         assert [robot["doubt"] for robot in robots] == [""] * 3
@@ -172,15 +172,15 @@ def test_robots_with_a_damaged_store_stand_and_every_desk_says_so(channel: str, 
 def test_an_operator_goes_on_where_his_last_command_was(channel: str, tmp_path: Path) -> None:
     sent = []
     for number in range(2):
-        with desk(channel) as line:
-            sent.append(post(line, f"(RULE a{number} 1)", standing=True))
-    with swarm(channel, tmp_path / "three.store"), desk(channel) as line:
-        sent.append(post(line, "(RULE a2 1)", standing=True))
+        with desk(channel) as session:
+            sent.append(post(session, f"(RULE a{number} 1)", standing=True))
+    with swarm(channel, tmp_path / "three.store"), desk(channel) as session:
+        sent.append(post(session, "(RULE a2 1)", standing=True))
         until = time.monotonic() + LONGEST
         while len(journal(tmp_path / "three.store")) < 9:
             assert time.monotonic() < until
-            line.wait(0.1)
-            line.receive()
+            session.wait(0.1)
+            session.receive()
     assert len({message.epoch for message in sent}) == 1, "one life"
     evaluated = [command for robot, command, _ in journal(tmp_path / "three.store") if robot == "r1"]
     assert evaluated == [message.id for message in sent], "who comes late hears it all, and in its order"
@@ -188,20 +188,20 @@ def test_an_operator_goes_on_where_his_last_command_was(channel: str, tmp_path: 
 
 def test_who_joins_a_swarm_hears_what_stands_and_the_others_do_it_once(channel: str, tmp_path: Path) -> None:
     store = tmp_path / "swarm.store"
-    with desk(channel) as line:
+    with desk(channel) as session:
         with swarm(channel, store):
-            sent = [post(line, text, standing=True).id for text in ("(DEFVAR n 0)", "(SETQ n (+ n 1))")]
+            sent = [post(session, text, standing=True).id for text in ("(DEFVAR n 0)", "(SETQ n (+ n 1))")]
             until = time.monotonic() + LONGEST
             while len(journal(store)) < 6:
                 assert time.monotonic() < until
-                line.wait(0.1)
-                line.receive()
+                session.wait(0.1)
+                session.receive()
         with swarm(channel, store, 4):
             while not any(robot == "r4" and command == sent[-1] for robot, command, _ in journal(store)):
                 assert time.monotonic() < until
-                line.wait(0.1)
-                line.receive()
-            assert exchange(line, "n", Kind.ASK) == dict.fromkeys(NAMES, 1.0)
+                session.wait(0.1)
+                session.receive()
+            assert exchange(session, "n", Kind.ASK) == dict.fromkeys(NAMES, 1.0)
     assert Counter((robot, command) for robot, command, _ in journal(store)) == Counter(
         (f"r{number}", command) for number in range(1, 5) for command in sent
     )

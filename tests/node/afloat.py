@@ -61,7 +61,7 @@ class Living:
 
     def __init__(self, air: Air, party: Party, file: Path) -> None:
         self.air, self.party, self.file, self.world = air, party, file, World()
-        self.name = party.box.name
+        self.name = party.delivery.name
         self.said: list[str] = []
         self.answers: list[Message] = []
         self.wakes = 0.0
@@ -72,13 +72,13 @@ class Living:
         now = self.air.clock.now()
         self.store = Store(self.file, self.air.clock, self.said.append)
         trust = Trust((DESK.public, ROBOTS.public))
-        door = Admission(trust, "lab", self.air.clock, robot=True, rate=1e9)
+        admission = Admission(trust, "lab", self.air.clock, robot=True, rate=1e9)
         chance = Random(self.air.chance.random())
-        self.party.box = ReliableDelivery(self.name, self.store.life(self.name), ROBOTS, door, chance)
-        self.party.box.start(now)
+        self.party.delivery = ReliableDelivery(self.name, self.store.life(self.name), ROBOTS, admission, chance)
+        self.party.delivery.start(now)
         self.node = Mortal(self.name, NOTES, body=self.world, on_air=True)
         self.node.zero, self.ticks = now, 0
-        self.store.adopt(self.node, self.party.box)
+        self.store.adopt(self.node, self.party.delivery)
         self.party.got.clear()
         self.party.on, self.wakes = True, now
 
@@ -118,14 +118,14 @@ class Afloat:
     def __init__(self, robots: int, folder: Path, seed: int, **radio: float) -> None:
         self.air = Air(robots, seed, **radio)
         self.chance = Random(seed)
-        self.robots = [Living(self.air, party, folder / f"{party.box.name}.store") for party in self.air.robots]
+        self.robots = [Living(self.air, party, folder / f"{party.delivery.name}.store") for party in self.air.robots]
 
     def post(
         self, text: str, *, standing: bool = False, deadline: float | None = None, desk: Party | None = None
     ) -> Message:
         """The desk commands, or another one."""
         now = self.air.clock.now()
-        return (desk or self.air.desk).box.post(Kind.COMMAND, now, text=text, standing=standing, deadline=deadline)
+        return (desk or self.air.desk).delivery.post(Kind.COMMAND, now, text=text, standing=standing, deadline=deadline)
 
     def run(self, seconds: float, deaths: float = 0.0) -> None:
         """Let time pass. deaths: of each robot in a second, on average, each for up to a second."""

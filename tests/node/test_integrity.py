@@ -44,7 +44,7 @@ def one(folder: Path) -> tuple[Afloat, Living]:
 
 
 def say(fleet: Afloat, kind: Kind) -> None:
-    fleet.air.desk.box.post(kind, fleet.air.clock.now())
+    fleet.air.desk.delivery.post(kind, fleet.air.clock.now())
     fleet.run(0.3)
 
 

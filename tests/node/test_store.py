@@ -123,7 +123,7 @@ def test_stop_holds_over_a_death_and_built_in_rules_are_nobodys(tmp_path: Path) 
     fleet.post("(ROLLBACK)")
     fleet.run(0.3)
     assert rules(robot) == [("keep", "(NOTE 1)", True), ("mine", "(NOTE 2)", True)]
-    fleet.air.desk.box.post(Kind.STOP, fleet.air.clock.now())
+    fleet.air.desk.delivery.post(Kind.STOP, fleet.air.clock.now())
     fleet.run(0.3)
     robot.die()
     robot.begin()
@@ -132,7 +132,7 @@ def test_stop_holds_over_a_death_and_built_in_rules_are_nobodys(tmp_path: Path) 
     done = len(robot.world.done)
     fleet.run(0.3)
     assert len(robot.world.done) == done
-    fleet.air.desk.box.post(Kind.RELEASE, fleet.air.clock.now())
+    fleet.air.desk.delivery.post(Kind.RELEASE, fleet.air.clock.now())
     fleet.run(0.3)
     assert len(robot.world.done) > done
     assert [outcome for _, kind, _, outcome in robot.journal() if kind != "command"] == ["stopped", "released"]
@@ -338,10 +338,10 @@ def test_an_operators_commands_have_one_order_over_his_lives(tmp_path: Path) -> 
         with closing(Store(tmp_path / "desk.store", fleet.air.clock, pytest.fail)) as store:
             party = fleet.air.another_desk()
             epoch, first = store.numbers("desk")
-            party.box = ReliableDelivery(
-                "desk", epoch, DESK, party.box.door, Random(life), first=first, keep=store.keep
+            party.delivery = ReliableDelivery(
+                "desk", epoch, DESK, party.delivery.admission, Random(life), first=first, keep=store.keep
             )
-            store.attend(party.box)
+            store.attend(party.delivery)
             for number in range(3):
                 sent.append(fleet.post(f"(NOTE {3 * life + number})", standing=number == 1, desk=party))
                 fleet.run(fleet.chance.random() * 0.2)

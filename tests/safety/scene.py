@@ -98,7 +98,7 @@ class Robot:
     """A mind on the radio. on: whether it has power."""
 
     node: Node
-    line: ChannelSession
+    session: ChannelSession
     wire: Wire
     body: Body
     on: bool = True
@@ -132,20 +132,20 @@ class Scene:
         self._desks: dict[str, AirStation] = {}
         self.fleet = {f"r{i}": self._robot(f"r{i}", i) for i in range(self.robots)}
 
-    def _line(self, name: str, key: KeyPair, robot: bool, zero: float = 0.0) -> tuple[ChannelSession, Wire]:
+    def _session(self, name: str, key: KeyPair, robot: bool, zero: float = 0.0) -> tuple[ChannelSession, Wire]:
         wire = self._wires[name] = Wire(self, name)
         clock = self._clocks.setdefault(name, Shifted(self.clock))
-        door = Admission(self.trust, FLEET, clock, robot=robot)
+        admission = Admission(self.trust, FLEET, clock, robot=robot)
         epoch = int(self.clock.now() * 1000.0)
-        box = ReliableDelivery(name, epoch, key, door, Random(self.chance.random()))
-        return ChannelSession(wire, box, clock, Random(self.chance.random()), zero), wire
+        delivery = ReliableDelivery(name, epoch, key, admission, Random(self.chance.random()))
+        return ChannelSession(wire, delivery, clock, Random(self.chance.random()), zero), wire
 
     def _robot(self, name: str, number: int) -> Robot:
         body = Body()
-        line, wire = self._line(name, KEYS["r*"], robot=True, zero=self.clock.now())
+        session, wire = self._session(name, KEYS["r*"], robot=True, zero=self.clock.now())
         node = Node(name, VOCABULARY, number=number, body=body, lease=self.lease)
         node.sense((float(number), 0.5), 0.0)
-        return Robot(node, line, wire, body)
+        return Robot(node, session, wire, body)
 
     def desk(
         self,
@@ -157,10 +157,10 @@ class Scene:
         """The desk of an operator. heard: who was heard before, by default all robots. minds: that it knows of.
         expected: which robots there are, as somebody has said."""
         if owner not in self._desks:
-            line, _ = self._line(owner, KEYS[owner], robot=False)
+            session, _ = self._session(owner, KEYS[owner], robot=False)
             names = self.fleet if heard is None else heard
             self._desks[owner] = AirStation(
-                line,
+                session,
                 self._clocks[owner],
                 VOCABULARY,
                 {} if minds is None else minds,
@@ -174,14 +174,14 @@ class Scene:
         """The clock of a robot, or of an operator who has not joined yet, is so many s ahead from now on."""
         clock = self._clocks.setdefault(name, Shifted(self.clock))
         if name in self.fleet:
-            line = self.fleet[name].line
-            line.zero += by - clock.by
+            session = self.fleet[name].session
+            session.zero += by - clock.by
         clock.by = by
         if name in self.fleet:
-            line.mailbox.start(clock.now())
+            session.delivery.start(clock.now())
 
-    def door(self, robot: str) -> Admission:
-        return self.fleet[robot].line.mailbox.door
+    def admission(self, robot: str) -> Admission:
+        return self.fleet[robot].session.delivery.admission
 
     def trusted(self, owner: str) -> PublicKey:
         return KEYS[owner].public
@@ -200,11 +200,11 @@ class Scene:
 
     def _tick(self, robot: Robot) -> None:
         robot.ticks += 1
-        for message in robot.line.receive():
+        for message in robot.session.receive():
             robot.node.receive(message)
-        robot.node.think(robot.ticks, self._clocks[robot.node.name].now() - robot.line.zero)
+        robot.node.think(robot.ticks, self._clocks[robot.node.name].now() - robot.session.zero)
         for said in robot.node.outbox:
-            robot.line.send(said)
+            robot.session.send(said)
         robot.node.outbox.clear()
 
     def fly(self, speaker: str, datagram: bytes) -> None:

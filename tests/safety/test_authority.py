@@ -30,7 +30,7 @@ RULES = [
 
 
 def drops(scene: Scene, robot: str = "r0") -> dict[DropReason, int]:
-    return dict(scene.fleet[robot].line.mailbox.door.counts)
+    return dict(scene.fleet[robot].session.delivery.admission.counts)
 
 
 def test_an_observer_asks_and_nothing_else() -> None:

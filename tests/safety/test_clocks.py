@@ -32,7 +32,7 @@ def test_a_robot_whose_clock_is_wrong_obeys_stop_and_tells_why_it_obeys_nothing_
     )
     assert desk.notices()[:1] == [f"r1: its clock is {differs}; it obeys STOP only"]
     words = "behind" if by < 0 else "ahead of"
-    assert [line.split(words)[0] for line in scene.door("r1").clocks.of_operators()] == [
+    assert [line.split(words)[0] for line in scene.admission("r1").clocks.of_operators()] == [
         f"our clock is {differs.rsplit(' ', 1)[0]} "
     ]
     assert not scene.fleet["r1"].body.driven
@@ -81,7 +81,7 @@ def test_an_operator_whose_own_clock_is_wrong_is_told_so_and_his_stop_works(by: 
     assert all(robot.node.stopped for robot in scene.fleet.values())
     scene.desk("chief").send("(DRIVE 1)", everybody=True)
     scene.run(0.5)
-    assert scene.door("r3").clocks.of_operators(), "what chief says in time makes the clock of anna no better"
+    assert scene.admission("r3").clocks.of_operators(), "what chief says in time makes the clock of anna no better"
 
 
 def test_what_was_recorded_of_a_robot_tells_nothing_of_its_clock() -> None:
@@ -115,7 +115,7 @@ def test_old_commands_that_are_played_again_say_nothing_of_a_clock_that_was_good
     for datagram in recorded:
         scene.fly("stranger", datagram)
     scene.run(1.0)
-    assert scene.door("r0").clocks.of_operators() == []
+    assert scene.admission("r0").clocks.of_operators() == []
     assert not scene.fleet["r0"].body.driven
 
 

@@ -19,7 +19,7 @@ def driven(scene: Scene) -> set[str]:
 
 
 def sends_nothing(desk: AirStation) -> int:
-    return desk.line.mailbox.next_number
+    return desk.session.delivery.next_number
 
 
 # ---- for whom

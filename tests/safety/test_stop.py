@@ -76,12 +76,12 @@ def test_a_stop_that_was_obeyed_and_not_heard_of_is_asked_about_again() -> None:
     scene.run(2.0)
     assert scene.fleet["r1"].node.stopped
     assert silent(desk, stop.id) == ("r1",)
-    said = {name: robot.line.mailbox.next_number for name, robot in scene.fleet.items()}
+    said = {name: robot.session.delivery.next_number for name, robot in scene.fleet.items()}
     scene.deaf.clear()
     scene.run(2.0)
     assert silent(desk, stop.id) == ()
-    assert scene.fleet["r1"].line.mailbox.next_number > said["r1"]
-    assert scene.fleet["r0"].line.mailbox.next_number <= said["r0"] + 1, "nothing but a digest"
+    assert scene.fleet["r1"].session.delivery.next_number > said["r1"]
+    assert scene.fleet["r0"].session.delivery.next_number <= said["r0"] + 1, "nothing but a digest"
 
 
 def test_stop_bypasses_the_order_of_commands() -> None:
@@ -191,9 +191,9 @@ def test_a_desk_that_hears_a_stop_lets_its_release_go() -> None:
     anna.stop()
     scene.run(0.5)
     scene.join("r1")
-    before = chief.line.mailbox.next_number
+    before = chief.session.delivery.next_number
     scene.run(3.0)
-    assert chief.line.mailbox.next_number <= before + 2, "nothing but digests"
+    assert chief.session.delivery.next_number <= before + 2, "nothing but digests"
 
 
 def test_a_replayed_release_does_not_end_a_stop() -> None:
@@ -269,9 +269,9 @@ def test_a_stop_is_given_up_by_hand_only() -> None:
     stop = desk.stop()
     scene.run(2.0)
     desk.give_up(stop.id)
-    before = desk.line.mailbox.next_number
+    before = desk.session.delivery.next_number
     scene.run(5.0)
-    assert desk.line.mailbox.next_number <= before + 2, "nothing but digests"
+    assert desk.session.delivery.next_number <= before + 2, "nothing but digests"
     assert silent(desk, stop.id) == ("r1",), "and what is not known stays unknown"
 
 
@@ -300,7 +300,7 @@ def test_a_recorded_stop_that_was_released_is_over_years_later() -> None:
     scene.run(1.0)
     robot = scene.fleet["r0"]
     assert not robot.node.stopped
-    robot.line.mailbox.door._heard.clear()
+    robot.session.delivery.admission._heard.clear()
     scene.clock.advance(1e8)
     for datagram in recorded:
         scene.fly("stranger", datagram)

@@ -31,16 +31,16 @@ class Woken:
     taken: list[tuple[str, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        line, clock = self.scene.fleet["r0"].line, self.scene._clocks["r0"]
+        session, clock = self.scene.fleet["r0"].session, self.scene._clocks["r0"]
         self.scene.set_clock("r0", WAKES - TODAY)
 
         def take(behind: float, whose: str) -> None:
             clock.by += behind
-            line.zero += behind
+            session.zero += behind
             self.taken.append((whose, behind))
-            line.mailbox.post(Kind.REPORT, clock.now(), body={"label": "clock", "values": [behind], TOOK: whose})
+            session.delivery.post(Kind.REPORT, clock.now(), body={"label": "clock", "values": [behind], TOOK: whose})
 
-        line.mailbox.seek_time(take)
+        session.delivery.seek_time(take)
 
     @property
     def wrong(self) -> float:
@@ -50,7 +50,7 @@ class Woken:
     def answer(self, key: KeyPair, ahead: float = 0.0, nonce: bytes | None = None, number: int = 1) -> Message:
         """What a party with this key would answer now."""
         now = self.scene.clock.now() + ahead
-        body: dict[str, object] = {TIME: self.scene.door("r0").nonce if nonce is None else nonce}
+        body: dict[str, object] = {TIME: self.scene.admission("r0").nonce if nonce is None else nonce}
         return Message(
             "r9" if key is KEYS["r*"] else key.public.owner, 5, number, Kind.HEARTBEAT, now, now + 1.0, body=body
         )
@@ -84,7 +84,7 @@ def test_it_takes_the_time_from_an_operator_and_obeys_deadlines_as_others_do(wok
     assert desk.accounting(sent.id).n_matched == 2
     assert scene.fleet["r0"].body.driven == [1.0]
     assert desk.notices() == ["r0 took its time from anna: its clock was 57 years behind"]
-    assert scene.door("r0").clocks.of_operators() == []
+    assert scene.admission("r0").clocks.of_operators() == []
     old = Message("anna", 9, 1, Kind.COMMAND, TODAY - 60.0, TODAY - 50.0, "(DRIVE 2)")
     scene.say(old, KEYS["anna"])
     scene.run(1.0)
@@ -96,12 +96,12 @@ def test_it_takes_the_time_from_an_operator_and_obeys_deadlines_as_others_do(wok
 
 def test_it_goes_on_where_its_own_time_was(woken: Woken) -> None:
     scene, times = woken.scene, list[float]()
-    line = scene.fleet["r0"].line
+    session = scene.fleet["r0"].session
     for _ in range(8):
         if len(times) == 2:
             scene.desk("anna")
         scene.run(1.0)
-        times.append(scene._clocks["r0"].now() - line.zero)
+        times.append(scene._clocks["r0"].now() - session.zero)
     assert woken.taken
     assert all(0.9 < later - sooner < 1.1 for sooner, later in pairwise(times))
 
@@ -109,7 +109,7 @@ def test_it_goes_on_where_its_own_time_was(woken: Woken) -> None:
 def test_a_robot_that_had_the_time_in_a_life_before_obeys_what_is_sent_now(woken: Woken) -> None:
     """When it began to listen is known from then, by a clock that was right."""
     scene = woken.scene
-    scene.fleet["r0"].line.mailbox.order.since = TODAY - 3_600.0
+    scene.fleet["r0"].session.delivery.sequencer.since = TODAY - 3_600.0
     desk = scene.desk("anna")
     scene.run(1.0)
     sent = desk.send("(DRIVE 1)", everybody=True)
@@ -168,9 +168,9 @@ def test_an_observers_desk_answers_nothing_and_an_operator_without_a_clock_neith
 def test_an_answer_to_an_older_question_or_a_recorded_one_tells_nothing(woken: Woken) -> None:
     scene = woken.scene
     scene.run(0.1)
-    old = scene.door("r0").nonce
+    old = scene.admission("r0").nonce
     scene.run(2.1)
-    assert scene.door("r0").nonce not in (old, b"")
+    assert scene.admission("r0").nonce not in (old, b"")
     scene.say(woken.answer(KEYS["anna"], nonce=old), KEYS["anna"])
     scene.say(woken.answer(KEYS["anna"], nonce=b"", number=2), KEYS["anna"])
     scene.run(0.2)
@@ -202,7 +202,7 @@ def test_an_answer_that_was_kept_back_tells_nothing(woken: Woken) -> None:
 def test_of_two_operators_who_differ_the_first_counts_and_nothing_moves_it_afterwards(woken: Woken) -> None:
     scene = woken.scene
     scene.run(0.1)
-    nonce = scene.door("r0").nonce
+    nonce = scene.admission("r0").nonce
     scene.say(woken.answer(KEYS["anna"]), KEYS["anna"])
     scene.run(0.1)
     scene.say(woken.answer(KEYS["bert"], ahead=3_600.0, nonce=nonce), KEYS["bert"])
@@ -225,7 +225,7 @@ def test_a_robot_whose_clock_is_good_takes_nobodys_time() -> None:
 def test_no_flood_of_forged_answers_keeps_the_time_away(woken: Woken) -> None:
     """They name an operator's key, but not the nonce, so none of them is looked at; and if they name the nonce, no more
     are looked at than there is time for."""
-    scene, door = woken.scene, woken.scene.door("r0")
+    scene, admission = woken.scene, woken.scene.admission("r0")
     forger = KeyPair("anna", Role.OPERATOR, b"x" * 32)
     known = KEYS["anna"].public.id
 
@@ -235,11 +235,11 @@ def test_no_flood_of_forged_answers_keeps_the_time_away(woken: Woken) -> None:
 
     scene.run(0.1)
     for datagram in [forged(b"?" * 16)] * 5_000:
-        assert door.enter(datagram) is None
-    assert not door.counts.get("forged")
-    for datagram in [forged(door.nonce)] * 5_000:
-        assert door.enter(datagram) is None
-    assert 0 < door.counts["forged"] <= TIMES_A_SECOND
+        assert admission.enter(datagram) is None
+    assert not admission.counts.get("forged")
+    for datagram in [forged(admission.nonce)] * 5_000:
+        assert admission.enter(datagram) is None
+    assert 0 < admission.counts["forged"] <= TIMES_A_SECOND
     scene.desk("anna")
     scene.run(5.0)
     assert woken.taken
@@ -267,7 +267,7 @@ def test_a_heartbeat_that_tells_the_time_keeps_no_body_going() -> None:
         now = scene.clock.now()
         beat = Message("bert", 1, number + 1, Kind.HEARTBEAT, now, now + 1.0, body={TIME: b"n" * 16})
         for datagram in encode(beat, FLEET, KEYS["bert"]):
-            heard += scene.fleet["r0"].line.mailbox.take(datagram, now)
+            heard += scene.fleet["r0"].session.delivery.take(datagram, now)
     assert heard == []
 
 

@@ -1,4 +1,4 @@
-"""The door: which bytes from outside become messages. Everything else is counted, dropped, and never answered.
+"""The admission: which bytes from outside become messages. Everything else is counted, dropped, and never answered.
 
 Checks go from the cheap to the dear: length and layout, the key, what its owner may say, the deadline, whether this was
 heard before - and then the signature, for which each key has a budget, so that nobody can make a robot work by sending
@@ -169,7 +169,7 @@ class Admission:
         usual = VERIFIED_A_SECOND if robot else VERIFIED_BY_OPERATOR
         self._clock, self._rate, self._chance = clock, usual if rate is None else rate, chance or Random()
         self.skew = SKEW if skew is None else skew
-        self.skews, self.clocks = ClockOffsets(self.skew), WrongClocks()
+        self.offsets, self.clocks = ClockOffsets(self.skew), WrongClocks()
         self._heard: OrderedDict[tuple[bytes, str, int], ReplayWindow] = OrderedDict()
         self._changed: set[tuple[bytes, str, int]] = set()
         stops = (STOPS_A_SECOND if robot else STOPS_BY_OPERATOR) * self._rate / usual
@@ -301,7 +301,7 @@ class Admission:
     def forget_clocks(self) -> None:
         """Our clock has been set: by how much others differ from it is not known any more, and nobody is asked."""
         self.nonce = b""
-        self.skews = ClockOffsets(self.skew)
+        self.offsets = ClockOffsets(self.skew)
         self.clocks.clear()
         self._timely.clear()
 
@@ -367,7 +367,7 @@ class Admission:
         if self.robot and role is not Role.ROBOT and (message.ahead or abs(part.issued - now) <= self.skew):
             self._compare_clocks(piece.sender, message.ahead, now)
         if part.kind is Kind.HEARTBEAT:
-            self.skews.note(piece.sender, part.issued, now)
+            self.offsets.note(piece.sender, part.issued, now)
         if not part.standing:
             self.note(part.key, piece.sender, part.epoch, part.sequence, lasting=part.kind in LASTING)
         return Admitted(message, datagrams)

@@ -195,18 +195,18 @@ def dump_batch(what: MessageBatch) -> MessageBatchState:
     return MessageBatchState(what.kind, what.epoch, robots, sequences, Array.of(what.issued), what.lasts, words)
 
 
-def load_batch(parcel: MessageBatchState, names: Sequence[str]) -> MessageBatch:
+def load_batch(state: MessageBatchState, names: Sequence[str]) -> MessageBatch:
     """What many said. names: of all robots. Raises ParcelError."""
-    robots = ascending(parcel.robots, len(names))
+    robots = ascending(state.robots, len(names))
     shape = robots.shape
-    sequences = parcel.sequences.made(np.int32, shape, "sequences")
+    sequences = state.sequences.made(np.int32, shape, "sequences")
     within(sequences, 0, MAX_NUMBER, "sequences")
-    issued = parcel.issued.made(np.float64, shape, "issued")
-    if not 0 <= parcel.epoch <= MAX_NUMBER or not parcel.lasts >= 0.0 or np.isnan(issued).any():
+    issued = state.issued.made(np.float64, shape, "issued")
+    if not 0 <= state.epoch <= MAX_NUMBER or not state.lasts >= 0.0 or np.isnan(issued).any():
         raise SerialError("something said at no time or in no life")
-    words = _load_contents(parcel.words, shape)
+    words = _load_contents(state.words, shape)
     places = np.arange(len(robots))
-    return MessageBatch(parcel.kind, names, parcel.epoch, robots, places, sequences, issued, parcel.lasts, words)
+    return MessageBatch(state.kind, names, state.epoch, robots, places, sequences, issued, state.lasts, words)
 
 
 def ascending(listed: Array, count: int) -> NDArray[np.intp]:
@@ -228,13 +228,13 @@ def _dump_contents(words: Contents, places: NDArray[np.intp]) -> AnswersState | 
     raise TypeError(f"{type(words).__name__} cannot be kept")
 
 
-def _load_contents(parcel: AnswersState | ReportsState | RelaysState, shape: tuple[int, ...]) -> Contents:
-    if isinstance(parcel, RelaysState):
-        return Relays(parcel.said, parcel.hops)
-    if isinstance(parcel, ReportsState):
-        return Reports(parcel.label, tuple(column.made(np.float64, shape, "reported") for column in parcel.values))
-    sort, fault = parcel.sort.made(np.uint8, shape, "outcomes"), parcel.fault.made(np.int32, shape, "faults")
-    within(sort, 0, len(parcel.sorts) - 1, "outcomes")
-    within(fault, 0, len(parcel.faults), "faults")
-    value = parcel.value.made(np.float64, shape, "answers")
-    return Answers(parcel.command, parcel.sorts, sort, value, parcel.faults, fault)
+def _load_contents(state: AnswersState | ReportsState | RelaysState, shape: tuple[int, ...]) -> Contents:
+    if isinstance(state, RelaysState):
+        return Relays(state.said, state.hops)
+    if isinstance(state, ReportsState):
+        return Reports(state.label, tuple(column.made(np.float64, shape, "reported") for column in state.values))
+    sort, fault = state.sort.made(np.uint8, shape, "outcomes"), state.fault.made(np.int32, shape, "faults")
+    within(sort, 0, len(state.sorts) - 1, "outcomes")
+    within(fault, 0, len(state.faults), "faults")
+    value = state.value.made(np.float64, shape, "answers")
+    return Answers(state.command, state.sorts, sort, value, state.faults, fault)

@@ -1,4 +1,4 @@
-"""The mailbox: how commands reach everybody over a radio that loses some of everything.
+"""The delivery: how commands reach everybody over a radio that loses some of everything.
 
 It knows no socket and no clock: datagrams and the time go in, messages and datagrams come out.
 
@@ -96,9 +96,9 @@ class StopRepeats(NamedTuple):
 
 class ReliableDelivery:
     """One party's mailbox. name, epoch: of what it says, the epoch higher than in all its lives before, or the same and
-    the first number higher than all in that (`first`); key: signs it; door: what comes in goes through it; chance: for
-    its moments. keep: called before a command of ours that stands leaves, and every `KEEP_EVERY` numbers, for whoever
-    keeps them.
+    the first number higher than all in that (`first`); key: signs it; admission: what comes in goes through it; chance:
+    for its moments. keep: called before a command of ours that stands leaves, and every `KEEP_EVERY` numbers, for
+    whoever keeps them.
 
     order: whose commands have come how far. overheard: datagrams of which we need not know more; all others are
     counted at the door.
@@ -109,24 +109,24 @@ class ReliableDelivery:
         name: str,
         epoch: int,
         key: KeyPair,
-        door: Admission,
+        admission: Admission,
         chance: Random,
         *,
         first: int = 1,
         keep: Callable[[], None] = lambda: None,
     ) -> None:
-        self.name, self.epoch, self.door = name, epoch, door
-        self.order = Sequencer(chance, door.skew)
+        self.name, self.epoch, self.admission = name, epoch, admission
+        self.sequencer = Sequencer(chance, admission.skew)
         self.overheard = 0
         self._key, self._chance = key, chance
-        self._shelf = MessageStore()
-        self._trickle = DigestTimer(chance)
+        self._store = MessageStore()
+        self._digest_timer = DigestTimer(chance)
         self._told: dict[StreamId, int] = {}
         """How far others' rules have come, as an operator hears from the robots."""
         self._sequence, self._issued, self._keep = first - 1, 0.0, keep
         self._out: list[bytes] = []
         self._later: list[Repair | Repeat] = []
-        self._stopping = StopRepeats()
+        self._stop_repeats = StopRepeats()
         self._tie = count()
         self._time_request: TimeRequest | None = None
         self._times_told = Budget(TIME_REPLIES_A_SECOND, TIME_REPLIES_A_SECOND, chance, 0.0)
@@ -153,16 +153,16 @@ class ReliableDelivery:
         issued = now
         if kind is Kind.COMMAND:
             said |= own.link().written()
-            if 0.0 <= self._issued - now <= self.door.skew:
+            if 0.0 <= self._issued - now <= self.admission.skew:
                 issued = self._issued  # a clock that was set back a little lets no command seem older than the last
             self._issued = issued
         message = Message(self.name, self.epoch, number, kind, issued, until, text, standing, said)
-        datagrams = tuple(encode(message, self.door.fleet, self._key))
+        datagrams = tuple(encode(message, self.admission.fleet, self._key))
         if kind is Kind.COMMAND:
-            self._shelf.keep(own.name, message.sequence, standing, datagrams, now)
-            self.order.deal_with(own, message)
+            self._store.keep(own.name, message.sequence, standing, datagrams, now)
+            self.sequencer.deal_with(own, message)
             if standing:
-                self._tell(now)
+                self._tell_progress(now)
             if KEYS in said:
                 self._change_trust(msgspec.structs.replace(message, role=self.role.value), now)
             if standing:  # one that does not is over before our next life could send it again
@@ -174,14 +174,14 @@ class ReliableDelivery:
                     heappush(self._later, Repeat(now + wait, next(self._tie), datagrams))
         if kind is Kind.STOP:
             lasts = STOP_FOR if age_of(said) < STOP_AT_FIRST else STOP_ON
-            self._stopping = StopRepeats(now + STOP_EVERY, now + lasts, datagrams)
+            self._stop_repeats = StopRepeats(now + STOP_EVERY, now + lasts, datagrams)
         elif kind is Kind.RELEASE:
-            self._stopping = StopRepeats()
+            self._stop_repeats = StopRepeats()
         return message
 
     def repeat(self, number: int, now: float) -> None:
         """Send a command of ours once more, by its number: who has heard it takes no notice."""
-        self._out += self._shelf.take(self._own().name, number, now)
+        self._out += self._store.take(self._own().name, number, now)
 
     def posted(self) -> list[bytes]:
         """What has been said and not been sent yet."""
@@ -206,9 +206,9 @@ class ReliableDelivery:
     def start(self, now: float) -> None:
         """Tell the others how far we have come, so that they tell us what we have missed. An operator needs nobody's
         rules, and keeps quiet until he has sent some."""
-        if self.door.robot:
-            self.order.since = now
-            self._trickle.restart(now)
+        if self.admission.robot:
+            self.sequencer.since = now
+            self._digest_timer.restart(now)
 
     def seek_time(self, set_clock: Callable[[float, str], None]) -> None:
         """Our clock is plainly wrong: ask for the time until an operator tells it. set_clock: see `TimeRequest`."""
@@ -217,30 +217,30 @@ class ReliableDelivery:
     def _number(self) -> int:
         """The next number is ours: whatever comes back of it from the air, by an echo or by malice, is no news."""
         self._sequence += 1
-        self.door.note(self._key.id, self.name, self.epoch, self._sequence)
+        self.admission.note(self._key.id, self.name, self.epoch, self._sequence)
         if self._sequence % KEEP_EVERY == 0:
             self._keep()
         return self._sequence
 
     def _own(self) -> Stream:
-        return self.order.stream((self._key.id, self.epoch))
+        return self.sequencer.stream((self._key.id, self.epoch))
 
     # ---- what others say
 
     def take(self, datagram: bytes, now: float) -> list[Message]:
         """The messages that can be dealt with now that this datagram has come."""
-        part = self.door.look(datagram)
+        part = self.admission.look(datagram)
         if part is None:
             return []
-        if self._on_shelf(part, datagram, now):
+        if self._is_stored(part, datagram, now):
             self.overheard += 1
             return []
-        entered = self.door.admit(part, datagram)
+        entered = self.admission.admit(part, datagram)
         if entered is None:
             name = part.key, part.epoch  # nobody keeps anything but commands; their sender repeats them himself first
-            if part.kind is Kind.COMMAND and self.door.robot and self._missing(name, part.sequence):
-                self.order.piecemeal(name, part.sequence, part.deadline, now + ASK_PARTS_AFTER)
-            turned_away = self.door.turned_away()
+            if part.kind is Kind.COMMAND and self.admission.robot and self._missing(name, part.sequence):
+                self.sequencer.want_parts(name, part.sequence, part.deadline, now + ASK_PARTS_AFTER)
+            turned_away = self.admission.turned_away()
             if turned_away and self._time_request is not None:
                 self._time_request.hurry()
             return turned_away
@@ -252,18 +252,18 @@ class ReliableDelivery:
             self._compare(message, now)
             return []
         if message.kind is Kind.REQUEST:
-            self._mend_requested(message, now)
+            self._repair_requested(message, now)
             return []
         if message.kind is not Kind.COMMAND or message.role == Role.ROBOT:
             return [message]  # what robots tell each other has no order, and nobody mends it
         name = part.key, part.epoch
-        self._shelf.keep(name, message.sequence, message.standing, entered.datagrams, now)
+        self._store.keep(name, message.sequence, message.standing, entered.datagrams, now)
         if KEYS in message.body:
             self._change_trust(message, now)
-        if not self.door.robot:
+        if not self.admission.robot:
             return [message]  # an operator sees what others send, and waits for nothing of it
-        stream = self.order.stream(name)
-        return self._dealt_with(self.order.take(stream, message, now), now)
+        stream = self.sequencer.stream(name)
+        return self._noted(self.sequencer.take(stream, message, now), now)
 
     def _deal_with_time(self, message: Message, now: float) -> None:
         """Somebody asks for the time, or tells it; it is no heartbeat that keeps anybody going."""
@@ -273,9 +273,9 @@ class ReliableDelivery:
             behind = None if request is None else request.answer(message, now)
             if request is not None and behind is not None:
                 self._time_request = None
-                self.door.forget_clocks()
+                self.admission.forget_clocks()
                 request.set_clock(behind, message.sender)
-                self.order.since = now + behind  # what was turned away until now is waited for no more
+                self.sequencer.since = now + behind  # what was turned away until now is waited for no more
         elif (
             Kind.HEARTBEAT in MAY[self.role]
             and (isinstance(nonce, bytes) and len(nonce) == NONCE_BYTES)
@@ -286,69 +286,69 @@ class ReliableDelivery:
 
     def standing_of(self, key: bytes) -> tuple[bytes, ...]:
         """The datagrams of the standing commands of the key with this id, as far as they have come to us."""
-        return tuple(datagram for datagrams in self._shelf.standing(key).values() for datagram in datagrams)
+        return tuple(datagram for datagrams in self._store.standing(key).values() for datagram in datagrams)
 
     def _change_trust(self, message: Message, now: float) -> None:
         """Whom to trust counts at once, whatever else of its sender is still missing. What cannot be taken changes
         nothing; whoever answers says why."""
         with suppress(KeyRefusal):
-            trust = self.door.trust
+            trust = self.admission.trust
             trust.take(KeyChange.of(message))
-            for key in {name[0] for name in self.order.names if self._is_revoked(name)}:
-                kept = self._shelf.standing(key).items()
-                self.order.settle(key, {which for which, datagrams in kept if all(map(trust.vouches, datagrams))})
-            self._tell(now)
+            for key in {name[0] for name in self.sequencer.names if self._is_revoked(name)}:
+                kept = self._store.standing(key).items()
+                self.sequencer.settle(key, {which for which, datagrams in kept if all(map(trust.vouches, datagrams))})
+            self._tell_progress(now)
 
-    def _on_shelf(self, part: Part, datagram: bytes, now: float) -> bool:
+    def _is_stored(self, part: Part, datagram: bytes, now: float) -> bool:
         """Whether these very bytes are on our shelf: then we need not send them either. What there was no room for to
         wait is there as well, and comes anew."""
         name = part.key, part.epoch
         return (
             part.kind is Kind.COMMAND
-            and self._shelf.heard(name, part.sequence, datagram, now)
-            and (not self.door.robot or self.order.knows(name, part.sequence))
+            and self._store.heard(name, part.sequence, datagram, now)
+            and (not self.admission.robot or self.sequencer.knows(name, part.sequence))
         )
 
-    def _dealt_with(self, found: list[Message], now: float) -> list[Message]:
+    def _noted(self, found: list[Message], now: float) -> list[Message]:
         """These messages, of which those that stand are news to be told."""
         for message in found:
             if message.standing:
-                self._tell(now)
+                self._tell_progress(now)
                 break
         return found
 
-    def _tell(self, now: float) -> None:
+    def _tell_progress(self, now: float) -> None:
         """We have come further."""
-        self._trickle.restart(now)
+        self._digest_timer.restart(now)
 
     # ---- what outlasts us
 
     def news(self) -> DeliveryState:
         """What has changed since this was asked last, and is to outlast us. What waits for something before it counts
         as not heard: it is asked for again."""
-        windows = (each.without(self.order.waiting((each.key, each.epoch))) for each in self.door.news())
-        return DeliveryState(self.order.news(), tuple(windows), self._shelf.news())
+        windows = (each.without(self.sequencer.waiting((each.key, each.epoch))) for each in self.admission.news())
+        return DeliveryState(self.sequencer.news(), tuple(windows), self._store.news())
 
     def restore(self, kept: DeliveryState, since: float) -> None:
         """Go on where a mailbox had come to whose news these are, the latest of each, and that had begun to listen at
         `since` (s). What stands beyond what was dealt with is left out: it comes again."""
-        self.order.since = since
+        self.sequencer.since = since
         rules = {progress.stream: progress.rules for progress in kept.streams}
         dealt_with = [each for each in kept.standing if each.number <= rules.get(each.stream, 0)]
         numbers: dict[StreamId, list[int]] = {}
         for each in dealt_with:
             numbers.setdefault(each.stream, []).append(each.number)
-        self.order.restore(kept.streams, {name: sorted(found) for name, found in numbers.items()})
-        self._shelf.restore(dealt_with)
-        self.door.restore(kept.windows)
+        self.sequencer.restore(kept.streams, {name: sorted(found) for name, found in numbers.items()})
+        self._store.restore(dealt_with)
+        self.admission.restore(kept.windows)
 
     # ---- repair
 
     def _compare(self, digest: Message, now: float) -> None:
         """Somebody tells how far he has come: mend what he misses, and tell what we miss."""
         theirs = {name: rules for name, rules in streams_in(digest.body, "have", int) if self._commands(name)}
-        names = set(self.order.standing())
-        if self.door.robot:
+        names = set(self.sequencer.standing())
+        if self.admission.robot:
             names |= theirs.keys()
         else:  # an operator has an eye on what he has sent himself
             for name in theirs.keys() - names:
@@ -358,25 +358,25 @@ class ReliableDelivery:
                     del self._told[next(iter(self._told))]
         alike = True
         for name in names:
-            stream = self.order.stream(name)
+            stream = self.sequencer.stream(name)
             they, we = theirs.get(name, 0), stream.rules
             alike &= they == we
             if they < we:
-                self._mend(stream, [(number,) for number in stream.standing if number > they][:BATCH], now)
+                self._repair(stream, [(number,) for number in stream.standing if number > they][:BATCH], now)
         if alike:
-            self._trickle.agree()
+            self._digest_timer.agree()
         else:
-            self._trickle.restart(now)
+            self._digest_timer.restart(now)
 
     def _digest(self) -> dict[str, object]:
         """How far we have come. An operator repeats what robots tell of others' rules, so that nobody sends him any."""
-        have = self._told | self.order.standing()
+        have = self._told | self.sequencer.standing()
         return {"have": [[*name, have[name]] for name in sorted(have)[-MAX_STREAMS:]]}
 
     def _missing(self, name: StreamId, number: int) -> tuple[int, ...]:
         """Parts that are missing of a command of which some have come."""
-        key = self.door.trust.find(name[0]) if self._commands(name) else None
-        return () if key is None else self.door.missing(name[0], key.owner, name[1], number)
+        key = self.admission.trust.find(name[0]) if self._commands(name) else None
+        return () if key is None else self.admission.missing(name[0], key.owner, name[1], number)
 
     def _request(self, wanted: Mapping[StreamId, Sequence[int]], now: float) -> None:
         """Ask for what is missing: whole commands, or parts of those of which some have come."""
@@ -385,30 +385,30 @@ class ReliableDelivery:
         ]
         self._say(Kind.REQUEST, request(missing), now)
 
-    def _mend_requested(self, asked: Message, now: float) -> None:
+    def _repair_requested(self, asked: Message, now: float) -> None:
         for name, listed in streams_in(asked.body, "want", list):
             numbers = tuple(number for number in listed[:MAX_WANTED] if isinstance(number, int))
             if self._commands(name):
-                self.order.asked(name, numbers, now)
-                self._mend(self.order.stream(name), [(number,) for number in numbers[:BATCH]], now)
+                self.sequencer.asked(name, numbers, now)
+                self._repair(self.sequencer.stream(name), [(number,) for number in numbers[:BATCH]], now)
         for name, number, parts in wanted_parts(asked.body):
             if self._commands(name):
                 if {*parts} >= {*self._missing(name, number)}:
-                    self.order.asked(name, (number,), now)
-                self._mend(self.order.stream(name), [(number, *parts)], now)
+                    self.sequencer.asked(name, (number,), now)
+                self._repair(self.sequencer.stream(name), [(number, *parts)], now)
 
     def _commands(self, name: StreamId) -> bool:
         """Whether a stream is of somebody whose commands count."""
-        key = self.door.trust.find(name[0])
+        key = self.admission.trust.find(name[0])
         return key is not None and Kind.COMMAND in MAY[key.role] and key.role is not Role.ROBOT
 
     def _is_revoked(self, name: StreamId) -> bool:
-        key = self.door.trust.find(name[0])
+        key = self.admission.trust.find(name[0])
         return key is not None and key.revoked
 
-    def _mend(self, stream: Stream, asked: Sequence[Sequence[int]], now: float) -> None:
+    def _repair(self, stream: Stream, asked: Sequence[Sequence[int]], now: float) -> None:
         wanted = [
-            each for each in asked if self._shelf.silent_since(stream.name, each[0], now - REPAIR_PAUSE, each[1:])
+            each for each in asked if self._store.silent_since(stream.name, each[0], now - REPAIR_PAUSE, each[1:])
         ]
         if wanted:
             wait = mostly_late(self._chance) * REPAIR_WITHIN
@@ -418,30 +418,30 @@ class ReliableDelivery:
 
     def step(self, now: float) -> tuple[list[bytes], list[Message]]:
         """What is to be sent now, and the messages that no longer wait for one that would come too late."""
-        found = self._dealt_with(self.order.expire(now), now)
+        found = self._noted(self.sequencer.expire(now), now)
         while self._later and self._later[0].time <= now:
             self._do(heappop(self._later), now)
-        if self._stopping.time <= now:
+        if self._stop_repeats.time <= now:
             self._stop_again(now)
-        wanted = self.order.wanted(now, MAX_WANTED)
+        wanted = self.sequencer.wanted(now, MAX_WANTED)
         if wanted:
             self._request(wanted, now)
         if self._time_request is not None and self._time_request.due <= now:
             self._say(Kind.REPORT, self._time_request.question(now), now)
-            self.door.nonce = self._time_request.nonce
-        if self._trickle.is_due(now):
+            self.admission.nonce = self._time_request.nonce
+        if self._digest_timer.is_due(now):
             self._say(Kind.DIGEST, self._digest(), now)
         return self.posted(), found
 
     def due(self) -> float:
         """When `step` has something to do next, s of Unix time; it may be called earlier."""
-        later = min(self._later[0].time if self._later else inf, self._stopping.time)
+        later = min(self._later[0].time if self._later else inf, self._stop_repeats.time)
         ask = inf if self._time_request is None else self._time_request.due
-        return -inf if self._out else min(later, ask, self.order.due(), self._trickle.due())
+        return -inf if self._out else min(later, ask, self.sequencer.due(), self._digest_timer.due())
 
     def skipped(self) -> list[Skipped]:
         """The commands that never came, since this was asked last."""
-        return self.order.take_skipped()
+        return self.sequencer.take_skipped()
 
     def _do(self, job: Repair | Repeat, now: float) -> None:
         if isinstance(job, Repeat):
@@ -452,22 +452,22 @@ class ReliableDelivery:
         for number, *parts in job.wanted:
             if self._mendable <= 0.0:
                 return
-            found = self._shelf.take(job.stream.name, number, now, now - REPAIR_PAUSE, parts)
+            found = self._store.take(job.stream.name, number, now, now - REPAIR_PAUSE, parts)
             self._mendable -= sum(map(len, found))
             self._out += found
 
     def _stop_again(self, now: float) -> None:
         """Send what copies of our STOP are due: whoever is late sends those that he owes, as each may be the one that
         is heard."""
-        time, until, datagrams = self._stopping
+        time, until, datagrams = self._stop_repeats
         owed = int((min(now, until) - time) / STOP_EVERY) + 1
         self._out += datagrams * owed
         time += owed * STOP_EVERY
-        self._stopping = StopRepeats(time, until, datagrams) if time <= until else StopRepeats()
+        self._stop_repeats = StopRepeats(time, until, datagrams) if time <= until else StopRepeats()
 
     def _say(self, kind: Kind, body: dict[str, object], now: float) -> None:
         message = Message(self.name, self.epoch, self._number(), kind, now, now + LIFE, body=body)
-        self._out += encode(message, self.door.fleet, self._key)
+        self._out += encode(message, self.admission.fleet, self._key)
 
 
 # ---- the bodies of digests and requests

@@ -190,7 +190,7 @@ class Sequencer:
                     most -= 1
         return found
 
-    def piecemeal(self, name: StreamId, number: int, until: float, due: float) -> None:
+    def want_parts(self, name: StreamId, number: int, until: float, due: float) -> None:
         """Some of a command has come; what is missing of it is asked for at `due`, s, and no longer than `until`."""
         stream = self.stream(name)
         if number > stream.done and number not in stream.wanted:

@@ -70,14 +70,14 @@ class ChannelSession:
     def __init__(
         self,
         transport: Transport,
-        mailbox: ReliableDelivery,
+        delivery: ReliableDelivery,
         clock: Clock,
         chance: Random,
         zero: float = 0.0,
         *,
         listens: bool = True,
     ) -> None:
-        self.transport, self.mailbox, self.zero = transport, mailbox, zero
+        self.transport, self.delivery, self.zero = transport, delivery, zero
         self._clock, self._chance = clock, chance
         self.ends: list[Callable[[], None]] = []
         self._heard: list[Message] = []
@@ -85,10 +85,10 @@ class ChannelSession:
         self._report_at = -inf
         self._asked: OrderedDict[str, float] = OrderedDict()
         self._answered: OrderedDict[str, Message] = OrderedDict()
-        self._held: list[DelayedAnswer] = []
+        self._delayed: list[DelayedAnswer] = []
         self._tie = count()
         if listens:
-            mailbox.start(clock.now())
+            delivery.start(clock.now())
 
     def send(self, message: Message) -> None:
         """Say something; an answer in its moment, all else at once. Raises MessageError for what is too long."""
@@ -97,7 +97,7 @@ class ChannelSession:
             self._answered[command] = message
             if len(self._answered) > MAX_ANSWERED:
                 self._answered.popitem(last=False)
-            self._hold(message, self._asked.get(command, 0.0))
+            self._delay(message, self._asked.get(command, 0.0))
         else:
             self._post(message)
         self.flush()
@@ -112,7 +112,7 @@ class ChannelSession:
         came = self.transport.receive()
         for datagram in came:
             now = self._clock.now()
-            self._hear(self.mailbox.take(datagram, now), now)
+            self._hear(self.delivery.take(datagram, now), now)
         self.tend()
         return bool(came)
 
@@ -139,8 +139,8 @@ class ChannelSession:
     def tend(self) -> None:
         """Mend, and send what is due."""
         now = self._clock.now()
-        while self._held and self._held[0].time <= now:
-            self._post(heappop(self._held).message)
+        while self._delayed and self._delayed[0].time <= now:
+            self._post(heappop(self._delayed).message)
         self._step(now)
 
     def heard(self) -> list[Message]:
@@ -168,35 +168,35 @@ class ChannelSession:
 
     def _has_stop(self) -> bool:
         """Whether something has been heard that waits for no tick."""
-        return self.mailbox.door.robot and any(message.kind is Kind.STOP for message in self._heard)
+        return self.delivery.admission.robot and any(message.kind is Kind.STOP for message in self._heard)
 
     def _pump_due(self) -> float:
-        due = self.mailbox.due()
-        return min(due, self._held[0].time) if self._held else due
+        due = self.delivery.due()
+        return min(due, self._delayed[0].time) if self._delayed else due
 
-    def _hold(self, answer: Message, within: float) -> None:
+    def _delay(self, answer: Message, within: float) -> None:
         """Say an answer in its moment, at once if it has none."""
         if within == 0.0:
             self._post(answer)
             return
         when = self._clock.now() + self._chance.uniform(0.0, within)
-        heappush(self._held, DelayedAnswer(when, next(self._tie), answer))
-        if len(self._held) > MAX_HELD:
-            self._post(heappop(self._held).message)
+        heappush(self._delayed, DelayedAnswer(when, next(self._tie), answer))
+        if len(self._delayed) > MAX_HELD:
+            self._post(heappop(self._delayed).message)
 
     def _say_again(self, asked: Message) -> None:
         """Somebody has missed answers; ours is among them if we are named, or others are whose answers have come."""
         named, heard = asked.body.get(FOR), asked.body.get(NOT)
-        answer, name = self._answered.get(str(asked.body[AGAIN])), self.mailbox.name
+        answer, name = self._answered.get(str(asked.body[AGAIN])), self.delivery.name
         missed = name in named if isinstance(named, list) else isinstance(heard, list) and name not in heard
         if answer is None or not missed:
             return
-        if all(held.message is not answer for held in self._held):  # else it is about to be said anyway
-            self._hold(answer, _within(asked))
+        if all(held.message is not answer for held in self._delayed):  # else it is about to be said anyway
+            self._delay(answer, _within(asked))
 
     def _answer_for_keys(self, message: Message) -> None:
         """Whom to trust is the channel's affair, so a robot's answer is the channel's, too."""
-        if not self.mailbox.door.robot:
+        if not self.delivery.admission.robot:
             return
         body: dict[str, object] = {"command": message.id, "outcome": "matched", "value": None, "fault": None}
         try:
@@ -204,11 +204,11 @@ class ChannelSession:
         except KeyRefusal as error:
             body |= {"outcome": "fault", "fault": str(error)}
         now = self._clock.now() - self.zero
-        self.send(Message(self.mailbox.name, self.mailbox.epoch, 0, Kind.ANSWER, now, now + LIFE, body=body))
+        self.send(Message(self.delivery.name, self.delivery.epoch, 0, Kind.ANSWER, now, now + LIFE, body=body))
 
     def _post(self, message: Message) -> None:
         deadline = None if isinf(message.deadline) else message.deadline + self.zero
-        self.mailbox.post(
+        self.delivery.post(
             message.kind,
             self._clock.now(),
             text=message.text,
@@ -219,38 +219,38 @@ class ChannelSession:
 
     def flush(self) -> None:
         """Send what has been said; nothing else is due before we have listened."""
-        for datagram in self.mailbox.posted():
+        for datagram in self.delivery.posted():
             self.transport.send(datagram)
 
     def _step(self, now: float) -> None:
-        if self.mailbox.door.robot:
+        if self.delivery.admission.robot:
             self._tell_missed(now)
-        out, freed = self.mailbox.step(now)
+        out, freed = self.delivery.step(now)
         for datagram in out:
             self.transport.send(datagram)
         self._hear(freed, now)
 
     def _tell_missed(self, now: float) -> None:
         """Report the commands that never came and would come too late, those of a second at once."""
-        self.miss(self.mailbox.skipped())
+        self.miss(self.delivery.skipped())
         if not self._missed or now < self._report_at:
             return
         ids = []
         for skipped in self._missed[:MAX_REPORTED]:
-            key = self.mailbox.door.trust.find(skipped.key)
+            key = self.delivery.admission.trust.find(skipped.key)
             ids.append(message_id(key.owner if key else skipped.key.hex(), skipped.epoch, skipped.sequence))
         body: dict[str, object] = {"label": "missed", "values": [float(len(self._missed))], MISSED: ids}
-        self.mailbox.post(Kind.REPORT, now, body=body)
+        self.delivery.post(Kind.REPORT, now, body=body)
         self._missed, self._report_at = [], now + REPORT_EVERY
 
     def _hear(self, messages: list[Message], now: float) -> None:
-        self.hear(to_mind_time(message, self.zero, self.mailbox.door, now) for message in messages)
+        self.hear(to_mind_time(message, self.zero, self.delivery.admission, now) for message in messages)
 
 
-def to_mind_time(message: Message, zero: float, door: Admission, now: float) -> Message:
+def to_mind_time(message: Message, zero: float, admission: Admission, now: float) -> Message:
     """A message that was heard `now`, with its times as those of a mind, which began at `zero`, s of Unix time. A
     deadline is of its sender's clock: what the door has seen of how that differs from ours is reckoned with."""
-    deadline = message.deadline + door.skews.of(message.sender, now) - zero
+    deadline = message.deadline + admission.offsets.of(message.sender, now) - zero
     return msgspec.structs.replace(message, issued=message.issued - zero, deadline=deadline, heard=now - zero)
 
 
@@ -269,46 +269,46 @@ def receiver_name(names: Sequence[str]) -> str:
 
 
 class Receiver:
-    """See the module. branch: what brings datagrams; mailbox: whose digests and requests speak for all; clock: Unix
+    """See the module. port: what brings datagrams; delivery: whose digests and requests speak for all; clock: Unix
     time, s; zero: when the minds' time began."""
 
-    def __init__(self, branch: Port, mailbox: ReliableDelivery, clock: Clock, zero: float = 0.0) -> None:
-        self.mailbox, self.zero = mailbox, zero
-        self._branch, self._clock = branch, clock
-        mailbox.start(clock.now())
+    def __init__(self, port: Port, delivery: ReliableDelivery, clock: Clock, zero: float = 0.0) -> None:
+        self.delivery, self.zero = delivery, zero
+        self._port, self._clock = port, clock
+        delivery.start(clock.now())
 
     @property
     def waits(self) -> bool:
         """Whether something has come that nobody has looked at."""
-        return bool(self._branch.waiting)
+        return bool(self._port.waiting)
 
     def due(self) -> float:
         """When `tend` has something to do next even if nothing comes, s of Unix time."""
-        return self.mailbox.due()
+        return self.delivery.due()
 
     def take(self) -> list[Message]:
         """What has come and can be dealt with now, with the times of the minds."""
         found: list[Message] = []
-        for datagram in self._branch.drain():
+        for datagram in self._port.drain():
             now = self._clock.now()
-            found += self._in_time(self.mailbox.take(datagram, now), now)
+            found += self._in_time(self.delivery.take(datagram, now), now)
         return found
 
     def tend(self) -> list[Message]:
         """Mend, and send what is due; gives what waits no longer."""
         now = self._clock.now()
-        out, freed = self.mailbox.step(now)
+        out, freed = self.delivery.step(now)
         for datagram in out:
-            self._branch.send(datagram)
+            self._port.send(datagram)
         return self._in_time(freed, now)
 
     def skipped(self) -> list[Skipped]:
         """The commands that never came, since this was asked last."""
-        return self.mailbox.skipped()
+        return self.delivery.skipped()
 
     def close(self) -> None:
         """Leave the trunk."""
-        self._branch.close()
+        self._port.close()
 
     def _in_time(self, messages: Iterable[Message], now: float) -> list[Message]:
-        return [to_mind_time(message, self.zero, self.mailbox.door, now) for message in messages]
+        return [to_mind_time(message, self.zero, self.delivery.admission, now) for message in messages]

@@ -86,27 +86,27 @@ def single(heard: Iterable[Message | MessageBatch]) -> Iterable[Message]:
             yield each
 
 
-def receptions(launches: list[InFlight]) -> list[Reception]:
+def receptions(flights: list[InFlight]) -> list[Reception]:
     """Launches as batches in an order in which each robot finds its messages in theirs: of time, then of sending."""
-    if all(isinstance(launch.due, float) for launch in launches):
-        launches.sort(key=lambda launch: (launch.due, launch.order))
-        return [(launch.what, launch.receivers) for launch in launches if isinstance(launch.what, Message)]
-    launches.sort(key=lambda launch: launch.order)
-    sizes = [launch.size for launch in launches]
-    receivers = np.concatenate([launch.receivers for launch in launches])
-    numbers = np.repeat(np.arange(len(launches)), sizes)
-    dues = np.concatenate([np.broadcast_to(launch.due, launch.size) for launch in launches])
+    if all(isinstance(copies.due, float) for copies in flights):
+        flights.sort(key=lambda copies: (copies.due, copies.order))
+        return [(copies.what, copies.receivers) for copies in flights if isinstance(copies.what, Message)]
+    flights.sort(key=lambda copies: copies.order)
+    sizes = [copies.size for copies in flights]
+    receivers = np.concatenate([copies.receivers for copies in flights])
+    numbers = np.repeat(np.arange(len(flights)), sizes)
+    dues = np.concatenate([np.broadcast_to(copies.due, copies.size) for copies in flights])
     sort = np.lexsort((numbers, dues, receivers))
     receivers, numbers = receivers[sort], numbers[sort]
     starts = np.flatnonzero(np.diff(receivers, prepend=-1))
     turns = np.arange(len(receivers)) - np.repeat(starts, np.diff(starts, append=len(receivers)))
     """Whether it is a robot's first message of these, its second, ..."""
-    groups = turns * len(launches) + numbers
+    groups = turns * len(flights) + numbers
     sort = np.argsort(groups, kind="stable")
     ends = np.flatnonzero(np.diff(groups[sort], append=-1)) + 1
     found: list[Reception] = []
     for robots in np.split(sort, ends[:-1]):
-        message = launches[numbers[robots[0]]].what
+        message = flights[numbers[robots[0]]].what
         if isinstance(message, Message):
             found.append((message, receivers[robots]))
     return found
@@ -212,7 +212,7 @@ class Radio:
         self._for_operator: list[Message | MessageBatch] = []
         self._repeats: Counter[tuple[int, str]] = Counter()
         self._repeats_at = -inf
-        self.turns = TransmitQueue(len(x) + 1, model.rate, model.queue) if model.rate < inf else None
+        self.transmit_queue = TransmitQueue(len(x) + 1, model.rate, model.queue) if model.rate < inf else None
         """When each party's transmitter is free, the operator's last; None where all can send as much as they like."""
 
     def endpoint(self, number: int) -> Endpoint:
@@ -223,8 +223,8 @@ class Radio:
         """Put `message` on the air: a robot's answers and reports to the operator, all else to the robots in
         reach."""
         now = begin = self._clock.now()
-        if self.turns:
-            begins, room = self.turns.take(np.array([transmitter]), now, urgent=message.kind in URGENT)
+        if self.transmit_queue:
+            begins, room = self.transmit_queue.take(np.array([transmitter]), now, urgent=message.kind in URGENT)
             if not room[0]:
                 self.counts.crowded += 1
                 return
@@ -235,36 +235,36 @@ class Radio:
         repeat = self._repeat(transmitter, message, now)
         chance = (self._seed, transmitter, message.id, message.kind.value, now, repeat)
         first = (transmitter, message.epoch, message.sequence, repeat)
-        launch = InFlight((*first, 0), message, found, begin)
-        self._launch(launch, CopyChance(lambda what: key(*chance, *what), found))
+        copies = InFlight((*first, 0), message, found, begin)
+        self._send_copies(copies, CopyChance(lambda what: key(*chance, *what), found))
 
-    def send_all(self, chorus: MessageBatch) -> None:
+    def send_all(self, batch: MessageBatch) -> None:
         """The same for what many robots say at once; to the loss and delay of each it makes no difference."""
-        if chorus.kind not in TO_OPERATOR:
-            for robot, message in zip(chorus.robots.tolist(), chorus.messages(), strict=True):
+        if batch.kind not in TO_OPERATOR:
+            for robot, message in zip(batch.robots.tolist(), batch.messages(), strict=True):
                 self.send(robot, message)
             return
         now, near = self._clock.now(), self._near_operator()
         begin: Seconds | float = now
-        if self.turns:
-            begins, room = self.turns.take(chorus.robots, now)
+        if self.transmit_queue:
+            begins, room = self.transmit_queue.take(batch.robots, now)
             self.counts.crowded += int(np.count_nonzero(~room))
-            chorus, begin = chorus.take(room), begins[room]
-        self.counts.sent += len(chorus)
+            batch, begin = batch.take(room), begins[room]
+        self.counts.sent += len(batch)
         if near is not None:
-            heard = near[chorus.robots]
+            heard = near[batch.robots]
             self.counts.out_of_reach += int(np.count_nonzero(~heard))
-            chorus = chorus.take(heard)
+            batch = batch.take(heard)
             begin = begin if isinstance(begin, float) else begin[heard]
-        if len(chorus):
-            operator = np.broadcast_to(np.int64(OPERATOR), len(chorus))
-            order = (int(chorus.robots[0]), chorus.epoch, int(chorus.sequences[0]), 0, 0)
-            about = (chorus.kind.value, now, 0)
+        if len(batch):
+            operator = np.broadcast_to(np.int64(OPERATOR), len(batch))
+            order = (int(batch.robots[0]), batch.epoch, int(batch.sequences[0]), 0, 0)
+            about = (batch.kind.value, now, 0)
             fate = CopyChance(
-                lambda what: np.array([key(self._seed, *each, *about, *what) for each in chorus.ids()], np.uint64),
+                lambda what: np.array([key(self._seed, *each, *about, *what) for each in batch.ids()], np.uint64),
                 operator,
             )
-            self._launch(InFlight(order, chorus, operator, begin), fate)
+            self._send_copies(InFlight(order, batch, operator, begin), fate)
 
     def receive(self, number: int) -> list[Message]:
         """What party `number` has heard since it last asked, in the order of arrival."""
@@ -336,31 +336,33 @@ class Radio:
         self._repeats[transmitter, message.id] = said + 1
         return said
 
-    def _launch(self, launch: InFlight, fate: CopyChance) -> None:
+    def _send_copies(self, copies: InFlight, fate: CopyChance) -> None:
         """Send copies on their way, a second one of some."""
         twice = None
         if self.model.duplication:
             twice = fate.drawn("twice") < self.model.duplication
             self.counts.duplicated += int(np.count_nonzero(twice))
-        self._depart(launch, fate, copy=0)
+        self._transmit(copies, fate, copy=0)
         if twice is not None and twice.any():
-            self._depart(launch, fate, copy=1, only=twice)
+            self._transmit(copies, fate, copy=1, only=twice)
 
-    def _depart(self, launch: InFlight, fate: CopyChance, *, copy: int, only: NDArray[np.bool_] | None = None) -> None:
+    def _transmit(
+        self, copies: InFlight, fate: CopyChance, *, copy: int, only: NDArray[np.bool_] | None = None
+    ) -> None:
         """Send one copy to each receiver (or to `only` some of them), unless it is lost."""
         model, kept = self.model, only
         if model.loss:
             arrives = fate.drawn("lost", copy) >= model.loss
             kept = arrives if only is None else only & arrives
             self.counts.lost += int(np.count_nonzero(~arrives if only is None else only & ~arrives))
-        due = launch.due + model.delay
+        due = copies.due + model.delay
         if model.jitter or model.reordering:
-            due = np.full(launch.size, due)
+            due = np.full(copies.size, due)
             if model.jitter:
                 due += model.jitter * fate.drawn("jitter", copy)
             if model.reordering:
                 due[fate.drawn("held back", copy) < model.reordering] += model.held_back
-        sent = InFlight((*launch.order[:4], copy), launch.what, launch.receivers, due)
+        sent = InFlight((*copies.order[:4], copy), copies.what, copies.receivers, due)
         if kept is not None:
             sent = sent.take(kept)
         room = MAX_WAITING - self._on_the_way
@@ -379,18 +381,18 @@ class Radio:
         if not self._waiting:
             return
         now = self._clock.now()
-        parts = [launch.split(now) for launch in self._waiting]
+        parts = [copies.split(now) for copies in self._waiting]
         due = [here for here, _ in parts if here is not None]
         if not due:
             return
         self._waiting = [later for _, later in parts if later is not None]
-        arrived = sum(launch.size for launch in due)
+        arrived = sum(copies.size for copies in due)
         self._on_the_way -= arrived
         self.counts.delivered += arrived
-        upward = [launch for launch in due if launch.receivers[0] == OPERATOR]
-        downward = [launch for launch in due if launch.receivers[0] != OPERATOR]
-        upward.sort(key=lambda launch: (float(np.min(launch.due)), launch.order))
-        self._for_operator += [launch.what for launch in upward]
+        upward = [copies for copies in due if copies.receivers[0] == OPERATOR]
+        downward = [copies for copies in due if copies.receivers[0] != OPERATOR]
+        upward.sort(key=lambda copies: (float(np.min(copies.due)), copies.order))
+        self._for_operator += [copies.what for copies in upward]
         self._heard += receptions(downward)
 
     # ---- kept and made again
@@ -404,26 +406,28 @@ class Radio:
             [dump_sent(what) for what in self._for_operator],
             [(transmitter, message, times) for (transmitter, message), times in self._repeats.items()],
             self._repeats_at,
-            Array.of(self.turns.free) if self.turns else None,
+            Array.of(self.transmit_queue.free) if self.transmit_queue else None,
         )
 
-    def restore(self, parcel: RadioState, names: Sequence[str]) -> None:
+    def restore(self, state: RadioState, names: Sequence[str]) -> None:
         """Be as that radio was. names: of the robots. Raises ParcelError."""
         count = self._count
-        self._waiting = [InFlight(*load_in_flight(each, names)) for each in parcel.waiting]
-        self._on_the_way = sum(launch.size for launch in self._waiting)
-        if self._on_the_way > MAX_WAITING or parcel.counts.keys() != asdict(self.counts).keys():
-            raise SerialError(f"a radio with {self._on_the_way} copies on their way and {len(parcel.counts)} counts")
-        self._heard = [(message, ascending(robots, count)) for message, robots in parcel.heard]
-        self._for_operator = [load_sent(what, names) for what in parcel.for_operator]
-        self._repeats = Counter({(transmitter, message): times for transmitter, message, times in parcel.repeats})
-        self._repeats_at = parcel.repeats_at
-        self.counts = RadioCounts(**parcel.counts)
-        if (parcel.free is None) != (self.turns is None):
+        self._waiting = [InFlight(*load_in_flight(each, names)) for each in state.waiting]
+        self._on_the_way = sum(copies.size for copies in self._waiting)
+        if self._on_the_way > MAX_WAITING or state.counts.keys() != asdict(self.counts).keys():
+            raise SerialError(f"a radio with {self._on_the_way} copies on their way and {len(state.counts)} counts")
+        self._heard = [(message, ascending(robots, count)) for message, robots in state.heard]
+        self._for_operator = [load_sent(what, names) for what in state.for_operator]
+        self._repeats = Counter({(transmitter, message): times for transmitter, message, times in state.repeats})
+        self._repeats_at = state.repeats_at
+        self.counts = RadioCounts(**state.counts)
+        if (state.free is None) != (self.transmit_queue is None):
             raise SerialError("transmitters that are busy where none can be")
-        if self.turns and parcel.free:
-            self.turns.free = parcel.free.made(np.float64, self.turns.free.shape, "when transmitters are free")
-            within(self.turns.free, -inf, inf, "when transmitters are free")
+        if self.transmit_queue and state.free:
+            self.transmit_queue.free = state.free.made(
+                np.float64, self.transmit_queue.free.shape, "when transmitters are free"
+            )
+            within(self.transmit_queue.free, -inf, inf, "when transmitters are free")
 
 
 class Endpoint:
@@ -477,9 +481,9 @@ def dump_sent(what: Message | MessageBatch) -> MessageState | MessageBatchState:
     return MessageState(what) if isinstance(what, Message) else dump_batch(what)
 
 
-def load_sent(parcel: MessageState | MessageBatchState, names: Sequence[str]) -> Message | MessageBatch:
+def load_sent(state: MessageState | MessageBatchState, names: Sequence[str]) -> Message | MessageBatch:
     """What was said. names: of all robots. Raises ParcelError."""
-    return parcel.message if isinstance(parcel, MessageState) else load_batch(parcel, names)
+    return state.message if isinstance(state, MessageState) else load_batch(state, names)
 
 
 def dump_in_flight(
@@ -492,17 +496,17 @@ def dump_in_flight(
 
 
 def load_in_flight(
-    parcel: InFlightState, names: Sequence[str]
+    state: InFlightState, names: Sequence[str]
 ) -> tuple[SendOrder, Message | MessageBatch, Numbers, Seconds | float]:
     """The order, content, receivers and times of copies on their way. Raises ParcelError."""
-    what = load_sent(parcel.what, names)
-    if parcel.receivers is None:
+    what = load_sent(state.what, names)
+    if state.receivers is None:
         receivers = np.broadcast_to(np.int64(-1), len(what) if isinstance(what, MessageBatch) else 1)
     elif isinstance(what, MessageBatch):
         raise SerialError("a chorus that goes to robots")
     else:
-        receivers = ascending(parcel.receivers, len(names)).astype(np.int64)
-    due = parcel.due if isinstance(parcel.due, float) else parcel.due.made(np.float64, receivers.shape, "due times")
+        receivers = ascending(state.receivers, len(names)).astype(np.int64)
+    due = state.due if isinstance(state.due, float) else state.due.made(np.float64, receivers.shape, "due times")
     if receivers.size == 0 or np.isnan(due).any():
         raise SerialError("copies for nobody, or that are never due")
-    return parcel.order, what, receivers, due
+    return state.order, what, receivers, due

@@ -164,11 +164,11 @@ def looking_for(
     contacts, minds, seen = Contacts.of(air.fleet), RemoteMinds(), Seen.of(air.fleet)
     seen.restore(minds, UnixClock().now())
     with (
-        closing(line_for(air, None, robot=False, say=say)) as line,
+        closing(session_for(air, None, robot=False, say=say)) as session,
         closing(opened(air.journal, air.fleet)) as journal,
     ):
         station = AirStation(
-            line,
+            session,
             UnixClock(),
             minds.vocabulary,
             minds,
@@ -193,7 +193,7 @@ def looking_for(
                 say(str(error))
 
 
-def line_for(
+def session_for(
     air: Air, name: str | None, *, robot: bool, say: Callable[[str], None], store: Store | None = None
 ) -> ChannelSession:
     """A line on this channel. name: of what we say, None for the key's owner. say: tells the person which keys are in
@@ -209,16 +209,16 @@ def line_for(
     key, trust = _keys(air, robot, say)
     if not robot:
         store = operator_store(air.fleet, key.public.owner, say)
-    mailbox = _mailbox(air, key.public.owner if name is None else name, key, trust, store, robot=robot)
+    delivery = _delivery(air, key.public.owner if name is None else name, key, trust, store, robot=robot)
     transport = open_transport(air.channel)
     listen_for(transport, ROBOT_KINDS if robot else Kind)
-    line = ChannelSession(transport, mailbox, UnixClock(), _chance())
+    session = ChannelSession(transport, delivery, UnixClock(), _chance())
     if not robot and store is not None:
-        line.ends.append(store.close)
-    return line
+        session.ends.append(store.close)
+    return session
 
 
-def lines_for(
+def sessions_for(
     air: Air, names: Sequence[str], say: Callable[[str], None], store: Store | None = None
 ) -> tuple[Multiplexer, Receiver, list[ChannelSession]]:
     """Lines of robots with these names, and the ear that hears for all of them, on one trunk. store: of these robots.
@@ -230,18 +230,22 @@ def lines_for(
     from sleepcast.core.clock import UnixClock
 
     key, trust = _keys(air, True, say)
-    boxes = [_mailbox(air, name, key, trust, store, robot=True) for name in names]
-    listening = boxes[0]
+    deliveries = [_delivery(air, name, key, trust, store, robot=True) for name in names]
+    listening = deliveries[0]
     if len(names) > 1:
-        listening = _mailbox(air, receiver_name(names), key, trust, store, robot=True)
+        listening = _delivery(air, receiver_name(names), key, trust, store, robot=True)
     if store is not None:
         store.listen(listening)
-    trunk, clock = Multiplexer(open_transport(air.channel), listening.door.drops), UnixClock()
-    ear = Receiver(trunk.branch(ROBOT_KINDS), listening, clock)
-    return trunk, ear, [ChannelSession(trunk.branch(()), box, clock, _chance(), listens=False) for box in boxes]
+    multiplexer, clock = Multiplexer(open_transport(air.channel), listening.admission.drops), UnixClock()
+    receiver = Receiver(multiplexer.port(ROBOT_KINDS), listening, clock)
+    return (
+        multiplexer,
+        receiver,
+        [ChannelSession(multiplexer.port(()), delivery, clock, _chance(), listens=False) for delivery in deliveries],
+    )
 
 
-def _mailbox(
+def _delivery(
     air: Air,
     name: str,
     key: KeyPair,
@@ -259,15 +263,15 @@ def _mailbox(
     if not key.public.is_of(name):
         raise MisuseError(f"the key of {key.public.owner!r} cannot speak for {name!r}: take another with --key")
     clock, chance = UnixClock(), _chance()
-    door = Admission(trust, air.fleet, clock, robot=robot, rate=air.rate, skew=air.skew)
+    admission = Admission(trust, air.fleet, clock, robot=robot, rate=air.rate, skew=air.skew)
     if store is None:  # a life begins later than all before, so that its numbers are news
-        return ReliableDelivery(name, epoch_at(clock.now()), key, door, chance)
+        return ReliableDelivery(name, epoch_at(clock.now()), key, admission, chance)
     if robot:
-        return ReliableDelivery(name, store.life(name), key, door, chance)
+        return ReliableDelivery(name, store.life(name), key, admission, chance)
     epoch, first = store.numbers(name)
-    mailbox = ReliableDelivery(name, epoch, key, door, chance, first=first, keep=store.keep)
-    store.attend(mailbox)
-    return mailbox
+    delivery = ReliableDelivery(name, epoch, key, admission, chance, first=first, keep=store.keep)
+    store.attend(delivery)
+    return delivery
 
 
 def _chance() -> Random:

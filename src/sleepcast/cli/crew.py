@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.air import Air, lines_for, options
+from sleepcast.cli.air import Air, options, sessions_for
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.restraints import restraints
 from sleepcast.cli.stores import open_store, store_option
@@ -107,7 +107,7 @@ def swarm(
         announce(f"{names[0]} to {names[-1]} are up: {count} robots; Ctrl-C stops their bodies and ends them")
         clock = crew.clock
         end = None if seconds is None else clock.now() + seconds
-        news = news_of(crew.ear.mailbox.door)
+        news = news_of(crew.receiver.delivery.admission)
 
         def going() -> bool:
             for line in news.lines():
@@ -149,22 +149,22 @@ def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> Ne
     # Others elsewhere begin in other places.
     simulator = Simulator(scenario, key(seed, "crew", first) >> 1, machine, threads=1)
     vocabulary = vocabulary_of(simulator.model)
-    trunk, ear, lines = lines_for(air, wanted.names, complain, store)
-    stack.enter_context(closing(ear))
+    trunk, receiver, sessions = sessions_for(air, wanted.names, complain, store)
+    stack.enter_context(closing(receiver))
     members = []
-    for i, (name, line) in enumerate(zip(wanted.names, lines, strict=True)):
+    for i, (name, line) in enumerate(zip(wanted.names, sessions, strict=True)):
         stack.enter_context(closing(line))
         body = simulator.robots[i]
         node = Node(name, vocabulary, number=first + i, seed=seed, body=body, lease=wanted.lease, on_air=True)
         members.append(Member(node, i, line))
-    ear.zero = zero = UnixClock().now()
+    receiver.zero = zero = UnixClock().now()
     for member in members:
-        member.node.zero = member.line.zero = zero
+        member.node.zero = member.session.zero = zero
         member.node.clock = UnixClock()
-    everybody = [each for member in members for each in (member.node, member.line)]
-    seek_time(ear.mailbox, lines[0], [ear, *everybody], complain)
+    everybody = [each for member in members for each in (member.node, member.session)]
+    seek_time(receiver.delivery, sessions[0], [receiver, *everybody], complain)
     guard = None if limits is None else Guard(simulator, limits)
-    return NetworkSwarm(simulator, members, trunk, ear, WallClock(), UnixClock(), guard=guard, keeper=store)
+    return NetworkSwarm(simulator, members, trunk, receiver, WallClock(), UnixClock(), guard=guard, keeper=store)
 
 
 def _begin(crew: NetworkSwarm, beginning: Beginning, store: Store | None) -> None:
@@ -184,5 +184,5 @@ def _account(crew: NetworkSwarm) -> str:
     """How it went, in a sentence."""
     from sleepcast.cli.told import heard_at
 
-    heard = heard_at(crew.ear.mailbox.door)
+    heard = heard_at(crew.receiver.delivery.admission)
     return f"{len(crew.members)} robots: {crew.watch}; {heard}; their bodies have been stopped"

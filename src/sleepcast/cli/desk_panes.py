@@ -42,8 +42,8 @@ OUTCOMES = "-MNF"
 def title(session: Session, width: int, channel: str) -> Line:
     """Who is at the desk, on which channel, and the time."""
     now = time.strftime("%H:%M:%S", time.localtime(session.station.now))
-    box = session.station.line.mailbox
-    left = f" sleepcast desk  {box.name} ({box.role})  {box.door.fleet} on {channel}"
+    delivery = session.station.session.delivery
+    left = f" sleepcast desk  {delivery.name} ({delivery.role})  {delivery.admission.fleet} on {channel}"
     return [("class:title", _filled(left, width - len(now) - 2) + f" {now} ")]
 
 

@@ -122,7 +122,7 @@ class Screen:
     async def run(self) -> None:
         """Until the person leaves. Raises KeyboardInterrupt for Ctrl-C, and for a signal that ends the process."""
         loop = asyncio.get_running_loop()
-        transport = self.session.station.line.transport.fileno()
+        transport = self.session.station.session.transport.fileno()
         heard = asyncio.Event()
         loop.add_reader(transport, heard.set)
         with contextlib.suppress(NotImplementedError, RuntimeError):

@@ -113,7 +113,7 @@ class Session:
 
     def due(self) -> float:
         """Seconds until `tick` has something to do, unless something comes in before."""
-        return min(self.station.due(), self.station.line.mailbox.due()) - self.station.now
+        return min(self.station.due(), self.station.session.delivery.due()) - self.station.now
 
     @property
     def period(self) -> float:

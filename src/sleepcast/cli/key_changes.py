@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 from sleepcast.cli.account import as_dict, told
-from sleepcast.cli.air import FLEET, Air, line_for, station_for
+from sleepcast.cli.air import FLEET, Air, session_for, station_for
 from sleepcast.cli.streams import complain, put
 
 if TYPE_CHECKING:
@@ -106,13 +106,13 @@ def endings(gone: Iterable[bytes], standing: Iterable[bytes]) -> list[KeyChange]
 
 def gathered(air: Air, gone: Iterable[bytes]) -> list[bytes]:
     """The datagrams of standing commands of these keys, as the robots on the air have them."""
-    with closing(line_for(air, None, robot=True, say=complain)) as line:
+    with closing(session_for(air, None, robot=True, say=complain)) as session:
         found: list[bytes] = []
         spent = quiet = 0.0
         while quiet < LISTEN and spent < LONGEST:
-            line.wait(0.1)
-            line.receive()
-            before, found = len(found), [each for key in gone for each in line.mailbox.standing_of(key)]
+            session.wait(0.1)
+            session.receive()
+            before, found = len(found), [each for key in gone for each in session.delivery.standing_of(key)]
             quiet = quiet + 0.1 if len(found) == before else 0.0
             spent += 0.1
     return found

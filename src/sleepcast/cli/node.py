@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.air import Air, line_for, options
+from sleepcast.cli.air import Air, options, session_for
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.restraints import restraints
 from sleepcast.cli.stores import chosen_store, no_store_option, open_store, store_option
@@ -123,12 +123,12 @@ def node(
         ears = None if datagrams is None else stack.enter_context(Datagrams(host, datagrams))
         lies = chosen_store(file, forgetful, fleet, name, channel is not None)
         store = None if lies is None else stack.enter_context(closing(open_store(lies, complain)))
-        line = None
+        session = None
         if channel is not None:
             if lockstep:
                 raise MisuseError("--lockstep and --channel do not go together: deadlines on the air are of real time")
             air = Air(channel, fleet, key, trust, folder, skew=skew, rate=rate)
-            line = stack.enter_context(closing(line_for(air, name, robot=True, say=complain, store=store)))
+            session = stack.enter_context(closing(session_for(air, name, robot=True, say=complain, store=store)))
         number, kept = _id(name, number), UNLIMITED if limits is None else read_limits(limits)
         if uri.partition(":")[0] == SIMULATED:
             if vocabulary == NOMAD:
@@ -139,7 +139,7 @@ def node(
             robot = stack.enter_context(open_robot(uri, in_step=lockstep, limits=kept))
         interrupts.defer()
         nomad = vocabulary == NOMAD
-        life = Life(name, robot, ears, line, store, nomad=nomad, number=number, seed=seed, lease=seconds_unattended)
+        life = Life(name, robot, ears, session, store, nomad=nomad, number=number, seed=seed, lease=seconds_unattended)
         life.begin(built_in, beginning)
         life.go_on(interrupts.check, 0.0 if lockstep else tick, seconds)
     return 0

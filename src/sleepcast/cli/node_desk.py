@@ -102,8 +102,8 @@ class NodeDesk:
     """The channel of one node: see the module.
 
     orders: what is to be done when, s after the start. typed: where an operator types. ears: plain datagrams, of which
-    one is told in each tick. line: the radio, if there is one. All this is received in the order given here. epoch: of
-    what is typed and told. stops: those that hold the robot, which a RELEASE that is typed here ends.
+    one is told in each tick. session: the radio, if there is one. All this is received in the order given here. epoch:
+    of what is typed and told. stops: those that hold the robot, which a RELEASE that is typed here ends.
     """
 
     def __init__(
@@ -113,12 +113,12 @@ class NodeDesk:
         orders: Sequence[Order],
         typed: Typed,
         ears: Datagrams | None,
-        line: Channel | None = None,
+        session: Channel | None = None,
         epoch: int = 0,
         stops: Callable[[], Sequence[object]] = tuple,
     ) -> None:
         self._name, self._clock, self._start = name, clock, clock.now()
-        self._orders, self._typed, self._ears, self._line = deque(orders), typed, ears, line
+        self._orders, self._typed, self._ears, self._session = deque(orders), typed, ears, session
         self._waiting: deque[Numbers] = deque()
         self._epoch, self._sequence, self._stops = epoch, 0, stops
         self.lost = 0
@@ -132,8 +132,8 @@ class NodeDesk:
         found += map(self._message, self._typed.texts())
         if self._ears is not None:
             found += self._next_datagram(self._ears)
-        if self._line is not None:
-            found += self._line.receive()
+        if self._session is not None:
+            found += self._session.receive()
         return found
 
     def _next_datagram(self, ears: Datagrams) -> Iterator[Message]:
@@ -155,8 +155,8 @@ class NodeDesk:
     def send(self, message: Message) -> None:
         """Print what the robot says to the terminal, and send all else."""
         body = message.body
-        if self._line is not None and not str(body.get("command", "")).startswith(f"{OPERATOR}-"):
-            self._line.send(message)
+        if self._session is not None and not str(body.get("command", "")).startswith(f"{OPERATOR}-"):
+            self._session.send(message)
             if message.kind is not Kind.REPORT:
                 return
         if message.kind is Kind.REPORT:

@@ -81,16 +81,16 @@ def install(node: Node, golden: Beginning) -> None:
 
 
 class Life:
-    """A mind in a body. ears: where plain datagrams come in, if they do. line: the radio, if there is one. store: what
-    outlives this life, if anything does. nomad: whether functions with Nclient's names take its units. lease: s for
-    which a body that is driven goes on while nobody is heard."""
+    """A mind in a body. ears: where plain datagrams come in, if they do. session: the radio, if there is one. store:
+    what outlives this life, if anything does. nomad: whether functions with Nclient's names take its units. lease: s
+    for which a body that is driven goes on while nobody is heard."""
 
     def __init__(
         self,
         name: str,
         robot: RealRobot,
         ears: Datagrams | None,
-        line: ChannelSession | None,
+        session: ChannelSession | None,
         store: Store | None,
         *,
         nomad: bool,
@@ -98,9 +98,9 @@ class Life:
         seed: int,
         lease: float,
     ) -> None:
-        self.robot, self.ears, self.line, self.store, self.watch = robot, ears, line, store, Watch()
+        self.robot, self.ears, self.session, self.store, self.watch = robot, ears, session, store, Watch()
         names = vocabulary_of(nomad_vocabulary(robot.model) if nomad else robot.model)
-        self.node = Node(name, names, number=number, seed=seed, body=robot, lease=lease, on_air=line is not None)
+        self.node = Node(name, names, number=number, seed=seed, body=robot, lease=lease, on_air=session is not None)
         self._orders: tuple[Order, ...] = ()
 
     def begin(self, golden: Beginning, beginning: Beginning) -> None:
@@ -113,10 +113,12 @@ class Life:
         self._orders = beginning.orders
         self.node.clock = UnixClock()
         self.node.zero = self.node.clock.now()
-        if self.line is not None:
-            self.line.zero = self.node.zero
-            seek_time(self.line.mailbox, self.line, [self.node, self.line], complain)
-        if self.store is not None and self.store.adopt(self.node, None if self.line is None else self.line.mailbox):
+        if self.session is not None:
+            self.session.zero = self.node.zero
+            seek_time(self.session.delivery, self.session, [self.node, self.session], complain)
+        if self.store is not None and self.store.adopt(
+            self.node, None if self.session is None else self.session.delivery
+        ):
             complain(f"{self.node.name} goes on where it was ({self.store.file})")
         else:
             begin_with(self.node, beginning)
@@ -127,13 +129,13 @@ class Life:
         """Live, and say at the end how it went. check: raises KeyboardInterrupt when it is time. tick: s, 0 in step.
         seconds: to live, None for ever. Raises SleepcastError when the body fails."""
         clock: Clock = WallClock() if tick else self.robot
-        line = self.line
+        session = self.session
         epoch, authority = epoch_at(self.node.zero), self.node.authority
         desk = NodeDesk(
-            self.node.name, clock, self._orders, Typed(), self.ears, line, epoch, lambda: authority.latch.holding
+            self.node.name, clock, self._orders, Typed(), self.ears, session, epoch, lambda: authority.latch.holding
         )
         end = inf if seconds is None else clock.now() + seconds
-        news = None if line is None else news_of(line.mailbox.door)
+        news = None if session is None else news_of(session.delivery.admission)
 
         def going() -> bool:
             for complaint in (*self.robot.complaints(), *(news.lines() if news else ())):
@@ -145,7 +147,7 @@ class Life:
         told = "1 rule" if rules == 1 else f"{rules} rules"
         announce(f"{self.node.name} is up, with {told}; Ctrl-C stops its body and ends it")
         try:
-            sleep = time.sleep if line is None else line.wait
+            sleep = time.sleep if session is None else session.wait
             run_robot(
                 *(self.node, self.robot, clock, desk),
                 tick=tick,
@@ -160,10 +162,10 @@ class Life:
 
     def _account(self, desk: NodeDesk) -> str:
         said = f"{self.node.name}: {self.watch}"
-        if self.line is not None:
-            door = self.line.mailbox.door
-            said += f"; {heard_at(door)}"
-            for sender, ahead in door.skews.all(UnixClock().now()).items():
+        if self.session is not None:
+            admission = self.session.delivery.admission
+            said += f"; {heard_at(admission)}"
+            for sender, ahead in admission.offsets.all(UnixClock().now()).items():
                 said += f"; our clock is {abs(ahead):.2f} s {'ahead of' if ahead > 0.0 else 'behind'} that of {sender}"
         if self.ears is not None:
             counts = self.ears.counts

@@ -89,12 +89,12 @@ class Witness:
         self._recorder.posted(now, tick, message)
         self._recorder.log(now, message.sender, message.text or message.kind.name)
 
-    def said(self, chorus: MessageBatch) -> None:
+    def said(self, batch: MessageBatch) -> None:
         """What robots say goes on the air in this tick. Answers come to be seen in the account."""
         self._unmarked = True
-        if chorus.kind is Kind.ANSWER:
+        if batch.kind is Kind.ANSWER:
             return
-        for message in chorus.messages():
+        for message in batch.messages():
             self._recorder.log(self._swarm.now(), message.sender, _in_words(message))
 
     def ticked(self) -> None:

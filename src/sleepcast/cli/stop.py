@@ -112,8 +112,8 @@ def _insist(station: AirStation, sent: Command, until: float, check: Callable[[]
 
 
 def _our_key(station: AirStation) -> str:
-    box = station.line.mailbox
-    return printable(f"the key of {box.name} ({box.role}, {box.key_id.hex()})")
+    delivery = station.session.delivery
+    return printable(f"the key of {delivery.name} ({delivery.role}, {delivery.key_id.hex()})")
 
 
 def _tell_reasons(station: AirStation, clear: Callable[[], None]) -> None:
@@ -128,22 +128,22 @@ def _reasons(station: AirStation) -> Iterator[str]:
     from sleepcast.channel.message import Role
     from sleepcast.cli.told import heard_at
 
-    box = station.line.mailbox
-    drops, keys = box.door.drops, [key for key in box.door.trust.keys if not key.revoked]
-    yield f"no robot has confirmed STOP yet: {heard_at(box.door)}"
+    delivery = station.session.delivery
+    drops, keys = delivery.admission.drops, [key for key in delivery.admission.trust.keys if not key.revoked]
+    yield f"no robot has confirmed STOP yet: {heard_at(delivery.admission)}"
     yield from (f"  {notice}" for notice in station.notices())
     strangers = {
         key.hex(): count for (key, why), count in drops.by_key.items() if why is DropReason.UNKNOWN_KEY and key
     }
     for key, count in Counter(strangers).most_common(STRANGERS):
         yield f"  somebody is there under key {key}, which our trust file does not know: {count} messages"
-    if all(key.id != box.key_id for key in keys):
+    if all(key.id != delivery.key_id for key in keys):
         yield f"  our own trust file does not believe {_our_key(station)}: perhaps robots do not, either"
     if all(key.role is not Role.ROBOT for key in keys):
         yield "  our trust file knows no robot's key, so that no answer is believed (sleepcast keys trust)"
     yield (
-        f"  a robot obeys only if it trusts {_our_key(station)}, is of the fleet {box.door.fleet!r}, and hears this "
-        "channel; see --key, --fleet and --channel"
+        f"  a robot obeys only if it trusts {_our_key(station)}, is of the fleet {delivery.admission.fleet!r}, "
+        "and hears this channel; see --key, --fleet and --channel"
     )
 
 

@@ -20,10 +20,10 @@ class Zeroed(Protocol):
 
 
 def seek_time(
-    listening: ReliableDelivery, line: ChannelSession, zeroed: Iterable[Zeroed], say: Callable[[str], None]
+    listening: ReliableDelivery, session: ChannelSession, zeroed: Iterable[Zeroed], say: Callable[[str], None]
 ) -> None:
     """If the clock is plainly wrong, ask for the time; the robots' own time goes on as it does. listening: what hears
-    for them; line: of the one that tells the operators; zeroed: all whose time began by the wrong clock."""
+    for them; session: of the one that tells the operators; zeroed: all whose time began by the wrong clock."""
     if UnixClock().now() >= MADE:
         return
     everything = list(zeroed)
@@ -33,9 +33,9 @@ def seek_time(
         for each in everything:
             each.zero += behind
         body: dict[str, object] = {"label": "clock", "values": [behind], TOOK: whose}
-        line.mailbox.post(Kind.REPORT, UnixClock().now(), body=body)
-        line.flush()
-        say(took([line.mailbox.name], whose, differs(-behind)))
+        session.delivery.post(Kind.REPORT, UnixClock().now(), body=body)
+        session.flush()
+        say(took([session.delivery.name], whose, differs(-behind)))
 
     say("this computer's clock is plainly wrong: nothing but STOP is obeyed until an operator has told the time")
     listening.seek_time(take)

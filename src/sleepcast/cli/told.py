@@ -44,15 +44,15 @@ def said(body: Mapping[str, object]) -> str:
     return f"{outcome}{known}{f': {fault}' if fault else ''}"
 
 
-def heard_at(door: Admission) -> str:
+def heard_at(admission: Admission) -> str:
     """How many messages came in, and what did not, by reason."""
-    dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(door.counts.items()))
-    return f"{door.passed} messages heard{f', dropped: {dropped}' if dropped else ''}"
+    dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(admission.counts.items()))
+    return f"{admission.passed} messages heard{f', dropped: {dropped}' if dropped else ''}"
 
 
-def news_of(door: Admission) -> NoticeLog:
+def news_of(admission: Admission) -> NoticeLog:
     """What is going on at a door, as lines for a terminal."""
-    return NoticeLog(door.drops, door.trust, WallClock(), door.clocks.of_operators)
+    return NoticeLog(admission.drops, admission.trust, WallClock(), admission.clocks.of_operators)
 
 
 def _sent(entry: Entry) -> str:

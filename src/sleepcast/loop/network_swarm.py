@@ -39,20 +39,20 @@ class Member:
 
     node: Node
     number: int
-    line: ChannelSession
+    session: ChannelSession
     due: float = -inf
 
 
 @dataclass(slots=True)
 class NetworkSwarm:
-    """See the module. trunk: on which the ear and all lines have their branches. clock: for the pace of the ticks; air:
-    Unix time, by which they are tended. watch: how it goes. guard: of the bodies' limits. keeper: of what the minds
-    know. time: of the minds, which began when their nodes say, s."""
+    """See the module. multiplexer: on which the ear and all lines have their branches. clock: for the pace of the
+    ticks; air: Unix time, by which they are tended. watch: how it goes. guard: of the bodies' limits. keeper: of what
+    the minds know. time: of the minds, which began when their nodes say, s."""
 
     simulator: Simulator
     members: Sequence[Member]
-    trunk: Multiplexer
-    ear: Receiver
+    multiplexer: Multiplexer
+    receiver: Receiver
     clock: Clock
     air: Clock
     watch: Watch = field(default_factory=Watch)
@@ -102,9 +102,9 @@ class NetworkSwarm:
     def listen(self, until: float) -> None:
         """Receive what comes, until that time of `clock`."""
         while (left := until - self.clock.now()) > 0.0:
-            wait = min(self.ear.due(), *(member.due for member in self.members)) - self.air.now()
-            if wait > 0.0 and not self.ear.waits:
-                select.select([self.trunk], [], [], min(wait, left))
+            wait = min(self.receiver.due(), *(member.due for member in self.members)) - self.air.now()
+            if wait > 0.0 and not self.receiver.waits:
+                select.select([self.multiplexer], [], [], min(wait, left))
             pause = min(GATHER_FOR, until - self.clock.now()) if self.hear() else 0.0
             if pause > 0.0:
                 select.select([], [], [], pause)
@@ -112,15 +112,15 @@ class NetworkSwarm:
     def hear(self) -> bool:
         """Receive what has come, and send what is due; whether anything came from elsewhere. What one says, its
         neighbours hear in their turn."""
-        came = self.trunk.gather()
-        heard = self.ear.take()
+        came = self.multiplexer.gather()
+        heard = self.receiver.take()
         self._give(heard)  # what has come reaches every mind before anything else is done
         now = self.air.now()
-        if self.ear.due() <= now:
-            freed = self.ear.tend()
+        if self.receiver.due() <= now:
+            freed = self.receiver.tend()
             self._give(freed)
             heard += freed
-        skipped = self.ear.skipped()
+        skipped = self.receiver.skipped()
         for member in self.members:
             self._tend(member, now, skipped, news=bool(heard))
         speaking = [member for member in self.members if member.node.outbox]
@@ -134,23 +134,23 @@ class NetworkSwarm:
         """Let every mind hear these, but for what it has said itself."""
         for member in self.members if messages else ():
             name = member.node.name
-            member.line.hear(each for each in messages if each.sender != name or each.role != Role.ROBOT)
+            member.session.hear(each for each in messages if each.sender != name or each.role != Role.ROBOT)
             self._receive(member)
 
     def _tend(self, member: Member, now: float, skipped: Sequence[Skipped], *, news: bool) -> None:
         """Let a line do what is due. news: whether it has heard something, and other things may be due now."""
         if skipped:
-            member.line.miss(skipped)
+            member.session.miss(skipped)
         if skipped or news:
-            member.due = member.line.due()
+            member.due = member.session.due()
         if skipped or member.due <= now:
-            member.line.tend()
+            member.session.tend()
             self._receive(member)
-            member.due = member.line.due()
+            member.due = member.session.due()
 
     @staticmethod
     def _receive(member: Member) -> None:
-        for message in member.line.heard():
+        for message in member.session.heard():
             member.node.receive(message)
 
     def _time(self) -> float:
@@ -173,9 +173,9 @@ class NetworkSwarm:
     @staticmethod
     def _report(member: Member) -> None:
         for message in member.node.outbox:
-            member.line.send(message)
+            member.session.send(message)
         member.node.outbox.clear()
-        member.due = member.line.due()
+        member.due = member.session.due()
 
 
 # Garbage is looked for right after a tick, when nobody waits for anything.

@@ -50,7 +50,7 @@ class Desk(Protocol):
     def hear(self, message: Message) -> None:
         """Take in what a robot says."""
 
-    def hear_many(self, chorus: MessageBatch) -> None:
+    def hear_many(self, batch: MessageBatch) -> None:
         """Take in what many robots say at once."""
 
     def observe_many(self, now: float, robots: Index) -> None:
@@ -75,7 +75,7 @@ class Witness(Protocol):
     def posted(self, message: Message) -> None:
         """The operator's message goes on the air."""
 
-    def said(self, chorus: MessageBatch) -> None:
+    def said(self, batch: MessageBatch) -> None:
         """What robots say goes on the air."""
 
     def ticked(self) -> None:
@@ -238,10 +238,10 @@ def _is_sampled(swarm: Swarm) -> bool:
 
 def _report(swarm: Swarm) -> None:
     """Send what the robots say; let the desk hear what has come in; take a sample of every robot when it is time."""
-    for chorus in swarm.fleet.said():
-        swarm.radio.send_all(chorus)
+    for batch in swarm.fleet.said():
+        swarm.radio.send_all(batch)
         if swarm.witness is not None:
-            swarm.witness.said(chorus)
+            swarm.witness.said(batch)
     for robots, castes in swarm.fleet.pings():
         swarm.simulator.pings(robots, castes)
     desk = swarm.desk

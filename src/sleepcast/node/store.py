@@ -77,7 +77,7 @@ class Robot:
 
     number: int
     node: Node
-    mailbox: ReliableDelivery | None
+    delivery: ReliableDelivery | None
     known: dict[str, int] = field(default_factory=dict)
     begun: set[str] = field(default_factory=set)
     fingerprint: tuple[object, ...] = ()
@@ -132,28 +132,28 @@ class Store:
     def _heard(self, kept: Remembered) -> DeliveryState:
         return DeliveryState(tuple(kept.streams), tuple(kept.windows), tuple(self._content.standing))
 
-    def listen(self, mailbox: ReliableDelivery) -> None:
+    def listen(self, delivery: ReliableDelivery) -> None:
         """Keep from now on what a mailbox (whose epoch is its `life`) hears for all robots here; it goes on where it
         was."""
-        kept = self._remembered(mailbox.name)
-        mailbox.restore(self._heard(kept), kept.since)
-        self._listening = kept, mailbox
+        kept = self._remembered(delivery.name)
+        delivery.restore(self._heard(kept), kept.since)
+        self._listening = kept, delivery
 
-    def adopt(self, node: Node, mailbox: ReliableDelivery | None) -> bool:
+    def adopt(self, node: Node, delivery: ReliableDelivery | None) -> bool:
         """Let a robot go on where it was, and keep it from now on; whether it had been here before. Its mailbox (whose
         epoch is its `life`) has heard nothing yet, if it has one, and its mind has learned nothing but what is built
         in. Raises StoreError for what no mind can be."""
         if node.name not in self._content.robots:
             self.life(node.name)
         kept = self._content.robots[node.name]
-        robot = self._robots[node.name] = Robot(kept.number, node, mailbox)
+        robot = self._robots[node.name] = Robot(kept.number, node, delivery)
         mind, kept.mind = kept.mind, None
         if mind is not None:
             self._restore(node, mind, kept.saved)
         elif self._seal.doubt:
             self._tell(node, stand(node, self._seal.doubt))
-        if mailbox is not None:
-            mailbox.restore(self._heard(kept), kept.since)
+        if delivery is not None:
+            delivery.restore(self._heard(kept), kept.since)
         heard = kept if self._listening is None else self._listening[0]
         if not heard.streams:
             node.recall(self._dealt_with(kept.number))
@@ -209,11 +209,11 @@ class Store:
             self.life(name)
         return kept.epoch, kept.sequence + 1
 
-    def attend(self, mailbox: ReliableDelivery) -> None:
+    def attend(self, delivery: ReliableDelivery) -> None:
         """Keep an operator's numbers from now on, and what he sends that stands; he goes on where he was."""
-        kept = self._remembered(mailbox.name)
-        mailbox.restore(self._heard(kept), kept.since)
-        self._attended = kept, mailbox
+        kept = self._remembered(delivery.name)
+        delivery.restore(self._heard(kept), kept.since)
+        self._attended = kept, delivery
         self.keep()
 
     def keep(self) -> None:
@@ -224,10 +224,10 @@ class Store:
     def _keep(self, ahead: int) -> None:
         """ahead: how many more of his numbers may be used before they are kept again."""
         if self._attended is not None:
-            kept, mailbox = self._attended
-            self._take_news(kept.number, mailbox)
-            kept.sequence = mailbox.next_number - 1 + ahead
-            self._unwritten.lives[kept.number] = mailbox.name, kept
+            kept, delivery = self._attended
+            self._take_news(kept.number, delivery)
+            kept.sequence = delivery.next_number - 1 + ahead
+            self._unwritten.lives[kept.number] = delivery.name, kept
             self._write(self._clock.now())
 
     # ---- a tick
@@ -236,11 +236,11 @@ class Store:
         """All robots have received what has come, and are going to think about it."""
         now, begins = self._clock.now(), bool(self._unwritten.lives)
         if self._listening is not None:
-            kept, mailbox = self._listening
-            self._take_news(kept.number, mailbox)
+            kept, delivery = self._listening
+            self._take_news(kept.number, delivery)
         for robot in self._robots.values():
-            if robot.mailbox is not None:
-                self._take_news(robot.number, robot.mailbox)
+            if robot.delivery is not None:
+                self._take_news(robot.number, robot.delivery)
             for place, message in enumerate(robot.node.waiting):
                 if message.kind is Kind.COMMAND:
                     begins |= self._take(robot, message, place < MAX_QUEUE)
@@ -297,8 +297,8 @@ class Store:
 
     # ---- what is to be written
 
-    def _take_news(self, number: int, mailbox: ReliableDelivery) -> None:
-        news, waits = mailbox.news(), self._unwritten
+    def _take_news(self, number: int, delivery: ReliableDelivery) -> None:
+        news, waits = delivery.news(), self._unwritten
         for progress in news.streams:
             waits.streams[number, progress.stream] = progress
         for window in news.windows:

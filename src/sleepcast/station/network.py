@@ -70,17 +70,17 @@ class RoleError(MisuseError):
 
 
 class AirStation(Station):
-    """See the module. line: the way onto the air, whose times are those of `clock` (Unix time, s). heard: when robots
-    were heard before (`Contacts.heard`). expected: which robots there are, heard or not. within: s for answers, None:
-    by the roster. holding: whether robots that are driven at our word are to go on. news: what other operators said,
-    the latest last.
+    """See the module. session: the way onto the air, whose times are those of `clock` (Unix time, s). heard: when
+    robots were heard before (`Contacts.heard`). expected: which robots there are, heard or not. within: s for answers,
+    None: by the roster. holding: whether robots that are driven at our word are to go on. news: what other operators
+    said, the latest last.
 
     Whoever waits calls `pump` or `wait`; nothing happens otherwise.
     """
 
     def __init__(
         self,
-        line: ChannelSession,
+        session: ChannelSession,
         clock: Clock,
         vocabulary: Vocabulary,
         minds: Minds,
@@ -92,24 +92,24 @@ class AirStation(Station):
         within: float | None = None,
         expected: Expectation = NOBODY_SAID,
     ) -> None:
-        box = line.mailbox
+        delivery = session.delivery
         super().__init__(
             vocabulary,
             minds,
             self._post,
             clock,
-            operator=box.name,
-            epoch=box.epoch,
+            operator=delivery.name,
+            epoch=delivery.epoch,
             journal=journal,
             stale_after=stale_after,
             caution=Caution(ABOVE, irreversible=True, doubts=True) if caution is None else caution,
         )
-        self.line, self.within, self.holding = line, within, False
+        self.session, self.within, self.holding = session, within, False
         self.news: deque[Message] = deque(maxlen=MAX_NEWS)
         self.listeners: list[Callable[[list[Message]], None]] = []
         """Who gets what robots said, each time something was heard."""
         self._polled = Poll()
-        self._pursuit = Pursuit(box, self._sent, self._roster, self._within, self._note_again, self._note_account)
+        self._pursuit = Pursuit(delivery, self._sent, self._roster, self._within, self._note_again, self._note_account)
         self._drivers: deque[Command] = deque(maxlen=MAX_DRIVERS)
         """Commands that may have set robots in motion, since they were last stopped."""
         self._beat = -inf
@@ -201,7 +201,7 @@ class AirStation(Station):
         self._pursuit.give_up(command)
 
     def _settle_role(self, kind: Kind, text: str = "", rules_change: bool = False) -> None:
-        role, why = self.line.mailbox.role, ""
+        role, why = self.session.delivery.role, ""
         if kind not in MAY[role]:
             why = f"is an {role}, who may only ask and stop: {kind} needs an operator's key"
         elif rules_change and role is not Role.COMMANDER:
@@ -223,7 +223,7 @@ class AirStation(Station):
         self.pump_out()
 
     def _number(self) -> int:
-        return self.line.mailbox.next_number
+        return self.session.delivery.next_number
 
     def _post(self, message: Message) -> None:
         """Give a message to the mailbox; it leaves with `pump_out`, STOP and RELEASE at once."""
@@ -233,7 +233,7 @@ class AirStation(Station):
         body.setdefault(WITHIN, within)
         # Nobody keeps a RELEASE back and brings it later: it ends like everything that is done once.
         deadline = None if kind is Kind.RELEASE else message.deadline
-        self.line.mailbox.post(
+        self.session.delivery.post(
             kind, message.issued, text=message.text, deadline=deadline, standing=message.standing, body=body
         )
         self._pursuit.begin(message.id, message.issued + within)
@@ -252,7 +252,7 @@ class AirStation(Station):
         """Hear, and do what is due; gives what robots said, where answers to what was sent again name the first."""
         heard = []
         with self._lock, self.notes.together(self._clock.now()):
-            for message in self.line.receive():
+            for message in self.session.receive():
                 if message.kind in TO_OPERATOR:
                     if not self._is_new(message):
                         continue
@@ -272,7 +272,7 @@ class AirStation(Station):
         """Pump for so long; gives what was heard."""
         until, heard = self._clock.now() + seconds, self.pump()
         while (now := self._clock.now()) < until:
-            self.line.wait(min(until - now, max(0.0, self.due() - now)))
+            self.session.wait(min(until - now, max(0.0, self.due() - now)))
             heard += self.pump()
         return heard
 
@@ -299,12 +299,12 @@ class AirStation(Station):
 
     def pump_out(self) -> None:
         """Let what was posted leave now."""
-        self.line.flush()
+        self.session.flush()
 
     def _is_new(self, message: Message) -> bool:
         """Whether a robot says this now. Where its clock is wrong, it does if it answers what we have sent; then it is
         known how wrong its clock is, and what else it says can be judged by that."""
-        clocks, skew = self.clocks, self.line.mailbox.door.skew
+        clocks, skew = self.clocks, self.session.delivery.admission.skew
         answers = self._sent.find(self._pursuit.known(message).body.get("command")) is not None
         if answers or not message.ahead:
             clocks.note(message.sender, message.ahead)
@@ -325,8 +325,8 @@ class AirStation(Station):
     def notices(self) -> list[str]:
         """What is going on that a person should know of, as sentences: clocks that are wrong, forgeries, keys that
         nobody trusts."""
-        door = self.line.mailbox.door
-        return self.clocks.of_robots(DEADLINE) + [notice.text for notice in door.drops.notices(door.trust)]
+        admission = self.session.delivery.admission
+        return self.clocks.of_robots(DEADLINE) + [notice.text for notice in admission.drops.notices(admission.trust)]
 
     def _learn_stops(self, answer: Message) -> None:
         """A robot tells which STOPs hold it, each with the seconds since it came."""
@@ -355,7 +355,7 @@ class AirStation(Station):
             self._pursuit.attend(now)
             if self.holding and self._drives() and now - self._beat >= LEASE / 3.0:
                 self._beat = now
-                self.line.mailbox.post(Kind.HEARTBEAT, now, deadline=now + LEASE)
+                self.session.delivery.post(Kind.HEARTBEAT, now, deadline=now + LEASE)
 
     def _note_again(self, command: Command) -> None:
         if not command.is_look:

@@ -96,23 +96,23 @@ class Hearing:
             subject = message.body.get("command", "")
             self._note(Event.HEARD, message.sender, subject=str(subject), details=details)
 
-    def hear_many(self, chorus: MessageBatch) -> None:
+    def hear_many(self, batch: MessageBatch) -> None:
         """Take in what many robots say at once; their places are those of the roster. Reports are heard one by one, as
         many as are kept; answers are one entry in the journal."""
-        said = chorus.words
+        said = batch.words
         if not isinstance(said, Answers):
-            for message in chorus.take(slice(-MAX_REPORTS, None)).messages():
+            for message in batch.take(slice(-MAX_REPORTS, None)).messages():
                 self.hear(message)
         with self._lock:
             now = self._clock.now()
-            self._roster.heard[chorus.robots] = now
+            self._roster.heard[batch.robots] = now
             if isinstance(said, Answers):
                 command = self._sent.find(said.command)
                 if command is not None:
-                    command.answers.take(chorus.robots, chorus.places, said, now)
-                counts = np.bincount(said.sort[chorus.places], minlength=len(said.sorts)).tolist()
+                    command.answers.take(batch.robots, batch.places, said, now)
+                counts = np.bincount(said.sort[batch.places], minlength=len(said.sorts)).tolist()
                 found = {word: count for word, count in zip(said.sorts, counts, strict=True) if count}
-                details = {"kind": chorus.kind.value, "robots": len(chorus), "outcomes": found}
+                details = {"kind": batch.kind.value, "robots": len(batch), "outcomes": found}
                 self._note(Event.HEARD, MANY, subject=said.command, details=details)
 
     def observe(self, now: float, rows: Iterable[Telemetry]) -> None:

@@ -35,20 +35,20 @@ LATCHING = frozenset({Kind.STOP, Kind.RELEASE})
 
 
 class Pursuit:
-    """Of one desk. mailbox: what is said leaves there; sent, roster: the desk's own. within: seconds over which so many
-    robots are to spread their answers. note: told of each command of which something is sent again; over: of each that
-    is gone after no longer."""
+    """Of one desk. delivery: what is said leaves there; sent, roster: the desk's own. within: seconds over which so
+    many robots are to spread their answers. note: told of each command of which something is sent again; over: of each
+    that is gone after no longer."""
 
     def __init__(
         self,
-        mailbox: ReliableDelivery,
+        delivery: ReliableDelivery,
         sent: Sent,
         roster: Roster,
         within: Callable[[int], float],
         note: Callable[[Command], None],
         over: Callable[[Command], None],
     ) -> None:
-        self._mailbox, self._sent, self._roster, self._within = mailbox, sent, roster, within
+        self._delivery, self._sent, self._roster, self._within = delivery, sent, roster, within
         self._note, self._over = note, over
         self._due: dict[str, float] = {}
         """When those that are not accounted for are next asked again, s, by the id of the command."""
@@ -119,19 +119,19 @@ class Pursuit:
     def _ask_again(self, command: Command, within: float, now: float) -> None:
         """Have those that are missed say their answer again. They may have missed the command as well: it goes
         out once more, which nobody evaluates twice."""
-        self._mailbox.repeat(command.message.sequence, now)
+        self._delivery.repeat(command.message.sequence, now)
         missed = self._missed(command)
         if not missed:  # not everybody: those that are known first
             places = np.flatnonzero(command.silent)[:MAX_NAMED].tolist()
             missed = {FOR: [self._roster.names[place] for place in places]}
         body = {AGAIN: command.id, WITHIN: within, **missed}
-        self._mailbox.post(Kind.ASK, now, deadline=now + DEADLINE, body=body)
+        self._delivery.post(Kind.ASK, now, deadline=now + DEADLINE, body=body)
 
     def _send_again(self, command: Command, within: float, now: float) -> None:
         message = command.message
         body = {**message.body, FIRST: command.id, AGE: now - message.issued, WITHIN: within, **self._missed(command)}
         deadline = None if message.kind is Kind.RELEASE else message.deadline
-        again = self._mailbox.post(message.kind, now, text=message.text, deadline=deadline, body=body)
+        again = self._delivery.post(message.kind, now, text=message.text, deadline=deadline, body=body)
         self._first[again.id] = command.id
         if len(self._first) > MAX_AGAIN:
             self._first.popitem(last=False)

@@ -29,27 +29,27 @@ Instruction = tuple[int, int, int, int]
 """Code, instructions to jump over if true and if not, operand."""
 
 
-def drop_kinds(ears: socket.socket, unwanted: Iterable[Kind]) -> bool:
+def drop_kinds(receiving: socket.socket, unwanted: Iterable[Kind]) -> bool:
     """Leave out what these ears need not hear from now on; whether the system can."""
     if sys.platform != "linux":
         return False
     numbers = _numbers(unwanted)
     try:
         if numbers:
-            _attach(ears, program(numbers))
+            _attach(receiving, program(numbers))
         else:
-            ears.setsockopt(socket.SOL_SOCKET, DETACH, 0)
+            receiving.setsockopt(socket.SOL_SOCKET, DETACH, 0)
     except OSError:  # no sieve was there, or none may be: whoever reads drops what is not for him
         return not numbers
     return True
 
 
-def keep_kinds(ears: socket.socket, wanted: Iterable[Kind]) -> bool:
+def keep_kinds(receiving: socket.socket, wanted: Iterable[Kind]) -> bool:
     """Leave out all but messages of these kinds from now on; whether the system can."""
     if sys.platform != "linux":
         return False
     try:
-        _attach(ears, program(_numbers(wanted), found=ALL, others=NOTHING))
+        _attach(receiving, program(_numbers(wanted), found=ALL, others=NOTHING))
     except OSError:
         return False
     return True
@@ -75,7 +75,7 @@ def _numbers(kinds: Iterable[Kind]) -> list[int]:
     return sorted(NUMBER[kind] for kind in found) + [STANDING] * (Kind.COMMAND in found)
 
 
-def _attach(ears: socket.socket, instructions: Sequence[Instruction]) -> None:
+def _attach(receiving: socket.socket, instructions: Sequence[Instruction]) -> None:
     code = b"".join(struct.pack("=HBBI", *each) for each in instructions)
     room = ctypes.create_string_buffer(code, len(code))
-    ears.setsockopt(socket.SOL_SOCKET, ATTACH, struct.pack("@HP", len(instructions), ctypes.addressof(room)))
+    receiving.setsockopt(socket.SOL_SOCKET, ATTACH, struct.pack("@HP", len(instructions), ctypes.addressof(room)))

@@ -102,96 +102,96 @@ class MemoryTransport:
     _lock: ClassVar[threading.Lock] = threading.Lock()
 
     def __init__(self, uri: str, clock: Clock) -> None:
-        self._hearing = MemoryAddress.read(uri)
-        self.at, self.lost = self._hearing.at, 0
+        self._address = MemoryAddress.read(uri)
+        self.at, self.lost = self._address.at, 0
         self._clock = clock
-        self._bell = WakeUp()
+        self._wakeup = WakeUp()
         self._waiting: list[tuple[float, int, bytes]] = []
         self._heard = 0
         self._watched = False
         self._timer: threading.Timer | None = None
         self._rings = inf
         """When the timer rings, s."""
-        name = self._hearing.name
+        name = self._address.name
         with MemoryTransport._lock:
             parties = MemoryTransport._media.setdefault(name, [])
             if len(parties) >= MAX_PARTIES:
-                self._bell.close()
+                self._wakeup.close()
                 raise MediumError(f"{uri}: at most {MAX_PARTIES} parties of one process hear each other: take udp://")
             place = MemoryTransport._joined.get(name, 0)
             MemoryTransport._joined[name] = place + 1
             parties.append(self)
-        self._chance = Random(f"{self._hearing.seed} {place}")
+        self._chance = Random(f"{self._address.seed} {place}")
 
     def fileno(self) -> int:
         """What to wait on for news."""
         self._watched = True
-        return self._bell.fileno()
+        return self._wakeup.fileno()
 
     def send(self, datagram: bytes) -> None:
         """To all others in their range."""
         with MemoryTransport._lock:
-            parties = MemoryTransport._media.get(self._hearing.name, ())
+            parties = MemoryTransport._media.get(self._address.name, ())
             if self in parties:
                 for party in parties:
-                    if party is not self and dist(party.at, self.at) <= party._hearing.reach:
+                    if party is not self and dist(party.at, self.at) <= party._address.reach:
                         party._take(datagram)
 
     def receive(self) -> list[bytes]:
         """What has come in since the last call, in the order in which it came; nothing of our own."""
-        self._bell.quiet()
+        self._wakeup.clear()
         found = []
         with MemoryTransport._lock:
             now = self._clock.now()
             while self._waiting and self._waiting[0][0] <= now:
                 found.append(heappop(self._waiting)[2])
-            self._wake(now)
+            self._wake_up(now)
         return found
 
     def close(self) -> None:
         """Leave. Nothing can be sent or heard afterwards."""
         with MemoryTransport._lock:
-            parties = MemoryTransport._media.get(self._hearing.name, [])
+            parties = MemoryTransport._media.get(self._address.name, [])
             if self in parties:
                 parties.remove(self)
             if not parties:
-                MemoryTransport._media.pop(self._hearing.name, None)
-                MemoryTransport._joined.pop(self._hearing.name, None)
+                MemoryTransport._media.pop(self._address.name, None)
+                MemoryTransport._joined.pop(self._address.name, None)
             self._waiting.clear()
-            self._wake(0.0)
-            self._bell.close()
+            self._wake_up(0.0)
+            self._wakeup.close()
 
     def _take(self, datagram: bytes) -> None:
         """What becomes of a datagram on its way to us."""
-        hearing, now = self._hearing, self._clock.now()
-        for _ in range(1 + (self._chance.random() < hearing.duplicate)):
-            due = now + hearing.delay + hearing.jitter * self._chance.random()
-            due += LATE * (self._chance.random() < hearing.reorder)
-            if self._chance.random() < hearing.loss:
+        address, now = self._address, self._clock.now()
+        for _ in range(1 + (self._chance.random() < address.duplicate)):
+            due = now + address.delay + address.jitter * self._chance.random()
+            due += LATE * (self._chance.random() < address.reorder)
+            if self._chance.random() < address.loss:
                 continue
             if len(self._waiting) >= MAX_WAITING:
                 self.lost += 1
                 continue
             self._heard += 1
             heappush(self._waiting, (due, self._heard, datagram[: MAX_DATAGRAM + 1]))
-        self._wake(now)
+        self._wake_up(now)
 
-    def _wake(self, now: float) -> None:
+    def _wake_up(self, now: float) -> None:
         """Ring when the next datagram is due: whoever waits on `fileno` does not know when that is."""
         due = self._waiting[0][0] if self._waiting else inf
         if self._timer is not None and due != self._rings:
             self._timer.cancel()
             self._timer = None
         if due <= now:
-            self._bell.ring()
+            self._wakeup.set()
         elif self._timer is None and self._watched and due < inf:
             self._rings = due
-            self._timer = threading.Timer(due - now, self._ring, (due,))
+            self._timer = threading.Timer(due - now, self._wake_at, (due,))
             self._timer.daemon = True
             self._timer.start()
 
-    def _ring(self, due: float) -> None:
+    def _wake_at(self, due: float) -> None:
         """Ring for what was due at this time, unless it was taken in this very moment."""
         with MemoryTransport._lock:
             if self._waiting and self._waiting[0][0] <= due:
-                self._bell.ring()
+                self._wakeup.set()

@@ -1,4 +1,4 @@
-"""A trunk: one transport for many parties of one process, each of which has a branch that is a transport for it.
+"""A multiplexer: one transport for many parties of one process, each of which has a branch that is a transport for it.
 
 Every datagram is taken from the network once. What cannot be a message, and what none of the parties has ears for (a
 thousand robots' answers to their operator), ends here; the others go to every branch. What one party says goes on the
@@ -26,20 +26,20 @@ class Multiplexer:
     def __init__(self, transport: Transport, drops: DropCounter) -> None:
         self.drops = drops
         self._transport = transport
-        self._branches: list[Port] = []
-        self._hearing: list[Port] = []
+        self._ports: list[Port] = []
+        self._listening: list[Port] = []
         self._wanted: frozenset[Kind] = frozenset()
 
     def fileno(self) -> int:
         """What to wait on for news from the network."""
         return self._transport.fileno()
 
-    def branch(self, wanted: Iterable[Kind]) -> Port:
+    def port(self, wanted: Iterable[Kind]) -> Port:
         """The transport of one more party, which has ears for these kinds only."""
         found = Port(self, frozenset(wanted))
-        self._branches.append(found)
+        self._ports.append(found)
         if found.wanted:  # most of those that only speak want nothing
-            self._hearing.append(found)
+            self._listening.append(found)
             self._listen()
         return found
 
@@ -47,61 +47,61 @@ class Multiplexer:
         """Bring the branches what has come from the network since the last call; whether there was anything."""
         came = self._transport.receive()
         for datagram in came:
-            self._spread(datagram, None)
+            self._distribute(datagram, None)
         return bool(came)
 
     def send(self, datagram: bytes, sender: Port) -> None:
         """Send what the party of this branch says."""
         self._transport.send(datagram)
-        self._spread(datagram, sender)
+        self._distribute(datagram, sender)
 
-    def leave(self, branch: Port) -> None:
+    def leave(self, port: Port) -> None:
         """This branch hears nothing any more; with the last one the transport is left."""
-        if branch in self._branches:
-            self._branches.remove(branch)
-            if not self._branches:
+        if port in self._ports:
+            self._ports.remove(port)
+            if not self._ports:
                 self._transport.close()
-            elif branch in self._hearing:
-                self._hearing.remove(branch)
+            elif port in self._listening:
+                self._listening.remove(port)
                 self._listen()
 
     def _listen(self) -> None:
         """Let the transport bring what any of the branches wants."""
-        wanted = frozenset[Kind]().union(*(branch.wanted for branch in self._hearing))
+        wanted = frozenset[Kind]().union(*(port.wanted for port in self._listening))
         if wanted != self._wanted:
             self._wanted = wanted
             listen_for(self._transport, wanted)
 
-    def _spread(self, datagram: bytes, sender: Port | None) -> None:
+    def _distribute(self, datagram: bytes, sender: Port | None) -> None:
         kind = kind_of(datagram)
         if kind not in self._wanted:
             if sender is None:
                 self.drops.add(DropReason.MALFORMED if kind is None else DropReason.NOT_FOR_US)
             return
-        for branch in self._hearing:
-            if branch is not sender and kind in branch.wanted:
-                branch.waiting.append(datagram)
+        for port in self._listening:
+            if port is not sender and kind in port.wanted:
+                port.waiting.append(datagram)
 
 
 class Port:
     """One party's transport on a trunk. wanted: kinds that it has ears for. waiting: what it has not looked at yet."""
 
-    def __init__(self, trunk: Multiplexer, wanted: frozenset[Kind]) -> None:
+    def __init__(self, multiplexer: Multiplexer, wanted: frozenset[Kind]) -> None:
         self.wanted = wanted
         self.waiting: deque[bytes] = deque(maxlen=MAX_QUEUE)
-        self._trunk = trunk
+        self._multiplexer = multiplexer
 
     def fileno(self) -> int:
         """What to wait on for news from the network; what a neighbour has said is there already."""
-        return self._trunk.fileno()
+        return self._multiplexer.fileno()
 
     def send(self, datagram: bytes) -> None:
         """Broadcast."""
-        self._trunk.send(datagram, self)
+        self._multiplexer.send(datagram, self)
 
     def receive(self) -> list[bytes]:
         """What has come in since the last call, in the order in which it came; nothing of our own."""
-        self._trunk.gather()
+        self._multiplexer.gather()
         return self.drain()
 
     def drain(self) -> list[bytes]:
@@ -112,4 +112,4 @@ class Port:
 
     def close(self) -> None:
         """Leave. Nothing can be sent or heard afterwards."""
-        self._trunk.leave(self)
+        self._multiplexer.leave(self)

@@ -44,26 +44,26 @@ class WakeUp:
     own. It may be rung from any thread."""
 
     def __init__(self) -> None:
-        self._ear, self._hand = socket.socketpair()
-        self._ear.setblocking(False)
-        self._hand.setblocking(False)
+        self._read_end, self._write_end = socket.socketpair()
+        self._read_end.setblocking(False)
+        self._write_end.setblocking(False)
 
     def fileno(self) -> int:
         """Readable from `ring` on until `quiet`; -1 once it is closed."""
-        return self._ear.fileno()
+        return self._read_end.fileno()
 
-    def ring(self) -> None:
+    def set(self) -> None:
         """There is news. A bell that rings already, or is closed, stays as it is."""
         with suppress(OSError):
-            self._hand.send(b"!")
+            self._write_end.send(b"!")
 
-    def quiet(self) -> None:
+    def clear(self) -> None:
         """The news have been taken; to be called before they are taken, so that none is overlooked."""
         with suppress(OSError):
-            while len(self._ear.recv(4_096)) == 4_096:
+            while len(self._read_end.recv(4_096)) == 4_096:
                 pass
 
     def close(self) -> None:
         """Ring no more."""
-        self._ear.close()
-        self._hand.close()
+        self._read_end.close()
+        self._write_end.close()

@@ -108,27 +108,27 @@ class UdpTransport:
         self._family = socket.AF_INET6 if self.address.host.version == 6 else socket.AF_INET
         with ExitStack() as opened:
             try:
-                self._ears = self._listening(opened, link, BUFFER)
-                self._mouth = self._speaking(opened, link)
-                self._bell: socket.socket | select.epoll = self._ears
-                self._apart = self._set_apart(opened, link)
-                if self._apart:
-                    self._bell = opened.enter_context(select.epoll())
-                    for ears in (self._ears, *self._apart):
-                        self._bell.register(ears, select.EPOLLIN)
+                self._receiving = self._receiving_socket(opened, link, BUFFER)
+                self._sending = self._sending_socket(opened, link)
+                self._readable: socket.socket | select.epoll = self._receiving
+                self._reserved = self._reserve(opened, link)
+                if self._reserved:
+                    self._readable = opened.enter_context(select.epoll())
+                    for receiving in (self._receiving, *self._reserved):
+                        self._readable.register(receiving, select.EPOLLIN)
             except OSError as error:
                 raise UdpError(f"{uri}: the system refuses: {error.strerror or error}{_hint(error)}") from None
             self._opened = opened.pop_all()
-        self._own = self._mouth.getsockname()[:2]
+        self._own = self._sending.getsockname()[:2]
 
     def fileno(self) -> int:
         """What to wait on for news."""
-        return self._bell.fileno()
+        return self._readable.fileno()
 
     def send(self, datagram: bytes) -> None:
         """Broadcast."""
         try:
-            self._mouth.send(datagram)
+            self._sending.send(datagram)
         except OSError:  # no route, a full queue: as good as lost on the way
             self.lost += 1
 
@@ -136,15 +136,15 @@ class UdpTransport:
         """What has come in since the last call, STOPs first, then what robots tell their operator, else in the order in
         which it came; nothing of our own."""
         found = []
-        for ears, lane in self._apart.items():
-            found += self._taken(ears, lane.most)
-        return found + self._taken(self._ears, MOST_AT_ONCE)
+        for receiving, reserved in self._reserved.items():
+            found += self._received(receiving, reserved.most)
+        return found + self._received(self._receiving, MOST_AT_ONCE)
 
-    def _taken(self, ears: socket.socket, most: int) -> list[bytes]:
+    def _received(self, receiving: socket.socket, most: int) -> list[bytes]:
         found = []
         for _ in range(most):
             try:
-                datagram, sender = ears.recvfrom(MAX_DATAGRAM + 1)
+                datagram, sender = receiving.recvfrom(MAX_DATAGRAM + 1)
             except BlockingIOError:
                 break
             except OSError:  # what a network may say of datagrams sent before: nothing of ours
@@ -156,59 +156,65 @@ class UdpTransport:
     def ignore(self, kinds: Iterable[Kind]) -> None:
         """These kinds need not be brought here any more, all others do."""
         unwanted = {*kinds}
-        for ears, lane in self._apart.items():
-            keep_kinds(ears, lane.kinds - unwanted)
-        drop_kinds(self._ears, unwanted.union(*(lane.kinds for lane in self._apart.values())))
+        for receiving, reserved in self._reserved.items():
+            keep_kinds(receiving, reserved.kinds - unwanted)
+        drop_kinds(self._receiving, unwanted.union(*(reserved.kinds for reserved in self._reserved.values())))
 
     def close(self) -> None:
         """Leave. Nothing can be sent or heard afterwards."""
         self._opened.close()
-        self._bell = self._ears
+        self._readable = self._receiving
 
-    def _set_apart(self, opened: ExitStack, link: int) -> dict[socket.socket, ReservedSocket]:
+    def _reserve(self, opened: ExitStack, link: int) -> dict[socket.socket, ReservedSocket]:
         """A socket for each of `LANES`, and these kinds left out of the ears; none where the system cannot."""
-        found = {self._listening(opened, link, lane.room): lane for lane in RESERVED if sys.platform == "linux"}
-        kinds = {kind for lane in RESERVED for kind in lane.kinds}
-        if all(keep_kinds(ears, lane.kinds) for ears, lane in found.items()) and drop_kinds(self._ears, kinds):
+        found = {
+            self._receiving_socket(opened, link, reserved.room): reserved
+            for reserved in RESERVED
+            if sys.platform == "linux"
+        }
+        kinds = {kind for reserved in RESERVED for kind in reserved.kinds}
+        if all(keep_kinds(receiving, reserved.kinds) for receiving, reserved in found.items()) and drop_kinds(
+            self._receiving, kinds
+        ):
             return found
-        for ears in found:
-            ears.close()
+        for receiving in found:
+            receiving.close()
         return {}
 
-    def _listening(self, opened: ExitStack, link: int, room: int) -> socket.socket:
+    def _receiving_socket(self, opened: ExitStack, link: int, room: int) -> socket.socket:
         """A socket that hears the address. room: bytes that the system is asked to keep of what comes."""
-        ears, host = opened.enter_context(socket.socket(self._family, socket.SOCK_DGRAM)), self.address.host
-        ears.setblocking(False)
-        ears.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        receiving, host = opened.enter_context(socket.socket(self._family, socket.SOCK_DGRAM)), self.address.host
+        receiving.setblocking(False)
+        receiving.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         if sys.platform != "linux":  # there the one above is enough, and this one is for one user only
-            ears.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
-        ears.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, room)
-        ears.bind(self._place(link))
+            receiving.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+        receiving.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, room)
+        receiving.bind(self._socket_address(link))
         if not host.is_multicast:
-            return ears
+            return receiving
         if host.version == 6:
-            ears.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_JOIN_GROUP, host.packed + struct.pack("@I", link))
+            receiving.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_JOIN_GROUP, host.packed + struct.pack("@I", link))
         else:
-            ears.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, _membership(host, link))
-        return ears
+            receiving.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, _membership(host, link))
+        return receiving
 
-    def _speaking(self, opened: ExitStack, link: int) -> socket.socket:
+    def _sending_socket(self, opened: ExitStack, link: int) -> socket.socket:
         """A socket that sends to the address."""
-        mouth, host = opened.enter_context(socket.socket(self._family, socket.SOCK_DGRAM)), self.address.host
-        mouth.setblocking(False)
-        mouth.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
+        sending, host = opened.enter_context(socket.socket(self._family, socket.SOCK_DGRAM)), self.address.host
+        sending.setblocking(False)
+        sending.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
         if not host.is_multicast:
-            mouth.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+            sending.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
         elif host.version == 6:
-            mouth.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_MULTICAST_IF, link)
-            mouth.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_MULTICAST_HOPS, HOPS)
+            sending.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_MULTICAST_IF, link)
+            sending.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_MULTICAST_HOPS, HOPS)
         else:
-            mouth.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, _membership(host, link))
-            mouth.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, HOPS)
-        mouth.connect(self._place(link))  # so that it has an address and a port of its own
-        return mouth
+            sending.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, _membership(host, link))
+            sending.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, HOPS)
+        sending.connect(self._socket_address(link))  # so that it has an address and a port of its own
+        return sending
 
-    def _place(self, link: int) -> tuple[str, int] | tuple[str, int, int, int]:
+    def _socket_address(self, link: int) -> tuple[str, int] | tuple[str, int, int, int]:
         """The address as the socket wants it; one of IPv6 names the interface, which tells equal ones apart."""
         host = str(self.address.host)
         return (host, self.address.port) if self.address.host.version == 4 else (host, self.address.port, 0, link)

@@ -98,48 +98,48 @@ class ZenohTransport:
         if zenoh is None:
             raise ZenohError(f"{uri}: zenoh is not installed here: pip install 'sleepcast[zenoh]'")
         self.lost = 0
-        self._bell, self._taking = WakeUp(), Lock()  # else the bell may ring for what has been taken already
+        self._wakeup, self._taking = WakeUp(), Lock()  # else the bell may ring for what has been taken already
         self._heard: deque[bytes] = deque(maxlen=MAX_WAITING)
         try:
             self._session = zenoh.open(_config(site))
         except zenoh.ZError as error:
-            self._bell.close()
+            self._wakeup.close()
             raise ZenohError(_refusal(uri, site, str(error))) from None
         remote = zenoh.Locality.REMOTE
-        self._mouth = self._session.declare_publisher(
+        self._publisher = self._session.declare_publisher(
             site.key,
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.REAL_TIME,
             allowed_destination=remote,
         )
         # Not indirectly: that takes a thread of Python's, which keeps a process from ending.
-        ear = zenoh.handlers.Callback(self._hear, indirect=False)
-        self._session.declare_subscriber(site.key, ear, allowed_origin=remote)
+        subscriber = zenoh.handlers.Callback(self._hear, indirect=False)
+        self._session.declare_subscriber(site.key, subscriber, allowed_origin=remote)
 
     def fileno(self) -> int:
         """What to wait on for news."""
-        return self._bell.fileno()
+        return self._wakeup.fileno()
 
     def send(self, datagram: bytes) -> None:
         """Broadcast."""
         try:
-            self._mouth.put(datagram)
+            self._publisher.put(datagram)
         except zenoh.ZError:  # no link now: as good as lost on the way
             self.lost += 1
 
     def receive(self) -> list[bytes]:
         """What has come in since the last call, in the order in which it came; nothing of our own."""
         with self._taking:
-            self._bell.quiet()
+            self._wakeup.clear()
             found = [self._heard.popleft() for _ in range(min(len(self._heard), MOST_AT_ONCE))]
             if self._heard:
-                self._bell.ring()
+                self._wakeup.set()
         return found
 
     def close(self) -> None:
         """Leave. Nothing can be sent or heard afterwards."""
         self._session.close()  # type: ignore[no-untyped-call]
-        self._bell.close()
+        self._wakeup.close()
 
     def _hear(self, sample: zenoh.Sample) -> None:
         """In a thread of zenoh's."""
@@ -148,7 +148,7 @@ class ZenohTransport:
             data = payload.to_bytes()
             with self._taking:
                 self._heard.append(data)
-                self._bell.ring()
+                self._wakeup.set()
 
 
 def _config(site: ZenohAddress) -> zenoh.Config:

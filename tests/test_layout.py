@@ -55,7 +55,9 @@ HOUSE = {
     "bridges": room("nomad robot"),
     "loop": room("language channel node fleet simulator robot", "msgspec"),
     "station": room("language channel", "msgspec numpy"),
-    "console": room("language station robot", "starlette uvicorn msgspec numpy"),
+    "console": room(
+        "language channel robot nomad node fleet simulator loop station", "starlette uvicorn msgspec numpy"
+    ),
     "cli": room(
         "language channel robot mind nomad node fleet simulator bridges loop station console",
         "click rich prompt_toolkit msgspec numpy",

@@ -22,9 +22,9 @@ from cli.calling import LONGEST, called
 from cli.terminal import terminal
 from sleepcast.cli import main, progress, swarm
 from sleepcast.cli.headless import assemble
-from sleepcast.cli.page import SwarmOnPage
 from sleepcast.console import DEFAULT_PORT
-from sleepcast.console.messages import MAX_FACTOR, MIN_FACTOR
+from sleepcast.console.adapters.swarm import SwarmOnPage
+from sleepcast.console.incoming import MAX_FACTOR, MIN_FACTOR
 from sleepcast.loop import resume, snapshot
 from sleepcast.simulator import Changes, Wall, find_scenario
 from small_worlds import small, write

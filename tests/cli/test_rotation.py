@@ -11,10 +11,10 @@ import pytest
 
 from cli.calling import LONGEST, called
 from console.running import Program, open_page
-from sleepcast.cli.film import film_of
 from sleepcast.cli.headless import assemble
-from sleepcast.cli.page import outlines
 from sleepcast.cli.recording import Wanted, recorded
+from sleepcast.console.adapters.recording import film_of
+from sleepcast.console.adapters.swarm import outlines
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Changes, Circle, Wall, find_scenario, load
 from sleepcast.simulator.recorder import Recorder

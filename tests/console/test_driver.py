@@ -11,7 +11,7 @@ from time import thread_time
 import pytest
 
 from console.running import PATIENCE
-from sleepcast.cli.page import SwarmOnPage
+from sleepcast.console.adapters.swarm import SwarmOnPage
 from sleepcast.console.driver import FRAME_PERIOD, SLICE, Driver
 from sleepcast.core.clock import WallClock
 from sleepcast.loop import Pace, Swarm

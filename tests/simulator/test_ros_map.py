@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from sleepcast.cli.page import scene_of
+from sleepcast.console.adapters.swarm import scene_of
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Area, Scenario, SettingsError, Simulator, load
 from sleepcast.simulator.ros_map import MAX_PIXELS, read_map

@@ -14,9 +14,9 @@ from safety.scene import KEYS, START, Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import look
 from sleepcast.channel.payload import TOLD
-from sleepcast.cli.channel_page import EMPTY, FleetOnPage
 from sleepcast.cli.watch import Window
 from sleepcast.console import Scene as Ground
+from sleepcast.console.adapters.channel import EMPTY, FleetOnPage
 from sleepcast.core.errors import SleepcastError
 from sleepcast.station.network import AirStation
 from sleepcast.station.remote import RemoteMinds

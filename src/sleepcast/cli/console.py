@@ -48,8 +48,8 @@ def console(
       sleepcast console --scenario bravo --channel udp://192.168.1.255:47123
     """
     with looking_for(air, complain) as (station, looker):
-        from sleepcast.cli.channel_page import EMPTY, FleetOnPage
         from sleepcast.console import DEFAULT_PORT, Address, Scene, serve_fleet
+        from sleepcast.console.adapters.channel import EMPTY, FleetOnPage
         from sleepcast.core.clock import WallClock
 
         if scenario is None:
@@ -58,7 +58,7 @@ def console(
         else:
             from msgspec.structs import replace
 
-            from sleepcast.cli.page import scene_of
+            from sleepcast.console.adapters.swarm import scene_of
             from sleepcast.simulator import find_scenario
 
             drawn = scene_of(find_scenario(scenario), ("",))

@@ -117,13 +117,17 @@ def _page(
     world: NomadWorld, pace: Pace, title: str, port: int, *, browser: bool, as_json: bool
 ) -> Callable[[Nserver], Awaitable[None]]:
     """What serves the page of a server until it ends."""
-    from sleepcast.cli.nserver_page import show
-    from sleepcast.console import Address
+    from sleepcast.console import Address, serve_nomads
+    from sleepcast.console.adapters.nomads import NomadsOnPage
+    from sleepcast.core.clock import WallClock
 
-    address = Address("127.0.0.1", port, insecure=False, browser=browser)
-    return lambda server: show(
-        server, pace, title=title, area=world.area, address=address, say=_say if as_json else announce
-    )
+    address, say = Address("127.0.0.1", port, insecure=False, browser=browser), _say if as_json else announce
+
+    def page(server: Nserver) -> Awaitable[None]:
+        shown = NomadsOnPage(server, pace, title, world.area)
+        return serve_nomads(shown, WallClock(), address=address, port_option="--page-port", say=say)
+
+    return page
 
 
 async def _serve(

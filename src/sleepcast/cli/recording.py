@@ -13,8 +13,8 @@ from sleepcast import __version__
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.cli.streams import complain
+from sleepcast.console.account_table import values_in_words
 from sleepcast.console.frames import Groups, flags_of
-from sleepcast.console.ledger import values_in_words
 from sleepcast.language import format_value
 from sleepcast.loop import Swarm, snapshot
 from sleepcast.simulator import Scenario

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections import deque
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +13,7 @@ import click
 
 from sleepcast.cli.hosts import allow_host_option
 from sleepcast.cli.interrupts import Interrupts
-from sleepcast.cli.streams import put
+from sleepcast.cli.streams import announce, put
 from sleepcast.cli.swarm import FASTEST, HOST, PORT, SLOWEST
 from sleepcast.core.errors import MisuseError
 
@@ -65,10 +65,17 @@ def replay(
 
         recording = load_recording(file)
         if not (headless or as_json or verify):
-            from sleepcast.cli.film import show
-            from sleepcast.console import Address
+            from sleepcast.console import Address, serve_desk
+            from sleepcast.console.adapters.recording import film_of
+            from sleepcast.console.replay import ReplayDesk, ReplayDriver
+            from sleepcast.core.clock import WallClock
 
-            show(interrupts, recording, speed, Address(host, port, insecure, not no_browser, allow))
+            film = film_of(recording)
+            interrupts.release()  # the server has a way of its own to end in good order
+            if speed is not None:
+                film = replace(film, speed=speed)
+            clock, address = WallClock(), Address(host, port, insecure, not no_browser, allow)
+            serve_desk(ReplayDesk(film, ReplayDriver(film, clock)), clock, address=address, say=announce)
             return 0
         verdict = _verify(interrupts, recording, quiet=quiet) if verify else None
     put(json.dumps(_to_dict(recording, verdict)) if as_json else _to_text(recording, verdict))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict, TypeVar, Unpack
@@ -12,15 +13,16 @@ from typing import TYPE_CHECKING, TypedDict, TypeVar, Unpack
 import click
 
 from sleepcast.cli.hosts import allow_host_option
-from sleepcast.cli.interrupts import Interrupts
+from sleepcast.cli.interrupts import INTERRUPTED, TERMINATED, Interrupts, Terminated, end_now
 from sleepcast.cli.prepare import advise
-from sleepcast.cli.streams import put
+from sleepcast.cli.streams import announce, put
 from sleepcast.cli.times import SimulatedTime
 from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.cli.recording import Wanted
     from sleepcast.cli.snapshots import Keeping
+    from sleepcast.console import Address
     from sleepcast.loop import Swarm
     from sleepcast.simulator import Changes
     from sleepcast.station import Journal, Station
@@ -148,14 +150,13 @@ def _start_within(interrupts: Interrupts, name: str | None, headless: bool, opti
     begin = _beginning(name, options, headless)
     wanted, keeping = _wanted(options), _keeping(options)
     if not headless:
-        from sleepcast.cli.page import show
         from sleepcast.console import Address
 
         browser, allow = not options["no_browser"], options["allow"]
         address = Address(options["host"], options["port"], options["insecure"], browser, allow)
         swarm, station = begin()
         interrupts.release()  # the server has a way of its own to end in good order
-        show(swarm, station, options["speed"], address, wanted, keeping, options["threads"])
+        _show(swarm, station, options, address, wanted, keeping)
         return 0
     from sleepcast.cli.headless import run_headless
 
@@ -164,6 +165,61 @@ def _start_within(interrupts: Interrupts, name: str | None, headless: bool, opti
     )
     put(json.dumps(outcome.to_dict()) if options["as_json"] else outcome.to_text())
     return int(outcome.broken)
+
+
+def _show(
+    swarm: Swarm,
+    station: Station,
+    options: Options,
+    address: Address,
+    wanted: Wanted | None,
+    keeping: Keeping | None,
+) -> None:
+    """Serve the page of a swarm until Ctrl-C, which is raised as KeyboardInterrupt. The kernels are compiled while the
+    page is served already. Raises what the console raises for the address, and what Recorder raises."""
+    from threading import Event
+
+    from sleepcast.cli.headless import warm_up
+    from sleepcast.console import serve
+    from sleepcast.console.adapters.swarm import SwarmOnPage
+    from sleepcast.core.clock import WallClock
+    from sleepcast.loop import Pace
+
+    clock, scenario, warm, speed = WallClock(), swarm.simulator.scenario, Event(), options["speed"]
+
+    def prepare() -> None:
+        warm_up(scenario, options["threads"])
+        warm.set()
+
+    try:
+        serve(
+            SwarmOnPage(swarm),
+            station,
+            Pace(clock, swarm, scenario.speed_up if speed is None else speed),
+            clock,
+            address=address,
+            say=announce,
+            prepare=prepare,
+            around=_kept(swarm, station, wanted, keeping),
+        )
+    except (KeyboardInterrupt, Terminated) as error:
+        if not warm.is_set():
+            end_now(TERMINATED if isinstance(error, Terminated) else INTERRUPTED)
+        raise
+
+
+@contextmanager
+def _kept(swarm: Swarm, station: Station, wanted: Wanted | None, keeping: Keeping | None) -> Iterator[None]:
+    """Record what happens inside, and take the snapshot at the end. A page that could not be opened does neither: it
+    would leave an empty recording, and replace a good snapshot by one of the start."""
+    with ExitStack() as stack:
+        if keeping is not None:
+            stack.callback(keeping.take, swarm)
+        if wanted is not None:
+            from sleepcast.cli.recording import recorded
+
+            stack.enter_context(recorded(swarm, station, wanted))
+        yield
 
 
 def _beginning(name: str | None, options: Options, headless: bool) -> Callable[[], tuple[Swarm, Station]]:

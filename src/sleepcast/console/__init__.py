@@ -1,15 +1,14 @@
 """The console: the operator's page, served by the program itself, and the one WebSocket behind it.
 
-`server` owns the port, `app` the routes and who may use them, `session` one open page, `desk` what a page can ask and
-is told, `driver` the turns of swarm and server, `frames` the moving picture, `replay` a recording in the place of a
-living swarm, `air` robots on the air; `static/` is the page, served as written. The Nomads' page has the same server
-and door: `nomad` says what it shows, `nomad_session` is one open page, `nomad_desk` what it can ask, `nomad_pictures`
-what it lacks.
+`server` owns the port, `app` the routes and who may use them, `session` one open page, `incoming` and `outgoing` the
+messages from and to it, `backend` answers them (`replay`: for a recording, `network`: for robots on the air), `driver`
+lets swarm and server take turns, `frames` draws the moving picture; `static/` is the page, served as written. What is
+shown is a `view`; `adapters/` puts things into that shape. The page of the Nomads, `nomads/`, has the same server.
 """
 
-from sleepcast.console.air import Order
+from sleepcast.console.network import Order
 from sleepcast.console.server import DEFAULT_PORT, Address, PortError, serve, serve_desk, serve_fleet, serve_nomads
-from sleepcast.console.swarm import Outline, Pace, Place, ReadyCommand, RobotMind, Rule, Scene, Swarm
+from sleepcast.console.view import Outline, Pace, Place, ReadyCommand, RobotMind, Rule, Scene, Swarm
 
 __all__ = [
     "DEFAULT_PORT",

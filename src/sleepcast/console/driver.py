@@ -14,7 +14,7 @@ from concurrent.futures import Future
 from threading import Thread
 
 from sleepcast.console.frames import Groups, flags_of, pack
-from sleepcast.console.swarm import Pace, Swarm
+from sleepcast.console.view import Pace, Swarm
 from sleepcast.core.clock import Clock
 
 SLICE = 0.004

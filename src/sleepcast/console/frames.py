@@ -29,7 +29,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from sleepcast.console.swarm import Minds
+from sleepcast.console.view import Minds
 from sleepcast.language.vocabulary import FROZEN, MARKED, MARKING, SLEEPING
 
 VERSION = 1

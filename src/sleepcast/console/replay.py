@@ -15,13 +15,13 @@ from typing import Generic, NoReturn, TypeVar
 
 import msgspec
 
-from sleepcast.console import answers
+from sleepcast.console import outgoing
+from sleepcast.console.account_table import MOST_ROWS, Row
 from sleepcast.console.driver import FRAME_PERIOD, Screen
-from sleepcast.console.explaining import shown_value
+from sleepcast.console.explanation import shown_value
 from sleepcast.console.frames import pack
-from sleepcast.console.ledger import MOST_ROWS, Row
-from sleepcast.console.messages import Sort
-from sleepcast.console.swarm import Outline, Scene
+from sleepcast.console.incoming import Sort
+from sleepcast.console.view import Outline, Scene
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 
@@ -83,7 +83,7 @@ class Film:
     marks: Track[Marks] = field(default_factory=Track)
     rows: Track[Row] = field(default_factory=Track)
     values: Track[bytes] = field(default_factory=Track)
-    rules: dict[str, Track[list[answers.ShownRule]]] = field(default_factory=dict)
+    rules: dict[str, Track[list[outgoing.ShownRule]]] = field(default_factory=dict)
     said: dict[str, Track[str]] = field(default_factory=dict)
     obstacles: Track[tuple[tuple[Outline, ...], ...]] = field(default_factory=Track)
 
@@ -168,24 +168,24 @@ class ReplayDesk:
         self.driver = driver
         self._film = film
 
-    def hello(self) -> answers.Hello:
+    def hello(self) -> outgoing.Hello:
         """What a page needs first."""
         film = self._film
-        return answers.Hello(film.scene, len(film.scene.names), [], film.seconds, film.began, film.part)
+        return outgoing.Hello(film.scene, len(film.scene.names), [], film.seconds, film.began, film.part)
 
     def seek(self, time: float) -> None:
         """Go to `time`, s."""
         self.driver.seek(time)
 
-    def commands(self, serial: int | None = None) -> answers.Commands:
+    def commands(self, serial: int | None = None) -> outgoing.Commands:
         """The account of every command as it was known at this time."""
         rows = self._film.rows
         known = {row.id: row for row in rows.values[: rows.before(self.driver.time)]}
-        return answers.Commands(list(known.values())[-MOST_ROWS:], serial)
+        return outgoing.Commands(list(known.values())[-MOST_ROWS:], serial)
 
-    def names(self, serial: int) -> answers.Named:
+    def names(self, serial: int) -> outgoing.Named:
         """No names: nothing can be typed."""
-        return answers.Named(serial, [])
+        return outgoing.Named(serial, [])
 
     def preview(self, serial: int, text: str) -> NoReturn:
         """Refused."""
@@ -211,25 +211,25 @@ class ReplayDesk:
         """Time goes on."""
         self.driver.set_pace(running=True)
 
-    def news(self, watched: int) -> Iterator[answers.Said]:
+    def news(self, watched: int) -> Iterator[outgoing.Said]:
         """Everything that may have changed; `watched`: the index of the robot that the page looks at, or -1."""
         film, time = self._film, self.driver.time
         yield self.commands()
-        yield answers.Groups(_counted(film.marks_at(time)))
+        yield outgoing.Groups(_counted(film.marks_at(time)))
         if film.obstacles.times:
             changed = film.obstacles.at(time)
-            yield answers.Obstacles(film.scene.obstacles if changed is None else changed)
-        yield answers.Safety(film.latched_at(time), "STOP held at this time of the recording.")
+            yield outgoing.Obstacles(film.scene.obstacles if changed is None else changed)
+        yield outgoing.Safety(film.latched_at(time), "STOP held at this time of the recording.")
         if 0 <= watched < len(film.scene.names):
             yield self._robot(watched)
 
-    def _robot(self, index: int) -> answers.Robot:
+    def _robot(self, index: int) -> outgoing.Robot:
         film, time = self._film, self.driver.time
         name, marks = film.scene.names[index], film.marks_at(time)
         code = marks.groups[index]
         states = [word for bit, word in enumerate(STATES) if marks.flags[index] & 1 << bit]
         rules, said = film.rules.get(name), film.said.get(name)
-        return answers.Robot(
+        return outgoing.Robot(
             index,
             code,
             [marks.names[code - 1]] if 0 < code <= len(marks.names) else [],
@@ -239,12 +239,14 @@ class ReplayDesk:
             _lines(said, time) if said is not None else [],
         )
 
-    def _values(self, index: int) -> list[answers.ShownValue]:
+    def _values(self, index: int) -> list[outgoing.ShownValue]:
         data = self._film.values.at(self.driver.time)
         found = {} if data is None else values_of(data)
         units = self._film.units
         return [
-            answers.ShownValue(name, "unknown" if values[index] is None else shown_value(values[index], unit), "sensor")
+            outgoing.ShownValue(
+                name, "unknown" if values[index] is None else shown_value(values[index], unit), "sensor"
+            )
             for name, values in found.items()
             if (unit := units.get(name)) is not None and index < len(values)
         ]
@@ -253,14 +255,14 @@ class ReplayDesk:
         raise MisuseError("This is a recording: nobody is there to hear a command.")
 
 
-def _counted(marks: Marks) -> list[answers.ShownGroup]:
+def _counted(marks: Marks) -> list[outgoing.ShownGroup]:
     """The groups; of each, the robots whose newest it is."""
     counts = [marks.groups.count(code) for code in range(1, len(marks.names) + 1)]
-    return [answers.ShownGroup(name, count, count) for name, count in zip(marks.names, counts, strict=True)]
+    return [outgoing.ShownGroup(name, count, count) for name, count in zip(marks.names, counts, strict=True)]
 
 
-def _lines(said: Track[str], time: float) -> list[answers.ShownReport]:
+def _lines(said: Track[str], time: float) -> list[outgoing.ShownReport]:
     """The latest lines, the youngest first."""
     number = said.before(time)
     known: Sequence[tuple[float, str]] = list(zip(said.times[:number], said.values[:number], strict=True))
-    return [answers.ShownReport(at, text) for at, text in islice(reversed(known), MOST_SAID)]
+    return [outgoing.ShownReport(at, text) for at, text in islice(reversed(known), MOST_SAID)]

@@ -19,17 +19,17 @@ from typing import Any
 import uvicorn
 from starlette.applications import Starlette
 
-from sleepcast.console.air import AirDesk, AirDriver, Fleet
 from sleepcast.console.app import LOOPBACK, Door, make_app
-from sleepcast.console.desk import Desk
+from sleepcast.console.backend import Desk
 from sleepcast.console.driver import Driver
-from sleepcast.console.messages import MAX_BYTES
-from sleepcast.console.nomad import Nomads
-from sleepcast.console.nomad_desk import NomadDesk
-from sleepcast.console.nomad_session import NomadSession
+from sleepcast.console.incoming import MAX_BYTES
+from sleepcast.console.network import AirDesk, AirDriver, Fleet
+from sleepcast.console.nomads.backend import NomadDesk
+from sleepcast.console.nomads.session import NomadSession
+from sleepcast.console.nomads.view import Nomads
 from sleepcast.console.replay import ReplayDesk
 from sleepcast.console.session import Session
-from sleepcast.console.swarm import Pace, Swarm
+from sleepcast.console.view import Pace, Swarm
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.station import Station

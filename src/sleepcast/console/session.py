@@ -13,10 +13,10 @@ from collections.abc import Awaitable, Callable
 import msgspec
 from starlette.websockets import WebSocket
 
-from sleepcast.console import messages
-from sleepcast.console.answers import Refused, Robot
-from sleepcast.console.desk import Desk
-from sleepcast.console.line import Line, encode
+from sleepcast.console import incoming
+from sleepcast.console.backend import Desk
+from sleepcast.console.connection import Line, encode
+from sleepcast.console.outgoing import Refused, Robot
 from sleepcast.console.replay import ReplayDesk
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
@@ -34,7 +34,7 @@ class Session:
     """One page; `run` lasts as long as it is open."""
 
     def __init__(self, socket: WebSocket, desk: Desk | ReplayDesk, clock: Clock) -> None:
-        self._line: Line[messages.Incoming] = Line(socket, messages.decode, (messages.Stop, messages.Drawn), clock)
+        self._line: Line[incoming.Incoming] = Line(socket, incoming.decode, (incoming.Stop, incoming.Drawn), clock)
         self._desk = desk
         self._watched = -1
         self._drawn = asyncio.Event()
@@ -56,35 +56,35 @@ class Session:
                 task.cancel()
             await asyncio.gather(*others, return_exceptions=True)
 
-    async def _answer(self, message: messages.Incoming) -> None:
+    async def _answer(self, message: incoming.Incoming) -> None:
         desk = self._desk
         match message:
-            case messages.Stop():
+            case incoming.Stop():
                 await self._do(desk.stop)
-            case messages.Drawn():
+            case incoming.Drawn():
                 self._drawn.set()
-            case messages.Watch(robot):
+            case incoming.Watch(robot):
                 self._watched = robot
                 self._sent.pop(Robot.__name__, None)  # the page has forgotten what it was told of it
-            case messages.Pace(running, factor):
+            case incoming.Pace(running, factor):
                 desk.driver.set_pace(running, factor)
-            case messages.Seek(time):
+            case incoming.Seek(time):
                 await self._do(lambda: desk.seek(time))
-            case messages.Step():
+            case incoming.Step():
                 desk.driver.step()
-            case messages.Release():
+            case incoming.Release():
                 await self._do(desk.release)
-            case messages.Preview(serial, text):
+            case incoming.Preview(serial, text):
                 await self._reply(serial, lambda: desk.preview(serial, text))
-            case messages.Send(serial, text, everybody, sort, count, confirmed):
+            case incoming.Send(serial, text, everybody, sort, count, confirmed):
                 await self._reply(serial, lambda: desk.send(serial, text, everybody, sort, count, confirmed))
-            case messages.Names(serial):
+            case incoming.Names(serial):
                 await self._reply(serial, lambda: desk.names(serial))
-            case messages.Why(serial, robot, command):
+            case incoming.Why(serial, robot, command):
                 await self._reply(serial, lambda: desk.why(serial, robot, command))
-            case messages.Outcomes(serial, command):
+            case incoming.Outcomes(serial, command):
                 await self._reply(serial, lambda: desk.outcomes(serial, command))
-            case messages.Commands(serial):
+            case incoming.Commands(serial):
                 await self._reply(serial, lambda: desk.commands(serial))
 
     async def _do(self, deed: Callable[[], None]) -> None:

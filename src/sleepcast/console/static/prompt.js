@@ -12,7 +12,7 @@ const AGAIN = 1000; // ms after which the robots have moved enough to ask again 
 const NAMES_AGE = 2000; // ms for which the ranges of values in the list of names are good enough
 const HINT = "Enter sends · Shift+Enter begins a new line · ↑ brings back earlier commands · Tab completes a name";
 const MOST_NAMES = 12; // names offered at once
-const MOST_CHARACTERS = 16384; // of a command, as console/messages.py has it
+const MOST_CHARACTERS = 16384; // of a command, as console/incoming.py has it
 
 export class Prompt extends EventTarget {
   constructor(root, wire) {

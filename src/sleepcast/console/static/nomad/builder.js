@@ -3,7 +3,7 @@
 import { outline } from "./drawing.js";
 
 const CLOSE = 10; // pixels: a click so near to the first corner ends the polygon
-const MOST_CORNERS = 64; // as console/nomad_messages.py has it
+const MOST_CORNERS = 64; // as console/nomads/incoming.py has it
 
 export class Builder extends EventTarget {
   constructor(root, state, pane) {

@@ -1,6 +1,6 @@
 // A world as a file: the obstacles of one that is loaded, and a file with those that there are.
 
-const MOST = 100_000; // characters, as console/nomad_messages.py has it
+const MOST = 100_000; // characters, as console/nomads/incoming.py has it
 const LONGEST_NAME = 200;
 
 export class Files extends EventTarget {

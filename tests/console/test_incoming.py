@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sleepcast.console import messages
-from sleepcast.console.messages import MessageError, decode, serial_in
+from sleepcast.console import incoming
+from sleepcast.console.incoming import MessageError, decode, serial_in
 
 GOOD = {
     "preview": {"serial": 1, "text": "(MARK)"},
@@ -38,7 +38,7 @@ def test_every_message_of_the_page_is_read(kind: str) -> None:
 
 
 def test_no_message_was_forgotten_here() -> None:
-    assert set(GOOD) == {each.__name__.lower() for each in get_args(messages.Incoming)}
+    assert set(GOOD) == {each.__name__.lower() for each in get_args(incoming.Incoming)}
 
 
 @pytest.mark.parametrize(
@@ -101,4 +101,4 @@ shaped = st.builds(
 def test_nothing_at_all_raises_anything_else(data: str | bytes) -> None:
     serial_in(data)
     with suppress(MessageError):
-        assert isinstance(decode(data), messages.Message)
+        assert isinstance(decode(data), incoming.Message)

@@ -10,10 +10,10 @@ from collections import deque
 
 import msgspec
 
-from sleepcast.console.answers import Said
-from sleepcast.console.nomad import Nomads
-from sleepcast.console.nomad_orders import ORDERS, Order, check
-from sleepcast.console.nomad_pictures import FASTEST
+from sleepcast.console.nomads.orders import ORDERS, Order, check
+from sleepcast.console.nomads.updates import FASTEST
+from sleepcast.console.nomads.view import Nomads
+from sleepcast.console.outgoing import Said
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Corners

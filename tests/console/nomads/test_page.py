@@ -17,7 +17,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from console.running import PATIENCE, Program, open_page
 from console.test_page import pixels_seen, settle, until
-from sleepcast.console.nomad_session import MOST_UNDER_WAY
+from sleepcast.console.nomads.session import MOST_UNDER_WAY
 from sleepcast.nomad.client import Nomad
 
 pytestmark = pytest.mark.browser

@@ -14,8 +14,8 @@ from typing import Generic, TypeVar
 
 import msgspec
 
-from sleepcast.console.answers import Said
-from sleepcast.console.nomad import Layer, Looked, Nomads, Point, RobotWindow, Saying, Sketch
+from sleepcast.console.nomads.view import Layer, Looked, Nomads, Point, RobotWindow, Saying, Sketch
+from sleepcast.console.outgoing import Said
 from sleepcast.robot import Condition, Pose
 
 FASTEST = 10_000.0

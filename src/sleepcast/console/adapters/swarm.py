@@ -1,26 +1,16 @@
-"""A swarm on the operator's page: the simulator's swarm put into the shapes that the console shows."""
+"""A simulated swarm, as the operator's page shows it."""
 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from math import cos, pi, sin
-from threading import Event
 
-from sleepcast.cli.headless import warm_up
-from sleepcast.cli.interrupts import INTERRUPTED, TERMINATED, Terminated, end_now
-from sleepcast.cli.recording import Wanted, recorded
-from sleepcast.cli.snapshots import Keeping
-from sleepcast.cli.streams import announce
-from sleepcast.console import Address, Outline, Place, ReadyCommand, Scene, serve
-from sleepcast.core.clock import WallClock
+from sleepcast.console import Outline, Place, ReadyCommand, Scene
 from sleepcast.language import Vocabulary
-from sleepcast.loop import Pace, Swarm
+from sleepcast.loop import Swarm
 from sleepcast.simulator import Area, Circle, Scenario, Shape, Wall
 from sleepcast.simulator.robot_types import slices
-from sleepcast.station import Station
 
 ROUND = 32
 """Corners of a circle as it is drawn."""
@@ -103,53 +93,3 @@ def outlines(shape: Shape) -> tuple[Outline, ...]:
     if isinstance(shape, Wall):
         return ((*shape.points, *shape.points[-2:0:-1]),)
     return shape.outlines if isinstance(shape, Area) else (shape.corners,)
-
-
-def show(
-    swarm: Swarm,
-    station: Station,
-    speed: float | None,
-    address: Address,
-    wanted: Wanted | None = None,
-    keeping: Keeping | None = None,
-    threads: int | None = None,
-) -> None:
-    """Serve the page of a swarm until Ctrl-C, which comes out as KeyboardInterrupt.
-
-    speed: simulated seconds in a second (None: the scenario's own). wanted: what is recorded of it. keeping: the
-    snapshot to take at the end. threads: see `headless.warm_up`, which is done while the page is served already. Raises
-    what the console raises for the address, and what Recorder raises.
-    """
-    clock, scenario, warm = WallClock(), swarm.simulator.scenario, Event()
-
-    def prepare() -> None:
-        warm_up(scenario, threads)
-        warm.set()
-
-    try:
-        serve(
-            SwarmOnPage(swarm),
-            station,
-            Pace(clock, swarm, scenario.speed_up if speed is None else speed),
-            clock,
-            address=address,
-            say=announce,
-            prepare=prepare,
-            around=_kept(swarm, station, wanted, keeping),
-        )
-    except (KeyboardInterrupt, Terminated) as error:
-        if not warm.is_set():
-            end_now(TERMINATED if isinstance(error, Terminated) else INTERRUPTED)
-        raise
-
-
-@contextmanager
-def _kept(swarm: Swarm, station: Station, wanted: Wanted | None, keeping: Keeping | None) -> Iterator[None]:
-    """Record what happens inside, and keep the swarm at the end. A page that could not be opened comes by neither: it
-    would leave an empty recording, and replace a good snapshot by one of the start."""
-    with ExitStack() as stack:
-        if keeping is not None:
-            stack.callback(keeping.take, swarm)
-        if wanted is not None:
-            stack.enter_context(recorded(swarm, station, wanted))
-        yield

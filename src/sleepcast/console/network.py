@@ -9,13 +9,13 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.console import answers
-from sleepcast.console.desk import Desk
+from sleepcast.console import outgoing
+from sleepcast.console.backend import Desk
+from sleepcast.console.completion import names_of
 from sleepcast.console.driver import Driver
-from sleepcast.console.explaining import show_why
+from sleepcast.console.explanation import show_why
 from sleepcast.console.frames import SILENT
-from sleepcast.console.names import names_of
-from sleepcast.console.swarm import RobotMind, Rule, Swarm
+from sleepcast.console.view import RobotMind, Rule, Swarm
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.language import Explanation
@@ -142,41 +142,41 @@ class AirDesk(Desk):
     def __init__(self, fleet: Fleet, station: Station, driver: Driver, clock: Clock, began: float) -> None:
         super().__init__(fleet, station, driver, clock, began=began)
         self._fleet = fleet
-        self._greeting: answers.Hello | None = None
+        self._greeting: outgoing.Hello | None = None
 
-    def hello(self) -> answers.Hello:
+    def hello(self) -> outgoing.Hello:
         """What a page needs first, and again as soon as the scene is another one."""
         scene = self._swarm.scene
         if self._greeting is None or self._greeting.scene is not scene:
             count = len(scene.names)
             unheard = max(0, self._station.fleet_size - count)
-            self._greeting = answers.Hello(scene, count, names_of(self._swarm), air=True, unheard=unheard)
+            self._greeting = outgoing.Hello(scene, count, names_of(self._swarm), air=True, unheard=unheard)
         return self._greeting
 
-    def news(self, watched: int) -> Iterator[answers.Said]:
+    def news(self, watched: int) -> Iterator[outgoing.Said]:
         """Everything that may have changed; the scene, too."""
         yield self.hello()
         yield from super().news(watched)
 
-    def why(self, serial: int, robot: int, command: str) -> Awaitable[answers.Explained]:
+    def why(self, serial: int, robot: int, command: str) -> Awaitable[outgoing.Explained]:
         """The robot is asked."""
         return self._why(serial, self._fleet.ask_why(self._name(robot), command))
 
-    async def _why(self, serial: int, asked: AskedWhy) -> answers.Explained:
+    async def _why(self, serial: int, asked: AskedWhy) -> outgoing.Explained:
         until = self._clock.now() + LONGEST_WHY
         while (found := asked.answer()) is None:
             if self._clock.now() > until:
                 raise SleepcastError("The robot has not answered: nobody knows why it did what it did.")
             await asyncio.sleep(LISTEN)
-        return answers.Explained(serial, show_why(found, self._swarm.vocabulary))
+        return outgoing.Explained(serial, show_why(found, self._swarm.vocabulary))
 
-    def _safety(self) -> answers.Safety:
+    def _safety(self) -> outgoing.Safety:
         """Of our own STOP the account; of what other operators said, what robots have told of themselves since."""
         own = next((c for c in reversed(self._station.commands()) if c.kind in ("stop", "release")), None)
         other = next(self._fleet.orders(), None)
         found, since, by = super()._safety(), self._began if own is None else own.message.issued, ""
         if other is not None and other.issued > since:
-            found, since = answers.Safety(other.stop, ""), other.issued
+            found, since = outgoing.Safety(other.stop, ""), other.issued
             by = f"STOP by {printable(other.sender)}: " if other.stop else ""
         if not found.sentence:
             stopped, size = self._fleet.stopped(since), self._station.fleet_size
@@ -184,10 +184,10 @@ class AirDesk(Desk):
             said = f"{by}{stopped:,} {scope} say that they are stopped."
             if standing := self._fleet.standing():
                 said += f" {standing[0].upper()}{standing[1:]}."
-            found = answers.Safety(found.latched or stopped > 0, said)
+            found = outgoing.Safety(found.latched or stopped > 0, said)
         more = " ".join(f"{notice[0].upper()}{notice[1:]}." for notice in self._fleet.notices()[:MOST_NOTICES])
         if more:
-            found = answers.Safety(found.latched, f"{found.sentence} {printable(more)}")
+            found = outgoing.Safety(found.latched, f"{found.sentence} {printable(more)}")
         self.driver.latched = found.latched
         return found
 
@@ -199,5 +199,5 @@ class AirDesk(Desk):
         doubt = self._fleet.doubt(mind.name)
         return super()._states(mind) + [f"until RELEASE, as {doubt}"] * bool(doubt) + old
 
-    def _show_rule(self, rule: Rule) -> answers.ShownRule:
-        return answers.ShownRule(rule.name, rule.text, rule.active, NOT_TOLD, rule.last_fault)
+    def _show_rule(self, rule: Rule) -> outgoing.ShownRule:
+        return outgoing.ShownRule(rule.name, rule.text, rule.active, NOT_TOLD, rule.last_fault)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
-from sleepcast.console.explaining import shown_value, unit_of
-from sleepcast.console.swarm import Swarm
+from sleepcast.console.explanation import shown_value, unit_of
+from sleepcast.console.view import Swarm
 from sleepcast.language import Vocabulary
 from sleepcast.station import Accounting, Command, Station
 

@@ -1,7 +1,7 @@
-"""Robots on the air put into the shapes that the operator's page shows.
+"""Robots on the air, as the operator's page shows them.
 
-Where a robot is, is what it told last. Whoever has told no position stands in a row below the map, so that nobody who
-was ever heard is missing on it.
+Where a robot is, is what it reported last. A robot that has reported no position stands in a row below the map, so that
+every robot ever heard is on it.
 """
 
 from __future__ import annotations

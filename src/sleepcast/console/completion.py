@@ -6,8 +6,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.console.explaining import shown_value
-from sleepcast.console.swarm import Minds, Swarm
+from sleepcast.console.explanation import shown_value
+from sleepcast.console.view import Minds, Swarm
 from sleepcast.language import Constant, HostFunction, Variable
 from sleepcast.language.functions import FUNCTIONS
 from sleepcast.language.symbols import Group, Operator, UserVariable

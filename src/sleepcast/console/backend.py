@@ -11,13 +11,13 @@ from itertools import islice
 from math import isnan
 from typing import NoReturn
 
-from sleepcast.console import answers
+from sleepcast.console import outgoing
+from sleepcast.console.account_table import Ledger
+from sleepcast.console.completion import names_of
 from sleepcast.console.driver import Driver
-from sleepcast.console.explaining import show_why, shown_value, unit_of
-from sleepcast.console.ledger import Ledger
-from sleepcast.console.messages import Sort
-from sleepcast.console.names import names_of
-from sleepcast.console.swarm import RobotMind, Rule, Swarm
+from sleepcast.console.explanation import show_why, shown_value, unit_of
+from sleepcast.console.incoming import Sort
+from sleepcast.console.view import RobotMind, Rule, Swarm
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, and_more
 from sleepcast.language import Checked, Finding, ReadError, Variable, format_value
@@ -47,10 +47,10 @@ class Desk:
         self._ledger = Ledger(station, swarm, began)
         self._stopped_at = -STOP_AGAIN
 
-    def hello(self) -> answers.Hello:
+    def hello(self) -> outgoing.Hello:
         """What a page needs first."""
         scene = self._swarm.scene
-        return answers.Hello(scene, len(scene.names), names_of(self._swarm))
+        return outgoing.Hello(scene, len(scene.names), names_of(self._swarm))
 
     def seek(self, time: float) -> NoReturn:
         """Refused: what lives cannot go back."""
@@ -58,23 +58,23 @@ class Desk:
 
     # ---- before sending
 
-    def preview(self, serial: int, text: str) -> answers.Previewed:
+    def preview(self, serial: int, text: str) -> outgoing.Previewed:
         """What is wrong in `text`, and who would obey it now."""
         try:
             checked = self._station.check(text)
         except ReadError as error:
-            found = answers.ShownFinding("error", error.reason, error.start, error.end, str(error))
-            return answers.Previewed(serial, [found])
+            found = outgoing.ShownFinding("error", error.reason, error.start, error.end, str(error))
+            return outgoing.Previewed(serial, [found])
         findings = [_show_finding(finding, text) for finding in checked.findings]
-        findings += [answers.ShownFinding("warning", line, 0, 0, line) for line in and_more(checked.more)]
+        findings += [outgoing.ShownFinding("warning", line, 0, 0, line) for line in and_more(checked.more)]
         if checked.program is None:
-            return answers.Previewed(serial, findings, checked.cost)
+            return outgoing.Previewed(serial, findings, checked.cost)
         return self._previewed(serial, checked, findings, self._station.preview(text))
 
     def _previewed(
-        self, serial: int, checked: Checked, findings: list[answers.ShownFinding], found: Preview
-    ) -> answers.Previewed:
-        return answers.Previewed(
+        self, serial: int, checked: Checked, findings: list[outgoing.ShownFinding], found: Preview
+    ) -> outgoing.Previewed:
+        return outgoing.Previewed(
             serial,
             findings,
             checked.cost,
@@ -88,9 +88,9 @@ class Desk:
             found.codes[: len(self._swarm.scene.names)].tobytes(),  # whoever else speaks on the channel is on no map
         )
 
-    def names(self, serial: int) -> answers.Named:
+    def names(self, serial: int) -> outgoing.Named:
         """The names that a text may use, with the ranges of their values."""
-        return answers.Named(serial, names_of(self._swarm))
+        return outgoing.Named(serial, names_of(self._swarm))
 
     # ---- sending
 
@@ -102,14 +102,14 @@ class Desk:
         sort: Sort = "once",
         count: int | None = None,
         confirmed: bool = False,
-    ) -> answers.Sent:
+    ) -> outgoing.Sent:
         """Broadcast `text`. count, confirmed: where the station wants to be told, see `Station.send`."""
         if sort == "ask":
-            return answers.Sent(serial, self._station.ask(text).id)
+            return outgoing.Sent(serial, self._station.ask(text).id)
         sent = self._station.send(
             text, standing=sort == "standing", everybody=everybody, count=count, confirmed=confirmed
         )
-        return answers.Sent(serial, sent.id)
+        return outgoing.Sent(serial, sent.id)
 
     def stop(self) -> None:
         """Stop every body. While a STOP holds that was given a moment ago, one more changes nothing."""
@@ -130,18 +130,18 @@ class Desk:
 
     # ---- afterwards
 
-    def why(self, serial: int, robot: int, command: str) -> answers.Explained | Awaitable[answers.Explained]:
+    def why(self, serial: int, robot: int, command: str) -> outgoing.Explained | Awaitable[outgoing.Explained]:
         """How the robot with this index evaluated a command."""
         explanation = self._station.why(self._name(robot), command)
-        return answers.Explained(serial, show_why(explanation, self._swarm.vocabulary))
+        return outgoing.Explained(serial, show_why(explanation, self._swarm.vocabulary))
 
-    def outcomes(self, serial: int, command: str) -> answers.Answered:
+    def outcomes(self, serial: int, command: str) -> outgoing.Answered:
         """What became of a command on each robot."""
-        return answers.Answered(serial, self._ledger.outcomes(command))
+        return outgoing.Answered(serial, self._ledger.outcomes(command))
 
-    def commands(self, serial: int | None = None) -> answers.Commands:
+    def commands(self, serial: int | None = None) -> outgoing.Commands:
         """The account of every command."""
-        return answers.Commands(self._ledger.rows(), serial)
+        return outgoing.Commands(self._ledger.rows(), serial)
 
     def _name(self, robot: int) -> str:
         names = self._swarm.scene.names
@@ -151,30 +151,30 @@ class Desk:
 
     # ---- unasked
 
-    def news(self, watched: int) -> Iterator[answers.Said]:
+    def news(self, watched: int) -> Iterator[outgoing.Said]:
         """Everything that may have changed; `watched`: the index of the robot that the page looks at, or -1."""
         yield self.commands()
         groups = self.driver.groups
         shown = zip(groups.names, groups.counts, groups.shown, strict=True)
-        yield answers.Groups([answers.ShownGroup(*group) for group in shown])
+        yield outgoing.Groups([outgoing.ShownGroup(*group) for group in shown])
         obstacles = self._swarm.obstacles()
         if obstacles is not None:
-            yield answers.Obstacles(obstacles)
+            yield outgoing.Obstacles(obstacles)
         yield self._safety()
         if 0 <= watched < len(self._swarm.scene.names):
             yield self._robot(watched)
 
-    def _safety(self) -> answers.Safety:
+    def _safety(self) -> outgoing.Safety:
         stop = self._ledger.stop()
         if stop is None:
-            return answers.Safety(False, "")
-        return answers.Safety(True, self._ledger.stop_sentence(stop, self.driver.pace.paused))
+            return outgoing.Safety(False, "")
+        return outgoing.Safety(True, self._ledger.stop_sentence(stop, self.driver.pace.paused))
 
-    def _robot(self, index: int) -> answers.Robot:
+    def _robot(self, index: int) -> outgoing.Robot:
         mind = self._swarm.minds[self._name(index)]
         declared = ((mind.declared(key), key) for key in sorted(mind.groups))
         values = [self._show_value(name, value) for name, value in mind.variables() if name not in _LEFT_OUT]
-        return answers.Robot(
+        return outgoing.Robot(
             index,
             self.driver.groups.code(mind.groups),
             [found.name if found is not None else key for found, key in declared],
@@ -184,7 +184,7 @@ class Desk:
             self._reports(self._name(index)),
         )
 
-    def _reports(self, name: str) -> list[answers.ShownReport]:
+    def _reports(self, name: str) -> list[outgoing.ShownReport]:
         found = (report for report in reversed(self._station.reports) if report.robot == name)
         return [_show_report(report, self._began) for report in islice(found, MOST_REPORTS)]
 
@@ -193,24 +193,24 @@ class Desk:
         flags = ((FROZEN, "frozen"), (SLEEPING, "sleeping"), (MARKED, "marked"))
         return ["stopped"] * mind.stopped + [word for slot, word in flags if mind.values[slot] > 0.0]
 
-    def _show_rule(self, rule: Rule) -> answers.ShownRule:
+    def _show_rule(self, rule: Rule) -> outgoing.ShownRule:
         value = "never ran" if isnan(rule.last_value) else format_value(rule.last_value)
-        return answers.ShownRule(rule.name, rule.text, rule.active, value, rule.last_fault)
+        return outgoing.ShownRule(rule.name, rule.text, rule.active, value, rule.last_fault)
 
-    def _show_value(self, name: str, value: float) -> answers.ShownValue:
+    def _show_value(self, name: str, value: float) -> outgoing.ShownValue:
         vocabulary = self._swarm.vocabulary
         binding = vocabulary.bindings.get(name.casefold())
         kind = binding.kind.value if isinstance(binding, Variable) else "user"
-        return answers.ShownValue(name, shown_value(value, unit_of(name, vocabulary)), kind)
+        return outgoing.ShownValue(name, shown_value(value, unit_of(name, vocabulary)), kind)
 
 
-def _show_finding(finding: Finding, text: str) -> answers.ShownFinding:
-    return answers.ShownFinding(finding.severity, finding.message, finding.start, finding.end, finding.render(text))
+def _show_finding(finding: Finding, text: str) -> outgoing.ShownFinding:
+    return outgoing.ShownFinding(finding.severity, finding.message, finding.start, finding.end, finding.render(text))
 
 
-def _show_report(report: Report, began: float) -> answers.ShownReport:
+def _show_report(report: Report, began: float) -> outgoing.ShownReport:
     """A report's body is what a robot sent: any of it may be missing or of another kind."""
     values = report.body.get("values")
     listed = values if isinstance(values, list) else []
     shown = [format_value(value) if isinstance(value, float | int) else "unknown" for value in listed]
-    return answers.ShownReport(report.heard - began, " ".join([str(report.body.get("label", "")), *shown]))
+    return outgoing.ShownReport(report.heard - began, " ".join([str(report.body.get("label", "")), *shown]))

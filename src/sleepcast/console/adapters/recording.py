@@ -1,17 +1,13 @@
-"""A recording put into the shape that the page shows, and served."""
+"""A recording, as the operator's page shows it."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from sleepcast.cli.interrupts import Interrupts
-from sleepcast.cli.page import outlines, scene_of
-from sleepcast.cli.streams import announce
-from sleepcast.console import Address, serve_desk
-from sleepcast.console.answers import ShownRule
-from sleepcast.console.ledger import Row
-from sleepcast.console.replay import Film, Marks, ReplayDesk, ReplayDriver, Track, values_of
-from sleepcast.core.clock import WallClock
+from sleepcast.console.account_table import Row
+from sleepcast.console.adapters.swarm import outlines, scene_of
+from sleepcast.console.outgoing import ShownRule
+from sleepcast.console.replay import Film, Marks, Track, values_of
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.foxglove import read_log, read_poses
 from sleepcast.simulator.packing import unpack
@@ -119,19 +115,3 @@ def film_of(recording: Recording) -> Film:
     if not maker.film.poses.times:
         raise NoRecordingError(f"{recording.file} holds no pictures")
     return maker.film
-
-
-def show(interrupts: Interrupts, recording: Recording, speed: float | None, address: Address) -> None:
-    """Serve the page of a recording until Ctrl-C, which comes out as KeyboardInterrupt. interrupts: entered; let go of
-    once the film is made."""
-    film = film_of(recording)
-    interrupts.release()
-    if speed is not None:
-        film = replace(film, speed=speed)
-    clock = WallClock()
-    serve_desk(
-        ReplayDesk(film, ReplayDriver(film, clock)),
-        clock,
-        address=address,
-        say=announce,
-    )

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from sleepcast.cli.page import SwarmOnPage
-from sleepcast.console.answers import Obstacles
-from sleepcast.console.desk import Desk
+from sleepcast.console.account_table import MOST_ROWS
+from sleepcast.console.adapters.swarm import SwarmOnPage
+from sleepcast.console.backend import Desk
 from sleepcast.console.driver import Driver
-from sleepcast.console.explaining import ShownStep
-from sleepcast.console.ledger import MOST_ROWS
+from sleepcast.console.explanation import ShownStep
+from sleepcast.console.outgoing import Obstacles
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.loop import Pace, Swarm

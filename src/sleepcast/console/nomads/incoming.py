@@ -7,7 +7,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from sleepcast.console.messages import Drawn, Message, Pace, Release, Serial, Step, Stop, Watch, read
+from sleepcast.console.incoming import Drawn, Message, Pace, Release, Serial, Step, Stop, Watch, read
 
 MOST_CORNERS = 64
 """Of a polygon drawn on the page: somebody clicks each of them."""

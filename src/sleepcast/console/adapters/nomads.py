@@ -1,12 +1,9 @@
-"""The Nomad's server on a page: its robots, windows and world put into the shape that the console shows."""
+"""A Nomad server, its robots, windows and world, as its page shows them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-from sleepcast.cli.streams import announce
-from sleepcast.console import Address, serve_nomads
-from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import MisuseError
 from sleepcast.nomad import Nserver, Pace, RobotWindow, Sketch
 from sleepcast.nomad.hand import PAGE
@@ -126,26 +123,3 @@ class NomadsOnPage:
     async def live(self) -> None:
         """Serve programs and let time pass until cancelled, or until a program ends the server."""
         await self._nserver.run(self._pace)
-
-
-async def show(
-    nserver: Nserver,
-    pace: Pace,
-    *,
-    title: str,
-    area: Area,
-    address: Address,
-    say: Callable[[str], None] = announce,
-) -> None:
-    """Serve the page of a server that listens already, and let its time pass, until Ctrl-C or until a program ends it.
-
-    title: what the page calls it. area: the world's edge, least x, least y, greatest x, greatest y in m. Raises what
-    the console raises for the address.
-    """
-    await serve_nomads(
-        NomadsOnPage(nserver, pace, title, area),
-        WallClock(),
-        address=address,
-        port_option="--page-port",
-        say=say,
-    )

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import msgspec
 
-from sleepcast.console.explaining import ShownWhy
-from sleepcast.console.ledger import Row
-from sleepcast.console.names import ShownName
-from sleepcast.console.swarm import Outline, Scene
+from sleepcast.console.account_table import Row
+from sleepcast.console.completion import ShownName
+from sleepcast.console.explanation import ShownWhy
+from sleepcast.console.view import Outline, Scene
 
 
 class Said(msgspec.Struct, tag_field="type", tag=str.lower):

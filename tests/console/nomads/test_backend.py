@@ -6,8 +6,8 @@ from collections import deque
 
 import pytest
 
-from sleepcast.console.nomad_orders import END_OF_ORDER, ORDERS, check
-from sleepcast.console.nomad_pictures import Added, Tail
+from sleepcast.console.nomads.orders import END_OF_ORDER, ORDERS, check
+from sleepcast.console.nomads.updates import Added, Tail
 from sleepcast.core.errors import MisuseError
 from sleepcast.nomad.requests import SHAPES, Kind
 

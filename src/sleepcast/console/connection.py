@@ -15,8 +15,8 @@ from typing import Generic, TypeVar
 import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from sleepcast.console import messages
-from sleepcast.console.answers import Alive, Refused
+from sleepcast.console import incoming
+from sleepcast.console.outgoing import Alive, Refused
 from sleepcast.core.clock import Clock
 
 MESSAGES_PER_SECOND = 120.0
@@ -32,7 +32,7 @@ TOO_MUCH = 1008
 BEAT = 2.0
 """Seconds between two words to a page that there is nothing new: it takes a longer silence for a loss of the line."""
 
-M = TypeVar("M", bound=messages.Message)
+M = TypeVar("M", bound=incoming.Message)
 
 encode = msgspec.json.Encoder().encode
 
@@ -65,9 +65,9 @@ class Line(Generic[M]):
     async def _take(self, data: str | bytes, take: Callable[[M], Awaitable[None]]) -> None:
         try:
             message = self._decode(data)
-        except messages.MessageError as error:
+        except incoming.MessageError as error:
             self._malformed += 1
-            await self.say(Refused(str(error), messages.serial_in(data)))
+            await self.say(Refused(str(error), incoming.serial_in(data)))
             return
         if isinstance(message, self._urgent) or self._may_pass():
             await take(message)

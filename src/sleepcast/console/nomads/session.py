@@ -12,11 +12,12 @@ from collections.abc import Callable, Coroutine
 
 from starlette.websockets import WebSocket
 
-from sleepcast.console import messages, nomad_messages
-from sleepcast.console.answers import Refused
-from sleepcast.console.line import Line, encode
-from sleepcast.console.nomad_desk import Done, NomadDesk, World
-from sleepcast.console.nomad_pictures import Pictures
+from sleepcast.console.connection import Line, encode
+from sleepcast.console.incoming import Drawn, Pace, Release, Step, Stop, Watch
+from sleepcast.console.nomads import incoming
+from sleepcast.console.nomads.backend import Done, NomadDesk, World
+from sleepcast.console.nomads.updates import Pictures
+from sleepcast.console.outgoing import Refused
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
 
@@ -36,9 +37,7 @@ class NomadSession:
     """One page; `run` lasts as long as it is open."""
 
     def __init__(self, socket: WebSocket, desk: NomadDesk, clock: Clock) -> None:
-        self._line: Line[nomad_messages.Incoming] = Line(
-            socket, nomad_messages.decode, (messages.Stop, messages.Drawn), clock
-        )
+        self._line: Line[incoming.Incoming] = Line(socket, incoming.decode, (Stop, Drawn), clock)
         self._desk = desk
         self._pictures = Pictures(desk.nomads)
         self._drawn = asyncio.Event()
@@ -63,39 +62,39 @@ class NomadSession:
 
     # ---- what comes in
 
-    async def _answer(self, message: nomad_messages.Incoming) -> None:
+    async def _answer(self, message: incoming.Incoming) -> None:
         desk = self._desk
         match message:
-            case messages.Stop():
+            case Stop():
                 desk.hold(True)
-            case messages.Release():
+            case Release():
                 desk.hold(False)
-            case messages.Drawn():
+            case Drawn():
                 self._drawn.set()
-            case messages.Watch(robot):
+            case Watch(robot):
                 self._pictures.choose(robot)
                 self._before = b""  # the page has forgotten what it was told of it
-            case messages.Pace(running, factor):
+            case Pace(running, factor):
                 desk.set_pace(running, factor)
-            case messages.Step():
+            case Step():
                 desk.step()
-            case nomad_messages.Drive(robot, numbers):
+            case incoming.Drive(robot, numbers):
                 if await self._has_room(None):
                     self._drive(robot, numbers)
-            case nomad_messages.Perform(serial, robot, order, numbers, text):
+            case incoming.Perform(serial, robot, order, numbers, text):
                 if await self._has_room(serial):
                     self._begin(desk.perform(robot, order, numbers, text), serial)
-            case nomad_messages.Click(serial, robot, x, y):
+            case incoming.Click(serial, robot, x, y):
                 await self._try(lambda: desk.click(robot, x, y), serial)
-            case nomad_messages.Build(serial, corners):
+            case incoming.Build(serial, corners):
                 await self._try(lambda: desk.build(corners), serial)
-            case nomad_messages.Shift(serial, version, solid, across, up):
+            case incoming.Shift(serial, version, solid, across, up):
                 await self._try(lambda: desk.shift(version, solid, across, up), serial)
-            case nomad_messages.Load(serial, name, text):
+            case incoming.Load(serial, name, text):
                 await self._try(lambda: desk.load(name, text), serial)
-            case nomad_messages.Save(serial):
+            case incoming.Save(serial):
                 await self._line.say(World(serial, desk.nomads.written()))
-            case nomad_messages.Clear(serial, version, solid):
+            case incoming.Clear(serial, version, solid):
                 await self._try(lambda: desk.clear(version, solid), serial)
 
     async def _try(self, act: Callable[[], None], serial: int) -> None:

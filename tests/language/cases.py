@@ -23,7 +23,6 @@ from sleepcast.channel import message
 from sleepcast.core.units import SPEED, Quantity
 from sleepcast.fleet import Fleet, RobotView
 from sleepcast.fleet.native.kernels import Kernels, available
-from sleepcast.fleet.view import Result as FleetResult
 from sleepcast.language import (
     CheckError,
     Constant,
@@ -35,8 +34,9 @@ from sleepcast.language import (
     format_value,
     program,
 )
-from sleepcast.language.symbols import Operator
-from sleepcast.node.node import Node, Result
+from sleepcast.language.names import Operator
+from sleepcast.mind.views import Result
+from sleepcast.node.node import Node
 
 FOLDER = Path(__file__).parent.parent / "cases"
 OTHER_DIALECTS = {"classic", "faithful"}
@@ -272,7 +272,7 @@ class FleetMachine:
             assert state_of(view) == twin.state(), f"{view.name}: {text}"
         return outcomes[0]
 
-    def _outcome(self, place: int, result: FleetResult, warnings: list[Finding]) -> Outcome:
+    def _outcome(self, place: int, result: Result, warnings: list[Finding]) -> Outcome:
         said = self.robots[place].outbox
         return Outcome(
             result.value,

@@ -30,7 +30,8 @@ from sleepcast.language.functions import FUNCTIONS
 from sleepcast.language.parts import Part, walk
 from sleepcast.language.reader import is_name
 from sleepcast.language.vocabulary import buffer_number, describe
-from sleepcast.node.node import Node, Result
+from sleepcast.mind.views import Result
+from sleepcast.node.node import Node
 
 NAME = "here"
 """What the one robot is called."""

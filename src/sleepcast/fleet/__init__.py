@@ -8,11 +8,9 @@ messages      what waits, and what robots say                   bodies    stoppi
 evaluation_log  explanations, by evaluating again               read_set  which variables robots look at
 telemetry     what robots last told of themselves               native/   native code for rules, through LLVM
 schema        the serialized state                              snapshot  to it, and back
-core          messages and readings in, a tick of all           fleet     the robots by name; view: one of them
+fleet         messages and readings in, a tick of all; the robots by name, and each seen as a mind of its own
 """
 
-from sleepcast.fleet.core import FleetError, Outcome
-from sleepcast.fleet.fleet import Fleet
-from sleepcast.fleet.view import RobotView
+from sleepcast.fleet.fleet import Fleet, FleetError, Outcome, RobotView
 
 __all__ = ["Fleet", "FleetError", "Outcome", "RobotView"]

@@ -19,17 +19,16 @@ from sleepcast.fleet.columns import Column, FleetState, Mask, Rows
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory, Given
 from sleepcast.fleet.messages import Outbox
+from sleepcast.fleet.read_set import reads_of
+from sleepcast.language.chance import draw
 from sleepcast.language.explain import Recollection
-from sleepcast.language.numerics import draw
-from sleepcast.language.parts import Part, Storing, walk, written
-from sleepcast.language.program import Program
+from sleepcast.language.machine import Program
+from sleepcast.language.names import UserVariable
 from sleepcast.language.rehearsal import Rehearsal
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Vocabulary
 from sleepcast.mind.limits import MAX_RECOLLECTIONS, MEMO_BYTES, RECALL_BYTES, RECALL_LEAST
 from sleepcast.mind.rules import Mind, Minds
-
-_READING = frozenset({"var", "write", "defvar", "set_user"})
 
 
 @dataclass
@@ -99,7 +98,7 @@ class EvaluationLog:
         state, minds = self._memory.state, self._memory.minds
         mind, proven, unproven_since = state.mind[rows.index].copy(), None, None
         there = {number: minds[number] for number, _, _ in self._memory.divide(rows, lambda number: number)}
-        slots, groups = reach(program, there.values())
+        slots, groups = reads_of(program, there.values())
         if slots is None:
             slots, groups = set(state.slots()), set(state.groups)
             proven, unproven_since = state.proven[rows.index].copy(), state.unproven_since[rows.index].copy()
@@ -201,47 +200,3 @@ def rehearsal(memory: FleetMemory, robot: int) -> Rehearsal:
         has=lambda key: isinstance(mind.learned.get(key), UserVariable),
         draw=lambda: draw(key, tick, next(drawn)),
     )
-
-
-def reach(program: Program, minds: Iterable[Mind]) -> tuple[set[int] | None, set[str]]:
-    """The slots and groups that a program can look at, with all that it can enter in these minds; None for any."""
-    slots: set[int] = set()
-    groups: set[str] = set()
-    taught: set[str] = set()
-    named: set[str] = set()
-    seen: set[Program] = set()
-    waiting = [program]
-    while waiting:
-        found = waiting.pop()
-        if found in seen:
-            continue
-        seen.add(found)
-        named |= found.uses
-        for part in walk(found.root):
-            if part.op in _READING:
-                slots |= {part.slot} - {_NOWHERE}
-            elif part.op == "in":
-                groups.add(part.name)
-            else:
-                taught |= _taught(part)
-        for mind in minds:
-            waiting += [mind.rules[key].program for key in found.uses if key in mind.rules]
-            waiting += [mind.operators[key] for key in found.uses if key in mind.operators]
-    if named and (_ANYTHING in taught or not named.isdisjoint(taught)):
-        # It may enter what it has only just learned, so it may look at anything.
-        return None, groups
-    return slots, groups
-
-
-_ANYTHING = "*"
-_NOWHERE = -1
-"""The slot of a name that was unknown when the program was checked."""
-
-
-def _taught(part: Part) -> set[str]:
-    """The keys of what a part stores."""
-    if isinstance(part.data, Storing):
-        return {part.data.key}
-    if part.op == "act" and part.name == "defun":
-        return {written(part).casefold()}
-    return {_ANYTHING} if part.op == "act" and part.name == "rollback" else set()

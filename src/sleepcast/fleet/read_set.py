@@ -1,4 +1,4 @@
-"""Attention: which variables robots look at in their next tick, so that nobody measures what no robot asks for."""
+"""The read set: which variables robots look at in their next tick, so that nobody measures what no robot asks for."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from sleepcast.channel.message import Message
 from sleepcast.core.errors import SleepcastError
 from sleepcast.fleet.columns import Index
 from sleepcast.fleet.evaluation import Evaluation, distinct
-from sleepcast.fleet.evaluation_log import reach
-from sleepcast.language.parts import Part, walk
-from sleepcast.language.program import Program
+from sleepcast.language.machine import Program
+from sleepcast.language.parts import Part, Storing, walk, written
 from sleepcast.language.reader import read
 from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS
@@ -19,6 +18,10 @@ from sleepcast.mind.rules import Mind, Named
 
 _HARMLESS = frozenset({*FLAGS, "report", "tell", "ping", "join", "leave", "deactivate", "lease"})
 """Acts after which no robot runs or names anything that it did not before."""
+_READING = frozenset({"var", "write", "defvar", "set_user"})
+_ANYTHING = "*"
+_NOWHERE = -1
+"""The slot of a name that was unknown when the program was checked."""
 
 
 class ReadSet:
@@ -64,7 +67,7 @@ class ReadSet:
 def _together(programs: Iterable[Program], mind: Mind) -> frozenset[int] | None:
     found: set[int] = set()
     for program in programs:
-        slots, _ = reach(program, [mind])
+        slots, _ = reads_of(program, [mind])
         if slots is None:
             return None
         found |= slots
@@ -76,3 +79,42 @@ def _teaches(part: Part) -> bool:
     if part.op == "write":
         return ACTIVE0 < part.slot < ACTIVE0 + BUFFERS
     return part.op in ("store", "fetch", "call") or (part.op == "act" and part.name not in _HARMLESS)
+
+
+def reads_of(program: Program, minds: Iterable[Mind]) -> tuple[set[int] | None, set[str]]:
+    """The slots and groups that a program can look at, with all that it can enter in these minds; None for any."""
+    slots: set[int] = set()
+    groups: set[str] = set()
+    taught: set[str] = set()
+    named: set[str] = set()
+    seen: set[Program] = set()
+    waiting = [program]
+    while waiting:
+        found = waiting.pop()
+        if found in seen:
+            continue
+        seen.add(found)
+        named |= found.uses
+        for part in walk(found.root):
+            if part.op in _READING:
+                slots |= {part.slot} - {_NOWHERE}
+            elif part.op == "in":
+                groups.add(part.name)
+            else:
+                taught |= _taught(part)
+        for mind in minds:
+            waiting += [mind.rules[key].program for key in found.uses if key in mind.rules]
+            waiting += [mind.operators[key] for key in found.uses if key in mind.operators]
+    if named and (_ANYTHING in taught or not named.isdisjoint(taught)):
+        # It may enter what it has only just learned, so it may look at anything.
+        return None, groups
+    return slots, groups
+
+
+def _taught(part: Part) -> set[str]:
+    """The keys of what a part stores."""
+    if isinstance(part.data, Storing):
+        return {part.data.key}
+    if part.op == "act" and part.name == "defun":
+        return {written(part).casefold()}
+    return {_ANYTHING} if part.op == "act" and part.name == "rollback" else set()

@@ -13,7 +13,7 @@ import numpy as np
 
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.serial import Array, SerialError
-from sleepcast.fleet.core import Core
+from sleepcast.fleet.fleet import Fleet
 from sleepcast.fleet.schema import FleetSnapshot, MindsState, MindState, ProgramState, RuleState, SymbolState
 from sleepcast.language.program import Program
 from sleepcast.language.reader import read_all
@@ -22,7 +22,7 @@ from sleepcast.language.vocabulary import MAX_USER_VARIABLES, Vocabulary
 from sleepcast.mind.rules import Mind, Minds, Rule
 
 
-def state_of(fleet: Core) -> FleetSnapshot:
+def state_of(fleet: Fleet) -> FleetSnapshot:
     """The fleet between two ticks. Nothing of it is changed."""
     return FleetSnapshot(
         minds_parcel(fleet.minds),
@@ -37,7 +37,7 @@ def state_of(fleet: Core) -> FleetSnapshot:
     )
 
 
-def restore(fleet: Core, parcel: FleetSnapshot, when: float) -> None:
+def restore(fleet: Fleet, parcel: FleetSnapshot, when: float) -> None:
     """Make a fleet, just made, what that one was. when: the time at which it was kept, s, for those who ask why.
 
     Raises ParcelError for a parcel of another fleet, or one that holds what no fleet can hold.

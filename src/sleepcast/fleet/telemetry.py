@@ -21,10 +21,10 @@ from sleepcast.core.serial import Array
 from sleepcast.fleet.acts import ACTS
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows, is_true
 from sleepcast.fleet.evaluation import by_the_living
-from sleepcast.fleet.evaluation_log import reach
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory, Found
 from sleepcast.fleet.messages import Outbox
+from sleepcast.fleet.read_set import reads_of
 from sleepcast.fleet.schema import TelemetryState
 from sleepcast.language.parts import Part, acts
 from sleepcast.language.program import Program
@@ -99,7 +99,7 @@ class FleetTelemetry:
     def _ask(self, test: Program, rows: Rows) -> Mask:
         """Let all that a test can read of these robots be told from now on; gives which of them have told it."""
         minds = {self._minds[number] for number in np.unique(self._state.mind[rows.index]).tolist()}
-        slots, _ = reach(test, minds)
+        slots, _ = reads_of(test, minds)
         told = np.ones(rows.size, np.bool_)
         for slot in self._state.slots() if slots is None else sorted(slots & {*self._state.slots()}):
             if slot not in self._asked:

@@ -27,9 +27,9 @@ from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.units import NONE, UNITS
 from sleepcast.fleet import Fleet, RobotView
 from sleepcast.fleet.columns import Index, Rows
-from sleepcast.fleet.view import Result
 from sleepcast.language.reader import read
 from sleepcast.language.vocabulary import Constant, HostFunction, Vocabulary
+from sleepcast.mind.views import Result
 from sleepcast.robot import RobotModel
 from sleepcast.simulator import MissionError, Order, Simulator
 

@@ -41,22 +41,6 @@ class ExpressionBuffer:
     faults_in_row: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class RuleView:
-    """A rule or buffer as people look at it; the fields as in `ExpressionBuffer`."""
-
-    name: str
-    text: str
-    active: bool
-    last_value: float
-    last_fault: str
-    steps: int
-    firings: int
-    lease: float
-    priority: int
-    protected: bool
-
-
 RuleSet = Mapping[str, tuple[str, str, Program, bool, float]]
 """What ROLLBACK brings back: key to name, text, program, active flag and lease."""
 

@@ -34,6 +34,7 @@ from sleepcast.language.vocabulary import (
     buffer_number,
 )
 from sleepcast.mind.merging import Merging
+from sleepcast.mind.views import Fault
 from sleepcast.node.buffers import RuleBase, RuleSet
 from sleepcast.node.linking import VariableTable
 
@@ -43,18 +44,6 @@ PROVEN_TICKS = 100
 """Ticks that a rule set must have run without a fault for ROLLBACK to come back to it."""
 FAILED = 1 << 62
 """The tick since which a rule set is unproven that has failed: after all others, until somebody changes the set."""
-
-
-@dataclass(frozen=True, slots=True)
-class Fault:
-    """Something that went wrong in an evaluation. where: the text of the part."""
-
-    reason: str
-    where: str
-    tick: int
-
-    def __str__(self) -> str:
-        return f"{self.reason} in {self.where}"
 
 
 @dataclass(slots=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import OrderedDict, deque
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from functools import partial
 from math import inf
 
 from sleepcast.channel.clock_sync import differs
@@ -28,11 +28,12 @@ from sleepcast.language.symbols import Declared, UserVariable
 from sleepcast.language.vocabulary import FROZEN, SLEEPING, Variable, Vocabulary, buffer_number
 from sleepcast.mind.lease import DeadManSwitch, drives
 from sleepcast.mind.merging import enqueue, place_of
+from sleepcast.mind.views import Result, RuleView
 from sleepcast.node.acts import ACTS
-from sleepcast.node.buffers import ExpressionBuffer, RuleView
+from sleepcast.node.buffers import ExpressionBuffer
 from sleepcast.node.embodied import Embodied
 from sleepcast.node.linking import VariableTable
-from sleepcast.node.memory import Fault, RobotMemory, Voice
+from sleepcast.node.memory import RobotMemory, Voice
 from sleepcast.node.scheduler import Scheduler
 from sleepcast.node.telemetry import NOTHING, answer_look
 
@@ -49,23 +50,6 @@ MAX_FAULTS_IN_ROW = 10
 """Evaluations with a fault, one after the other, after which a rule is deactivated."""
 
 Recollected = tuple[Program, list[float], frozenset[str], list[Answer], float, int, str]
-
-
-@dataclass(frozen=True, slots=True)
-class Result:
-    """What came of one text. printed: what it reported, label and values. explanation: made when it is asked for."""
-
-    value: float
-    matched: bool
-    faults: tuple[Fault, ...]
-    cost: int
-    steps: int
-    printed: tuple[tuple[str, tuple[float, ...]], ...]
-    recollection: Recollection
-
-    @property
-    def explanation(self) -> Explanation:
-        return explain(self.recollection)
 
 
 class Node(Embodied):
@@ -274,7 +258,7 @@ class Node(Embodied):
             checked.cost,
             memory.steps,
             tuple(printed),
-            Recollection(*self._recollections[-1]),
+            partial(Recollection, *self._recollections[-1]),
         )
 
     def why(self, command: str | None = None) -> Explanation:

@@ -1,0 +1,62 @@
+"""What a mind shows: its rules, what went wrong in an evaluation, and what came of one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from sleepcast.language.explain import Explanation, Recollection, explain
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Something that went wrong in an evaluation. where: the text of the part."""
+
+    reason: str
+    where: str
+    tick: int
+
+    def __str__(self) -> str:
+        return f"{self.reason} in {self.where}"
+
+
+@dataclass(frozen=True, slots=True)
+class RuleView:
+    """A rule or buffer as people look at it.
+
+    lease: time (s) at which it is deactivated, inf for never. last_value, last_fault, steps: of its last evaluation.
+    firings: evaluations in which its test held. priority: the higher, the later in the round. protected: built in.
+    """
+
+    name: str
+    text: str
+    active: bool
+    last_value: float
+    last_fault: str
+    steps: int
+    firings: int
+    lease: float
+    priority: int
+    protected: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What came of one text. printed: what it reported, label and values. recall: gives what went into it."""
+
+    value: float
+    matched: bool
+    faults: tuple[Fault, ...]
+    cost: int
+    steps: int
+    printed: tuple[tuple[str, tuple[float, ...]], ...]
+    recall: Callable[[], Recollection]
+
+    @property
+    def recollection(self) -> Recollection:
+        return self.recall()
+
+    @property
+    def explanation(self) -> Explanation:
+        """Made when it is asked for."""
+        return explain(self.recall())

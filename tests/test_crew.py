@@ -22,7 +22,8 @@ from sleepcast.channel.transports.multiplexer import Multiplexer
 from sleepcast.channel.transports.transport import Transport
 from sleepcast.core.clock import ManualClock
 from sleepcast.language import Vocabulary
-from sleepcast.loop import Member, NetworkSwarm, vocabulary_of
+from sleepcast.loop import vocabulary_of
+from sleepcast.loop.network_swarm import Member, NetworkSwarm
 from sleepcast.node.node import Node
 from sleepcast.simulator import Body
 from small_worlds import simulator

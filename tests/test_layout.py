@@ -53,7 +53,7 @@ HOUSE = {
     "fleet": room("language channel robot mind", "numpy msgspec", late="llvmlite"),
     "simulator": room("channel robot", "numpy msgspec mcap lz4 zstandard numba llvmlite", late="yaml PIL"),
     "bridges": room("nomad robot"),
-    "loop": room("language channel node fleet simulator robot", "msgspec"),
+    "loop": room("language channel mind node fleet simulator robot", "msgspec"),
     "station": room("language channel", "msgspec numpy"),
     "console": room(
         "language channel robot nomad node fleet simulator loop station", "starlette uvicorn msgspec numpy"

@@ -10,7 +10,8 @@ import pytest
 from sleepcast.channel import Kind, Message
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import SleepcastError
-from sleepcast.loop import Watch, run_robot, vocabulary_of
+from sleepcast.loop import vocabulary_of
+from sleepcast.loop.real import Watch, run_robot
 from sleepcast.node.node import Node
 from sleepcast.robot import Reading
 from sleepcast.simulator import Simulator

@@ -23,7 +23,7 @@ import sleepcast.loop
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.session import ChannelSession
 from sleepcast.cli import main as sleepcast_main
-from sleepcast.loop import NetworkSwarm
+from sleepcast.loop.network_swarm import NetworkSwarm
 
 ANSWERS: list[tuple[str, str, str, float]] = []
 RESTS: list[tuple[str, float, bool]] = []

@@ -17,7 +17,7 @@ from sleepcast.fleet import Fleet, FleetError, columns, pure
 from sleepcast.language import CheckError, ReadError, Vocabulary
 from sleepcast.language.parts import Template
 from sleepcast.mind import limits
-from sleepcast.node import memory, node, scheduler, speech
+from sleepcast.node import node
 from sleepcast.station.minds import FleetNames
 
 X = [sensor.name for sensor in SENSORS].index("x")
@@ -28,24 +28,6 @@ def twins(count: int = 5) -> Twins:
     made = Twins(count, seed=3)
     made.sense([[i + 1.0 if place == X else nan for place in range(len(SENSORS))] for i in range(count)])
     return made
-
-
-def test_its_bounds_are_those_of_a_node() -> None:
-    for name in ("MAX_QUEUE", "MAX_SEEN", "MAX_FAULTS_IN_ROW"):
-        assert getattr(limits, name) == getattr(node, name), name
-    for name in (
-        "MAX_OUTBOX",
-        "TELL_SECONDS",
-        "TELLS_A_SECOND",
-        "TELL_BURST",
-        "TELLS_TOO_OFTEN",
-        "TELLS_TOO_FAR",
-        "REPORTS_A_SECOND",
-    ):
-        assert getattr(limits, name) == getattr(speech, name), name
-    for name in ("MAX_FAULTS", "PROVEN_TICKS", "FAILED"):
-        assert getattr(limits, name) == getattr(memory, name), name
-    assert limits.TICK_STEPS == scheduler.TICK_STEPS
 
 
 def test_a_rule_is_stored_by_those_only_for_whom_the_test_holds() -> None:

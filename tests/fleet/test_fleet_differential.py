@@ -22,6 +22,7 @@ from fleet.twins import Twins
 from language.authors import Author
 from language.cases import SENSORS
 from sleepcast import fleet, language, node
+from sleepcast import mind as shared
 from sleepcast.channel.message import Kind, Message
 from sleepcast.core.errors import SleepcastError
 from sleepcast.fleet import columns
@@ -95,9 +96,9 @@ def test_robots_of_a_fleet_with_native_code_do_what_nodes_do(start: int, chunk: 
 
 
 def houses() -> Iterator[str]:
-    """Every module of fleets, nodes and their language."""
-    for house in (fleet, language, node):
-        yield from (module.name for module in pkgutil.iter_modules(house.__path__, f"{house.__name__}."))
+    """Every module of fleets, nodes, what both share, and their language."""
+    for house in (fleet, language, shared, node):
+        yield from (module.name for module in pkgutil.walk_packages(house.__path__, f"{house.__name__}."))
 
 
 HOUSES = [import_module(name) for name in houses()]

@@ -34,7 +34,7 @@ from sleepcast.language import (
     format_value,
     program,
 )
-from sleepcast.language.names import Operator
+from sleepcast.language.symbols import Operator
 from sleepcast.mind.views import Result
 from sleepcast.node.node import Node
 

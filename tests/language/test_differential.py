@@ -21,7 +21,7 @@ from language.reference_forms import cost
 from sleepcast.language import check, read
 from sleepcast.language.form import QUASIQUOTE, UNQUOTE
 from sleepcast.language.functions import FUNCTIONS
-from sleepcast.node.memory import MAX_FAULTS
+from sleepcast.mind.limits import MAX_FAULTS
 from sleepcast.node.node import Node
 
 pytestmark = pytest.mark.usefixtures("rules_elsewhere")

@@ -10,10 +10,9 @@ from sleepcast.channel.message import Kind, Message
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.units import Quantity
 from sleepcast.language import HostFunction, Vocabulary
+from sleepcast.mind.limits import MAX_FAULTS_IN_ROW, MAX_QUEUE, REPORTS_A_SECOND, TICK_STEPS
 from sleepcast.node.linking import VariableTable, actuator, sensor
-from sleepcast.node.node import MAX_FAULTS_IN_ROW, MAX_QUEUE, MAX_RECOLLECTIONS, Node
-from sleepcast.node.scheduler import TICK_STEPS
-from sleepcast.node.speech import REPORTS_A_SECOND
+from sleepcast.node.node import MAX_RECOLLECTIONS, Node
 
 
 class Body:

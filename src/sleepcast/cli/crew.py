@@ -18,7 +18,7 @@ from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.cli.node_life import Beginning
-    from sleepcast.loop import NetworkSwarm
+    from sleepcast.loop.network_swarm import NetworkSwarm
     from sleepcast.node.store import Store
 
 MOST = 10_000
@@ -137,7 +137,8 @@ def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> Ne
     from sleepcast.cli.time_taken import seek_time
     from sleepcast.core.clock import UnixClock, WallClock
     from sleepcast.core.counter_rng import key
-    from sleepcast.loop import Member, NetworkSwarm, vocabulary_of
+    from sleepcast.loop import vocabulary_of
+    from sleepcast.loop.network_swarm import Member, NetworkSwarm
     from sleepcast.node.node import Node
     from sleepcast.simulator import Changes, Guard, Simulator, choose, find_scenario, limited, read_limits
 

@@ -18,7 +18,8 @@ from sleepcast.cli.told import heard_at, news_of
 from sleepcast.core.clock import Clock, UnixClock, WallClock, epoch_at
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.language import List, Symbol, read, read_all, show
-from sleepcast.loop import Watch, run_robot, vocabulary_of
+from sleepcast.loop import vocabulary_of
+from sleepcast.loop.real import Watch, run_robot
 from sleepcast.node.node import Node
 from sleepcast.node.store import Store
 from sleepcast.nomad.vocabulary import nomad_vocabulary

@@ -1,4 +1,4 @@
-"""Recall: why a robot did what it did, without having kept what it did.
+"""The evaluation log: why a robot did what it did, without having kept what it did.
 
 Of a command the fleet keeps what went into it: the columns that the program can look at, as they were, what the
 robots had learned, and what their own functions gave. An explanation evaluates the command again, for the one robot,
@@ -20,15 +20,23 @@ from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory, Given
 from sleepcast.fleet.messages import Outbox
 from sleepcast.fleet.read_set import reads_of
-from sleepcast.language.chance import draw
 from sleepcast.language.explain import Recollection
-from sleepcast.language.machine import Program
-from sleepcast.language.names import UserVariable
+from sleepcast.language.numerics import draw
+from sleepcast.language.program import Program
 from sleepcast.language.rehearsal import Rehearsal
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Vocabulary
-from sleepcast.mind.limits import MAX_RECOLLECTIONS, MEMO_BYTES, RECALL_BYTES, RECALL_LEAST
 from sleepcast.mind.rules import Mind, Minds
+
+MAX_ENTRIES = 4_096
+"""Commands whose inputs a fleet keeps at most, to explain them later: many are heard by a few robots only, because
+robots tell each other. What they take is bounded by `LOG_BYTES`."""
+LOG_BYTES = 256
+"""Bytes a robot for the inputs of past commands: a quarter of the kilobyte that a robot's mind may take."""
+LOG_LEAST = 4 * 1024 * 1024
+"""Bytes for them in a small fleet, where nobody counts."""
+ENTRY_BYTES = 2_048
+"""About what a command's inputs take besides their columns."""
 
 
 @dataclass
@@ -63,7 +71,7 @@ class LogEntry:
             self.draws,
         )
         kept = (*arrays, *self.columns.values(), *self.groups.values())
-        return MEMO_BYTES + self.host_bytes + sum(array.nbytes for array in kept if isinstance(array, np.ndarray))
+        return ENTRY_BYTES + self.host_bytes + sum(array.nbytes for array in kept if isinstance(array, np.ndarray))
 
     @property
     def host_bytes(self) -> int:
@@ -88,7 +96,7 @@ class EvaluationLog:
 
     def __init__(self, memory: FleetMemory) -> None:
         self._memory = memory
-        self._entries: deque[LogEntry] = deque(maxlen=MAX_RECOLLECTIONS)
+        self._entries: deque[LogEntry] = deque(maxlen=MAX_ENTRIES)
         self._bytes = 0
         self.since: float | None = None
         """The time (s) of the snapshot that the fleet goes on from: it holds no inputs of what came before."""
@@ -121,7 +129,7 @@ class EvaluationLog:
             {key: state.groups[key][rows.index].copy() for key in groups if key in state.groups},
         )
         self._bytes += entry.bytes
-        if len(self._entries) == MAX_RECOLLECTIONS:
+        if len(self._entries) == MAX_ENTRIES:
             self._drop()
         self._entries.append(entry)
         self._bound()
@@ -133,7 +141,7 @@ class EvaluationLog:
         self._bound()
 
     def _bound(self) -> None:
-        while len(self._entries) > 1 and self._bytes > max(RECALL_BYTES * self._memory.state.count, RECALL_LEAST):
+        while len(self._entries) > 1 and self._bytes > max(LOG_BYTES * self._memory.state.count, LOG_LEAST):
             self._drop()
 
     def _drop(self) -> None:

@@ -37,15 +37,17 @@ from sleepcast.fleet.telemetry import FleetTelemetry
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
 from sleepcast.language.form import show
 from sleepcast.language.functions import MAX_HOPS
-from sleepcast.language.machine import Program
-from sleepcast.language.names import Declared, UserVariable
+from sleepcast.language.lint import Checked, check
 from sleepcast.language.parts import Part
+from sleepcast.language.program import Program
 from sleepcast.language.reader import read
-from sleepcast.language.review import Checked, check
+from sleepcast.language.symbols import Declared, UserVariable
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Variable, Vocabulary, buffer_number
-from sleepcast.mind.limits import SPARE_MINDS
 from sleepcast.mind.rules import Mind, Minds, Named, in_order
 from sleepcast.mind.views import Fault, Result, RuleView
+
+SPARE_MINDS = 256
+"""Minds that no robot is of any more, before they are looked for and forgotten."""
 
 
 class FleetError(MisuseError):

@@ -9,8 +9,8 @@ from sleepcast.channel.message import Message
 from sleepcast.core.errors import SleepcastError
 from sleepcast.fleet.columns import Index
 from sleepcast.fleet.evaluation import Evaluation, distinct
-from sleepcast.language.machine import Program
 from sleepcast.language.parts import Part, Storing, walk, written
+from sleepcast.language.program import Program
 from sleepcast.language.reader import read
 from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS

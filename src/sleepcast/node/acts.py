@@ -13,8 +13,9 @@ from sleepcast.language.parts import Defining, Part, Template, label_of, written
 from sleepcast.language.reader import MAX_TEXT
 from sleepcast.language.symbols import Group, Operator, Stored
 from sleepcast.language.vocabulary import ACTIVE0, MAX_GROUPS, MAX_OPERATORS, buffer_number
+from sleepcast.mind.limits import PROVEN_TICKS
 from sleepcast.node.buffers import ExpressionBuffer
-from sleepcast.node.memory import PROVEN_TICKS, Act, RobotMemory
+from sleepcast.node.memory import Act, RobotMemory
 
 
 def _join(memory: RobotMemory, part: Part) -> float:

@@ -33,17 +33,11 @@ from sleepcast.language.vocabulary import (
     Vocabulary,
     buffer_number,
 )
+from sleepcast.mind.limits import FAILED, MAX_FAULTS, PROVEN_TICKS
 from sleepcast.mind.merging import Merging
 from sleepcast.mind.views import Fault
 from sleepcast.node.buffers import RuleBase, RuleSet
 from sleepcast.node.linking import VariableTable
-
-MAX_FAULTS = 100
-"""Faults kept of one evaluation: more would only repeat what the first ones say."""
-PROVEN_TICKS = 100
-"""Ticks that a rule set must have run without a fault for ROLLBACK to come back to it."""
-FAILED = 1 << 62
-"""The tick since which a rule set is unproven that has failed: after all others, until somebody changes the set."""
 
 
 @dataclass(slots=True)

@@ -10,11 +10,13 @@ from __future__ import annotations
 from collections import OrderedDict, deque
 from collections.abc import Iterable, Sequence
 from functools import partial
-from math import inf
+from math import inf, isnan, nan
 
 from sleepcast.channel.clock_sync import differs
 from sleepcast.channel.message import Kind, Message
-from sleepcast.channel.payload import LEASE, LOOK, MATCHED, hops_left, is_addressed
+from sleepcast.channel.payload import HOPS, LEASE, LOOK, MATCHED, age_of, hops_left, is_addressed
+from sleepcast.channel.stop_latch import ENDED
+from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
 from sleepcast.language.form import show
@@ -26,40 +28,54 @@ from sleepcast.language.reader import read
 from sleepcast.language.rehearsal import Answer
 from sleepcast.language.symbols import Declared, UserVariable
 from sleepcast.language.vocabulary import FROZEN, SLEEPING, Variable, Vocabulary, buffer_number
+from sleepcast.mind.authority import Authority
 from sleepcast.mind.lease import DeadManSwitch, drives
+from sleepcast.mind.limits import (
+    MAX_FAULTS_IN_ROW,
+    MAX_OUTBOX,
+    MAX_QUEUE,
+    MAX_SEEN,
+    REPORTS_A_SECOND,
+    TELL_BURST,
+    TELL_SECONDS,
+    TELLS_A_SECOND,
+    TELLS_TOO_FAR,
+    TELLS_TOO_OFTEN,
+)
 from sleepcast.mind.merging import enqueue, place_of
 from sleepcast.mind.views import Result, RuleView
 from sleepcast.node.acts import ACTS
 from sleepcast.node.buffers import ExpressionBuffer
-from sleepcast.node.embodied import Embodied
 from sleepcast.node.linking import VariableTable
 from sleepcast.node.memory import RobotMemory, Voice
 from sleepcast.node.scheduler import Scheduler
-from sleepcast.node.telemetry import NOTHING, answer_look
+from sleepcast.node.telemetry import NOTHING, Details, answer_look
+from sleepcast.robot import Robot
 
 MAX_RECOLLECTIONS = 64
 """Evaluations of messages that a robot can still explain."""
-MAX_QUEUE = 64
-"""Messages waiting for the next tick; more are dropped and counted, as a radio drops what it has no room for."""
 MAX_BACKLOG = 4_096
 """... on a real channel, where what was missing comes with everything that waited for it: as many as a sender's numbers
 are told apart. In one tick as many are dealt with as without one."""
-MAX_SEEN = 1_024
-"""Message ids remembered so that a repeated message changes nothing."""
-MAX_FAULTS_IN_ROW = 10
-"""Evaluations with a fault, one after the other, after which a rule is deactivated."""
+MAX_EVALUATED = 256
+"""Messages whose outcome waits for somebody to keep it: what comes in one tick, and STOPs between two of them."""
 
 Recollected = tuple[Program, list[float], frozenset[str], list[Answer], float, int, str]
 
 
-class Node(Embodied):
+class Node:
     """One robot's mind.
+
+    stopped: whether a STOP holds; doubt: why it stands although no STOP may have come, "" otherwise; authority: whose
+    orders count. lost: messages and sayings that found no room. evaluated: the latest messages that it had an answer
+    to, the outcome, and the robot's time, for whoever keeps that and takes it out. zero: when its time began, s of Unix
+    time, where that matters; clock: tells that time, None where the time of the tick will do.
 
     number: its `id` in expressions and in its chance. seed: of the run. body: what the functions of its vocabulary are
     called on (the linked object, if none is given); if it is a `Robot` it is stopped, released and held still as well.
     variables: linked variables, if any. lease: s for which a body that is driven goes on while nobody is heard.
-    on_air: whether it hears a real channel, and not a simulated one: then
-    more may wait, and what several operators send is merged.
+    on_air: whether it hears a real channel, and not a simulated one: then more may wait, and what several operators
+    send is merged.
     """
 
     def __init__(
@@ -75,8 +91,15 @@ class Node(Embodied):
         on_air: bool = False,
     ) -> None:
         table = variables or VariableTable(vocabulary.name, like=vocabulary)
-        super().__init__(name, table.body if body is None else body)
-        self.number = number
+        self.name, self.number, self.epoch = name, number, 0
+        self.body = table.body if body is None else body
+        self.stopped, self.doubt, self.authority = False, "", Authority()
+        self.outbox: list[Message] = []
+        self.pings: list[float] = []
+        self.lost = 0
+        self.evaluated: deque[tuple[Message, str, float]] = deque(maxlen=MAX_EVALUATED)
+        self.zero = 0.0
+        self.clock: Clock | None = None
         self._memory = RobotMemory(
             table,
             Voice(self._report, self._may_tell, self._tell, self._ping),
@@ -92,6 +115,15 @@ class Node(Embodied):
         # The fields of a Recollection, made into one only when somebody asks: this happens for every message.
         self._recollections: deque[Recollected] = deque(maxlen=MAX_RECOLLECTIONS)
         self._on_air, self._room = on_air, MAX_BACKLOG if on_air else MAX_QUEUE
+        self._now, self._was_still = 0.0, False
+        self._sequence = 0
+        self._printed: list[tuple[str, tuple[float, ...]]] | None = None
+        """What the text under way has reported, while somebody waits for its result."""
+        self._reported_in, self._reported = 0, 0
+        self._telling_until = 0.0
+        """When all that it has told would be over at `TELLS_A_SECOND`, s: a leaky bucket in one number."""
+        self._told_less = False
+        """Whether something was not told since it was quiet last."""
 
     # ---- what others look at
 
@@ -123,6 +155,11 @@ class Node(Embodied):
     def awake(self) -> bool:
         """Whether the next tick has anything to do: a message, rules that run, or a body that is driven."""
         return bool(self._queue) or bool(self._memory.rules.running) or self._memory.driven
+
+    @property
+    def driven(self) -> bool:
+        """Whether the body was last moved by a person's command that counts once; see `deadman`."""
+        return self._memory.driven
 
     @property
     def dropped(self) -> int:
@@ -289,6 +326,72 @@ class Node(Embodied):
         buffer.priority, buffer.protected = priority, protected
         self._memory.rules.changed()
 
+    # ---- the body
+
+    def halt(self, doubt: str = "") -> None:
+        """Stop, and stay so until RELEASE. doubt: see the class. Raises LinkError if not everything came to rest."""
+        self.stopped, self.doubt = True, doubt
+        if isinstance(self.body, Robot):
+            self.body.stop()
+        else:
+            self._memory.held = True
+        self._memory.variables.stop()
+
+    def _stop(self, message: Message) -> None:
+        if not self.authority.may_stop(message, self._now):
+            self._answer(message, "fault", fault=ENDED)
+            return
+        fault = ""
+        try:
+            self.halt()
+        except SleepcastError as error:
+            fault = str(error)
+        if is_addressed(message.body, self.name):  # whoever hears a STOP stops; the others need not say so again
+            self._answer(message, "stopped", fault=fault)
+
+    def _release(self, message: Message) -> None:
+        if self.doubt and message.issued < age_of(
+            message.body
+        ):  # it may have been sent before a STOP that is forgotten
+            self._answer(message, "fault", fault=f"{self.doubt}: a RELEASE from before the start does not end that")
+            return
+        if not self.authority.may_release(message):
+            self._answer(message, "fault", fault=self.authority.latch.refusal())
+            return
+        self.stopped = self._memory.held = False
+        self.doubt = ""
+        self._memory.variables.release()
+        if isinstance(self.body, Robot):
+            self.body.release()
+        self._answer(message, "released")
+
+    def _let_go(self) -> None:
+        """Whoever drove the body is gone: it comes to rest, and nothing that was asked goes on by itself."""
+        memory = self._memory
+        memory.driven = False
+        memory.actuated.clear()
+        if self.stopped:
+            return
+        if isinstance(self.body, Robot):
+            self.body.stop()
+            self.body.release()
+        try:
+            memory.variables.stop()
+            memory.variables.release()
+        except SleepcastError as error:
+            self._report(f"nobody drives it any more, and it does not rest: {error}", ())
+        else:
+            self._report("at rest: nobody drives it any more", ())
+
+    def _hold(self) -> None:
+        """A sleeping or frozen robot keeps its body still."""
+        values = self._memory.values
+        still = values[SLEEPING] > 0 or values[FROZEN] > 0
+        if still != self._was_still:
+            self._was_still = still
+            if isinstance(self.body, Robot):
+                self.body.hold(still)
+
     # ---- evaluating
 
     def _run(self, program: Program, command: str) -> float:
@@ -367,3 +470,60 @@ class Node(Embodied):
     def interrupted(self, message: Message) -> None:
         """Answer a message that the life before this one began to evaluate: that is not done again."""
         self._answer(message, "fault", fault="interrupted: the robot was restarted while it did this")
+
+    # ---- what it says
+
+    def _say(self, kind: Kind, *, text: str = "", deadline: float = inf, body: dict[str, object] | None = None) -> None:
+        if len(self.outbox) >= MAX_OUTBOX:
+            self.lost += 1
+            return
+        self._sequence += 1
+        self.outbox.append(
+            Message(self.name, self.epoch, self._sequence, kind, self._now, deadline, text, False, body or {})
+        )
+
+    def _answer(
+        self, message: Message, outcome: str, value: float = nan, fault: str = "", told: Details = NOTHING
+    ) -> None:
+        said = {"command": message.id, "outcome": outcome, "value": None if isnan(value) else value}
+        self._say(Kind.ANSWER, body={**said, "fault": fault or None, **told})
+        self.evaluated.append((message, outcome, self._now if self.clock is None else self.clock.now() - self.zero))
+
+    def _report(self, label: str, values: tuple[float, ...]) -> None:
+        if self._printed is not None:
+            self._printed.append((label, values))
+        second = int(self._now)
+        if second != self._reported_in:
+            self._reported_in, self._reported = second, 0
+        self._reported += 1
+        if self._reported > REPORTS_A_SECOND:
+            self.lost += 1
+            return
+        self._say(Kind.REPORT, body={"label": label, "values": [None if isnan(v) else v for v in values]})
+
+    def remark(self, said: str) -> None:
+        """Report something that no expression has asked for."""
+        self._report(said, ())
+
+    def _may_tell(self, hops: int) -> bool:
+        """Whether something may be told now, so many hops far, which is counted as told; else it is counted as lost."""
+        begin = max(self._telling_until, self._now)
+        over = begin - self._now > (TELL_BURST - 1) / TELLS_A_SECOND
+        if hops < 1 or over:
+            self.lost += 1
+            if not self._told_less:
+                self._told_less = True
+                self._report(TELLS_TOO_OFTEN if hops >= 1 else TELLS_TOO_FAR, ())
+            return False
+        self._told_less &= begin > self._now
+        self._telling_until = begin + 1.0 / TELLS_A_SECOND
+        return True
+
+    def _tell(self, text: str, hops: int) -> None:
+        self._say(Kind.COMMAND, text=text, deadline=self._now + TELL_SECONDS, body={HOPS: hops})
+
+    def _ping(self, caste: float) -> None:
+        if len(self.pings) < MAX_OUTBOX:
+            self.pings.append(caste)
+        else:
+            self.lost += 1

@@ -9,10 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from sleepcast.mind.limits import TICK_STEPS
 from sleepcast.node.buffers import ExpressionBuffer, RuleBase
-
-TICK_STEPS = 50_000
-"""Steps that one robot's rules may use in one tick: ten milliseconds of a slow computer, a tenth of a 10 Hz tick."""
 
 
 class Scheduler:

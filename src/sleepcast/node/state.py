@@ -18,9 +18,10 @@ from sleepcast.language.program import Program
 from sleepcast.language.reader import read_all
 from sleepcast.language.symbols import Group, Operator, Stored, UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, buffer_number
+from sleepcast.mind.limits import FAILED, PROVEN_TICKS
 from sleepcast.mind.merging import MergingState
 from sleepcast.node.buffers import RuleSet
-from sleepcast.node.memory import FAILED, PROVEN_TICKS, RobotMemory
+from sleepcast.node.memory import RobotMemory
 from sleepcast.node.node import Node
 
 UNFIT = (*(ValueError, TypeError, LookupError, ArithmeticError), *(AttributeError, RecursionError, SleepcastError))
@@ -47,7 +48,7 @@ class OperatorState(msgspec.Struct, frozen=True, array_like=True):
 class MindState(msgspec.Struct, frozen=True):
     """See the module. flags: values of the support variables from `marked` to `active63`. proven: the rules that
     ROLLBACK brings back; ticks: for how many these here have run without a fault, None if one has failed. authority:
-    see `Authority.state`; merging: see `Merging`; doubt: see `Embodied`."""
+    see `Authority.state`; merging: see `Merging`; doubt: see `Node`."""
 
     stopped: bool
     authority: dict[str, object]

@@ -30,8 +30,9 @@ from sleepcast.channel.message_store import DeliveryState
 from sleepcast.channel.reliable import KEEP_EVERY, ReliableDelivery
 from sleepcast.core.clock import Clock
 from sleepcast.core.serial import SerialError, pack
+from sleepcast.mind.limits import MAX_QUEUE, MAX_SEEN
 from sleepcast.node.integrity import NEWBORN, Marker, Seal
-from sleepcast.node.node import MAX_QUEUE, MAX_SEEN, Node
+from sleepcast.node.node import Node
 from sleepcast.node.state import MindState, fingerprint, mind_of, restore, stand
 from sleepcast.node.store_file import (
     FORMAT,

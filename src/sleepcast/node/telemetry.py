@@ -56,7 +56,7 @@ def answer_look(
     stops: Sequence[object],
     why: Callable[[str | None], Explanation],
 ) -> Details:
-    """What is told to a question with this body. stopped, doubt: see `Embodied`; stops: see `Authority.stops`. why:
+    """What is told to a question with this body. stopped, doubt: see `Node`; stops: see `Authority.stops`. why:
     explains a command, a rule, or the last command."""
     what, of = body.get(LOOK), body.get(OF)
     try:

@@ -20,7 +20,7 @@ import pytest
 
 from cli.calling import LONGEST, called
 from cli.terminal import terminal
-from sleepcast.cli import main, progress, swarm
+from sleepcast.cli import main, progress, run
 from sleepcast.cli.headless import assemble
 from sleepcast.console import DEFAULT_PORT
 from sleepcast.console.adapters.swarm import SwarmOnPage
@@ -271,11 +271,11 @@ def _in_use(port: int) -> bool:
 def test_no_argument_is_the_demo_of_bravo(monkeypatch: pytest.MonkeyPatch) -> None:
     started: list[object] = []
 
-    def start(name: str, headless: bool, options: swarm.Options) -> int:
+    def start(name: str, headless: bool, options: run.Options) -> int:
         started.append((name, headless, dict(options)))
         return 0
 
-    monkeypatch.setattr(swarm, "_start", start)
+    monkeypatch.setattr(run, "_start", start)
     assert main([]) == 0
     assert main(["demo", "bravo"]) == 0
     assert started[0] == started[1]
@@ -333,7 +333,7 @@ def test_a_browser_that_cannot_be_opened_leaves_the_address(tmp_path: Path) -> N
 
 
 def test_the_options_have_the_bounds_of_the_page() -> None:
-    assert (swarm.PORT, swarm.SLOWEST, swarm.FASTEST) == (DEFAULT_PORT, MIN_FACTOR, MAX_FACTOR)
+    assert (run.PORT, run.SLOWEST, run.FASTEST) == (DEFAULT_PORT, MIN_FACTOR, MAX_FACTOR)
 
 
 def test_the_page_shows_where_the_robots_are(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from cli.calling import called
 from cli.terminal import Terminal, terminal
-from cli.test_crew import channel, swarm
+from cli.test_swarm import channel, swarm
 
 __all__ = ["channel"]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from cli.calling import LONGEST
-from cli.test_crew import channel, swarm
+from cli.test_swarm import channel, swarm
 
 __all__ = ["channel"]
 

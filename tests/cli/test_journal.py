@@ -17,9 +17,9 @@ import pytest
 
 from channel.test_udp import free_port
 from cli.calling import Called, called
-from cli.test_crew import account, swarm
+from cli.test_swarm import account, swarm
 from sleepcast.cli import main
-from sleepcast.cli.journals import journal_of, opened
+from sleepcast.cli.air import journal_of, opened
 from sleepcast.core.clock import ManualClock
 from sleepcast.station import Event
 from sleepcast.station.journal.sqlite import SqliteJournal

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from cli.calling import LONGEST, called
-from cli.test_crew import account, channel, swarm
+from cli.test_swarm import account, channel, swarm
 from sleepcast.channel.keyring import KeyFileLostError, add_trust, key_file, load_trust, save_key, save_trust
 from sleepcast.channel.keys import KeyChange, KeyPair, Trust
 from sleepcast.channel.message import Kind, Role

@@ -14,7 +14,7 @@ from sleepcast.channel.keyring import development_keys, find_key, keys_folder, l
 from sleepcast.channel.message import Role
 from sleepcast.cli.air import Air
 from sleepcast.cli.air import _keys as keys_of
-from sleepcast.cli.key_changes import commander
+from sleepcast.cli.keys import commander
 
 PUBLIC = "03a107bff3ce10be1d70dd18e74bc09967e4d6309ba50d5f1ddc8664125531b8"
 

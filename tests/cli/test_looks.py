@@ -12,7 +12,7 @@ import pytest
 from channel.test_udp import free_port
 from cli.calling import called
 from cli.terminal import terminal
-from cli.test_crew import channel, swarm
+from cli.test_swarm import channel, swarm
 
 __all__ = ["channel"]
 

@@ -14,7 +14,7 @@ from benchmarks.channel.flooder import forged
 
 from cli.calling import LONGEST, called
 from cli.terminal import terminal
-from cli.test_crew import channel, swarm
+from cli.test_swarm import channel, swarm
 from sleepcast.channel.keyring import development_keys, keys_folder
 from sleepcast.channel.transports.udp import UdpTransport
 

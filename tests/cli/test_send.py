@@ -10,7 +10,7 @@ import pytest
 
 from cli.calling import Called, called
 from cli.terminal import terminal
-from cli.test_crew import channel, swarm
+from cli.test_swarm import channel, swarm
 from sleepcast.cli import main
 
 __all__ = ["channel"]

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from cli.calling import LONGEST, Called, called
 from cli.terminal import terminal
-from cli.test_crew import channel, swarm
+from cli.test_swarm import channel, swarm
 from sleepcast.station.roster import FleetFile
 
 __all__ = ["channel"]

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from cli.test_crew import channel, swarm
+from cli.test_swarm import channel, swarm
 from console.running import PATIENCE, Program
 from console.test_page import opened, send, type_in
 from small_worlds import write

@@ -14,8 +14,8 @@ from playwright.sync_api import BrowserContext, expect
 
 from channel.test_udp import free_port
 from cli.calling import called
-from cli.test_crew import swarm
 from cli.test_notices import attacked
+from cli.test_swarm import swarm
 from console.running import PATIENCE, Page, Program, number, open_page
 
 TEACHING = """(DEFUN late (n) (> id n))

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from sleepcast.cli.learned import LearnedNames
 from sleepcast.language import check
+from sleepcast.language.learned_names import LearnedNames
 from sleepcast.loop import Swarm, vocabulary_of
 from sleepcast.simulator import Scenario, SettingsError, Simulator, find_scenario, load, parse_mission, scenario_names
 from sleepcast.simulator.gallery import GALLERY

@@ -27,15 +27,15 @@ READER_GONE = 141
 """The exit status of a program whose reader went away (128 + SIGPIPE)."""
 
 COMMANDS = {
-    "demo": ("sleepcast.cli.swarm", "demo"),
-    "run": ("sleepcast.cli.swarm", "run"),
+    "demo": ("sleepcast.cli.run", "demo"),
+    "run": ("sleepcast.cli.run", "run"),
     "replay": ("sleepcast.cli.replay", "replay"),
     "nserver": ("sleepcast.cli.nserver", "nserver"),
-    "scenarios": ("sleepcast.cli.gallery", "scenarios"),
+    "scenarios": ("sleepcast.cli.scenarios", "scenarios"),
     "prepare": ("sleepcast.cli.prepare", "prepare"),
     "node": ("sleepcast.cli.node", "node"),
-    "swarm": ("sleepcast.cli.crew", "swarm"),
-    "eval": ("sleepcast.cli.evaluate", "evaluate"),
+    "swarm": ("sleepcast.cli.swarm", "swarm"),
+    "eval": ("sleepcast.cli.eval", "evaluate"),
     "check": ("sleepcast.cli.check", "check"),
     "repl": ("sleepcast.cli.repl", "repl"),
     "who": ("sleepcast.cli.who", "who"),
@@ -100,7 +100,7 @@ def program(ctx: click.Context) -> int:
       sleepcast eval '(+ 1 2)'
     """
     if ctx.invoked_subcommand is None:
-        from sleepcast.cli.swarm import demo
+        from sleepcast.cli.run import demo
 
         status: int = ctx.invoke(demo, name="bravo")
         return status

@@ -1,4 +1,4 @@
-"""A party's way onto the air, as the command line says it: which channel, which fleet, which keys."""
+"""How a subcommand gets onto the air: which channel, fleet and keys, and where journals and stores lie."""
 
 from __future__ import annotations
 
@@ -6,15 +6,22 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import wraps
+from hashlib import sha256
 from pathlib import Path
 from random import Random, SystemRandom
 from typing import TYPE_CHECKING, TypeVar
+from urllib.parse import quote
 
 import click
 
-from sleepcast.cli.journals import journal_option, opened
-from sleepcast.cli.stores import operator_store
-from sleepcast.cli.times import Seconds
+from sleepcast.cli.options import Seconds
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.files import data_folder
+
+if TYPE_CHECKING:
+    from sleepcast.node.store import Store
+if TYPE_CHECKING:
+    from sleepcast.station.journal.sqlite import LateJournal
 
 if TYPE_CHECKING:
     from sleepcast.channel.keys import KeyPair, Trust
@@ -314,3 +321,97 @@ def _keys(air: Air, robot: bool, say: Callable[[str], None]) -> tuple[KeyPair, T
 
     trust.keep = keep
     return pair, trust
+
+
+LONGEST = 200
+"""Bytes of a file's name for a fleet, so that the names of its archives fit into 255."""
+
+HASTE = 0.25
+"""Seconds that a desk waits for another writer: it has robots to hear, and writes later what it could not."""
+
+
+def journal_option(command: Command) -> Command:
+    """`--journal FILE`, as `journal`."""
+    option = click.option(
+        "--journal",
+        metavar="FILE",
+        type=click.Path(path_type=Path),
+        help="The journal, if not the fleet's own in your data.",
+    )
+    return option(command)
+
+
+def journal_of(fleet: str) -> Path:
+    """The file of a fleet's own journal."""
+    name = quote(fleet, safe=" ")
+    return data_folder() / "journals" / f"{name if len(name) <= LONGEST else sha256(fleet.encode()).hexdigest()}.db"
+
+
+def opened(journal: Path | None, fleet: str) -> LateJournal:
+    """A journal for a desk to write to: the file, or that of the fleet."""
+    from sleepcast.core.clock import UnixClock
+    from sleepcast.station.journal.sqlite import LateJournal
+
+    return LateJournal(journal or journal_of(fleet), UnixClock(), HASTE)
+
+
+MAX_LIVES = 16
+"""Processes of one operator at a time whose lives go on; one more begins a new life."""
+
+store_option = click.option(
+    "--store",
+    "file",
+    metavar="FILE",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Where it lies what outlives a restart: rules, groups, STOP, what was heard and done.",
+)
+no_store_option = click.option("--no-store", "forgetful", is_flag=True, help="Let nothing outlive a restart.")
+
+
+def open_store(file: Path, say: Callable[[str], None]) -> Store:
+    """The store in a file; see `Store`."""
+    from sleepcast.core.clock import UnixClock
+    from sleepcast.node.store import Store
+
+    return Store(file, UnixClock(), say)
+
+
+def operator_store(fleet: str, owner: str, say: Callable[[str], None]) -> Store | None:
+    """Where an operator's life goes on: the first of his stores that no other process of his uses. None if he must
+    begin a new one, because nothing can be written."""
+    from sleepcast.node.store import InUseError, StoreError
+
+    for number in range(1, MAX_LIVES + 1):
+        try:
+            store = open_store(_file("operators", fleet, f"{owner}-{number}"), say)
+        except InUseError:
+            continue
+        except StoreError as error:
+            say(f"{error}. Until then what is sent begins a new life, as if nothing had been sent before")
+            return None
+        if store.lasts:
+            return store
+        store.close()
+        return None
+    return None
+
+
+def _file(what: str, fleet: str, name: str) -> Path:
+    from urllib.parse import quote
+
+    from sleepcast.core.files import data_folder
+
+    # A leading point would hide the file, or name a folder.
+    return data_folder() / what / f"_{quote(fleet, safe='')}" / f"_{quote(name, safe='')}.store"
+
+
+def chosen_store(file: Path | None, forgetful: bool, fleet: str, name: str, on_air: bool) -> Path | None:
+    """Where the store of a robot lies: where it was said, else, if it hears a channel, in the person's own data. None
+    for no store. Raises MisuseError if both are asked for."""
+    if forgetful:
+        if file is not None:
+            raise MisuseError("--store and --no-store do not go together: leave one of them out")
+        return None
+    if file is not None or not on_air:
+        return file
+    return _file("robots", fleet, name)

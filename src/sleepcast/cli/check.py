@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.evaluate import NegativeNumbersAllowed
+from sleepcast.cli.eval import NegativeNumbersAllowed
 from sleepcast.cli.streams import InputError, pieces, put, read_file, read_standard_input
 from sleepcast.core.errors import and_more
 
 if TYPE_CHECKING:
-    from sleepcast.cli.learned import LearnedNames
     from sleepcast.language import Finding
+    from sleepcast.language.learned_names import LearnedNames
 
 FAILED = 2
 """The exit status if something must not be sent."""
@@ -74,8 +74,8 @@ def check(sources: tuple[str, ...], scenario: str | None, strict: bool, as_json:
 
 
 def _names(scenario: str | None) -> LearnedNames:
-    from sleepcast.cli.learned import LearnedNames
     from sleepcast.language import Vocabulary
+    from sleepcast.language.learned_names import LearnedNames
 
     if scenario is None:
         return LearnedNames(Vocabulary())

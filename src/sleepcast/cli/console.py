@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from sleepcast.cli.air import Air, looking_for, on_air
-from sleepcast.cli.hosts import allow_host_option
+from sleepcast.cli.options import allow_host_option
 from sleepcast.cli.streams import announce, complain
 
 TITLE = "Robots on the air"

@@ -13,7 +13,7 @@ from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
-    from sleepcast.cli.desk_session import Session
+    from sleepcast.cli.tui.session import Session
 
 LOOK_EVERY = 2.0
 """Seconds between two looks at the robots, unless another time is said: often enough for a preview."""
@@ -45,8 +45,8 @@ def desk(look: float, air: Air) -> int:
     _check_terminal()
     import asyncio
 
-    from sleepcast.cli.desk_screen import Screen
-    from sleepcast.cli.desk_session import Session
+    from sleepcast.cli.tui.screen import Screen
+    from sleepcast.cli.tui.session import Session
 
     with looking_for(air, complain) as (station, looker):
         session = Session(station, looker, look)

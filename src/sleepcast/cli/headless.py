@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
@@ -12,10 +13,10 @@ from typing import TYPE_CHECKING, cast
 
 from sleepcast.cli.interrupts import Interrupts, Terminated
 from sleepcast.cli.progress import steps
-from sleepcast.cli.snapshots import Keeping
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
-from sleepcast.loop import Swarm, load, resume
+from sleepcast.loop import Swarm, load, resume, save, snapshot
+from sleepcast.loop.snapshots import SnapshotLostError
 from sleepcast.simulator import Scenario, Simulator, rehearse
 from sleepcast.station import Caution, Journal, Station
 
@@ -186,3 +187,46 @@ def _told(swarm: Swarm, wanted: Wanted | None, keeping: Keeping | None) -> Itera
             kept.append(f"go on with --from {keeping.file}")
         complain("; ".join((f"ended by {str(error) or 'Ctrl-C'} at {swarm.now():g} s of simulated time", *kept)))
         raise
+
+
+@dataclass(frozen=True, slots=True)
+class Keeping:
+    """A snapshot that is to be taken: into which file, and at which simulated time (s; None: at the end)."""
+
+    file: Path
+    at: float | None = None
+
+    def check_place(self) -> None:
+        """Raises MisuseError where nothing can be written: better now than after a long run."""
+        file = Path(os.path.realpath(self.file))
+        if not file.parent.is_dir():
+            raise MisuseError(
+                f"--snapshot {self.file}: there is no folder {file.parent}; make it, or give another name"
+            )
+        if file.exists() and not file.is_file():
+            raise MisuseError(f"--snapshot {self.file}: that is no file; give another name")
+        if not os.access(file.parent, os.W_OK):
+            raise MisuseError(f"--snapshot {self.file}: nothing can be written in {file.parent}; give another folder")
+
+    def tick(self, first: int, ticks: int, tick: float) -> int:
+        """The tick after which it is taken, in a run of so many from the `first` on. tick: s in each. Raises
+        MisuseError for a time at which the run does not come by."""
+        last = first + ticks
+        if self.at is None:
+            return last
+        found = round(self.at / tick)
+        if not first < found <= last:
+            raise MisuseError(
+                f"--snapshot-at {self.at:g} s: the run goes from {first * tick:g} s to {last * tick:g} s, so take the "
+                "snapshot later than its start and not later than its end"
+            )
+        return found
+
+    def take(self, swarm: Swarm) -> bool:
+        """Take it; gives whether that was done, having said on standard error why not."""
+        try:
+            save(snapshot(swarm), self.file)
+        except SnapshotLostError as error:
+            complain(str(error))
+            return False
+        return True

@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.air import FLEET
-from sleepcast.cli.journals import journal_of, journal_option
+from sleepcast.cli.air import FLEET, journal_of, journal_option
+from sleepcast.cli.options import Moment
 from sleepcast.cli.streams import announce, complain, put
-from sleepcast.cli.times import Moment
 from sleepcast.core.errors import MisuseError, SleepcastError, printable
 
 if TYPE_CHECKING:
@@ -253,7 +252,7 @@ def _rows(found: Iterator[Written]) -> Iterator[str]:
 
 def _told(written: Written) -> str:
     """One line for a person, in local time."""
-    from sleepcast.cli.told import said_in
+    from sleepcast.cli.describe import said_in
 
     entry = written.entry
     when = datetime.fromtimestamp(written.written).astimezone().strftime("%Y-%m-%d %H:%M:%S.%f")[:-3]

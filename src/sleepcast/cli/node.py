@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.air import Air, options, session_for
+from sleepcast.cli.air import Air, chosen_store, no_store_option, open_store, options, session_for, store_option
 from sleepcast.cli.interrupts import Interrupts
-from sleepcast.cli.restraints import restraints
-from sleepcast.cli.stores import chosen_store, no_store_option, open_store, store_option
+from sleepcast.cli.options import restraints
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError, did_you_mean
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.hosts import allow_host_option
 from sleepcast.cli.interrupts import Interrupts
+from sleepcast.cli.options import allow_host_option
+from sleepcast.cli.run import FASTEST, HOST, PORT, SLOWEST
 from sleepcast.cli.streams import announce, put
-from sleepcast.cli.swarm import FASTEST, HOST, PORT, SLOWEST
 from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ import click
 
 from sleepcast.cli.account import as_dict, foreseen, stages_as_dict, told
 from sleepcast.cli.air import Air, looking_for, operator
-from sleepcast.cli.evaluate import NegativeNumbersAllowed
+from sleepcast.cli.eval import NegativeNumbersAllowed
+from sleepcast.cli.options import Seconds
 from sleepcast.cli.streams import complain, put, somebody_there
-from sleepcast.cli.times import Seconds
 from sleepcast.cli.who import look_around
 from sleepcast.core.errors import SleepcastError, and_more
 

@@ -13,9 +13,9 @@ import click
 from sleepcast.cli.account import as_dict, told
 from sleepcast.cli.air import Air, expectation, operator, station_for
 from sleepcast.cli.interrupts import Interrupts, Terminated
+from sleepcast.cli.options import Seconds
 from sleepcast.cli.progress import Status
 from sleepcast.cli.streams import complain, put, somebody_there
-from sleepcast.cli.times import Seconds
 from sleepcast.core.errors import MisuseError, printable
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ def _reasons(station: AirStation) -> Iterator[str]:
     """Why nobody may have answered, what is known for certain first."""
     from sleepcast.channel.drops import DropReason
     from sleepcast.channel.message import Role
-    from sleepcast.cli.told import heard_at
+    from sleepcast.cli.describe import heard_at
 
     delivery = station.session.delivery
     drops, keys = delivery.admission.drops, [key for key in delivery.admission.trust.keys if not key.revoked]

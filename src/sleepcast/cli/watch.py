@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from sleepcast.cli.air import Air, looking_for, operator
-from sleepcast.cli.evaluate import NegativeNumbersAllowed
+from sleepcast.cli.eval import NegativeNumbersAllowed
 from sleepcast.cli.streams import announce, complain, put
 from sleepcast.cli.who import look_around
 from sleepcast.core.errors import MisuseError, did_you_mean, printable

@@ -11,7 +11,7 @@ import click
 
 from sleepcast.cli.account import FEW, MANY, listed
 from sleepcast.cli.air import Air, looking_for, operator
-from sleepcast.cli.evaluate import NegativeNumbersAllowed
+from sleepcast.cli.eval import NegativeNumbersAllowed
 from sleepcast.cli.streams import complain, put
 from sleepcast.core.errors import SleepcastError, and_more, printable
 

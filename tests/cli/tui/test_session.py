@@ -9,10 +9,10 @@ import pytest
 
 from safety.scene import Scene
 from sleepcast.channel import Kind
-from sleepcast.cli import desk_panes as panes
-from sleepcast.cli.desk_names import members_of, names_of, range_of
-from sleepcast.cli.desk_session import AGAIN_WITHIN, STOP_AGAIN, WHY_PATIENCE, Session
-from sleepcast.cli.desk_words import Sort
+from sleepcast.cli.tui import panes as panes
+from sleepcast.cli.tui.commands import Sort
+from sleepcast.cli.tui.completion import members_of, names_of, range_of
+from sleepcast.cli.tui.session import AGAIN_WITHIN, STOP_AGAIN, WHY_PATIENCE, Session
 from sleepcast.language import Checked
 from sleepcast.station import MemoryJournal
 from sleepcast.station.journal.journal import JournalError
@@ -86,7 +86,7 @@ def test_who_would_obey_depends_on_whom_it_is_for(seat: Seat) -> None:
 
 def test_a_preview_that_takes_long_keeps_no_key_waiting(seat: Seat, monkeypatch: pytest.MonkeyPatch) -> None:
     spent = 0.0
-    monkeypatch.setattr("sleepcast.cli.desk_session.time.perf_counter", lambda: spent)
+    monkeypatch.setattr("sleepcast.cli.tui.session.time.perf_counter", lambda: spent)
     check = seat.station.check
 
     def slow(text: str) -> Checked:

@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from prompt_toolkit.completion import CompleteEvent, Completer, Completion
 from prompt_toolkit.document import Document
 
-from sleepcast.cli.desk_panes import span
-from sleepcast.cli.desk_session import Session
-from sleepcast.cli.desk_words import QUESTIONS
 from sleepcast.cli.prompt import WORD, usage_of
+from sleepcast.cli.tui.commands import QUESTIONS
+from sleepcast.cli.tui.panes import span
+from sleepcast.cli.tui.session import Session
 from sleepcast.language.symbols import Group
 from sleepcast.language.vocabulary import Variable
 from sleepcast.station.remote import RemoteMinds

@@ -1,11 +1,14 @@
-"""Time on the command line: simulated (`30s`, `2min`), and moments of a day (`14:30`, `10min` ago)."""
+"""Options that several subcommands share: times, a page's hosts, limits of bodies."""
 
 from __future__ import annotations
 
 import re
 import time
+from collections.abc import Callable
 from datetime import datetime
 from math import isfinite, isnan
+from pathlib import Path
+from typing import TypeVar
 
 import click
 
@@ -74,3 +77,30 @@ def _seconds(text: str) -> float | None:
     if match is None or unit not in UNITS or UNITS[unit].dimension != TIME:
         return None
     return to_si(float(match[1]), unit)
+
+
+allow_host_option = click.option(
+    "--allow-host",
+    "allow",
+    metavar="NAME",
+    multiple=True,
+    help="Page: a name, as robots.local or robots.local:80, by which others may ask for it; may be repeated.",
+)
+
+
+Command = TypeVar("Command", bound=Callable[..., object])
+
+
+def restraints(command: Command) -> Command:
+    """The options of a lease on being driven, and of limits: the command gets `lease` and `limits`."""
+    limits = click.option(
+        "--limits", metavar="FILE", type=click.Path(path_type=Path), help="Limits of the bodies that nothing passes."
+    )
+    lease = click.option(
+        "--lease",
+        metavar="TIME|off",
+        default="1s",
+        show_default=True,
+        help="How long a driven body goes on unattended.",
+    )
+    return lease(limits(command))

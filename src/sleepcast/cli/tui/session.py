@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 
 from sleepcast.channel import Kind
 from sleepcast.channel.name_index import natural_order
-from sleepcast.cli.desk_staging import Staging
-from sleepcast.cli.desk_words import (
+from sleepcast.cli.account import FEW
+from sleepcast.cli.streams import still_open
+from sleepcast.cli.tui.commands import (
     AS_WRITTEN,
     EVERYBODY,
     HELP,
@@ -26,11 +27,12 @@ from sleepcast.cli.desk_words import (
     Spot,
     spot_in,
 )
-from sleepcast.cli.streams import still_open
-from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
+from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean, printable
 from sleepcast.language import ReadError, read
 from sleepcast.language.vocabulary import Variable
+from sleepcast.station.network import ANSWERS_A_SECOND, AirStation
 from sleepcast.station.preview import NO, UNKNOWN, YES
+from sleepcast.station.staging import Stages
 from sleepcast.station.validation import AddressError, CountNeededError, DoubtError, Draft
 
 if TYPE_CHECKING:
@@ -417,3 +419,42 @@ LATCHES = frozenset({Kind.STOP, Kind.RELEASE})
 
 def _robots(count: int) -> str:
     return f"{count} robot{'' if count == 1 else 's'}"
+
+
+PATIENCE = 2.0
+"""Seconds after the time for answers for which a stage waits for those that are missing."""
+
+
+class HaltedError(SleepcastError):
+    """A stage went wrong, and nothing comes after it."""
+
+
+class Staging:
+    """See the module. said: how far it has come, for a person; over: whether all stages went well. Raises what
+    `AirStation.send` raises, before anything is sent."""
+
+    def __init__(self, station: AirStation, draft: Draft) -> None:
+        self._station, self._stages = station, Stages(station, draft)
+        self._number, self.over = 0, False
+        self._send()
+
+    def _send(self) -> None:
+        self._number += 1
+        self._sent = self._stages.send()
+        self._until = self._station.now + self._sent.addressed / ANSWERS_A_SECOND + PATIENCE
+        self.said = f"stage {self._number}: waiting for the answers"
+
+    def tick(self) -> None:
+        """Go on if this stage is over. Raises HaltedError if it went wrong."""
+        found = self._station.accounting(self._sent.id)
+        if found.n_fault:
+            name = found.fault[0]
+            fault = printable(found.answers[name].fault or "")
+            raise HaltedError(f"halted after stage {self._number}: fault on {name}: {fault}")
+        if found.complete and self._stages.over:
+            self.over = True
+            self.said = f"all {self._number} stages went well"
+        elif found.complete:
+            self._send()
+        elif self._station.now > self._until:
+            raise HaltedError(f"halted after stage {self._number}: {found.silence(FEW)}")

@@ -15,7 +15,7 @@ from prompt_toolkit.utils import get_cwidth
 
 from sleepcast.channel import Kind
 from sleepcast.cli.account import FEW
-from sleepcast.cli.told import said
+from sleepcast.cli.describe import said
 from sleepcast.core.errors import printable
 from sleepcast.core.units import shown
 from sleepcast.language import Variable
@@ -23,8 +23,8 @@ from sleepcast.station.account import Accounting, Command
 from sleepcast.station.roster import of_robots
 
 if TYPE_CHECKING:
-    from sleepcast.cli.desk_session import Session
-    from sleepcast.cli.desk_words import Spot
+    from sleepcast.cli.tui.commands import Spot
+    from sleepcast.cli.tui.session import Session
 
 Line = list[tuple[str, str]]
 """Pieces of a line, each with its style."""

@@ -43,15 +43,15 @@ from prompt_toolkit.layout.processors import BeforeInput, HighlightMatchingBrack
 from prompt_toolkit.styles import Style
 from prompt_toolkit.utils import get_cwidth
 
-from sleepcast.cli import desk_panes as panes
-from sleepcast.cli.desk_names import SessionNames
-from sleepcast.cli.desk_session import Session
-from sleepcast.cli.desk_words import Sort
 from sleepcast.cli.prompt import WORD, history
 from sleepcast.cli.streams import still_open
+from sleepcast.cli.tui import panes as panes
+from sleepcast.cli.tui.commands import Sort
+from sleepcast.cli.tui.completion import SessionNames
+from sleepcast.cli.tui.session import Session
 
 if TYPE_CHECKING:
-    from sleepcast.cli.desk_panes import Line
+    from sleepcast.cli.tui.panes import Line
 
 REDRAW = 0.25
 """Seconds after which the screen is drawn anew where nothing has come: ages grow."""

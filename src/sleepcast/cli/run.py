@@ -1,0 +1,334 @@
+"""`sleepcast demo` and `sleepcast run`: a scenario brought to life, on a page or headless."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, TypedDict, TypeVar, Unpack
+
+import click
+
+from sleepcast.cli.interrupts import INTERRUPTED, TERMINATED, Interrupts, Terminated, end_now
+from sleepcast.cli.options import SimulatedTime, allow_host_option
+from sleepcast.cli.prepare import advise
+from sleepcast.cli.streams import announce, put
+from sleepcast.core.errors import MisuseError
+
+if TYPE_CHECKING:
+    from sleepcast.cli.headless import Keeping
+    from sleepcast.cli.recording import Wanted
+    from sleepcast.console import Address
+    from sleepcast.loop import Swarm
+    from sleepcast.simulator import Changes
+    from sleepcast.station import Journal, Station
+
+HOST, PORT = "127.0.0.1", 8317
+FASTEST, SLOWEST = 10_000.0, 0.01
+"""Simulated seconds in a second that the page can be asked for."""
+
+Function = TypeVar("Function", bound=Callable[..., int])
+
+
+class Options(TypedDict):
+    """What both commands take."""
+
+    seed: int | None
+    robots: int | None
+    density: float | None
+    no_walls: bool
+    threads: int | None
+    seconds: float | None
+    as_json: bool
+    quiet: bool
+    speed: float | None
+    port: int
+    host: str
+    insecure: bool
+    allow: tuple[str, ...]
+    no_browser: bool
+    record: Path | None
+    record_pictures: float | None
+    record_readings: float | None
+    record_rotate: str | None
+    from_: Path | None
+    snapshot: Path | None
+    snapshot_at: float | None
+    journal: Path | None
+
+
+_PERIOD = click.FloatRange(0.001, 86_400.0)
+"""Simulated seconds, from the shortest tick to a day."""
+
+_COMMON = (
+    click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="What all chance depends on; else the scenario's."),
+    click.option("--robots", metavar="N", type=click.IntRange(min=1), help="So many robots; else the scenario's."),
+    click.option("--density", metavar="M2", type=float, help="So many square metres for each robot."),
+    click.option("--no-walls", is_flag=True, help="Leave out everything solid in the scenario."),
+    click.option("--threads", metavar="N", type=click.IntRange(1, 64), help="So many; else one for each core."),
+    click.option("--seconds", metavar="S", type=float, help="Headless: how long to run, in simulated time."),
+    click.option("--json", "as_json", is_flag=True, help="Headless: print the outcome as one JSON object."),
+    click.option("--quiet", is_flag=True, help="Headless: show no progress on standard error."),
+    click.option("--speed", metavar="X", type=click.FloatRange(SLOWEST, FASTEST), help="Page: times real time."),
+    click.option("--port", type=click.IntRange(0, 65_535), default=PORT, show_default=True, help="Page: 0 is any."),
+    click.option("--host", default=HOST, show_default=True, help="Page: the address to listen on."),
+    click.option("--insecure", is_flag=True, help="Page: allow a host that others can reach, unencrypted."),
+    allow_host_option,
+    click.option("--no-browser", is_flag=True, help="Page: print its address, but open no browser."),
+    click.option("--record", metavar="FILE", type=click.Path(path_type=Path), help="Record the run into an MCAP file."),
+    click.option("--record-pictures", metavar="S", type=_PERIOD, help="Record where robots are every S simulated s."),
+    click.option("--record-readings", metavar="S", type=_PERIOD, help="Record what robots sense every S simulated s."),
+    click.option("--record-rotate", metavar="WHEN", help="Begin another file after 100MB, 10min, or 100MB,10min."),
+    click.option("--from", "from_", metavar="FILE", type=click.Path(path_type=Path), help="Go on from this snapshot."),
+    click.option("--snapshot", metavar="FILE", type=click.Path(path_type=Path), help="Keep the swarm in a file."),
+    click.option(
+        "--snapshot-at", metavar="TIME", type=SimulatedTime(), help="Headless: when, as in 30s; else at the end."
+    ),
+    click.option("--journal", metavar="FILE", type=click.Path(path_type=Path), help="Write the journal into a file."),
+)
+
+
+def _common_options(function: Function) -> Function:
+    for option in reversed(_COMMON):
+        function = option(function)
+    return function
+
+
+@click.command("demo", short_help="Open a scenario in the browser.")
+@click.argument("name", required=False)
+@click.option("--headless", is_flag=True, help="Run the scenario's own mission without a page.")
+@_common_options
+def demo(name: str | None, headless: bool, **options: Unpack[Options]) -> int:
+    """Bring the scenario NAME (default: bravo) to life on the operator's page, to command it live.
+
+    With --headless its own mission runs as fast as it can, and the outcome is printed. With --from a swarm goes on that
+    --snapshot has kept.
+
+    \b
+    Examples:
+      sleepcast demo
+      sleepcast demo bravo --speed 10 --no-browser
+      sleepcast demo bravo --headless --seconds 60 --seed 7 --json
+    """
+    return _start("bravo" if name is None and options["from_"] is None else name, headless, options)
+
+
+@click.command("run", short_help="Run a scenario's mission and print the outcome.")
+@click.argument("scenario", required=False)
+@click.option("--headless/--page", default=True, help="Without a page (the default), or on the operator's page.")
+@_common_options
+def run(scenario: str | None, headless: bool, **options: Unpack[Options]) -> int:
+    """Run SCENARIO (a name of the gallery, or the path of one of your own) with its mission, and print the outcome.
+
+    With --from instead of a SCENARIO, a swarm goes on that --snapshot has kept: the same to the last bit, or, with
+    another --seed, a fork of it.
+
+    \b
+    Examples:
+      sleepcast run bravo
+      sleepcast run ./my-scenario --seed 3 --seconds 120 --json
+      sleepcast run bravo --snapshot half.snap --snapshot-at 30s
+      sleepcast run --from half.snap --seconds 30 --seed 8
+      sleepcast run ./my-scenario --page
+    """
+    return _start(scenario, headless, options)
+
+
+def _start(name: str | None, headless: bool, options: Options) -> int:
+    with Interrupts() as interrupts:
+        return _start_within(interrupts, name, headless, options)
+
+
+def _start_within(interrupts: Interrupts, name: str | None, headless: bool, options: Options) -> int:
+    _refuse_contradictions(headless, options)
+    if not options["quiet"]:
+        advise()
+    begin = _beginning(name, options, headless)
+    wanted, keeping = _wanted(options), _keeping(options)
+    if not headless:
+        from sleepcast.console import Address
+
+        browser, allow = not options["no_browser"], options["allow"]
+        address = Address(options["host"], options["port"], options["insecure"], browser, allow)
+        swarm, station = begin()
+        interrupts.release()  # the server has a way of its own to end in good order
+        _show(swarm, station, options, address, wanted, keeping)
+        return 0
+    from sleepcast.cli.headless import run_headless
+
+    outcome = run_headless(
+        interrupts, begin, options["seconds"], quiet=options["quiet"], wanted=wanted, keeping=keeping
+    )
+    put(json.dumps(outcome.to_dict()) if options["as_json"] else outcome.to_text())
+    return int(outcome.broken)
+
+
+def _show(
+    swarm: Swarm,
+    station: Station,
+    options: Options,
+    address: Address,
+    wanted: Wanted | None,
+    keeping: Keeping | None,
+) -> None:
+    """Serve the page of a swarm until Ctrl-C, which is raised as KeyboardInterrupt. The kernels are compiled while the
+    page is served already. Raises what the console raises for the address, and what Recorder raises."""
+    from threading import Event
+
+    from sleepcast.cli.headless import warm_up
+    from sleepcast.console import serve
+    from sleepcast.console.adapters.swarm import SwarmOnPage
+    from sleepcast.core.clock import WallClock
+    from sleepcast.loop import Pace
+
+    clock, scenario, warm, speed = WallClock(), swarm.simulator.scenario, Event(), options["speed"]
+
+    def prepare() -> None:
+        warm_up(scenario, options["threads"])
+        warm.set()
+
+    try:
+        serve(
+            SwarmOnPage(swarm),
+            station,
+            Pace(clock, swarm, scenario.speed_up if speed is None else speed),
+            clock,
+            address=address,
+            say=announce,
+            prepare=prepare,
+            around=_kept(swarm, station, wanted, keeping),
+        )
+    except (KeyboardInterrupt, Terminated) as error:
+        if not warm.is_set():
+            end_now(TERMINATED if isinstance(error, Terminated) else INTERRUPTED)
+        raise
+
+
+@contextmanager
+def _kept(swarm: Swarm, station: Station, wanted: Wanted | None, keeping: Keeping | None) -> Iterator[None]:
+    """Record what happens inside, and take the snapshot at the end. A page that could not be opened does neither: it
+    would leave an empty recording, and replace a good snapshot by one of the start."""
+    with ExitStack() as stack:
+        if keeping is not None:
+            stack.callback(keeping.take, swarm)
+        if wanted is not None:
+            from sleepcast.cli.recording import recorded
+
+            stack.enter_context(recorded(swarm, station, wanted))
+        yield
+
+
+def _beginning(name: str | None, options: Options, headless: bool) -> Callable[[], tuple[Swarm, Station]]:
+    """What assembles the swarm: of a scenario from its start, or from a snapshot. headless: whether it warms up before,
+    which a page does while it is served, and whether the scenario's own orders are given; those that are left in a
+    snapshot are."""
+    from sleepcast.cli.headless import assemble, assemble_from, warm_up
+
+    seed, threads, file = options["seed"], options["threads"], options["from_"]
+    journal = _journal(options)
+    if file is None:
+        if name is None:
+            raise MisuseError("which scenario? Give the name of one, its path, or --from and a snapshot")
+        from sleepcast.simulator import find_scenario
+
+        scenario = find_scenario(name, _changes(options))
+
+        def begin() -> tuple[Swarm, Station]:
+            if headless:
+                warm_up(scenario, threads)
+            return assemble(scenario, seed, mission=headless, threads=threads, journal=journal)
+
+        return begin
+    if name is not None:
+        raise MisuseError(f"a snapshot has its own scenario: leave out either {name} or --from")
+    if options["robots"] is not None or options["density"] is not None or options["no_walls"]:
+        raise MisuseError("--robots, --density and --no-walls change how a scenario starts: a snapshot has started")
+
+    def go_on() -> tuple[Swarm, Station]:
+        swarm, station = assemble_from(file, seed, threads, journal)
+        if headless:
+            warm_up(swarm.simulator.scenario, threads)
+        return swarm, station
+
+    return go_on
+
+
+def _journal(options: Options) -> Journal | None:
+    """The journal in a file, which the end of the process closes; None for one in memory."""
+    if options["journal"] is None:
+        return None
+    from sleepcast.core.clock import UnixClock
+    from sleepcast.station.journal.sqlite import SqliteJournal
+
+    return SqliteJournal(options["journal"], UnixClock())
+
+
+def _keeping(options: Options) -> Keeping | None:
+    """The snapshot to take; None for none."""
+    if options["snapshot"] is None:
+        return None
+    from sleepcast.cli.headless import Keeping
+
+    keeping = Keeping(options["snapshot"], options["snapshot_at"])
+    keeping.check_place()
+    return keeping
+
+
+def _refuse_contradictions(headless: bool, options: Options) -> None:
+    from sleepcast.simulator.robot_settings import MAX_TIME
+
+    seconds = options["seconds"]
+    if not headless and (options["as_json"] or seconds is not None):
+        option = "--json" if options["as_json"] else "--seconds"
+        raise MisuseError(f"{option} is for runs without a page: add --headless")
+    if options["record"] is None and any(options[name] for name in ("record_pictures", "record_readings")):
+        raise MisuseError("--record-pictures and --record-readings say how often to record: add --record FILE")
+    if options["record"] is None and options["record_rotate"]:
+        raise MisuseError("--record-rotate says when a recording goes on in another file: add --record FILE")
+    if options["snapshot_at"] is not None and (not headless or options["snapshot"] is None):
+        raise MisuseError("--snapshot-at says when to take the snapshot of a headless run: add --snapshot FILE")
+    if headless and options["speed"] is not None:
+        raise MisuseError("--speed is for the page: without one, the run goes as fast as it can")
+    _refuse_one_file_for_two(options)
+    if seconds is not None and not (isfinite(seconds) and 0.0 < seconds <= MAX_TIME):
+        raise MisuseError(f"--seconds must be more than 0 and at most {MAX_TIME:.0f}, not {seconds:g}")
+
+
+def _refuse_one_file_for_two(options: Options) -> None:
+    """Whatever is written last would replace the other, a recording among them."""
+    taken: dict[str, str] = {}
+    for option, file in (
+        ("--record", options["record"]),
+        ("--snapshot", options["snapshot"]),
+        ("--journal", options["journal"]),
+    ):
+        if file is not None and (other := taken.setdefault(os.path.realpath(file), option)) != option:
+            raise MisuseError(f"{other} and {option} name the same file {file}: give each one of its own")
+
+
+def _wanted(options: Options) -> Wanted | None:
+    """What is to be recorded; None for nothing."""
+    if options["record"] is None:
+        return None
+    from sleepcast.cli.recording import Wanted
+    from sleepcast.simulator.rotation import ONE_FILE, read_rotation
+
+    rotation = ONE_FILE if options["record_rotate"] is None else read_rotation(options["record_rotate"])
+    return Wanted(options["record"], options["record_pictures"], options["record_readings"], rotation)
+
+
+def _changes(options: Options) -> Changes:
+    """What the options change of the scenario's file."""
+    from sleepcast.loop import MAX_MINDS
+    from sleepcast.simulator import Changes
+    from sleepcast.simulator.robot_settings import LEAST, MAX_WORLD
+
+    robots, density = options["robots"], options["density"]
+    if robots is not None and robots > MAX_MINDS:
+        raise MisuseError(f"--robots {robots} is too many: at most {MAX_MINDS} fit into one run")
+    if density is not None and not LEAST <= density <= MAX_WORLD:
+        raise MisuseError(f"--density must be from {LEAST:g} to {MAX_WORLD:g} square metres, not {density:g}")
+    return Changes(robots, density, not options["no_walls"])

@@ -1,0 +1,1 @@
+"""The terminal desk: an operator's station as a full screen in a terminal."""

@@ -22,12 +22,12 @@ import numpy as np
 from benchmarks.report import Json
 from sleepcast.channel import Kind
 from sleepcast.channel.payload import WITHIN
-from sleepcast.cli.air import FLEET, Air, session_for
+from sleepcast.cli.air import FLEET, AirOptions, session_for
 from sleepcast.core.clock import UnixClock
 from sleepcast.language import Vocabulary
 from sleepcast.station.account import Command
-from sleepcast.station.network import AirStation
-from sleepcast.station.validation import Caution
+from sleepcast.station.network import NetworkStation
+from sleepcast.station.validation import SendPolicy
 
 MOMENT = 0.005
 """Seconds for which it listens at a time."""
@@ -38,7 +38,7 @@ LISTED = 1_000
 class Desk:
     """A station on the air, and what it is asked to do with it."""
 
-    def __init__(self, station: AirStation) -> None:
+    def __init__(self, station: NetworkStation) -> None:
         self._station = station
 
     def who(self) -> Json:
@@ -137,9 +137,9 @@ def command_window(command: Command) -> float:
 
 
 def main() -> None:
-    air = Air(sys.argv[1], FLEET, None, None, None, None)
+    air = AirOptions(sys.argv[1], FLEET, None, None, None, None)
     with closing(session_for(air, None, robot=False, say=lambda _: None)) as session:
-        desk = Desk(AirStation(session, UnixClock(), Vocabulary(), {}, caution=Caution()))
+        desk = Desk(NetworkStation(session, UnixClock(), Vocabulary(), {}, caution=SendPolicy()))
         print(json.dumps({"ready": os.getpid()}), flush=True)
         waiting = b""
         while True:

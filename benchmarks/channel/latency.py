@@ -38,7 +38,7 @@ from sleepcast.channel.keys import KeyPair
 from sleepcast.channel.message import Role
 from sleepcast.channel.payload import WITHIN
 from sleepcast.channel.transports.udp import UdpTransport
-from sleepcast.cli.air import FLEET, Air, session_for
+from sleepcast.cli.air import FLEET, AirOptions, session_for
 from sleepcast.cli.progress import steps
 
 BAR = 2.0
@@ -193,7 +193,9 @@ def _sleepcast(folder: Path, receivers: int, processes: int) -> Iterator[tuple[S
     options = ("--channel", uri, "--keys", str(keys), *YARD)
     with (
         _children(folder, "swarm", receivers, processes, *options),
-        closing(session_for(Air(uri, FLEET, None, None, keys, None), None, robot=False, say=lambda _: None)) as session,
+        closing(
+            session_for(AirOptions(uri, FLEET, None, None, keys, None), None, robot=False, say=lambda _: None)
+        ) as session,
     ):
 
         def send(_: int, __: bytes) -> int:

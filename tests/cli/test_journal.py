@@ -19,7 +19,7 @@ from channel.test_udp import free_port
 from cli.calling import Called, called
 from cli.test_swarm import account, swarm
 from sleepcast.cli import main
-from sleepcast.cli.air import journal_of, opened
+from sleepcast.cli.air import journal_of, open_journal
 from sleepcast.core.clock import ManualClock
 from sleepcast.station import Event
 from sleepcast.station.journal.sqlite import SqliteJournal
@@ -182,7 +182,7 @@ def test_misuse_is_a_sentence(tmp_path: Path, arguments: list[str], complaint: s
 @pytest.mark.parametrize("fleet", ["sleepcast", "../../up", "a/b", "\N{GRINNING FACE}" * 64, "CON"])
 def test_every_fleet_has_a_file_of_its_own(fleet: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-    with closing(opened(None, fleet)) as journal:
+    with closing(open_journal(None, fleet)) as journal:
         assert list(journal.entries()) == []
         assert [path.parent for path in tmp_path.rglob("*.db")] == [tmp_path / "sleepcast" / "journals"]
     assert journal_of(fleet) != journal_of(fleet + "x")
@@ -238,6 +238,6 @@ def test_commands_on_the_air_are_written_by_whoever_sends_them(tmp_path: Path, m
 
 def test_the_word_alone_shows_the_last_entries(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-    with closing(opened(None, "sleepcast")) as journal:
+    with closing(open_journal(None, "sleepcast")) as journal:
         journal.append(0.0, "desk", Event.SENT, text="(ST)", details={"kind": "command"})
     assert "(ST)" in said_here("journal").out

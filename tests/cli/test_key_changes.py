@@ -16,7 +16,7 @@ from cli.test_swarm import account, channel, swarm
 from sleepcast.channel.keyring import KeyFileLostError, add_trust, key_file, load_trust, save_key, save_trust
 from sleepcast.channel.keys import KeyChange, KeyPair, Trust
 from sleepcast.channel.message import Kind, Role
-from sleepcast.cli.air import FLEET, Air, session_for
+from sleepcast.cli.air import FLEET, AirOptions, session_for
 
 __all__ = ["channel"]  # a fixture
 
@@ -68,7 +68,9 @@ def test_no_key_goes_farther_on_the_wire_than_it_may(channel: str, tmp_path: Pat
 
     def speak(owner: str, *said: tuple[Kind, str, bool]) -> None:
         """Without asking, as our own programs do, whether one may."""
-        with closing(session_for(Air(channel, FLEET, owner, None, folder), None, robot=False, say=print)) as session:
+        with closing(
+            session_for(AirOptions(channel, FLEET, owner, None, folder), None, robot=False, say=print)
+        ) as session:
             for kind, text, standing in said:
                 session.delivery.post(kind, time.time(), text=text, standing=standing)
             session.flush()
@@ -148,7 +150,7 @@ def test_keys_are_renewed_without_a_fleet(channel: str, tmp_path: Path) -> None:
 
 def test_what_cannot_be_written_down_is_said_and_counts_all_the_same(channel: str, tmp_path: Path) -> None:
     folder, said = keys(tmp_path), list[str]()
-    air = Air("memory:unwritable", "lab", "*", None, folder)
+    air = AirOptions("memory:unwritable", "lab", "*", None, folder)
     with closing(session_for(air, "r1", robot=True, say=said.append)) as session:
         (folder / "trust.json").unlink()
         (folder / "trust.json").mkdir()

@@ -12,7 +12,7 @@ from tests.cli.calling import Called, called
 
 from sleepcast.channel.keyring import development_keys, find_key, keys_folder, load_key, load_trust
 from sleepcast.channel.message import Role
-from sleepcast.cli.air import Air
+from sleepcast.cli.air import AirOptions
 from sleepcast.cli.air import _keys as keys_of
 from sleepcast.cli.keys import commander
 
@@ -111,7 +111,7 @@ def test_a_key_that_is_in_use_is_taken_where_no_other_is_named(tmp_path: Path, m
     assert called("keys", "use", "anna").status == 2
     for owner, role in (("anna", "observer"), ("chief", "commander"), ("r*", "robot")):
         assert called("keys", "new", owner, "--role", role).status == 0
-    asked = Air("udp://127.0.0.1:1", "lab", None, None, None)
+    asked = AirOptions("udp://127.0.0.1:1", "lab", None, None, None)
     taken = called("keys", "use", "chief")
     assert "take the key of chief (commander) from now on" in taken.out
     assert "node and swarm take the development key as yet" in taken.err

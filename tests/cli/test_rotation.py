@@ -12,8 +12,8 @@ import pytest
 from cli.calling import LONGEST, called
 from console.running import Program, open_page
 from sleepcast.cli.headless import assemble
-from sleepcast.cli.recording import Wanted, recorded
-from sleepcast.console.adapters.recording import film_of
+from sleepcast.cli.recording import RecordingPlan, recorded
+from sleepcast.console.adapters.recording import load_timeline
 from sleepcast.console.adapters.swarm import outlines
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Changes, Circle, Wall, find_scenario, load
@@ -62,7 +62,7 @@ def test_each_part_holds_what_went_before(parts: list[Path], world: Path) -> Non
     assert last.posted == whole.posted
     assert last.accounting == whole.accounting
     assert last.states[200] == whole.states[200]
-    film, wanted = film_of(last), film_of(whole)
+    film, wanted = load_timeline(last), load_timeline(whole)
     marks = film.marks_at(19.0)
     assert marks == wanted.marks_at(19.0)
     assert any(marks.groups)
@@ -190,7 +190,7 @@ def changed(tmp_path: Path) -> Recording:
     swarm, station = assemble(find_scenario("crowd", Changes(robots=40)), 5, mission=True)
     world, file = swarm.simulator.world, tmp_path / "run.mcap"
     first = world.add(Circle(5.0, 5.0, 0.4))
-    with recorded(swarm, station, Wanted(file, 0.5, 0.5, Rotation(age=4.0))):
+    with recorded(swarm, station, RecordingPlan(file, 0.5, 0.5, Rotation(age=4.0))):
         swarm.run(2.0)
         number = world.add(Wall(((2.0, 2.0), (8.0, 2.0))))
         swarm.run(1.0)
@@ -234,14 +234,14 @@ def test_what_the_scenario_lets_happen_is_recorded_and_happens_once_when_it_is_r
     scenario = load(write(tmp_path, ("count = 1", "count = 9"), more=EVENTS, text=SCOUTS))
     swarm, station = assemble(scenario, None, mission=False)
     file = tmp_path / "run.mcap"
-    with recorded(swarm, station, Wanted(file, 0.1, 0.1)):
+    with recorded(swarm, station, RecordingPlan(file, 0.1, 0.1)):
         swarm.run(0.9)
         swarm.simulator.world.add(Circle(3.0, 3.0, 0.3))  # in the tick in which the ball moves
         swarm.run(2.1)
     assert [(each.tick, each.own) for each in load_recording(file).obstacles] == [(10, False), (10, True), (20, True)]
     done = called("replay", str(file), "--verify", "--quiet")
     assert done.status == 0, done.out
-    film = film_of(load_recording(file))
+    film = load_timeline(load_recording(file))
     shown = film.obstacles.at(1.5)
     assert shown is not None
     assert outlines(Circle(8.0, 6.0, 0.5)) in shown
@@ -255,12 +255,12 @@ def changed_first(recording: Recording) -> int:
 
 def test_the_page_shows_what_was_solid_when(changed: Recording) -> None:
     earlier = load_recording(changed.file.with_name("run.mcap"))
-    film, scene = film_of(earlier), film_of(earlier).scene.obstacles
+    film, scene = load_timeline(earlier), load_timeline(earlier).scene.obstacles
     wall = Wall(((2.0, 2.0), (8.0, 2.0)))
     shown = film.obstacles.at(2.5)
     assert shown == (*scene, outlines(Circle(5.0, 5.0, 0.4)), outlines(wall))
     assert film.obstacles.at(3.5) == (*scene[1:], outlines(Wall(((2.0, 5.0), (8.0, 5.0)))))
-    assert film_of(changed).obstacles.at(5.0) == film.obstacles.at(3.5)
+    assert load_timeline(changed).obstacles.at(5.0) == film.obstacles.at(3.5)
     with Program("replay", changed.file) as program, open_page(program) as page:
         told = page.until("obstacles", lambda found: True)
         assert len(told["obstacles"]) == len(scene)

@@ -21,7 +21,7 @@ from channel.test_udp import free_port
 from cli.calling import LONGEST, called
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.session import ChannelSession
-from sleepcast.cli.air import Air, session_for
+from sleepcast.cli.air import AirOptions, session_for
 
 NAMES = {"r1", "r2", "r3"}
 PATIENCE = 5.0
@@ -58,7 +58,7 @@ def swarm(channel: str, store: Path, robots: int = 3) -> Iterator[subprocess.Pop
 @contextmanager
 def desk(channel: str) -> Iterator[ChannelSession]:
     """An operator, as `sleepcast send` is one."""
-    air = Air(channel, "sleepcast", None, None, None)
+    air = AirOptions(channel, "sleepcast", None, None, None)
     with closing(session_for(air, None, robot=False, say=lambda said: None)) as session:
         yield session
 

@@ -9,7 +9,7 @@ import pytest
 
 from sleepcast.console.account_table import MOST_ROWS
 from sleepcast.console.adapters.swarm import SwarmOnPage
-from sleepcast.console.backend import Desk
+from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import ShownStep
 from sleepcast.console.outgoing import Obstacles
@@ -17,7 +17,7 @@ from sleepcast.core.clock import ManualClock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.loop import Pace, Swarm
 from sleepcast.simulator import Wall
-from sleepcast.station import FAULT, MATCHED, NO, NOT_MATCHED, SILENT, UNKNOWN, YES, Caution, DoubtError, Station
+from sleepcast.station import FAULT, MATCHED, NO, NOT_MATCHED, SILENT, UNKNOWN, YES, DoubtError, SendPolicy, Station
 from small_worlds import simulator
 
 FULL = "(WHEN (> battery 60%) (JOIN crew))"
@@ -30,7 +30,7 @@ class Stand:
     swarm: Swarm
     station: Station
     clock: ManualClock
-    desk: Desk
+    desk: Backend
 
     def run(self, seconds: float = 2.0) -> None:
         self.swarm.run(seconds)
@@ -43,10 +43,12 @@ class Stand:
 @pytest.fixture
 def stand(tmp_path: Path) -> Stand:
     swarm = Swarm(simulator(tmp_path))
-    swarm.desk = station = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm, caution=Caution(doubts=True))
+    swarm.desk = station = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm, caution=SendPolicy(doubts=True))
     clock = ManualClock()
     on_page = SwarmOnPage(swarm)
-    found = Stand(swarm, station, clock, Desk(on_page, station, Driver(on_page, Pace(clock, swarm, 1.0), clock), clock))
+    found = Stand(
+        swarm, station, clock, Backend(on_page, station, Driver(on_page, Pace(clock, swarm, 1.0), clock), clock)
+    )
     found.run()
     return found
 

@@ -21,9 +21,9 @@ from sleepcast.core.units import Quantity
 from sleepcast.language import HostFunction, Vocabulary
 from sleepcast.node.node import Node
 from sleepcast.station.minds import Minds
-from sleepcast.station.network import AirStation
+from sleepcast.station.network import NetworkStation
 from sleepcast.station.roster import NOBODY_SAID, Expectation
-from sleepcast.station.validation import Caution
+from sleepcast.station.validation import SendPolicy
 
 START = 1_000_000.0
 STEP = 0.01
@@ -116,7 +116,7 @@ class Scene:
     twice: float = 0.0
     delay: float = 0.0
     seed: int = 1
-    caution: Caution | None = None
+    caution: SendPolicy | None = None
     lease: float = inf
     clock: ManualClock = field(default_factory=lambda: ManualClock(START))
     sent: list[bytes] = field(default_factory=list)
@@ -129,7 +129,7 @@ class Scene:
         self._tie = 0
         self._wires: dict[str, Wire] = {}
         self._clocks: dict[str, Shifted] = {}
-        self._desks: dict[str, AirStation] = {}
+        self._desks: dict[str, NetworkStation] = {}
         self.fleet = {f"r{i}": self._robot(f"r{i}", i) for i in range(self.robots)}
 
     def _session(self, name: str, key: KeyPair, robot: bool, zero: float = 0.0) -> tuple[ChannelSession, Wire]:
@@ -153,13 +153,13 @@ class Scene:
         heard: Iterable[str] | None = None,
         minds: Minds | None = None,
         expected: Expectation = NOBODY_SAID,
-    ) -> AirStation:
+    ) -> NetworkStation:
         """The desk of an operator. heard: who was heard before, by default all robots. minds: that it knows of.
         expected: which robots there are, as somebody has said."""
         if owner not in self._desks:
             session, _ = self._session(owner, KEYS[owner], robot=False)
             names = self.fleet if heard is None else heard
-            self._desks[owner] = AirStation(
+            self._desks[owner] = NetworkStation(
                 session,
                 self._clocks[owner],
                 VOCABULARY,

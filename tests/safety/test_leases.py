@@ -8,9 +8,9 @@ from safety.scene import KEYS, Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.payload import LEASE, LeaseAction
 from sleepcast.mind.lease import MAX_LEASE, MAX_LEASES
-from sleepcast.station import Accounting
-from sleepcast.station.leases import LeaseError, lease_body, wish
-from sleepcast.station.network import AirStation
+from sleepcast.station import Account
+from sleepcast.station.leases import LeaseError, describe_request, lease_body
+from sleepcast.station.network import NetworkStation
 
 
 @pytest.fixture
@@ -22,14 +22,14 @@ def scene() -> Scene:
     return made
 
 
-def lease(scene: Scene, who: str, deed: LeaseAction, seconds: float = 60.0, to: str = "") -> Accounting:
+def lease(scene: Scene, who: str, deed: LeaseAction, seconds: float = 60.0, to: str = "") -> Account:
     desk = scene.desk(who)
     sent = desk.post(Kind.COMMAND, body=lease_body(deed, "bravo", seconds, to))
     scene.run(0.5)
     return desk.accounting(sent.id)
 
 
-def drive(scene: Scene, desk: AirStation, text: str = "(DRIVE 1)") -> Accounting:
+def drive(scene: Scene, desk: NetworkStation, text: str = "(DRIVE 1)") -> Account:
     sent = desk.send(text, everybody=True)
     scene.run(0.5)
     return desk.accounting(sent.id)
@@ -64,7 +64,7 @@ def test_who_asks_for_a_lease_is_refused_and_its_holder_hears_of_it(scene: Scene
     asked = lease(scene, "bert", LeaseAction.REQUEST)
     assert asked.n_fault == 4
     assert "sleepcast lease request bravo asks" in asked.faults["r2"]
-    (heard,) = [said for said in map(wish, scene.desk("anna").news) if said]
+    (heard,) = [said for said in map(describe_request, scene.desk("anna").news) if said]
     assert heard == "bert asks for bravo: sleepcast lease grant bravo --to bert"
     assert lease(scene, "bert", LeaseAction.GRANT, to="bert").n_fault == 4, "it is not his to grant"
     assert lease(scene, "anna", LeaseAction.GRANT, to="bert").n_matched == 2
@@ -179,7 +179,7 @@ def test_a_desk_says_what_no_robot_could_grant() -> None:
         lease_body(LeaseAction.TAKE, "bravo", MAX_LEASE + 1.0)
     with pytest.raises(LeaseError, match="to whom"):
         lease_body(LeaseAction.GRANT, "bravo", 5.0)
-    assert wish(Message("bert", 1, 1, Kind.COMMAND, 0.0, text="(DRIVE 1)")) == ""
+    assert describe_request(Message("bert", 1, 1, Kind.COMMAND, 0.0, text="(DRIVE 1)")) == ""
 
 
 def test_robots_take_no_leases(scene: Scene) -> None:

@@ -8,17 +8,24 @@ from safety.scene import Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.payload import FOR, NOT
 from sleepcast.language import CheckError
-from sleepcast.station import AddressError, CountNeededError, DoubtError, NobodyHeardError, SortError, UnknownRobotError
-from sleepcast.station.network import ABOVE, AirStation
+from sleepcast.station import (
+    AddressError,
+    CommandTypeError,
+    CountNeededError,
+    DoubtError,
+    NobodyHeardError,
+    UnknownRobotError,
+)
+from sleepcast.station.network import ABOVE, NetworkStation
 from sleepcast.station.staging import Stage, staged
-from sleepcast.station.validation import MAX_LISTED, AudienceError, Caution, Draft
+from sleepcast.station.validation import MAX_LISTED, AudienceError, Draft, SendPolicy
 
 
 def driven(scene: Scene) -> set[str]:
     return {name for name, robot in scene.fleet.items() if robot.body.driven}
 
 
-def sends_nothing(desk: AirStation) -> int:
+def sends_nothing(desk: NetworkStation) -> int:
     return desk.session.delivery.next_number
 
 
@@ -141,13 +148,13 @@ def test_a_count_follows_what_the_desk_knows() -> None:
     desk = scene.desk()
     desk.observe(scene.clock.now(), [robot.node for robot in scene.fleet.values()])
     text = "(WHEN (< x 4) (DRIVE 1))"
-    found = desk.foresee(text)
+    found = desk.forecast(text)
     assert (list(found.yes), len(found.no), found.may) == (["r0", "r1", "r2", "r3"], ABOVE + 1, 4)
     assert desk.send(text).predicted == {"r0", "r1", "r2", "r3"}
     scene.run(desk.stale_after + 0.1)
     with pytest.raises(CountNeededError):
         desk.send(text)
-    assert len(desk.foresee(text).unknown) == ABOVE + 5
+    assert len(desk.forecast(text).unknown) == ABOVE + 5
 
 
 @pytest.mark.parametrize(
@@ -169,7 +176,7 @@ def test_what_cannot_be_undone_wants_its_count(text: str, dropped: int) -> None:
 
 def test_a_desk_may_be_strict() -> None:
     """What the checker only doubts is refused, and so is what no robot could run, always."""
-    scene = Scene(caution=Caution(strict=True))
+    scene = Scene(caution=SendPolicy(strict=True))
     desk = scene.desk()
     with pytest.raises(CheckError, match="did you mean fuel"):
         desk.send("(WHEN (> feul 50%) (DRIVE 1))")
@@ -203,7 +210,7 @@ def test_what_is_hardly_meant_is_sent_only_when_it_is_confirmed() -> None:
 def test_no_command_is_good_for_ever(seconds: float) -> None:
     """Must 7: a deadline that lies too far ahead is none."""
     scene = Scene(robots=1)
-    with pytest.raises(SortError):
+    with pytest.raises(CommandTypeError):
         scene.desk().send("(DRIVE 1)", everybody=True, deadline=seconds)
 
 

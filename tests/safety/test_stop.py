@@ -8,10 +8,10 @@ import pytest
 from safety.scene import KEYS, START, Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import look
-from sleepcast.station.network import AirStation, RoleError
+from sleepcast.station.network import NetworkStation, RoleError
 
 
-def silent(desk: AirStation, command: str) -> tuple[str, ...]:
+def silent(desk: NetworkStation, command: str) -> tuple[str, ...]:
     return desk.accounting(command).silent
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Simulator, find_scenario
-from sleepcast.station import Accounting, Station
+from sleepcast.station import Account, Station
 
 MILE = 1609.344
 SHARE = pi * 25 / 400 * 0.5 * 0.3
@@ -39,7 +39,7 @@ def with_desk(seed: int) -> tuple[Swarm, Station]:
     return swarm, desk
 
 
-def accounts(desk: Station) -> list[Accounting]:
+def accounts(desk: Station) -> list[Account]:
     return [desk.accounting(command.id) for command in desk.commands()]
 
 

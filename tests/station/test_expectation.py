@@ -16,7 +16,7 @@ from sleepcast.station.roster import (
     FleetFileLostError,
     read_expectation,
 )
-from sleepcast.station.validation import Caution, CountNeededError
+from sleepcast.station.validation import CountNeededError, SendPolicy
 
 HUNDRED = Expectation(size=100)
 
@@ -81,11 +81,11 @@ def test_stop_goes_on_until_the_last_expected_robot_has_confirmed(expected: Expe
 
 
 def test_robots_that_were_never_heard_may_obey_too() -> None:
-    scene = Scene(robots=3, caution=Caution(above=10))
+    scene = Scene(robots=3, caution=SendPolicy(above=10))
     desk = scene.desk(expected=HUNDRED)
     text = "(WHEN (> id 1) (DRIVE 1))"
-    assert desk.foresee(text).may == 100
-    assert desk.foresee(text, only=["r1"]).may == 1
+    assert desk.forecast(text).may == 100
+    assert desk.forecast(text, only=["r1"]).may == 1
     assert desk.preview(text).reasons == {"it has told nothing of itself yet": 100}
     with pytest.raises(CountNeededError, match="100 may obey"):
         desk.send(text)

@@ -16,7 +16,7 @@ from sleepcast.node.node import Node
 from sleepcast.node.telemetry import digest
 from sleepcast.station import Station
 from sleepcast.station.remote import MAX_TYPES, RemoteMinds
-from sleepcast.station.telemetry import TellingError, read_why
+from sleepcast.station.telemetry import TelemetryError, read_why
 from station.far import Far
 from station.fleet import Fleet
 
@@ -325,9 +325,9 @@ def test_an_explanation_is_checked_like_everything_else() -> None:
     for _ in range(1_000):
         try:
             read_why(json.dumps(mutated(good, chance), default=str)).render()
-        except TellingError:
+        except TelemetryError:
             refused += 1
     assert refused > 300
     deep = '["x",1,0,1,"",[' * 5_000 + "]]" * 5_000
-    with pytest.raises(TellingError):
+    with pytest.raises(TelemetryError):
         read_why(json.dumps(good | {"root": 0}).replace('"root": 0', f'"root": {deep}'))

@@ -15,10 +15,10 @@ from sleepcast.language import CheckError, ReadError
 from sleepcast.station import (
     DEADLINE,
     AddressError,
+    CommandTypeError,
     Event,
     NoExplanationError,
     NoSuchCommandError,
-    SortError,
     Station,
     UnknownRobotError,
 )
@@ -93,20 +93,20 @@ def test_a_question_that_goes_wrong_is_a_fault_and_one_without_an_answer_has_no_
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, 3601.0, inf])
 def test_an_impossible_deadline_is_refused(fleet: Fleet, seconds: float) -> None:
-    with pytest.raises(SortError, match="deadline"):
+    with pytest.raises(CommandTypeError, match="deadline"):
         fleet.station.send(HALF, deadline=seconds)
     assert fleet.sent == []
 
 
 def test_a_deadline_that_is_no_number_is_refused(fleet: Fleet) -> None:
-    with pytest.raises(SortError):
+    with pytest.raises(CommandTypeError):
         fleet.station.send(HALF, deadline=float("nan"))
 
 
 def test_a_standing_command_takes_no_deadline_and_no_snapshot(fleet: Fleet) -> None:
-    with pytest.raises(SortError, match="no deadline"):
+    with pytest.raises(CommandTypeError, match="no deadline"):
         fleet.station.send("(RULE r 5)", standing=True, everybody=True, deadline=5.0)
-    with pytest.raises(SortError, match="one-shot"):
+    with pytest.raises(CommandTypeError, match="one-shot"):
         fleet.station.send(HALF, standing=True)
 
 
@@ -309,7 +309,7 @@ def test_many_threads_at_one_desk(fleet: Fleet) -> None:
 
 
 def test_errors_at_the_desk_are_the_users_own() -> None:
-    for error in (AddressError, SortError, NoSuchCommandError, UnknownRobotError):
+    for error in (AddressError, CommandTypeError, NoSuchCommandError, UnknownRobotError):
         assert issubclass(error, MisuseError)
     assert not issubclass(NoExplanationError, MisuseError)
 

@@ -18,17 +18,17 @@ from sleepcast.cli.watch import Window
 from sleepcast.console import Scene as Ground
 from sleepcast.console.adapters.channel import EMPTY, FleetOnPage
 from sleepcast.core.errors import SleepcastError
-from sleepcast.station.network import AirStation
+from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import RemoteMinds
-from sleepcast.station.telemetry_client import Looker
+from sleepcast.station.telemetry_client import TelemetryClient
 
 
-def looking(scene: Scene) -> tuple[AirStation, Looker]:
+def looking(scene: Scene) -> tuple[NetworkStation, TelemetryClient]:
     minds = RemoteMinds()
     desk = scene.desk(minds=minds)
-    looker = Looker(desk, minds)
-    desk.listeners.append(looker.hear)
-    return desk, looker
+    telemetry = TelemetryClient(desk, minds)
+    desk.listeners.append(telemetry.hear)
+    return desk, telemetry
 
 
 def kinds(scene: Scene) -> Counter[Kind]:
@@ -44,18 +44,18 @@ def teach(scene: Scene, text: str) -> None:
 def test_everybody_is_known_over_a_bad_radio(seed: int) -> None:
     scene = Scene(robots=20, loss=0.3, delay=0.02, seed=seed)
     teach(scene, "(DEFUN late (n) (> id n))")
-    desk, looker = looking(scene)
-    looker.look()
+    desk, telemetry = looking(scene)
+    telemetry.look()
     scene.run(4.0)
     found = desk.preview("(WHEN (late 14.5) (DRIVE 1))")
     assert (found.count(1), found.count(0), found.count(2)) == (5, 15, 0)
-    assert not looker.learning(START)
+    assert not telemetry.learning(START)
 
 
 def test_nobody_speaks_unasked() -> None:
     scene = Scene(robots=5)
-    _, looker = looking(scene)
-    looker.look()
+    _, telemetry = looking(scene)
+    telemetry.look()
     scene.run(2.0)
     scene.sent.clear()
     scene.run(20.0)
@@ -66,17 +66,17 @@ def test_nobody_speaks_unasked() -> None:
 def test_what_was_learned_since_is_asked_for_again() -> None:
     scene = Scene(robots=4)
     teach(scene, "(DEFUN late (n) (> id n))")
-    desk, looker = looking(scene)
-    looker.look()
+    desk, telemetry = looking(scene)
+    telemetry.look()
     scene.run(1.0)
     assert desk.preview("(WHEN (late 1) (DRIVE 1))").yes == ("r2", "r3")
     scene.fleet["r0"].node.evaluate("(DEFUN late (n) TRUE)")
-    looker.look()
+    telemetry.look()
     scene.run(1.0)
     assert desk.preview("(WHEN (late 1) (DRIVE 1))").yes == ("r0", "r2", "r3")
     scene.fleet["r3"].on = False
     scene.run(6.0)
-    looker.look()
+    telemetry.look()
     scene.run(2.0)
     found = desk.preview("(WHEN (late 1) (DRIVE 1))")
     assert (found.yes, dict(found.unknown)) == (("r0", "r2"), {"r3": "its last news is too old"})
@@ -84,18 +84,18 @@ def test_what_was_learned_since_is_asked_for_again() -> None:
 
 def test_why_over_a_bad_radio() -> None:
     scene = Scene(robots=3, loss=0.3, delay=0.02, seed=4)
-    desk, looker = looking(scene)
+    desk, telemetry = looking(scene)
     sent = desk.send("(WHEN (> fuel 80%) (DRIVE 1))")
     scene.run(2.0)
-    asked = looker.ask_why("r1", sent.id)
-    lost = looker.ask_why("r1", "nobody-1.1")
-    assert looker.explanation(asked, "r1") is None
+    asked = telemetry.ask_why("r1", sent.id)
+    lost = telemetry.ask_why("r1", "nobody-1.1")
+    assert telemetry.explanation(asked, "r1") is None
     scene.run(3.0)
-    found = looker.explanation(asked, "r1")
+    found = telemetry.explanation(asked, "r1")
     assert found is not None
     assert (found.matched, found.reason) == (False, "fuel = 50 %, needed > 80 %")
     with pytest.raises(SleepcastError, match="remembers no command"):
-        looker.explanation(lost, "r1")
+        telemetry.explanation(lost, "r1")
 
 
 def poses(fleet: FleetOnPage) -> dict[str, tuple[float, float, float]]:
@@ -105,16 +105,16 @@ def poses(fleet: FleetOnPage) -> dict[str, tuple[float, float, float]]:
 
 def test_a_liar_neither_moves_the_map_nor_breaks_the_page() -> None:
     scene = Scene(robots=3)
-    desk, looker = looking(scene)
+    desk, telemetry = looking(scene)
     ground = Ground("air", "", "robots", (), EMPTY, "m", ())
-    fleet = FleetOnPage(desk, looker, ground, 1.0, START)
+    fleet = FleetOnPage(desk, telemetry, ground, 1.0, START)
     fleet.hear()
     scene.run(1.0)
     fleet.hear()
-    assert looker.minds["r1"].values[looker.minds.vocabulary.first_sensor] == 1.0
-    told = looker.minds["r1"].told
+    assert telemetry.minds["r1"].values[telemetry.minds.vocabulary.first_sensor] == 1.0
+    told = telemetry.minds["r1"].told
     numbers = list(struct.unpack(f"<{len(told.values) // 8}d", told.values))
-    asked = looker.look()
+    asked = telemetry.look()
     lies = {
         "values": struct.pack(f"<{len(numbers)}d", *numbers[:7], 1e300, *numbers[8:]),
         "type": told.type,
@@ -132,9 +132,9 @@ def test_a_liar_neither_moves_the_map_nor_breaks_the_page() -> None:
         )
     scene.run(1.0)
     fleet.hear()
-    assert looker.minds["r[/9]"].stopped
-    assert looker.minds["r[/9]"].groups == {"bravo"}
-    window = Window(desk, looker, None, ["x", "own"])
+    assert telemetry.minds["r[/9]"].stopped
+    assert telemetry.minds["r[/9]"].groups == {"bravo"}
+    window = Window(desk, telemetry, None, ["x", "own"])
     with StringIO() as shown:
         Console(file=shown, width=100).print(window.table(10))
         assert "r[/9]" in shown.getvalue()

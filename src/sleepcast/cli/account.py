@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from sleepcast.core.errors import printable
 
 if TYPE_CHECKING:
-    from sleepcast.station.account import Accounting, Command
-    from sleepcast.station.validation import Foreseen
+    from sleepcast.station.account import Account, Command
+    from sleepcast.station.validation import Forecast
 
 FEW = 12
 """Names that are listed; of more, their number is told."""
@@ -24,7 +24,7 @@ WORDS = {ASK: "answered", STOP: "stopped", RELEASE: "released"}
 SORTS = ("matched", "not_matched", "fault", "silent")
 
 
-def as_dict(command: Command, found: Accounting) -> dict[str, object]:
+def as_dict(command: Command, found: Account) -> dict[str, object]:
     """The account as plain data: counts always, names while they are few."""
     names = {"predicted": command.predicted} | {sort: getattr(found, sort) for sort in SORTS}
     about = {"id": command.id, "kind": str(command.kind), "text": command.message.text} | among(found)
@@ -33,13 +33,13 @@ def as_dict(command: Command, found: Accounting) -> dict[str, object]:
     return {**about, **counts, **faults, **(census(found) if command.kind == ASK else {})}
 
 
-def among(found: Accounting) -> dict[str, object]:
+def among(found: Account) -> dict[str, object]:
     """Among how many robots silence was counted, and whether these are all that are expected or those heard so far; how
     many of the silent ones were never heard, so that nobody knows their names."""
     return {"robots": found.total, "expected": bool(found.size), "n_nameless": found.n_nameless}
 
 
-def stages_as_dict(text: str, stages: Sequence[tuple[Command, Accounting]]) -> dict[str, object]:
+def stages_as_dict(text: str, stages: Sequence[tuple[Command, Account]]) -> dict[str, object]:
     """The account of a command that was sent in stages: of all together, and of each."""
     names: dict[str, Collection[str]] = {"predicted": set().union(*(command.predicted for command, _ in stages))}
     names |= {sort: set().union(*(getattr(found, sort) for _, found in stages)) for sort in SORTS}
@@ -57,7 +57,7 @@ def _counted(names: Mapping[str, Collection[str]]) -> dict[str, object]:
     return listed | {f"n_{sort}": len(found) for sort, found in names.items()}
 
 
-def census(found: Accounting) -> dict[str, object]:
+def census(found: Account) -> dict[str, object]:
     """How many answered, how many know the value; its least, mean and greatest, and how it is spread between them."""
     spread, bars = found.values, found.histogram
     answers = {"answers": found.n_matched + found.n_not_matched + found.n_fault}
@@ -68,7 +68,7 @@ def census(found: Accounting) -> dict[str, object]:
     return {**answers, "n": spread.count, "min": least, "mean": mean, "max": greatest, "histogram": histogram}
 
 
-def foreseen(found: Foreseen) -> str:
+def forecast_text(found: Forecast) -> str:
     """Who would obey, as far as the desk knows: to be said before anything is sent."""
     if not found.may + len(found.no):
         return "nobody was heard before, so nobody knows who will obey"
@@ -77,7 +77,7 @@ def foreseen(found: Foreseen) -> str:
     return f"{listed('would obey', found.yes)}; {may}; would not {len(found.no)}"
 
 
-def told(command: Command, found: Accounting) -> Iterator[str]:
+def account_lines(command: Command, found: Account) -> Iterator[str]:
     """The account, for a person."""
     from sleepcast.language import format_value
 

@@ -21,7 +21,7 @@ from sleepcast.core.files import data_folder
 if TYPE_CHECKING:
     from sleepcast.node.store import Store
 if TYPE_CHECKING:
-    from sleepcast.station.journal.sqlite import LateJournal
+    from sleepcast.station.journal.sqlite import DeferredJournal
 
 if TYPE_CHECKING:
     from sleepcast.channel.keys import KeyPair, Trust
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from sleepcast.channel.session import ChannelSession, Receiver
     from sleepcast.channel.transports.multiplexer import Multiplexer
     from sleepcast.node.store import Store
-    from sleepcast.station.network import AirStation
+    from sleepcast.station.network import NetworkStation
     from sleepcast.station.roster import Expectation
-    from sleepcast.station.telemetry_client import Looker
+    from sleepcast.station.telemetry_client import TelemetryClient
 
 FLEET = "sleepcast"
 """Whose messages are heard, unless another fleet is named."""
@@ -44,7 +44,7 @@ Command = TypeVar("Command", bound=Callable[..., object])
 
 
 @dataclass(frozen=True, slots=True)
-class Air:
+class AirOptions:
     """channel: its address; fleet: its name. key: the owner of ours, None for the one in use, or the development key of
     this machine; trust: the file of those who are believed, None for the one beside the keys, or for the development
     keys alone. folder: where keys lie, None for the one in the user's settings. within: s for answers, None: by the
@@ -95,7 +95,7 @@ def options(command: Command) -> Command:
 
 
 def operator(command: Callable[..., int]) -> Callable[..., int]:
-    """A command of an operator on the air: it gets an `Air` and `as_json` besides what is its own."""
+    """A command of an operator on the air: it gets an `AirOptions` and `as_json` besides what is its own."""
     return on_air(
         click.option("--json", "as_json", is_flag=True, help="Print the account as one JSON object.")(command)
     )
@@ -123,12 +123,14 @@ def on_air(command: Callable[..., int]) -> Callable[..., int]:
         expect: str | None,
         **others: object,
     ) -> int:
-        return command(air=Air(channel, fleet, key, trust, folder, within, journal, skew, rate, expect), **others)
+        return command(
+            air=AirOptions(channel, fleet, key, trust, folder, within, journal, skew, rate, expect), **others
+        )
 
     return placed
 
 
-def expectation(air: Air) -> Expectation:
+def expectation(air: AirOptions) -> Expectation:
     """Which robots there are, by what was said with this command, or is kept. Raises ExpectationError."""
     from sleepcast.station.roster import FleetFile, read_expectation
 
@@ -137,28 +139,28 @@ def expectation(air: Air) -> Expectation:
 
 @contextmanager
 def station_for(
-    air: Air, say: Callable[[str], None], *, strict: bool = False, expected: Expectation | None = None
-) -> Iterator[AirStation]:
+    air: AirOptions, say: Callable[[str], None], *, strict: bool = False, expected: Expectation | None = None
+) -> Iterator[NetworkStation]:
     """An operator's desk on this channel, which remembers at its end who was heard. say: tells the person what he must
     know. strict: whether what is only doubtful is refused. expected: which robots there are, None for `expectation`.
     Raises what the channel raises, and ExpectationError."""
-    with looking_for(air, say, strict=strict, expected=expected) as (station, _):
+    with observing_station(air, say, strict=strict, expected=expected) as (station, _):
         yield station
 
 
 @contextmanager
-def looking_for(
-    air: Air, say: Callable[[str], None], *, strict: bool = False, expected: Expectation | None = None
-) -> Iterator[tuple[AirStation, Looker]]:
+def observing_station(
+    air: AirOptions, say: Callable[[str], None], *, strict: bool = False, expected: Expectation | None = None
+) -> Iterator[tuple[NetworkStation, TelemetryClient]]:
     """The same, with what asks robots to tell of themselves. It remembers what they told, too."""
     from sleepcast.core.clock import UnixClock
     from sleepcast.core.errors import MisuseError, printable
-    from sleepcast.station.cache import Contacts, ContactsLostError, Seen
-    from sleepcast.station.network import ABOVE, AirStation
+    from sleepcast.station.cache import CacheError, PeerCache, TelemetryCache
+    from sleepcast.station.network import ABOVE, NetworkStation
     from sleepcast.station.remote import RemoteMinds
     from sleepcast.station.roster import NOBODY_SAID
-    from sleepcast.station.telemetry_client import Looker
-    from sleepcast.station.validation import Caution
+    from sleepcast.station.telemetry_client import TelemetryClient
+    from sleepcast.station.validation import SendPolicy
 
     if expected is None:
         try:
@@ -168,27 +170,27 @@ def looking_for(
                 raise
             expected = NOBODY_SAID
             say(f"{error}. Until then silence is counted among robots heard so far")
-    contacts, minds, seen = Contacts.of(air.fleet), RemoteMinds(), Seen.of(air.fleet)
+    contacts, minds, seen = PeerCache.of(air.fleet), RemoteMinds(), TelemetryCache.of(air.fleet)
     seen.restore(minds, UnixClock().now())
     with (
         closing(session_for(air, None, robot=False, say=say)) as session,
-        closing(opened(air.journal, air.fleet)) as journal,
+        closing(open_journal(air.journal, air.fleet)) as journal,
     ):
-        station = AirStation(
+        station = NetworkStation(
             session,
             UnixClock(),
             minds.vocabulary,
             minds,
             heard=contacts.heard,
             journal=journal,
-            caution=Caution(ABOVE, irreversible=True, strict=strict, doubts=True),
+            caution=SendPolicy(ABOVE, irreversible=True, strict=strict, doubts=True),
             within=air.within,
             expected=expected,
         )
-        looker = Looker(station, minds)
-        station.listeners.append(looker.hear)
+        telemetry = TelemetryClient(station, minds)
+        station.listeners.append(telemetry.hear)
         try:
-            yield station, looker
+            yield station, telemetry
         finally:
             station.conclude()
             for sentence in (*station.notices(), *filter(None, [station.trouble])):
@@ -196,12 +198,12 @@ def looking_for(
             try:
                 contacts.save({name: at for name, at in station.roster.items() if at is not None})
                 seen.save(minds, station.now)
-            except ContactsLostError as error:
+            except CacheError as error:
                 say(str(error))
 
 
 def session_for(
-    air: Air, name: str | None, *, robot: bool, say: Callable[[str], None], store: Store | None = None
+    air: AirOptions, name: str | None, *, robot: bool, say: Callable[[str], None], store: Store | None = None
 ) -> ChannelSession:
     """A line on this channel. name: of what we say, None for the key's owner. say: tells the person which keys are in
     use if nobody chose them. store: of a robot; an operator has one of his own, in which his life goes on, and which
@@ -226,7 +228,7 @@ def session_for(
 
 
 def sessions_for(
-    air: Air, names: Sequence[str], say: Callable[[str], None], store: Store | None = None
+    air: AirOptions, names: Sequence[str], say: Callable[[str], None], store: Store | None = None
 ) -> tuple[Multiplexer, Receiver, list[ChannelSession]]:
     """Lines of robots with these names, and the ear that hears for all of them, on one trunk. store: of these robots.
     Raises what the channel raises."""
@@ -253,7 +255,7 @@ def sessions_for(
 
 
 def _delivery(
-    air: Air,
+    air: AirOptions,
     name: str,
     key: KeyPair,
     trust: Trust,
@@ -285,7 +287,7 @@ def _chance() -> Random:
     return Random(SystemRandom().getrandbits(64))
 
 
-def _keys(air: Air, robot: bool, say: Callable[[str], None]) -> tuple[KeyPair, Trust]:
+def _keys(air: AirOptions, robot: bool, say: Callable[[str], None]) -> tuple[KeyPair, Trust]:
     """Our key, and whom we believe. What is heard on the air of whom to trust goes into the trust file."""
     from sleepcast.channel.keyring import (
         DEVELOPMENT_TRUST,
@@ -347,12 +349,12 @@ def journal_of(fleet: str) -> Path:
     return data_folder() / "journals" / f"{name if len(name) <= LONGEST else sha256(fleet.encode()).hexdigest()}.db"
 
 
-def opened(journal: Path | None, fleet: str) -> LateJournal:
+def open_journal(journal: Path | None, fleet: str) -> DeferredJournal:
     """A journal for a desk to write to: the file, or that of the fleet."""
     from sleepcast.core.clock import UnixClock
-    from sleepcast.station.journal.sqlite import LateJournal
+    from sleepcast.station.journal.sqlite import DeferredJournal
 
-    return LateJournal(journal or journal_of(fleet), UnixClock(), HASTE)
+    return DeferredJournal(journal or journal_of(fleet), UnixClock(), HASTE)
 
 
 MAX_LIVES = 16

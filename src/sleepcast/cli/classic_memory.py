@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from sleepcast.cli.memories import EVALUATED, REFUSED, UNKNOWN, Outcome
+from sleepcast.cli.memories import EVALUATED, REFUSED, UNKNOWN, EvalOutcome
 from sleepcast.cli.streams import pieces
 from sleepcast.core.errors import MisuseError
 from sleepcast.language.classic import ClassicError, ClassicMachine, Mode, TranscriptEntry, run_transcript
@@ -25,7 +25,7 @@ class ClassicMemory:
             raise MisuseError(f"--set {name}={value}: the classic dialect has whole numbers from -32768 to 29999 only")
         self._machine.evaluate(f"(SETQ {name} {value})")
 
-    def evaluate(self, text: str) -> Outcome:
+    def evaluate(self, text: str) -> EvalOutcome:
         """Evaluate one expression."""
         value, error = None, None
         try:
@@ -34,7 +34,7 @@ class ClassicMemory:
             error = raised
         return _outcome(text, value, tuple(self._machine.messages), error)
 
-    def run(self, text: str) -> Iterator[Outcome]:
+    def run(self, text: str) -> Iterator[EvalOutcome]:
         """Evaluate all of `text`: either expressions that end with `@`, the whole with `$`, or one a line."""
         if "@" in text or "$" in text:
             yield from map(_of_entry, run_transcript(text, self._machine))
@@ -42,11 +42,11 @@ class ClassicMemory:
             yield from (self.evaluate(piece.strip()) for _, piece in pieces(text, classic=True))
 
 
-def _of_entry(entry: TranscriptEntry) -> Outcome:
+def _of_entry(entry: TranscriptEntry) -> EvalOutcome:
     return _outcome(entry.text, entry.value, entry.messages, entry.error)
 
 
-def _outcome(text: str, value: int | None, messages: tuple[str, ...], error: ClassicError | None) -> Outcome:
+def _outcome(text: str, value: int | None, messages: tuple[str, ...], error: ClassicError | None) -> EvalOutcome:
     status = EVALUATED if error is None else max(REFUSED, error.exit_status)
     details = {
         "text": text,
@@ -56,4 +56,4 @@ def _outcome(text: str, value: int | None, messages: tuple[str, ...], error: Cla
         "error": None if error is None else str(error),
     }
     said = messages if error is None else (*messages, str(error))
-    return Outcome(UNKNOWN if value is None else str(value), status, said, details)
+    return EvalOutcome(UNKNOWN if value is None else str(value), status, said, details)

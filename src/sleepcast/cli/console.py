@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from sleepcast.cli.air import Air, looking_for, on_air
+from sleepcast.cli.air import AirOptions, observing_station, on_air
 from sleepcast.cli.options import allow_host_option
 from sleepcast.cli.streams import announce, complain
 
@@ -37,7 +37,7 @@ def console(
     insecure: bool,
     allow: tuple[str, ...],
     no_browser: bool,
-    air: Air,
+    air: AirOptions,
 ) -> int:
     """Show the robots of a channel on a page in the browser: a map of where they say they are, a prompt that tells who
     would obey before you send, the account of every command, why a robot obeyed or did not, and STOP (F9).
@@ -47,7 +47,7 @@ def console(
       sleepcast console
       sleepcast console --scenario bravo --channel udp://192.168.1.255:47123
     """
-    with looking_for(air, complain) as (station, looker):
+    with observing_station(air, complain) as (station, telemetry):
         from sleepcast.console import DEFAULT_PORT, Address, Scene, serve_fleet
         from sleepcast.console.adapters.channel import EMPTY, FleetOnPage
         from sleepcast.core.clock import WallClock
@@ -64,7 +64,7 @@ def console(
             drawn = scene_of(find_scenario(scenario), ("",))
             ground = replace(drawn, names=(), story=STORY)
         began = station.now
-        fleet = FleetOnPage(station, looker, ground, every, began)
+        fleet = FleetOnPage(station, telemetry, ground, every, began)
         serve_fleet(
             fleet,
             station,

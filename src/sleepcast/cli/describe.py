@@ -21,13 +21,13 @@ COUNTED = {"matched": "matched", "not_matched": "did not match", "fault": "fault
 """What is counted of a command, and how it is said."""
 
 
-def said_in(entry: Entry) -> str:
+def entry_text(entry: Entry) -> str:
     """What an entry says."""
     about = f"{entry.subject}: " if entry.subject else ""
     return about + TELLERS.get(entry.event, _other)(entry)
 
 
-def said(body: Mapping[str, object]) -> str:
+def answer_text(body: Mapping[str, object]) -> str:
     """What an answer or a report says."""
     match body.get(TOOK), body.get("values"):
         case str() as whose, [float() as behind]:
@@ -44,13 +44,13 @@ def said(body: Mapping[str, object]) -> str:
     return f"{outcome}{known}{f': {fault}' if fault else ''}"
 
 
-def heard_at(admission: Admission) -> str:
+def heard_text(admission: Admission) -> str:
     """How many messages came in, and what did not, by reason."""
     dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(admission.counts.items()))
     return f"{admission.passed} messages heard{f', dropped: {dropped}' if dropped else ''}"
 
 
-def news_of(admission: Admission) -> NoticeLog:
+def notices_of(admission: Admission) -> NoticeLog:
     """What is going on at a door, as lines for a terminal."""
     return NoticeLog(admission.drops, admission.trust, WallClock(), admission.clocks.of_operators)
 
@@ -73,7 +73,7 @@ def _refused(entry: Entry) -> str:
 
 
 def _heard(entry: Entry) -> str:
-    return said(entry.details)
+    return answer_text(entry.details)
 
 
 def _repeated(entry: Entry) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.air import Air, looking_for, on_air
+from sleepcast.cli.air import AirOptions, observing_station, on_air
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
 
@@ -31,7 +31,7 @@ DUMB = frozenset({"", "dumb", "unknown"})
     help="Ask robots to tell of themselves so often; 0: only when you say :look.",
 )
 @on_air
-def desk(look: float, air: Air) -> int:
+def desk(look: float, air: AirOptions) -> int:
     """Command robots from a terminal, also over ssh: while you type, it counts who would obey; every command is
     accounted for; F9 stops every robot at once.
 
@@ -48,8 +48,8 @@ def desk(look: float, air: Air) -> int:
     from sleepcast.cli.tui.screen import Screen
     from sleepcast.cli.tui.session import Session
 
-    with looking_for(air, complain) as (station, looker):
-        session = Session(station, looker, look)
+    with observing_station(air, complain) as (station, telemetry):
+        session = Session(station, telemetry, look)
         try:
             asyncio.run(Screen(session, air.channel).run())
         except EOFError:

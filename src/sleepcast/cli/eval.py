@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import click
 
-from sleepcast.cli.memories import Outcome, TypedMemory
+from sleepcast.cli.memories import EvalOutcome, TypedMemory
 from sleepcast.cli.streams import complain, put, read_standard_input
 from sleepcast.core.errors import MisuseError
 
@@ -65,7 +65,7 @@ def evaluate(
     return worst
 
 
-def _outcomes(memory: TypedMemory, expressions: Sequence[str]) -> Iterator[Outcome]:
+def _outcomes(memory: TypedMemory, expressions: Sequence[str]) -> Iterator[EvalOutcome]:
     for text in expressions:
         if text == "-":
             yield from memory.run(read_standard_input())

@@ -18,10 +18,10 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.loop import Swarm, load, resume, save, snapshot
 from sleepcast.loop.snapshots import SnapshotLostError
 from sleepcast.simulator import Scenario, Simulator, rehearse
-from sleepcast.station import Caution, Journal, Station
+from sleepcast.station import Journal, SendPolicy, Station
 
 if TYPE_CHECKING:
-    from sleepcast.cli.recording import Wanted
+    from sleepcast.cli.recording import RecordingPlan
 
 
 FEW, WARM_TICKS = 12, 3
@@ -40,7 +40,7 @@ def assemble(
     threads: None is one for each core. journal: None is one in memory."""
     simulator = Simulator(scenario, seed, threads=threads)
     swarm = Swarm(simulator, scenario.mission if mission else ())
-    station = desk_of(swarm, journal)
+    station = station_of(swarm, journal)
     swarm.desk = station
     return swarm, station
 
@@ -50,13 +50,13 @@ def assemble_from(
 ) -> tuple[Swarm, Station]:
     """A swarm that goes on from the snapshot in `file`, and its desk. seed: another one makes a fork. Raises
     SnapshotError."""
-    swarm = resume(load(file), seed=seed, threads=threads, desk=partial(desk_of, journal=journal), name=str(file))
+    swarm = resume(load(file), seed=seed, threads=threads, desk=partial(station_of, journal=journal), name=str(file))
     return swarm, cast(Station, swarm.desk)
 
 
-def desk_of(swarm: Swarm, journal: Journal | None = None) -> Station:
+def station_of(swarm: Swarm, journal: Journal | None = None) -> Station:
     """The operator's desk for a swarm."""
-    return Station(swarm.vocabulary, swarm.minds, swarm.post, swarm, journal=journal, caution=Caution(doubts=True))
+    return Station(swarm.vocabulary, swarm.minds, swarm.post, swarm, journal=journal, caution=SendPolicy(doubts=True))
 
 
 def warm_up(scenario: Scenario, threads: int | None) -> None:
@@ -131,8 +131,8 @@ def run_headless(
     seconds: float | None,
     *,
     quiet: bool,
-    wanted: Wanted | None = None,
-    keeping: Keeping | None = None,
+    wanted: RecordingPlan | None = None,
+    keeping: SnapshotPlan | None = None,
 ) -> Run:
     """Let a swarm run on for so many simulated seconds (None: to the scenario's end), a tick at least.
 
@@ -177,7 +177,7 @@ def _ticks(swarm: Swarm, seconds: float | None) -> int:
 
 
 @contextmanager
-def _told(swarm: Swarm, wanted: Wanted | None, keeping: Keeping | None) -> Iterator[None]:
+def _told(swarm: Swarm, wanted: RecordingPlan | None, keeping: SnapshotPlan | None) -> Iterator[None]:
     """Say where a signal has ended the run, once everything is closed; take the snapshot that was due at its end."""
     try:
         yield
@@ -190,7 +190,7 @@ def _told(swarm: Swarm, wanted: Wanted | None, keeping: Keeping | None) -> Itera
 
 
 @dataclass(frozen=True, slots=True)
-class Keeping:
+class SnapshotPlan:
     """A snapshot that is to be taken: into which file, and at which simulated time (s; None: at the end)."""
 
     file: Path

@@ -252,9 +252,9 @@ def _rows(found: Iterator[Written]) -> Iterator[str]:
 
 def _told(written: Written) -> str:
     """One line for a person, in local time."""
-    from sleepcast.cli.describe import said_in
+    from sleepcast.cli.describe import entry_text
 
     entry = written.entry
     when = datetime.fromtimestamp(written.written).astimezone().strftime("%Y-%m-%d %H:%M:%S.%f")[:-3]
-    line = f"{entry.number:>6}  {when}  {entry.who:<12}  {entry.event:<9}  {said_in(entry)}"
+    line = f"{entry.number:>6}  {when}  {entry.who:<12}  {entry.event:<9}  {entry_text(entry)}"
     return printable(" ".join(line.split("\n"))).rstrip()

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
-from sleepcast.cli.account import as_dict, told
-from sleepcast.cli.air import FLEET, Air, session_for, station_for
+from sleepcast.cli.account import account_lines, as_dict
+from sleepcast.cli.air import FLEET, AirOptions, session_for, station_for
 from sleepcast.cli.streams import complain, put
 from sleepcast.core.errors import MisuseError
 
@@ -77,7 +77,11 @@ def commander(folder: Path, owner: str | None) -> KeyPair:
 
 
 def tell(
-    air: Air, changes: Iterable[KeyChange], as_json: bool, more: dict[str, object], show: Callable[[str], None] = put
+    air: AirOptions,
+    changes: Iterable[KeyChange],
+    as_json: bool,
+    more: dict[str, object],
+    show: Callable[[str], None] = put,
 ) -> int:
     """Tell the fleet, and show what became of the last of these changes. The exit status is 1 if nobody took it: then
     nobody can hand it on either. more: for the JSON."""
@@ -92,7 +96,7 @@ def tell(
         if as_json:
             show(json.dumps({**more, **as_dict(sent, found)}))
         else:
-            for line in told(sent, found):
+            for line in account_lines(sent, found):
                 show(line)
         if not found.n_matched:
             complain("no robot has taken it, so none will hear of it by itself: say it again when some are on the air")
@@ -108,7 +112,7 @@ def endings(gone: Iterable[bytes], standing: Iterable[bytes]) -> list[KeyChange]
     return [*(KeyChange(vouch=part) for part in parts), KeyChange(revoke=frozenset(gone))]
 
 
-def gathered(air: Air, gone: Iterable[bytes]) -> list[bytes]:
+def gathered(air: AirOptions, gone: Iterable[bytes]) -> list[bytes]:
     """The datagrams of standing commands of these keys, as the robots on the air have them."""
     with closing(session_for(air, None, robot=True, say=complain)) as session:
         found: list[bytes] = []
@@ -290,7 +294,7 @@ def trust_(
     if channel is None or speaker is None:
         _say(_as_dict(added), f"{role} {owner}: key {added.id.hex()} is trusted in {file}", as_json)
         return 0
-    air = Air(channel, fleet, speaker.public.owner, file, folder)
+    air = AirOptions(channel, fleet, speaker.public.owner, file, folder)
     return tell(air, [KeyChange(trust=(added,))], as_json, _as_dict(added))
 
 
@@ -332,7 +336,7 @@ def revoke(
                 f"{speaker.public.owner!r} cannot end its own key: another commander can (--key), and sleepcast keys "
                 "rotate takes a new one"
             )
-        air = Air(channel, fleet, speaker.public.owner, file, folder)
+        air = AirOptions(channel, fleet, speaker.public.owner, file, folder)
         commands = any(each.role == "commander" for each in found) and not forget_rules
         changes = endings(gone, gathered(air, gone) if commands else ())
         return tell(air, changes, as_json, {"revoked": [each.hex() for each in gone]})
@@ -375,7 +379,7 @@ def rotate(
     speaker = None if channel is None else old if itself and key is None else commander(folder, key)
     changes = [KeyChange(revoke=frozenset((old.id,)))]
     if channel is not None and speaker is not None:
-        air = Air(channel, fleet, speaker.public.owner, file, folder)
+        air = AirOptions(channel, fleet, speaker.public.owner, file, folder)
         if itself:
             status = tell(air, [KeyChange(trust=(new_pair.public,))], False, {}, complain)
             changes = endings([old.id], gathered(air, [old.id]))
@@ -400,8 +404,8 @@ def _revoked(trust: Trust, gone: Sequence[bytes]) -> None:
     trust.take(KeyChange(revoke=frozenset(gone)))
 
 
-def _say(told: dict[str, object], sentence: str, as_json: bool) -> None:
-    put(json.dumps(told) if as_json else sentence)
+def _say(account_lines: dict[str, object], sentence: str, as_json: bool) -> None:
+    put(json.dumps(account_lines) if as_json else sentence)
 
 
 def _opened(folder: Path | None, file: Path | None) -> tuple[Path, Path, Trust]:

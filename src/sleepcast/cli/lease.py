@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.air import Air, operator, station_for
+from sleepcast.cli.air import AirOptions, operator, station_for
 from sleepcast.cli.send import GRACE, gathered
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import printable
 
 if TYPE_CHECKING:
     from sleepcast.channel.payload import LeaseAction
-    from sleepcast.station.network import AirStation
+    from sleepcast.station.network import NetworkStation
 
 SECONDS = 60.0
 """For which a lease is had unless another time is said: long enough for a task, short enough to be waited for."""
@@ -27,7 +27,7 @@ DEEDS = ("take", "give", "request", "grant", "force")
 @click.option("--to", default="", metavar="NAME", help="To whom it is granted.")
 @click.option("--keep", is_flag=True, help="Renew it until Ctrl-C, then give it back.")
 @operator
-def lease(deed: str, group: str, seconds: float, to: str, keep: bool, air: Air, as_json: bool) -> int:
+def lease(deed: str, group: str, seconds: float, to: str, keep: bool, air: AirOptions, as_json: bool) -> int:
     """Control a GROUP: while you have its lease, its robots refuse the commands of other operators, and tell them why.
     STOP and questions are for everybody, always; what stands comes from commanders, and is no matter of leases.
 
@@ -55,7 +55,7 @@ def lease(deed: str, group: str, seconds: float, to: str, keep: bool, air: Air, 
         return status
 
 
-def _done(station: AirStation, deed: LeaseAction, group: str, seconds: float, to: str, as_json: bool) -> int:
+def _done(station: NetworkStation, deed: LeaseAction, group: str, seconds: float, to: str, as_json: bool) -> int:
     from sleepcast.channel import Kind
     from sleepcast.station.leases import lease_body
 
@@ -64,11 +64,11 @@ def _done(station: AirStation, deed: LeaseAction, group: str, seconds: float, to
     return status if len(sent.answers) else 1
 
 
-def _keep(station: AirStation, group: str, seconds: float, as_json: bool) -> None:
+def _keep(station: NetworkStation, group: str, seconds: float, as_json: bool) -> None:
     """Renew the lease until Ctrl-C, telling what others say about it; then give it back."""
     from sleepcast.channel import Kind
     from sleepcast.channel.payload import LeaseAction
-    from sleepcast.station.leases import lease_body, wish
+    from sleepcast.station.leases import describe_request, lease_body
 
     complain(f"{group} is yours until Ctrl-C")
     renewed = station.now
@@ -76,7 +76,7 @@ def _keep(station: AirStation, group: str, seconds: float, as_json: bool) -> Non
         while True:
             station.wait(0.1)
             while station.news:
-                said = wish(station.news.popleft())
+                said = describe_request(station.news.popleft())
                 if said:
                     complain(printable(said))
             if station.now - renewed >= seconds / 3.0:

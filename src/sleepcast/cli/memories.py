@@ -1,6 +1,6 @@
 """Memories to type into: one robot's mind without a body, in the standard or the classic dialect.
 
-`eval` and `repl` hand each expression to a memory and get an `Outcome`: the value as it prints, what to say to the
+`eval` and `repl` hand each expression to a memory and get an `EvalOutcome`: the value as it prints, what to say to the
 person, and how it ended.
 """
 
@@ -18,7 +18,7 @@ UNKNOWN = "UNKNOWN"
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class EvalOutcome:
     """What came of one expression. value: as it prints. said: lines for standard error. details: for JSON."""
 
     value: str
@@ -37,8 +37,8 @@ class TypedMemory(Protocol):
     def set(self, name: str, value: str) -> None:
         """Give a variable a value before anything is evaluated. Raises MisuseError."""
 
-    def evaluate(self, text: str) -> Outcome:
+    def evaluate(self, text: str) -> EvalOutcome:
         """Evaluate one expression."""
 
-    def run(self, text: str) -> Iterator[Outcome]:
+    def run(self, text: str) -> Iterator[EvalOutcome]:
         """Evaluate all expressions of a text, as it comes from standard input, up to one that cannot be read."""

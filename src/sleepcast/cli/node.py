@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.air import Air, chosen_store, no_store_option, open_store, options, session_for, store_option
+from sleepcast.cli.air import AirOptions, chosen_store, no_store_option, open_store, options, session_for, store_option
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.options import restraints
 from sleepcast.cli.streams import complain
@@ -111,11 +111,11 @@ def node(
     with Interrupts() as interrupts, ExitStack() as stack:
         from sleepcast.bridges import SCHEMES, UNLIMITED, open_robot
         from sleepcast.channel.plain_datagrams import Datagrams
-        from sleepcast.cli.node_life import Beginning, Life, read_beginning
+        from sleepcast.cli.node_life import NodeProcess, StartScript, read_start_script
         from sleepcast.mind.lease import read_lease
         from sleepcast.simulator import read_limits
 
-        beginning, built_in = (Beginning() if each is None else read_beginning(each) for each in (rules, golden))
+        beginning, built_in = (StartScript() if each is None else read_start_script(each) for each in (rules, golden))
         if built_in.orders:
             raise MisuseError(f"{golden} is a mission script: built-in rules have no times")
         seconds_unattended = read_lease(lease)
@@ -126,7 +126,7 @@ def node(
         if channel is not None:
             if lockstep:
                 raise MisuseError("--lockstep and --channel do not go together: deadlines on the air are of real time")
-            air = Air(channel, fleet, key, trust, folder, skew=skew, rate=rate)
+            air = AirOptions(channel, fleet, key, trust, folder, skew=skew, rate=rate)
             session = stack.enter_context(closing(session_for(air, name, robot=True, say=complain, store=store)))
         number, kept = _id(name, number), UNLIMITED if limits is None else read_limits(limits)
         if uri.partition(":")[0] == SIMULATED:
@@ -138,7 +138,9 @@ def node(
             robot = stack.enter_context(open_robot(uri, in_step=lockstep, limits=kept))
         interrupts.defer()
         nomad = vocabulary == NOMAD
-        life = Life(name, robot, ears, session, store, nomad=nomad, number=number, seed=seed, lease=seconds_unattended)
+        life = NodeProcess(
+            name, robot, ears, session, store, nomad=nomad, number=number, seed=seed, lease=seconds_unattended
+        )
         life.begin(built_in, beginning)
         life.go_on(interrupts.check, 0.0 if lockstep else tick, seconds)
     return 0

@@ -25,7 +25,7 @@ from sleepcast.channel.payload import ENDS, TOOK
 from sleepcast.channel.plain_datagrams import Datagrams, Numbers
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.channel.session import ChannelSession
-from sleepcast.cli.describe import heard_at, news_of
+from sleepcast.cli.describe import heard_text, notices_of
 from sleepcast.cli.standard_memory import reported_body
 from sleepcast.cli.streams import announce, complain, pieces, read_file, still_open
 from sleepcast.core.clock import MADE, Clock, UnixClock, WallClock, epoch_at
@@ -42,24 +42,24 @@ if TYPE_CHECKING:
     from sleepcast.simulator import Order
 
 
-class BeginningError(SleepcastError):
+class StartScriptError(SleepcastError):
     """What a robot is to begin with went wrong."""
 
 
 @dataclass(frozen=True, slots=True)
-class Beginning:
+class StartScript:
     """What a robot begins with: expressions with their places (file and line), and orders for later."""
 
     expressions: tuple[tuple[str, str], ...] = ()
     orders: tuple[Order, ...] = ()
 
 
-def read_beginning(path: Path) -> Beginning:
+def read_start_script(path: Path) -> StartScript:
     """A file of expressions, or, where it begins with a time, a mission script. Raises MisuseError."""
     text = read_file(path)
     if any(line.startswith("@") for line in text.split("\n")):
-        return Beginning(orders=parse_mission(text, str(path)))
-    return Beginning(tuple(_expressions(text, path)))
+        return StartScript(orders=parse_mission(text, str(path)))
+    return StartScript(tuple(_expressions(text, path)))
 
 
 def _expressions(text: str, path: Path) -> Iterator[tuple[str, str]]:
@@ -72,7 +72,7 @@ def _expressions(text: str, path: Path) -> Iterator[tuple[str, str]]:
         yield from ((place, piece[form.start : form.end]) for form in forms)
 
 
-def begin_with(node: Node, beginning: Beginning) -> None:
+def run_start_script(node: Node, beginning: StartScript) -> None:
     """Evaluate a robot's first expressions. Raises MisuseError for one that it cannot run, BeginningError for one that
     goes wrong."""
     for place, text in beginning.expressions:
@@ -81,10 +81,10 @@ def begin_with(node: Node, beginning: Beginning) -> None:
         except SleepcastError as error:
             raise MisuseError(f"{place}: {error}") from error
         if result.faults:
-            raise BeginningError(f"{place}: {result.faults[0]}")
+            raise StartScriptError(f"{place}: {result.faults[0]}")
 
 
-def install(node: Node, golden: Beginning) -> None:
+def install(node: Node, golden: StartScript) -> None:
     """Give a robot rules that nobody changes over the air. Raises MisuseError for what is no rule, or is refused."""
     for place, text in golden.expressions:
         match read(text):
@@ -97,7 +97,7 @@ def install(node: Node, golden: Beginning) -> None:
                 raise MisuseError(f"{place}: wanted (RULE name expression), not {text!r:.200}")
 
 
-class Life:
+class NodeProcess:
     """A mind in a body. ears: where plain datagrams come in, if they do. session: the radio, if there is one. store:
     what outlives this life, if anything does. nomad: whether functions with Nclient's names take its units. lease: s
     for which a body that is driven goes on while nobody is heard."""
@@ -120,7 +120,7 @@ class Life:
         self.node = Node(name, names, number=number, seed=seed, body=robot, lease=lease, on_air=session is not None)
         self._orders: tuple[Order, ...] = ()
 
-    def begin(self, golden: Beginning, beginning: Beginning) -> None:
+    def begin(self, golden: StartScript, beginning: StartScript) -> None:
         """Go on where the life before this one ended, or evaluate what the robot begins with; see `begin_with`.
         golden: rules that are built in, in every life."""
         self.node.sense(self.robot.sense().values, 0.0)
@@ -138,7 +138,7 @@ class Life:
         ):
             complain(f"{self.node.name} goes on where it was ({self.store.file})")
         else:
-            begin_with(self.node, beginning)
+            run_start_script(self.node, beginning)
         if self.store is not None and (standing := self.store.standing()):
             complain(standing)
 
@@ -148,11 +148,18 @@ class Life:
         clock: Clock = WallClock() if tick else self.robot
         session = self.session
         epoch, authority = epoch_at(self.node.zero), self.node.authority
-        desk = NodeDesk(
-            self.node.name, clock, self._orders, Typed(), self.ears, session, epoch, lambda: authority.latch.holding
+        desk = LocalInput(
+            self.node.name,
+            clock,
+            self._orders,
+            TypedLines(),
+            self.ears,
+            session,
+            epoch,
+            lambda: authority.latch.holding,
         )
         end = inf if seconds is None else clock.now() + seconds
-        news = None if session is None else news_of(session.delivery.admission)
+        news = None if session is None else notices_of(session.delivery.admission)
 
         def going() -> bool:
             for complaint in (*self.robot.complaints(), *(news.lines() if news else ())):
@@ -177,11 +184,11 @@ class Life:
             self.robot.close()
             complain(self._account(desk))
 
-    def _account(self, desk: NodeDesk) -> str:
+    def _account(self, desk: LocalInput) -> str:
         said = f"{self.node.name}: {self.watch}"
         if self.session is not None:
             admission = self.session.delivery.admission
-            said += f"; {heard_at(admission)}"
+            said += f"; {heard_text(admission)}"
             for sender, ahead in admission.offsets.all(UnixClock().now()).items():
                 said += f"; our clock is {abs(ahead):.2f} s {'ahead of' if ahead > 0.0 else 'behind'} that of {sender}"
         if self.ears is not None:
@@ -239,7 +246,7 @@ def heard(numbers: Numbers) -> str:
     return f"(PROGN {setting} (DEFVAR message FALSE) (SETQ message TRUE))"
 
 
-class Typed:
+class TypedLines:
     """Lines of standard input, as far as there are any: nothing waits for them."""
 
     def __init__(self) -> None:
@@ -292,7 +299,7 @@ def _standard_input() -> int | None:
         return None
 
 
-class NodeDesk:
+class LocalInput:
     """The channel of one node: see the module.
 
     orders: what is to be done when, s after the start. typed: where an operator types. ears: plain datagrams, of which
@@ -305,7 +312,7 @@ class NodeDesk:
         name: str,
         clock: Clock,
         orders: Sequence[Order],
-        typed: Typed,
+        typed: TypedLines,
         ears: Datagrams | None,
         session: Channel | None = None,
         epoch: int = 0,

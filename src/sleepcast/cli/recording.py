@@ -43,7 +43,7 @@ PICTURES_PER_READING = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class RecordingPlan:
     """What is to be recorded: into which file, the simulated s between two pictures and between two readings (None: as
     the scenario's speed suggests), and when another file begins."""
 
@@ -56,7 +56,7 @@ class Wanted:
 class Witness:
     """Sees what happens in a swarm (the loop's `Witness`) and records it."""
 
-    def __init__(self, recorder: Recorder, swarm: Swarm, station: Station, wanted: Wanted) -> None:
+    def __init__(self, recorder: Recorder, swarm: Swarm, station: Station, wanted: RecordingPlan) -> None:
         self._recorder, self._swarm, self._station = recorder, swarm, station
         self._pictures, self._readings = periods(swarm.simulator.scenario, wanted)
         self._sensors = [sensor.name for sensor in swarm.simulator.model.sensors]
@@ -211,7 +211,7 @@ def _in_words(message: Message) -> str:
     return " ".join([str(message.body.get("label", "")), *shown])
 
 
-def periods(scenario: Scenario, wanted: Wanted) -> tuple[int, int]:
+def periods(scenario: Scenario, wanted: RecordingPlan) -> tuple[int, int]:
     """Ticks between two pictures, and between two readings."""
     usual = max(TICKS_PER_PICTURE, round(scenario.speed_up / PICTURES_PER_SECOND / scenario.tick))
     pictures = usual if wanted.pictures is None else max(1, round(wanted.pictures / scenario.tick))
@@ -220,7 +220,7 @@ def periods(scenario: Scenario, wanted: Wanted) -> tuple[int, int]:
 
 
 @contextmanager
-def recorded(swarm: Swarm, station: Station, wanted: Wanted) -> Iterator[Recorder]:
+def recorded(swarm: Swarm, station: Station, wanted: RecordingPlan) -> Iterator[Recorder]:
     """Record what happens to `swarm` inside. A recording that breaks off says so, and leaves `failed` in the recorder.
 
     Raises what Recorder raises.

@@ -65,17 +65,17 @@ def replay(
 
         recording = load_recording(file)
         if not (headless or as_json or verify):
-            from sleepcast.console import Address, serve_desk
-            from sleepcast.console.adapters.recording import film_of
-            from sleepcast.console.replay import ReplayDesk, ReplayDriver
+            from sleepcast.console import Address, serve_backend
+            from sleepcast.console.adapters.recording import load_timeline
+            from sleepcast.console.replay import ReplayBackend, ReplayDriver
             from sleepcast.core.clock import WallClock
 
-            film = film_of(recording)
+            film = load_timeline(recording)
             interrupts.release()  # the server has a way of its own to end in good order
             if speed is not None:
                 film = replace(film, speed=speed)
             clock, address = WallClock(), Address(host, port, insecure, not no_browser, allow)
-            serve_desk(ReplayDesk(film, ReplayDriver(film, clock)), clock, address=address, say=announce)
+            serve_backend(ReplayBackend(film, ReplayDriver(film, clock)), clock, address=address, say=announce)
             return 0
         verdict = _verify(interrupts, recording, quiet=quiet) if verify else None
     put(json.dumps(_to_dict(recording, verdict)) if as_json else _to_text(recording, verdict))

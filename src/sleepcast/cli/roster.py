@@ -13,7 +13,7 @@ from sleepcast.cli.streams import put
 from sleepcast.core.errors import MisuseError, did_you_mean, printable
 
 if TYPE_CHECKING:
-    from sleepcast.station.cache import Contacts
+    from sleepcast.station.cache import PeerCache
     from sleepcast.station.roster import FleetFile
 
 HEARD, NONE = "heard", "none"
@@ -47,10 +47,10 @@ def roster(fleet: str, channel: str, expect: str | None, forget: str | None, as_
       sleepcast roster --expect 100
       sleepcast roster --expect fleet.txt
     """
-    from sleepcast.station.cache import Contacts
+    from sleepcast.station.cache import PeerCache
     from sleepcast.station.roster import FleetFile
 
-    contacts, kept = Contacts.of(fleet), FleetFile(channel, fleet)
+    contacts, kept = PeerCache.of(fleet), FleetFile(channel, fleet)
     if forget is not None:
         names = sorted(contacts.heard) if forget == "all" else forget.replace(",", " ").split()
         for name in names:
@@ -81,7 +81,7 @@ def roster(fleet: str, channel: str, expect: str | None, forget: str | None, as_
     return 0
 
 
-def _expect(said: str, contacts: Contacts, kept: FleetFile) -> None:
+def _expect(said: str, contacts: PeerCache, kept: FleetFile) -> None:
     """Keep which robots belong to the fleet. Raises ExpectationError, FleetFileLostError."""
     from sleepcast.channel.name_index import natural_order
     from sleepcast.station.roster import Expectation, read_expectation

@@ -19,8 +19,8 @@ from sleepcast.cli.streams import announce, put
 from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
-    from sleepcast.cli.headless import Keeping
-    from sleepcast.cli.recording import Wanted
+    from sleepcast.cli.headless import SnapshotPlan
+    from sleepcast.cli.recording import RecordingPlan
     from sleepcast.console import Address
     from sleepcast.loop import Swarm
     from sleepcast.simulator import Changes
@@ -171,8 +171,8 @@ def _show(
     station: Station,
     options: Options,
     address: Address,
-    wanted: Wanted | None,
-    keeping: Keeping | None,
+    wanted: RecordingPlan | None,
+    keeping: SnapshotPlan | None,
 ) -> None:
     """Serve the page of a swarm until Ctrl-C, which is raised as KeyboardInterrupt. The kernels are compiled while the
     page is served already. Raises what the console raises for the address, and what Recorder raises."""
@@ -208,7 +208,7 @@ def _show(
 
 
 @contextmanager
-def _kept(swarm: Swarm, station: Station, wanted: Wanted | None, keeping: Keeping | None) -> Iterator[None]:
+def _kept(swarm: Swarm, station: Station, wanted: RecordingPlan | None, keeping: SnapshotPlan | None) -> Iterator[None]:
     """Record what happens inside, and take the snapshot at the end. A page that could not be opened does neither: it
     would leave an empty recording, and replace a good snapshot by one of the start."""
     with ExitStack() as stack:
@@ -266,13 +266,13 @@ def _journal(options: Options) -> Journal | None:
     return SqliteJournal(options["journal"], UnixClock())
 
 
-def _keeping(options: Options) -> Keeping | None:
+def _keeping(options: Options) -> SnapshotPlan | None:
     """The snapshot to take; None for none."""
     if options["snapshot"] is None:
         return None
-    from sleepcast.cli.headless import Keeping
+    from sleepcast.cli.headless import SnapshotPlan
 
-    keeping = Keeping(options["snapshot"], options["snapshot_at"])
+    keeping = SnapshotPlan(options["snapshot"], options["snapshot_at"])
     keeping.check_place()
     return keeping
 
@@ -309,15 +309,15 @@ def _refuse_one_file_for_two(options: Options) -> None:
             raise MisuseError(f"{other} and {option} name the same file {file}: give each one of its own")
 
 
-def _wanted(options: Options) -> Wanted | None:
+def _wanted(options: Options) -> RecordingPlan | None:
     """What is to be recorded; None for nothing."""
     if options["record"] is None:
         return None
-    from sleepcast.cli.recording import Wanted
+    from sleepcast.cli.recording import RecordingPlan
     from sleepcast.simulator.rotation import ONE_FILE, read_rotation
 
     rotation = ONE_FILE if options["record_rotate"] is None else read_rotation(options["record_rotate"])
-    return Wanted(options["record"], options["record_pictures"], options["record_readings"], rotation)
+    return RecordingPlan(options["record"], options["record_pictures"], options["record_readings"], rotation)
 
 
 def _changes(options: Options) -> Changes:

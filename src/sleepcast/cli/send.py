@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.account import as_dict, foreseen, stages_as_dict, told
-from sleepcast.cli.air import Air, looking_for, operator
+from sleepcast.cli.account import account_lines, as_dict, forecast_text, stages_as_dict
+from sleepcast.cli.air import AirOptions, observing_station, operator
 from sleepcast.cli.eval import NegativeNumbersAllowed
 from sleepcast.cli.options import Seconds
 from sleepcast.cli.streams import complain, put, somebody_there
@@ -18,8 +18,8 @@ from sleepcast.core.errors import SleepcastError, and_more
 
 if TYPE_CHECKING:
     from sleepcast.station.account import Command
-    from sleepcast.station.network import AirStation
-    from sleepcast.station.telemetry_client import Looker
+    from sleepcast.station.network import NetworkStation
+    from sleepcast.station.telemetry_client import TelemetryClient
     from sleepcast.station.validation import Draft
 
 GRACE = 1.0
@@ -62,7 +62,7 @@ def send(
     strict: bool,
     blind: bool,
     anyway: bool,
-    air: Air,
+    air: AirOptions,
     as_json: bool,
 ) -> int:
     """Broadcast an expression: every robot decides for itself whether it is meant. Then tell who matched, who did not,
@@ -88,18 +88,18 @@ def send(
     if audience.only == []:
         raise click.UsageError("--only names nobody: wanted robots, as in --only r1,r2")
     draft = Draft(text, standing, deadline, everybody, count, audience, anyway)
-    with looking_for(air, complain, strict=strict) as (station, looker):
+    with observing_station(air, complain, strict=strict) as (station, telemetry):
         station.holding = hold is not None
         if not blind:
             _refuse_early(station, draft)
-            _ask_first(station, looker, text)
-        warn(station, looker, text)
+            _ask_first(station, telemetry, text)
+        warn(station, telemetry, text)
         if not (blind or anyway):
-            refuse_unknown(station, looker, text, as_json)
-        draft = _confirmed(station, looker, draft, as_json)
-        complain(foreseen(station.foresee(text, only=audience.only)))
+            refuse_unknown(station, telemetry, text, as_json)
+        draft = _confirmed(station, telemetry, draft, as_json)
+        complain(forecast_text(station.forecast(text, only=audience.only)))
         try:
-            station.settle(draft)
+            station.validate(draft)
         except CountNeededError as error:
             if count is not None or as_json:
                 raise
@@ -110,19 +110,19 @@ def send(
         return status
 
 
-def warn(station: AirStation, looker: Looker, text: str) -> None:
+def warn(station: NetworkStation, telemetry: TelemetryClient, text: str) -> None:
     """Tell what the checker doubts, in the names of the robots that told of themselves."""
-    if looker.minds:
+    if telemetry.minds:
         checked = station.check(text)
         for line in (*(finding.render(text) for finding in checked.warnings), *and_more(checked.more)):
             complain(line)
 
 
-def refuse_unknown(station: AirStation, looker: Looker, text: str, as_json: bool) -> None:
+def refuse_unknown(station: NetworkStation, telemetry: TelemetryClient, text: str, as_json: bool) -> None:
     """Let the desk refuse names that no robot has, where all have told their names; a person may insist."""
     from sleepcast.station.validation import UnknownNameError
 
-    names, robots = station.check(text).unknown, len(looker.minds) if looker.minds.complete else 0
+    names, robots = station.check(text).unknown, len(telemetry.minds) if telemetry.minds.complete else 0
     if not (names and robots):
         return
     person = not as_json and somebody_there()
@@ -130,7 +130,7 @@ def refuse_unknown(station: AirStation, looker: Looker, text: str, as_json: bool
         station.caution = replace(station.caution, known=robots)
 
 
-def _confirmed(station: AirStation, looker: Looker, draft: Draft, as_json: bool) -> Draft:
+def _confirmed(station: NetworkStation, telemetry: TelemetryClient, draft: Draft, as_json: bool) -> Draft:
     """The draft, confirmed if it was doubted and a person at a terminal says so; else `settle` refuses it."""
     from sleepcast.station.validation import DoubtError
 
@@ -140,41 +140,41 @@ def _confirmed(station: AirStation, looker: Looker, draft: Draft, as_json: bool)
         return draft  # `settle` says it, and writes it down
     if draft.confirmed or checked.errors or not checked.doubts or as_json or not somebody_there():
         return draft
-    if not looker.minds:  # else they were told already
+    if not telemetry.minds:  # else they were told already
         complain(DoubtError(checked).shown)
     click.confirm("Send it as it stands?", abort=True, err=True)
     return replace(draft, confirmed=True)
 
 
-def _refuse_early(station: AirStation, draft: Draft) -> None:
+def _refuse_early(station: NetworkStation, draft: Draft) -> None:
     """Say at once what is wrong whatever robots may tell. Raises what `settle` raises, but for the count."""
     from sleepcast.station.roster import UnknownRobotError
 
     if station.caution.strict or not station.names:
         return  # which names there are, and who is there, is known only when robots have told it
     try:
-        may: int | None = station.foresee(draft.text, only=draft.audience.only).may
+        may: int | None = station.forecast(draft.text, only=draft.audience.only).may
     except UnknownRobotError:
         return  # it may be there all the same: everybody is asked who he is
     except SleepcastError:
         may = None  # `settle` says it once more, and writes it down
-    station.settle(replace(draft, count=may, confirmed=True))  # what is doubted is asked when all is known
+    station.validate(replace(draft, count=may, confirmed=True))  # what is doubted is asked when all is known
 
 
-def _ask_first(station: AirStation, looker: Looker, text: str) -> None:
+def _ask_first(station: NetworkStation, telemetry: TelemetryClient, text: str) -> None:
     """Have robots tell of themselves, and those decide whose answer cannot be foreseen from that; nothing is done."""
     from sleepcast.language.rehearsal import CHANCE
     from sleepcast.station.preview import NEVER_HEARD, STALE
     from sleepcast.station.validation import MAX_LISTED
 
-    look_around(station, looker, patience=AHEAD)
+    look_around(station, telemetry, patience=AHEAD)
     unknown = station.preview(text).unknown
     asked = [name for name, why in unknown.items() if why not in (NEVER_HEARD, STALE, CHANCE)]
     if asked:
         station.poll(text, AHEAD, only=asked if len(asked) <= MAX_LISTED else None)
 
 
-def _at_once(station: AirStation, draft: Draft, as_json: bool) -> int:
+def _at_once(station: NetworkStation, draft: Draft, as_json: bool) -> int:
     sent = station.send(
         draft.text,
         standing=draft.standing,
@@ -187,7 +187,7 @@ def _at_once(station: AirStation, draft: Draft, as_json: bool) -> int:
     return gathered(station, sent, GRACE, as_json)
 
 
-def _in_stages(station: AirStation, draft: Draft, as_json: bool) -> int:
+def _in_stages(station: NetworkStation, draft: Draft, as_json: bool) -> int:
     """Send in stages, telling what becomes of each. The exit status is 1 if there was one too few."""
     from sleepcast.station.staging import staged
 
@@ -218,7 +218,7 @@ def _typed(error: Exception) -> int:
 @click.argument("text")
 @anyway_option
 @operator
-def ask(text: str, anyway: bool, air: Air, as_json: bool) -> int:
+def ask(text: str, anyway: bool, air: AirOptions, as_json: bool) -> int:
     """Ask every robot for the value of an expression, which changes nothing: how many answer, the least, the mean and
     the greatest value, and how they are spread. Robots are asked for their names first, if one in it is not known here.
 
@@ -227,41 +227,41 @@ def ask(text: str, anyway: bool, air: Air, as_json: bool) -> int:
       sleepcast ask fuel
       sleepcast ask '(DIST x y 0 0)' --json
     """
-    with looking_for(air, complain) as (station, looker):
+    with observing_station(air, complain) as (station, telemetry):
         if not anyway and station.check(text).unknown:
-            look_around(station, looker, patience=AHEAD)
-        warn(station, looker, text)
+            look_around(station, telemetry, patience=AHEAD)
+        warn(station, telemetry, text)
         if not anyway:
-            refuse_unknown(station, looker, text, as_json)
+            refuse_unknown(station, telemetry, text, as_json)
         return gathered(station, station.ask(text), PATIENCE, as_json)
 
 
 @click.command("release", short_help="End a stop.")
 @operator
-def release(air: Air, as_json: bool) -> int:
+def release(air: AirOptions, as_json: bool) -> int:
     """End `sleepcast stop`. Nothing that was asked before resumes by itself.
 
     \b
     Examples:
       sleepcast release
     """
-    with looking_for(air, complain) as (station, looker):
+    with observing_station(air, complain) as (station, telemetry):
         decided = station.now
-        look_around(station, looker, patience=AHEAD)  # whose STOPs hold, which a RELEASE has to name
+        look_around(station, telemetry, patience=AHEAD)  # whose STOPs hold, which a RELEASE has to name
         return gathered(station, station.release(decided), PATIENCE, as_json)
 
 
-def gathered(station: AirStation, sent: Command, patience: float, as_json: bool) -> int:
+def gathered(station: NetworkStation, sent: Command, patience: float, as_json: bool) -> int:
     """Collect the answers, and print the account. The exit status is 1 if anything went wrong on a robot."""
     station.gather(sent, patience)
     _show(station, sent, as_json)
     return 1 if station.accounting(sent.id).n_fault else 0
 
 
-def _show(station: AirStation, sent: Command, as_json: bool) -> None:
+def _show(station: NetworkStation, sent: Command, as_json: bool) -> None:
     found = station.accounting(sent.id)
     if as_json:
         put(json.dumps(as_dict(sent, found)))
         return
-    for line in told(sent, found):
+    for line in account_lines(sent, found):
         put(line)

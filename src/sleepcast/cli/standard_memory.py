@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from math import isnan, nan
 
 from sleepcast.channel import Kind as Spoken
-from sleepcast.cli.memories import EVALUATED, REFUSED, UNKNOWN, UNREADABLE, Outcome
+from sleepcast.cli.memories import EVALUATED, REFUSED, UNKNOWN, UNREADABLE, EvalOutcome
 from sleepcast.cli.streams import pieces
 from sleepcast.core.errors import MisuseError, and_more
 from sleepcast.language import (
@@ -77,7 +77,7 @@ class StandardMemory:
         settable = binding is None or (isinstance(binding, Variable) and binding.kind is Kind.SUPPORT)
         return "" if settable or binding is None else describe(binding)
 
-    def evaluate(self, text: str) -> Outcome:
+    def evaluate(self, text: str) -> EvalOutcome:
         """Evaluate one expression."""
         try:
             checked = check(text, self.node)
@@ -104,7 +104,7 @@ class StandardMemory:
                     message = f"{p.name} @@ is {written}, and {shares[0]} is a share: they run from 0 to 1{meant}"
                     found.note("warning", message, p.form.start, p.form.end)
 
-    def run(self, text: str) -> Iterator[Outcome]:
+    def run(self, text: str) -> Iterator[EvalOutcome]:
         """Evaluate all expressions of a text, up to one that cannot be read."""
         for line, piece in pieces(text):
             try:
@@ -122,7 +122,7 @@ class StandardMemory:
         self.node.pings.clear()
         return told
 
-    def _outcome(self, checked: Checked, result: Result) -> Outcome:
+    def _outcome(self, checked: Checked, result: Result) -> EvalOutcome:
         said = [_line(finding, checked.text) for finding in checked.warnings]
         said += [reported(label, values) for label, values in result.printed]
         told = self.told()
@@ -146,23 +146,23 @@ class StandardMemory:
             explanation = result.explanation
             details["explanation"] = explanation.to_dict()
             said.append(explanation.render())
-        return Outcome(format_value(result.value), status, tuple(said), details)
+        return EvalOutcome(format_value(result.value), status, tuple(said), details)
 
 
-def unreadable(text: str, error: str) -> Outcome:
+def unreadable(text: str, error: str) -> EvalOutcome:
     """The outcome of a text that cannot be read."""
     details = {**_details(text, None, UNREADABLE), "error": error}
-    return Outcome(UNKNOWN, UNREADABLE, (f"error: {error}",), details)
+    return EvalOutcome(UNKNOWN, UNREADABLE, (f"error: {error}",), details)
 
 
-def _refused(checked: Checked) -> Outcome:
+def _refused(checked: Checked) -> EvalOutcome:
     said = (*(_line(finding, checked.text) for finding in checked.findings), *and_more(checked.more))
     details = {
         **_details(checked.text, None, REFUSED),
         "errors": [_finding(finding) for finding in checked.errors],
         "warnings": [_finding(finding) for finding in checked.warnings],
     }
-    return Outcome(UNKNOWN, REFUSED, said, details)
+    return EvalOutcome(UNKNOWN, REFUSED, said, details)
 
 
 def _details(text: str, value: float | None, status: int) -> dict[str, object]:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.account import as_dict, told
-from sleepcast.cli.air import Air, expectation, operator, station_for
+from sleepcast.cli.account import account_lines, as_dict
+from sleepcast.cli.air import AirOptions, expectation, operator, station_for
 from sleepcast.cli.interrupts import Interrupts, Terminated
 from sleepcast.cli.options import Seconds
 from sleepcast.cli.progress import Status
@@ -19,8 +19,8 @@ from sleepcast.cli.streams import complain, put, somebody_there
 from sleepcast.core.errors import MisuseError, printable
 
 if TYPE_CHECKING:
-    from sleepcast.station.account import Accounting, Command
-    from sleepcast.station.network import AirStation
+    from sleepcast.station.account import Account, Command
+    from sleepcast.station.network import NetworkStation
     from sleepcast.station.roster import Expectation
 
 GRACE = 1.0
@@ -48,7 +48,7 @@ NAMED = 3
     help="Give up on silent robots after so long; else at Ctrl-C.",
 )
 @operator
-def stop(air: Air, seconds: float | None, as_json: bool) -> int:
+def stop(air: AirOptions, seconds: float | None, as_json: bool) -> int:
     """Stop every robot that hears it, and keep it stopped until `sleepcast release`. Any key that is trusted may.
 
     It is sent again until every robot that is expected (--expect, `sleepcast roster --expect`) or was ever heard has
@@ -80,7 +80,7 @@ def stop(air: Air, seconds: float | None, as_json: bool) -> int:
         return 0 if sure and found.complete and found.n_matched else 1
 
 
-def _expected(air: Air) -> tuple[Expectation, bool]:
+def _expected(air: AirOptions) -> tuple[Expectation, bool]:
     """Which robots there are, and whether that is known as it was meant: STOP waits for no file."""
     from sleepcast.station.roster import NOBODY_SAID
 
@@ -91,7 +91,7 @@ def _expected(air: Air) -> tuple[Expectation, bool]:
         return NOBODY_SAID, False
 
 
-def _insist(station: AirStation, sent: Command, until: float, check: Callable[[], None]) -> None:
+def _insist(station: NetworkStation, sent: Command, until: float, check: Callable[[], None]) -> None:
     """Go on until everybody has confirmed, or it is time to give up, telling how far it has come. check: raises what
     ends it early."""
     nobody = not (sent.size or sent.addressed)
@@ -111,26 +111,26 @@ def _insist(station: AirStation, sent: Command, until: float, check: Callable[[]
             _tell_reasons(station, status.clear)
 
 
-def _our_key(station: AirStation) -> str:
+def _our_key(station: NetworkStation) -> str:
     delivery = station.session.delivery
     return printable(f"the key of {delivery.name} ({delivery.role}, {delivery.key_id.hex()})")
 
 
-def _tell_reasons(station: AirStation, clear: Callable[[], None]) -> None:
+def _tell_reasons(station: NetworkStation, clear: Callable[[], None]) -> None:
     clear()
     for reason in _reasons(station):
         complain(printable(reason))
 
 
-def _reasons(station: AirStation) -> Iterator[str]:
+def _reasons(station: NetworkStation) -> Iterator[str]:
     """Why nobody may have answered, what is known for certain first."""
     from sleepcast.channel.drops import DropReason
     from sleepcast.channel.message import Role
-    from sleepcast.cli.describe import heard_at
+    from sleepcast.cli.describe import heard_text
 
     delivery = station.session.delivery
     drops, keys = delivery.admission.drops, [key for key in delivery.admission.trust.keys if not key.revoked]
-    yield f"no robot has confirmed STOP yet: {heard_at(delivery.admission)}"
+    yield f"no robot has confirmed STOP yet: {heard_text(delivery.admission)}"
     yield from (f"  {notice}" for notice in station.notices())
     strangers = {
         key.hex(): count for (key, why), count in drops.by_key.items() if why is DropReason.UNKNOWN_KEY and key
@@ -147,9 +147,9 @@ def _reasons(station: AirStation) -> Iterator[str]:
     )
 
 
-def _show(sent: Command, found: Accounting, as_json: bool) -> None:
+def _show(sent: Command, found: Account, as_json: bool) -> None:
     if as_json:
         put(json.dumps(as_dict(sent, found)))
         return
-    for line in told(sent, found):
+    for line in account_lines(sent, found):
         put(line)

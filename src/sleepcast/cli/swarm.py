@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.air import Air, open_store, options, sessions_for, store_option
+from sleepcast.cli.air import AirOptions, open_store, options, sessions_for, store_option
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.options import restraints
 from sleepcast.cli.streams import announce, complain
 from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
-    from sleepcast.cli.node_life import Beginning
+    from sleepcast.cli.node_life import StartScript
     from sleepcast.loop.network_swarm import NetworkSwarm
     from sleepcast.node.store import Store
 
@@ -90,23 +90,23 @@ def swarm(
     """
     _check_names(prefix, first, count)
     with Interrupts() as interrupts, ExitStack() as stack:
-        from sleepcast.cli.describe import news_of
-        from sleepcast.cli.node_life import Beginning, read_beginning
+        from sleepcast.cli.describe import notices_of
+        from sleepcast.cli.node_life import StartScript, read_start_script
         from sleepcast.mind.lease import read_lease
 
-        beginning = None if rules is None else read_beginning(rules)
+        beginning = None if rules is None else read_start_script(rules)
         if beginning is not None and beginning.orders:
             raise MisuseError(f"{rules} is a mission script: a swarm begins with expressions, without times")
         names = [f"{prefix}{first + i}" for i in range(count)]
         store = None if file is None else stack.enter_context(closing(open_store(file, complain)))
         wanted = Wanted(names, first, scenario, seed, read_lease(lease), limits)
-        crew = _crew(stack, Air(channel, fleet, key, trust, folder, skew=skew, rate=rate), wanted, store)
+        crew = _crew(stack, AirOptions(channel, fleet, key, trust, folder, skew=skew, rate=rate), wanted, store)
         interrupts.defer()
-        _begin(crew, beginning or Beginning(), store)
+        _begin(crew, beginning or StartScript(), store)
         announce(f"{names[0]} to {names[-1]} are up: {count} robots; Ctrl-C stops their bodies and ends them")
         clock = crew.clock
         end = None if seconds is None else clock.now() + seconds
-        news = news_of(crew.receiver.delivery.admission)
+        news = notices_of(crew.receiver.delivery.admission)
 
         def going() -> bool:
             for line in news.lines():
@@ -131,7 +131,7 @@ def _check_names(prefix: str, first: int, count: int) -> None:
         raise MisuseError(f"--name-prefix {prefix!r:.80}: wanted names of at most {MAX_NAME} letters without blanks")
 
 
-def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> NetworkSwarm:
+def _crew(stack: ExitStack, air: AirOptions, wanted: Wanted, store: Store | None) -> NetworkSwarm:
     """The minds with their bodies and their lines. Raises what the channel and the simulator raise."""
     from sleepcast.cli.node_life import seek_time
     from sleepcast.core.clock import UnixClock, WallClock
@@ -167,22 +167,22 @@ def _crew(stack: ExitStack, air: Air, wanted: Wanted, store: Store | None) -> Ne
     return NetworkSwarm(simulator, members, trunk, receiver, WallClock(), UnixClock(), guard=guard, keeper=store)
 
 
-def _begin(crew: NetworkSwarm, beginning: Beginning, store: Store | None) -> None:
+def _begin(crew: NetworkSwarm, beginning: StartScript, store: Store | None) -> None:
     """Let every mind go on where it was, or evaluate what it begins with."""
-    from sleepcast.cli.node_life import begin_with
+    from sleepcast.cli.node_life import run_start_script
 
     readings = crew.simulator.readings()
     for member in crew.members:
         member.node.sense(readings[member.number], 0.0)
         if store is None or not store.adopt(member.node, None):
-            begin_with(member.node, beginning)
+            run_start_script(member.node, beginning)
     if store is not None and (standing := store.standing()):
         complain(standing)
 
 
 def _account(crew: NetworkSwarm) -> str:
     """How it went, in a sentence."""
-    from sleepcast.cli.describe import heard_at
+    from sleepcast.cli.describe import heard_text
 
-    heard = heard_at(crew.receiver.delivery.admission)
+    heard = heard_text(crew.receiver.delivery.admission)
     return f"{len(crew.members)} robots: {crew.watch}; {heard}; their bodies have been stopped"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.air import Air, looking_for, operator
+from sleepcast.cli.air import AirOptions, observing_station, operator
 from sleepcast.cli.eval import NegativeNumbersAllowed
 from sleepcast.cli.streams import announce, complain, put
 from sleepcast.cli.who import look_around
@@ -18,9 +18,9 @@ from sleepcast.core.errors import MisuseError, did_you_mean, printable
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from sleepcast.station.network import AirStation
+    from sleepcast.station.network import NetworkStation
     from sleepcast.station.remote import RemoteMind
-    from sleepcast.station.telemetry_client import Looker
+    from sleepcast.station.telemetry_client import TelemetryClient
 
 USUAL = ("x", "y", "heading", "battery", "fuel", "speed")
 """Variables that are shown, of those that there are, unless others are named."""
@@ -43,7 +43,7 @@ PAUSE = 0.05
 )
 @click.option("--once", is_flag=True, help="Print the table once.")
 @operator
-def watch(text: str | None, show: str | None, every: float, once: bool, air: Air, as_json: bool) -> int:
+def watch(text: str | None, show: str | None, every: float, once: bool, air: AirOptions, as_json: bool) -> int:
     """Ask robots for their numbers every second, and show them in a table until Ctrl-C: how old each one's news are,
     whether it is stopped, its groups, and the variables that you name. With TEXT, an expression such as (IN bravo),
     only robots for which it is true.
@@ -56,13 +56,13 @@ def watch(text: str | None, show: str | None, every: float, once: bool, air: Air
       sleepcast watch --show x,y,fuel '(< fuel 30%)'
       sleepcast watch --once --json
     """
-    with looking_for(air, complain) as (station, looker):
-        window = Window(station, looker, text, None if show is None else show.replace(",", " ").split())
-        look_around(station, looker)
+    with observing_station(air, complain) as (station, telemetry):
+        window = Window(station, telemetry, text, None if show is None else show.replace(",", " ").split())
+        look_around(station, telemetry)
         if as_json:
             put(json.dumps(window.as_dict()))
             while not once:
-                _look(station, looker, every)
+                _look(station, telemetry, every)
                 announce(json.dumps(window.as_dict()))
         elif once:
             _print(window)
@@ -71,9 +71,9 @@ def watch(text: str | None, show: str | None, every: float, once: bool, air: Air
     return 0
 
 
-def _look(station: AirStation, looker: Looker, seconds: float) -> None:
+def _look(station: NetworkStation, telemetry: TelemetryClient, seconds: float) -> None:
     """Ask for telemetry, and hear what comes for so long."""
-    looker.look()
+    telemetry.look()
     station.wait(seconds)
 
 
@@ -81,8 +81,10 @@ class Window:
     """What is shown. text: for which robots it must be true, None for all; wanted: names of variables, None for the
     usual ones. Raises ReadError and CheckError for the text."""
 
-    def __init__(self, station: AirStation, looker: Looker, text: str | None, wanted: Sequence[str] | None) -> None:
-        self.station, self.looker, self.text = station, looker, text
+    def __init__(
+        self, station: NetworkStation, telemetry: TelemetryClient, text: str | None, wanted: Sequence[str] | None
+    ) -> None:
+        self.station, self.telemetry, self.text = station, telemetry, text
         self._wanted = wanted
         if wanted is not None and not 0 < len(wanted) <= MOST_SHOWN:
             raise MisuseError(f"--show takes 1 to {MOST_SHOWN} names, not {len(wanted)}")
@@ -93,8 +95,8 @@ class Window:
         """The variables that are shown. Raises MisuseError for one that no robot has, once any has told of itself."""
         from sleepcast.language import Variable
 
-        names = [name for mind in list(self.looker.minds.values())[:1] for name, _ in mind.variables()]
-        vocabulary = self.looker.minds.vocabulary
+        names = [name for mind in list(self.telemetry.minds.values())[:1] for name, _ in mind.variables()]
+        vocabulary = self.telemetry.minds.vocabulary
         variables = (key for key, found in vocabulary.bindings.items() if isinstance(found, Variable))
         known = {*variables, *vocabulary.user_slots}
         if self._wanted is None:
@@ -122,13 +124,13 @@ class Window:
     def silent(self) -> int:
         """How many robots have told nothing of late, those included that are expected and were never heard."""
         roster, late = self.station.roster, self.station.now - self.station.stale_after
-        told = sum(mind.told_at >= late for name, mind in self.looker.minds.items() if name in roster)
+        told = sum(mind.told_at >= late for name, mind in self.telemetry.minds.items() if name in roster)
         return max(self.station.fleet_size, len(roster)) - told
 
     def _robot(self, name: str, heard: float | None, columns: Sequence[str], now: float) -> dict[str, object]:
         found: dict[str, object] = {"name": name, "heard": None if heard is None else now - heard}
         found["clock"] = self.station.clocks.ahead(name)
-        mind = self.looker.minds.get(name)
+        mind = self.telemetry.minds.get(name)
         if mind is None:
             return found | {"told": None}
         values = {key: None if value != value else value for key, value in _values(mind, columns).items()}
@@ -165,12 +167,12 @@ class Window:
         size, known = self.station.fleet_size, len(self.station.roster)
         unheard = f", {size - known} of them never heard, and nobody knows their names" if size > known else ""
         among = of_robots(max(size, known), size > 0)
-        standing = self.looker.minds.standing()
+        standing = self.telemetry.minds.standing()
         told = [f"{count} {which}{more}; silent {self.silent()} {among}{unheard}", *filter(None, [standing])]
         return "\n".join(map(printable, (*told, *self.station.notices())))
 
     def _row(self, name: str, heard: float | None, columns: Sequence[str], now: float) -> list[str]:
-        mind = self.looker.minds.get(name)
+        mind = self.telemetry.minds.get(name)
         if mind is None:
             return [
                 name,
@@ -195,7 +197,7 @@ class Window:
         """The unit in which people read a variable."""
         from sleepcast.language import Variable
 
-        binding = self.looker.minds.vocabulary.bindings.get(name.casefold())
+        binding = self.telemetry.minds.vocabulary.bindings.get(name.casefold())
         return (binding.quantity.shown_as or binding.quantity.unit) if isinstance(binding, Variable) else ""
 
     def _shown(self, name: str, value: float) -> str:
@@ -219,7 +221,7 @@ def _live(window: Window, every: float) -> None:
     with Live(console=console, auto_refresh=False) as live:
         while True:
             live.update(window.table(max(1, console.height - AROUND)), refresh=True)
-            _look(window.station, window.looker, every)
+            _look(window.station, window.telemetry, every)
 
 
 def _values(mind: RemoteMind, columns: Sequence[str]) -> dict[str, float]:

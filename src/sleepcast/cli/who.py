@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 import click
 
 from sleepcast.cli.account import FEW, MANY, listed
-from sleepcast.cli.air import Air, looking_for, operator
+from sleepcast.cli.air import AirOptions, observing_station, operator
 from sleepcast.cli.eval import NegativeNumbersAllowed
 from sleepcast.cli.streams import complain, put
 from sleepcast.core.errors import SleepcastError, and_more, printable
 
 if TYPE_CHECKING:
     from sleepcast.language.program import Program
-    from sleepcast.station.network import AirStation
-    from sleepcast.station.telemetry_client import Looker
+    from sleepcast.station.network import NetworkStation
+    from sleepcast.station.telemetry_client import TelemetryClient
 
 PATIENCE = 1.0
 """Seconds after the time for answers for which they are still taken: they are asked for again where they were lost."""
@@ -89,7 +89,7 @@ class Obeyers:
 @click.option("--poll", is_flag=True, help="Let every robot decide it itself.")
 @click.option("--told", is_flag=True, help="Ask nobody: go by what robots told before.")
 @operator
-def who(text: str, poll: bool, told: bool, air: Air, as_json: bool) -> int:
+def who(text: str, poll: bool, told: bool, air: AirOptions, as_json: bool) -> int:
     """Tell who would obey an expression if it were sent now; nothing is done. Of a test alone, such as (> fuel 50%), it
     tells for whom it holds.
 
@@ -103,13 +103,13 @@ def who(text: str, poll: bool, told: bool, air: Air, as_json: bool) -> int:
       sleepcast who '(> fuel 50%)'
       sleepcast who --poll '(WHEN (< (SONAR 0) 1m) (ST))'
     """
-    with looking_for(air, complain) as (station, looker):
+    with observing_station(air, complain) as (station, telemetry):
         if not (poll or told):
-            look_around(station, looker)
+            look_around(station, telemetry)
         checked = station.check(text)
         asked = f"(WHEN {text} 1)" if _is_test(checked.required()) else text
         found = _polled(station, asked) if poll else _foreseen(station, asked)
-        found.standing = looker.minds.standing()
+        found.standing = telemetry.minds.standing()
         found.expected = station.fleet_size > 0
         for finding in checked.findings:
             complain(finding.render(text))
@@ -132,25 +132,25 @@ def _is_test(program: Program) -> bool:
 
 
 def look_around(
-    station: AirStation, looker: Looker, robots: list[str] | None = None, patience: float = PATIENCE
+    station: NetworkStation, telemetry: TelemetryClient, robots: list[str] | None = None, patience: float = PATIENCE
 ) -> None:
     """Ask robots (None: all) for telemetry, and for whatever is missing then, and wait for it. patience: s for which
     answers are waited for beyond their time, and what is missing as long again."""
     began = station.now
-    station.gather(looker.look(robots), patience)
+    station.gather(telemetry.look(robots), patience)
     until = station.now + patience
-    while looker.learning(began) and station.now < until:
+    while telemetry.learning(began) and station.now < until:
         station.wait(PAUSE)
 
 
-def _foreseen(station: AirStation, text: str) -> Obeyers:
+def _foreseen(station: NetworkStation, text: str) -> Obeyers:
     """By what the robots told."""
     found = station.preview(text)
     unknown = dict(sorted(found.unknown.items()))
     return Obeyers(sorted(found.yes), sorted(found.no), unknown, found.everybody, found.oldest, nameless=found.nameless)
 
 
-def _polled(station: AirStation, text: str) -> Obeyers:
+def _polled(station: NetworkStation, text: str) -> Obeyers:
     """By what the robots say."""
     asked, poll = station.poll(text, PATIENCE)
     found, account = Obeyers(everybody=station.preview(text).everybody), station.accounting(asked.id)
@@ -173,7 +173,7 @@ def _polled(station: AirStation, text: str) -> Obeyers:
 @click.argument("robot")
 @click.argument("command", required=False)
 @operator
-def why(robot: str, command: str | None, air: Air, as_json: bool) -> int:
+def why(robot: str, command: str | None, air: AirOptions, as_json: bool) -> int:
     """Ask ROBOT how it evaluated COMMAND: every part of the expression with its value at that moment, the first test
     that did not hold, and by how much. COMMAND is the id that `sleepcast send` tells, or the name of a rule, which is
     evaluated now without doing anything; without it, the last command that came.
@@ -184,12 +184,12 @@ def why(robot: str, command: str | None, air: Air, as_json: bool) -> int:
       sleepcast why r7 desk-1763763151000.4
       sleepcast why r7 keep
     """
-    with looking_for(air, complain) as (station, looker):
+    with observing_station(air, complain) as (station, telemetry):
         if robot not in station.roster:  # it may be there all the same: everybody is asked who he is
-            look_around(station, looker)
-        asked = looker.ask_why(robot, command)
+            look_around(station, telemetry)
+        asked = telemetry.ask_why(robot, command)
         until = station.now + PATIENCE
-        while (found := looker.explanation(asked, robot)) is None and station.now < until:
+        while (found := telemetry.explanation(asked, robot)) is None and station.now < until:
             station.wait(PAUSE)
     if found is None:
         raise SilentError(f"{robot} does not answer ({station.accounting(asked.id).ago(robot)})")

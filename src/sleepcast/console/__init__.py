@@ -6,25 +6,25 @@ lets swarm and server take turns, `frames` draws the moving picture; `static/` i
 shown is a `view`; `adapters/` puts things into that shape. The page of the Nomads, `nomads/`, has the same server.
 """
 
-from sleepcast.console.network import Order
-from sleepcast.console.server import DEFAULT_PORT, Address, PortError, serve, serve_desk, serve_fleet, serve_nomads
-from sleepcast.console.view import Outline, Pace, Place, ReadyCommand, RobotMind, Rule, Scene, Swarm
+from sleepcast.console.network import SafetyOrder
+from sleepcast.console.server import DEFAULT_PORT, Address, PortError, serve, serve_backend, serve_fleet, serve_nomads
+from sleepcast.console.view import MindView, Outline, Pace, Place, ReadyCommand, RuleView, Scene, SwarmView
 
 __all__ = [
     "DEFAULT_PORT",
     "Address",
-    "Order",
+    "MindView",
     "Outline",
     "Pace",
     "Place",
     "PortError",
     "ReadyCommand",
-    "RobotMind",
-    "Rule",
+    "RuleView",
+    "SafetyOrder",
     "Scene",
-    "Swarm",
+    "SwarmView",
     "serve",
-    "serve_desk",
+    "serve_backend",
     "serve_fleet",
     "serve_nomads",
 ]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import msgspec
 
 from sleepcast.console.explanation import shown_value, unit_of
-from sleepcast.console.view import Swarm
+from sleepcast.console.view import SwarmView
 from sleepcast.language import Vocabulary
-from sleepcast.station import Accounting, Command, Station
+from sleepcast.station import Account, Command, Station
 
 MOST_ROWS = 50
 """Commands that a page shows, the latest; the journal has them all."""
@@ -34,11 +34,11 @@ class Row(msgspec.Struct, frozen=True):
     scope: str = ""
 
 
-class Ledger:
+class AccountTable:
     """The rows of one station; a row is made anew only when another robot has answered. swarm: on the map. began: when
     its time began, s of the station's clock."""
 
-    def __init__(self, station: Station, swarm: Swarm, began: float = 0.0) -> None:
+    def __init__(self, station: Station, swarm: SwarmView, began: float = 0.0) -> None:
         self._station, self._swarm, self._began = station, swarm, began
         self._rows: dict[str, tuple[tuple[int, int], Row]] = {}
 
@@ -54,7 +54,7 @@ class Ledger:
         self._rows = kept
         return [row for _, row in kept.values()]
 
-    def _row(self, command: Command, found: Accounting) -> Row:
+    def _row(self, command: Command, found: Account) -> Row:
         return Row(
             command.id,
             command.kind.value,
@@ -101,7 +101,7 @@ class Ledger:
         return f"STOP: {said}; silent: {found.missing(NAMED)}."
 
 
-def values_in_words(command: Command, account: Accounting, vocabulary: Vocabulary) -> str:
+def values_in_words(command: Command, account: Account, vocabulary: Vocabulary) -> str:
     """What was answered to a question, as people read it; "" for what is none."""
     if command.kind != "ask":
         return ""

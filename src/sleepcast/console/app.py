@@ -35,7 +35,7 @@ REFUSED = (
 )
 
 
-class Door:
+class PageAccess:
     """Who may come in. hosts: names by which the server may be asked for, besides the address at which a request
     arrives; one that has no port of its own goes with `port`."""
 
@@ -61,7 +61,7 @@ class Door:
         return origin == f"{scheme}://{socket.headers.get('host', '')}" and self.knows(socket)
 
 
-def make_app(page: str, door: Door, attend: Callable[[WebSocket], Awaitable[None]]) -> Starlette:
+def make_app(page: str, door: PageAccess, attend: Callable[[WebSocket], Awaitable[None]]) -> Starlette:
     """The application. page: its file in `static/`. attend: serves one open page until it goes away; there are
     `MAX_PAGES` at most."""
     open_pages: set[WebSocket] = set()

@@ -12,12 +12,12 @@ from math import isnan
 from typing import NoReturn
 
 from sleepcast.console import outgoing
-from sleepcast.console.account_table import Ledger
+from sleepcast.console.account_table import AccountTable
 from sleepcast.console.completion import names_of
 from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import show_why, shown_value, unit_of
 from sleepcast.console.incoming import Sort
-from sleepcast.console.view import RobotMind, Rule, Swarm
+from sleepcast.console.view import MindView, RuleView, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, and_more
 from sleepcast.language import Checked, Finding, ReadError, Variable, format_value
@@ -36,15 +36,15 @@ _LEFT_OUT = frozenset(quantity.name for quantity in (*SUPPORT[ACTIVE0 + 1 : ACTI
 _KINDS = ("sensor", "actuator", "user", "support")
 
 
-class Desk:
+class Backend:
     """See the module. began: the time of the station's clock with which that of the page begins. Its questions raise
     SleepcastError, with a sentence for the person who asked."""
 
-    def __init__(self, swarm: Swarm, station: Station, driver: Driver, clock: Clock, *, began: float = 0.0) -> None:
+    def __init__(self, swarm: SwarmView, station: Station, driver: Driver, clock: Clock, *, began: float = 0.0) -> None:
         self.driver = driver
         self._swarm, self._station, self._clock = swarm, station, clock
         self._began = began
-        self._ledger = Ledger(station, swarm, began)
+        self._ledger = AccountTable(station, swarm, began)
         self._stopped_at = -STOP_AGAIN
 
     def hello(self) -> outgoing.Hello:
@@ -188,12 +188,12 @@ class Desk:
         found = (report for report in reversed(self._station.reports) if report.robot == name)
         return [_show_report(report, self._began) for report in islice(found, MOST_REPORTS)]
 
-    def _states(self, mind: RobotMind) -> list[str]:
+    def _states(self, mind: MindView) -> list[str]:
         """What the robot is, in words."""
         flags = ((FROZEN, "frozen"), (SLEEPING, "sleeping"), (MARKED, "marked"))
         return ["stopped"] * mind.stopped + [word for slot, word in flags if mind.values[slot] > 0.0]
 
-    def _show_rule(self, rule: Rule) -> outgoing.ShownRule:
+    def _show_rule(self, rule: RuleView) -> outgoing.ShownRule:
         value = "never ran" if isnan(rule.last_value) else format_value(rule.last_value)
         return outgoing.ShownRule(rule.name, rule.text, rule.active, value, rule.last_fault)
 

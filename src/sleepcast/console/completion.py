@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.console.explanation import shown_value
-from sleepcast.console.view import Minds, Swarm
+from sleepcast.console.view import MindsView, SwarmView
 from sleepcast.language import Constant, HostFunction, Variable
 from sleepcast.language.functions import FUNCTIONS
 from sleepcast.language.symbols import Group, Operator, UserVariable
@@ -24,7 +24,7 @@ class ShownName(msgspec.Struct, frozen=True):
     usage: str = ""
 
 
-def names_of(swarm: Swarm) -> list[ShownName]:
+def names_of(swarm: SwarmView) -> list[ShownName]:
     """Every name that means something to these robots now."""
     minds = swarm.minds
     found = [ShownName(f.name, "function", f.doc, usage=f.usage) for f in FUNCTIONS.values()]
@@ -38,13 +38,13 @@ def names_of(swarm: Swarm) -> list[ShownName]:
     return found + [shown for name in minds.heard() if (shown := _learned(name, minds)) is not None]
 
 
-def _variable(variable: Variable, minds: Minds) -> ShownName:
+def _variable(variable: Variable, minds: MindsView) -> ShownName:
     quantity = variable.quantity
     values = _range(minds.column(variable.slot), quantity.shown_as or quantity.unit)
     return ShownName(variable.name, variable.kind.value, quantity.doc, values)
 
 
-def _learned(name: str, minds: Minds) -> ShownName | None:
+def _learned(name: str, minds: MindsView) -> ShownName | None:
     """What robots have learned over the air under this name."""
     declared = minds.declared(name.casefold())
     if isinstance(declared, Operator):

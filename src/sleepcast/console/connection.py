@@ -37,7 +37,7 @@ M = TypeVar("M", bound=incoming.Message)
 encode = msgspec.json.Encoder().encode
 
 
-class Line(Generic[M]):
+class PageConnection(Generic[M]):
     """One page's socket. decode: gives a message or raises MessageError. urgent: messages that nothing may hold up."""
 
     def __init__(

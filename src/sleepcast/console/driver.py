@@ -14,7 +14,7 @@ from concurrent.futures import Future
 from threading import Thread
 
 from sleepcast.console.frames import Groups, flags_of, pack
-from sleepcast.console.view import Pace, Swarm
+from sleepcast.console.view import Pace, SwarmView
 from sleepcast.core.clock import Clock
 
 SLICE = 0.004
@@ -23,7 +23,7 @@ FRAME_PERIOD = 1.0 / 30.0
 """Seconds between two frames at least."""
 
 
-class Screen:
+class FrameSource:
     """Holds the latest picture for those who wait for it. frame: as in `frames`; number: of that picture, from 1."""
 
     def __init__(self) -> None:
@@ -44,14 +44,14 @@ class Screen:
         return self.frame
 
 
-class Driver(Screen):
+class Driver(FrameSource):
     """See the module. groups: as of the latest picture.
 
     latched: whether STOP holds, for the picture. prepare: what has to be done, beside the server, before time can run;
     it may take many seconds.
     """
 
-    def __init__(self, swarm: Swarm, pace: Pace, clock: Clock, prepare: Callable[[], None] | None = None) -> None:
+    def __init__(self, swarm: SwarmView, pace: Pace, clock: Clock, prepare: Callable[[], None] | None = None) -> None:
         super().__init__()
         self.swarm, self.pace = swarm, pace
         self._prepare, self._ready = prepare, prepare is None

@@ -29,7 +29,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from sleepcast.console.view import Minds
+from sleepcast.console.view import MindsView
 from sleepcast.language.vocabulary import FROZEN, MARKED, MARKING, SLEEPING
 
 VERSION = 1
@@ -59,7 +59,7 @@ def pack(
     return b"".join((header, poses, *marks, pings))
 
 
-def flags_of(minds: Minds) -> bytes:
+def flags_of(minds: MindsView) -> bytes:
     """The flags of each robot."""
     found = minds.stopped.astype(np.uint8)
     for slot, bit in _BITS:
@@ -82,7 +82,7 @@ class Groups:
         self.shown: list[int] = []
         self._codes: dict[str, int] = {}
 
-    def look(self, minds: Minds) -> bytes:
+    def look(self, minds: MindsView) -> bytes:
         """The code of each robot's newest group (0: none), and the counts brought up to date."""
         codes = np.zeros(len(minds), np.uint8)
         counts = [0] * MAX_GROUPS

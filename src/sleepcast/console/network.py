@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.console import outgoing
-from sleepcast.console.backend import Desk
+from sleepcast.console.backend import Backend
 from sleepcast.console.completion import names_of
 from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import show_why
 from sleepcast.console.frames import SILENT
-from sleepcast.console.view import RobotMind, Rule, Swarm
+from sleepcast.console.view import MindView, RuleView, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.language import Explanation
@@ -41,7 +41,7 @@ class AskedWhy(Protocol):
         """What it said, None while it has said nothing. Raises SleepcastError for what it cannot say."""
 
 
-class Order(NamedTuple):
+class SafetyOrder(NamedTuple):
     """A STOP (or a RELEASE) of another operator. issued: when, s of the station's clock."""
 
     sender: str
@@ -49,7 +49,7 @@ class Order(NamedTuple):
     issued: float
 
 
-class Fleet(Swarm, Protocol):
+class Fleet(SwarmView, Protocol):
     """A swarm on the air. asking: whether robots are asked of themselves time and again."""
 
     asking: bool
@@ -57,7 +57,7 @@ class Fleet(Swarm, Protocol):
     def hear(self) -> bool:
         """Hear what has come, and ask for more if it is time; whether there is any news."""
 
-    def orders(self) -> Iterator[Order]:
+    def orders(self) -> Iterator[SafetyOrder]:
         """What other operators said of STOP, the latest first."""
 
     def stopped(self, since: float) -> int:
@@ -107,7 +107,7 @@ class RealPace:
         return 0
 
 
-class AirDriver(Driver):
+class NetworkDriver(Driver):
     """Listens to the air, and draws what robots tell."""
 
     def __init__(self, fleet: Fleet, clock: Clock) -> None:
@@ -136,7 +136,7 @@ class AirDriver(Driver):
         super().set_pace(running)
 
 
-class AirDesk(Desk):
+class NetworkBackend(Backend):
     """See the module. Its times are those of the fleet, which begin with the page."""
 
     def __init__(self, fleet: Fleet, station: Station, driver: Driver, clock: Clock, began: float) -> None:
@@ -191,7 +191,7 @@ class AirDesk(Desk):
         self.driver.latched = found.latched
         return found
 
-    def _states(self, mind: RobotMind) -> list[str]:
+    def _states(self, mind: MindView) -> list[str]:
         age = self._fleet.age(mind.name)
         if age is None:
             return ["has told nothing of itself"]
@@ -199,5 +199,5 @@ class AirDesk(Desk):
         doubt = self._fleet.doubt(mind.name)
         return super()._states(mind) + [f"until RELEASE, as {doubt}"] * bool(doubt) + old
 
-    def _show_rule(self, rule: Rule) -> outgoing.ShownRule:
+    def _show_rule(self, rule: RuleView) -> outgoing.ShownRule:
         return outgoing.ShownRule(rule.name, rule.text, rule.active, NOT_TOLD, rule.last_fault)

@@ -1,7 +1,7 @@
-"""A recording on the page: the same pictures and tables as of a living swarm, at whatever time the slider stands.
+"""A recording on the page: the same pictures and tables as of a running swarm, at the time where the slider stands.
 
-`Film` is a recording as the page needs it; the roof fills it. `ReplayDesk` stands where the operator's desk stands for
-a living swarm: it shows, and takes no commands.
+`Timeline` is a recording as the page needs it; `adapters/recording` makes it. `ReplayBackend` takes the place of a
+running swarm's `Backend`: it answers what can be shown, and refuses commands.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import msgspec
 
 from sleepcast.console import outgoing
 from sleepcast.console.account_table import MOST_ROWS, Row
-from sleepcast.console.driver import FRAME_PERIOD, Screen
+from sleepcast.console.driver import FRAME_PERIOD, FrameSource
 from sleepcast.console.explanation import shown_value
 from sleepcast.console.frames import pack
 from sleepcast.console.incoming import Sort
@@ -67,7 +67,7 @@ class Marks:
 
 
 @dataclass(slots=True)
-class Film:
+class Timeline:
     """A recording as the page shows it. began, seconds: when it begins and ends. speed: at which it is shown at first.
     part: of a recording in several files, 0 if there is one. poses: as in a frame, with the tick. rows: every account
     as it came. values: JSON, for each sensor a list of all robots, null for unknown; units: of the sensors, as people
@@ -100,10 +100,10 @@ class Film:
         return False
 
 
-class ReplayDriver(Screen):
+class ReplayDriver(FrameSource):
     """Moves through a film, as fast as is wanted, and stands still at its end."""
 
-    def __init__(self, film: Film, clock: Clock) -> None:
+    def __init__(self, film: Timeline, clock: Clock) -> None:
         super().__init__()
         self.time = film.began
         self._film, self._clock = film, clock
@@ -161,10 +161,10 @@ class ReplayDriver(Screen):
         self.show(pack(self.number + 1, tick, time, speeds, state, poses, (marks.groups, marks.flags)))
 
 
-class ReplayDesk:
+class ReplayBackend:
     """See the module; the questions are those that a session asks."""
 
-    def __init__(self, film: Film, driver: ReplayDriver) -> None:
+    def __init__(self, film: Timeline, driver: ReplayDriver) -> None:
         self.driver = driver
         self._film = film
 

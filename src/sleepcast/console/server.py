@@ -19,17 +19,17 @@ from typing import Any
 import uvicorn
 from starlette.applications import Starlette
 
-from sleepcast.console.app import LOOPBACK, Door, make_app
-from sleepcast.console.backend import Desk
+from sleepcast.console.app import LOOPBACK, PageAccess, make_app
+from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
 from sleepcast.console.incoming import MAX_BYTES
-from sleepcast.console.network import AirDesk, AirDriver, Fleet
-from sleepcast.console.nomads.backend import NomadDesk
+from sleepcast.console.network import Fleet, NetworkBackend, NetworkDriver
+from sleepcast.console.nomads.backend import NomadsBackend
 from sleepcast.console.nomads.session import NomadSession
 from sleepcast.console.nomads.view import Nomads
-from sleepcast.console.replay import ReplayDesk
+from sleepcast.console.replay import ReplayBackend
 from sleepcast.console.session import Session
-from sleepcast.console.view import Pace, Swarm
+from sleepcast.console.view import Pace, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.station import Station
@@ -65,7 +65,7 @@ class Address:
 
 
 def serve(
-    swarm: Swarm,
+    swarm: SwarmView,
     station: Station,
     pace: Pace,
     clock: Clock,
@@ -80,8 +80,8 @@ def serve(
     prepare: see `Driver`. The rest is as for `serve_desk`.
     """
     driver = Driver(swarm, pace, clock, prepare)
-    desk = Desk(swarm, station, driver, clock)
-    serve_desk(desk, clock, address=address, say=say, around=around)
+    desk = Backend(swarm, station, driver, clock)
+    serve_backend(desk, clock, address=address, say=say, around=around)
 
 
 def serve_fleet(
@@ -97,12 +97,12 @@ def serve_fleet(
 
     The rest is as for `serve_desk`.
     """
-    desk = AirDesk(fleet, station, AirDriver(fleet, clock), clock, began)
-    serve_desk(desk, clock, address=address, say=say)
+    desk = NetworkBackend(fleet, station, NetworkDriver(fleet, clock), clock, began)
+    serve_backend(desk, clock, address=address, say=say)
 
 
-def serve_desk(
-    desk: Desk | ReplayDesk,
+def serve_backend(
+    desk: Backend | ReplayBackend,
     clock: Clock,
     *,
     address: Address,
@@ -114,7 +114,7 @@ def serve_desk(
     The rest is as for `serve_pages`.
     """
 
-    def app(door: Door) -> Starlette:
+    def app(door: PageAccess) -> Starlette:
         return make_app("index.html", door, lambda socket: Session(socket, desk, clock).run())
 
     pages = serve_pages(
@@ -139,9 +139,9 @@ async def serve_nomads(
 
     The rest is as for `serve_pages`.
     """
-    desk = NomadDesk(nomads, clock)
+    desk = NomadsBackend(nomads, clock)
 
-    def app(door: Door) -> Starlette:
+    def app(door: PageAccess) -> Starlette:
         return make_app("nomad/index.html", door, lambda socket: NomadSession(socket, desk, clock).run())
 
     await serve_pages(
@@ -154,7 +154,7 @@ async def serve_nomads(
 
 
 async def serve_pages(
-    make: Callable[[Door], Starlette],
+    make: Callable[[PageAccess], Starlette],
     live: Callable[[], Coroutine[Any, Any, None]],
     *,
     address: Address,
@@ -176,7 +176,7 @@ async def serve_pages(
     taken: int = listener.getsockname()[1]
     url = f"http://{_in_url(_reachable(address.host))}:{taken}/?token={token}"
     config = uvicorn.Config(
-        make(Door(token, hosts, taken)),
+        make(PageAccess(token, hosts, taken)),
         log_level="error",
         access_log=False,
         ws_max_size=MAX_BYTES,

@@ -14,10 +14,10 @@ import msgspec
 from starlette.websockets import WebSocket
 
 from sleepcast.console import incoming
-from sleepcast.console.backend import Desk
-from sleepcast.console.connection import Line, encode
+from sleepcast.console.backend import Backend
+from sleepcast.console.connection import PageConnection, encode
 from sleepcast.console.outgoing import Refused, Robot
-from sleepcast.console.replay import ReplayDesk
+from sleepcast.console.replay import ReplayBackend
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.station.validation import CountNeededError, DoubtError
@@ -33,8 +33,10 @@ MOST_WAITING = 16
 class Session:
     """One page; `run` lasts as long as it is open."""
 
-    def __init__(self, socket: WebSocket, desk: Desk | ReplayDesk, clock: Clock) -> None:
-        self._line: Line[incoming.Incoming] = Line(socket, incoming.decode, (incoming.Stop, incoming.Drawn), clock)
+    def __init__(self, socket: WebSocket, desk: Backend | ReplayBackend, clock: Clock) -> None:
+        self._line: PageConnection[incoming.Incoming] = PageConnection(
+            socket, incoming.decode, (incoming.Stop, incoming.Drawn), clock
+        )
         self._desk = desk
         self._watched = -1
         self._drawn = asyncio.Event()

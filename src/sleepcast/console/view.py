@@ -58,7 +58,7 @@ class Scene(msgspec.Struct, frozen=True):
     commands: tuple[ReadyCommand, ...] = ()
 
 
-class Rule(Protocol):
+class RuleView(Protocol):
     """One expression that a robot keeps: its last value is NaN, its last fault "" where there is none."""
 
     @property
@@ -73,22 +73,22 @@ class Rule(Protocol):
     def last_fault(self) -> str: ...
 
 
-class RobotMind(Mind, Protocol):
+class MindView(Mind, Protocol):
     """A mind that can be looked into from here."""
 
     def variables(self) -> Iterable[tuple[str, float]]:
         """Every variable by name with its value in SI, NaN for unknown."""
 
-    def rules(self) -> Iterable[Rule]:
+    def rules(self) -> Iterable[RuleView]:
         """Every kept expression."""
 
 
-class Minds(Protocol):
+class MindsView(Protocol):
     """All minds: one by its name, and what the page asks of all of them, in the order of `scene.names`."""
 
     def __len__(self) -> int: ...
 
-    def __getitem__(self, name: str, /) -> RobotMind: ...
+    def __getitem__(self, name: str, /) -> MindView: ...
 
     @property
     def stopped(self) -> NDArray[np.bool_]: ...
@@ -107,13 +107,13 @@ class Minds(Protocol):
         """Every name that any robot has learned, as written."""
 
 
-class Swarm(Protocol):
+class SwarmView(Protocol):
     """A swarm in its scene. vocabulary: what all minds know."""
 
     @property
     def scene(self) -> Scene: ...
     @property
-    def minds(self) -> Minds: ...
+    def minds(self) -> MindsView: ...
     @property
     def vocabulary(self) -> Vocabulary: ...
     @property

@@ -21,7 +21,7 @@ import numpy as np
 from sleepcast.simulator.compiled import compiled, inlined
 from sleepcast.simulator.formulas import sine_cosine
 from sleepcast.simulator.kernels_cones import PAST, axes, list_pieces, look_at_solids, look_closely
-from sleepcast.simulator.lanes import all_passed, at, foresee, pack, pair_at, put, put_by, put_pairs
+from sleepcast.simulator.lanes import all_passed, at, forecast, pack, pair_at, put, put_by, put_pairs
 from sleepcast.simulator.vectors import (
     LANES,
     either,
@@ -148,7 +148,7 @@ def turn(values, order, first, last, into):
     for i in range(first, last):
         into[i - first] = values[order[i]]
     for i in range(last, min(last + BLOCK, order.shape[0])):
-        foresee(values, order[i])
+        forecast(values, order[i])
 
 
 @inlined
@@ -302,8 +302,8 @@ def see(
                 for d in range(doubts):
                     its = number[doubtful[d]]
                     for place in (order[batch[its >> OWNER]], order[its & OTHER]):
-                        foresee(x, place)
-                        foresee(y, place)
+                        forecast(x, place)
+                        forecast(y, place)
                 put_together(pairs, whose, n, nothing, least)
                 for b in range(held):
                     close[batch[b]] = False

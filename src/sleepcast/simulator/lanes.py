@@ -229,7 +229,7 @@ def all_passed(typing):
 
 
 @intrinsic
-def foresee(typing, array, place):
+def forecast(typing, array, place):
     """Have this number of an array brought into the nearest cache, without waiting for it."""
 
     def generate(context, build, signature, given):

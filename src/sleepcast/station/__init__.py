@@ -1,6 +1,6 @@
 """The operator's desk, without a page: check, preview, send, stop, and a truthful account of what became of it."""
 
-from sleepcast.station.account import Accounting, Command, NoSuchCommandError
+from sleepcast.station.account import Account, Command, NoSuchCommandError
 from sleepcast.station.answers import FAULT, MATCHED, NOT_MATCHED, SILENT, Answer, Outcome
 from sleepcast.station.journal.journal import Entry, Event, Journal, MemoryJournal, Report
 from sleepcast.station.minds import FleetNames, ManyMinds, Mind, Minds, Telemetry
@@ -10,11 +10,11 @@ from sleepcast.station.station import NoExplanationError, Station
 from sleepcast.station.validation import (
     DEADLINE,
     AddressError,
-    Caution,
+    CommandTypeError,
     CountNeededError,
     DoubtError,
     NobodyHeardError,
-    SortError,
+    SendPolicy,
 )
 
 __all__ = [
@@ -26,11 +26,11 @@ __all__ = [
     "SILENT",
     "UNKNOWN",
     "YES",
-    "Accounting",
+    "Account",
     "AddressError",
     "Answer",
-    "Caution",
     "Command",
+    "CommandTypeError",
     "CountNeededError",
     "DoubtError",
     "Entry",
@@ -47,7 +47,7 @@ __all__ = [
     "Outcome",
     "Preview",
     "Report",
-    "SortError",
+    "SendPolicy",
     "Station",
     "Telemetry",
     "UnknownRobotError",

@@ -22,7 +22,7 @@ from sleepcast.core.errors import MisuseError, did_you_mean, printable
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.station.answers import FAULT, MATCHED, NOT_MATCHED, OUTCOMES, SILENT, Answers
 from sleepcast.station.roster import Index, Seconds, of_robots
-from sleepcast.station.serialized import CommandParcel
+from sleepcast.station.serialized import CommandState
 
 SHOWN = 5
 """Silent robots named in a sentence; more are counted."""
@@ -55,13 +55,13 @@ class Command:
         self.expected: Index = np.empty(0, np.intp) if expected is None else expected
         self.answers = Answers(names)
 
-    def state(self) -> CommandParcel:
+    def state(self) -> CommandState:
         expected = Array.of(self.expected.astype(np.int32))
         only = None if self.only is None else Array.of(self.only.astype(np.int32))
-        return CommandParcel(self.message, self.addressed, expected, self.last_sent, self.answers.state(), only)
+        return CommandState(self.message, self.addressed, expected, self.last_sent, self.answers.state(), only)
 
     @classmethod
-    def restored(cls, parcel: CommandParcel, names: NameIndex) -> Command:
+    def restored(cls, parcel: CommandState, names: NameIndex) -> Command:
         """The command that was kept. Raises ParcelError."""
         found = cls(parcel.message, names, ascending(parcel.expected, len(names)), parcel.last_sent)
         if not 0 <= parcel.addressed <= len(names):
@@ -135,7 +135,7 @@ class Histogram:
 
 
 @dataclass(frozen=True, eq=False)
-class Accounting:
+class Account:
     """What became of one command, names in the order of the roster. For a STOP, matched means that the robot says it
     is stopped; for a RELEASE, that it is not stopped any more; for a question, that it has answered.
 
@@ -304,11 +304,11 @@ class Accounting:
         return "never heard" if heard is None else f"last heard {self.now - heard:.0f} s ago"
 
 
-def account(command: Command, now: float, heard: Seconds) -> Accounting:
+def account(command: Command, now: float, heard: Seconds) -> Account:
     """The account of `command` at `now`. heard: when each robot was last heard (-inf: never), by place."""
     answers = command.answers
     codes = answers.codes.copy()
-    return Accounting(
+    return Account(
         command.id, command.text, now, codes, command.addressed, heard.copy(), answers, command.only, command.size
     )
 
@@ -350,7 +350,7 @@ class NoSuchCommandError(MisuseError):
         super().__init__(f'no command "{command}" was sent from this desk{did_you_mean(command, names)}')
 
 
-class Sent:
+class SentCommands:
     """See the module. latch: the last STOP or RELEASE."""
 
     def __init__(self) -> None:
@@ -394,11 +394,11 @@ class Sent:
         while len(self._commands) > most:
             del self._commands[next(iter(self._commands))]
 
-    def state(self) -> tuple[list[CommandParcel], CommandParcel | None]:
+    def state(self) -> tuple[list[CommandState], CommandState | None]:
         """The commands and the latch."""
         return [command.state() for command in self.all()], self.latch.state() if self.latch is not None else None
 
-    def restore(self, commands: Sequence[CommandParcel], latch: CommandParcel | None, names: NameIndex) -> None:
+    def restore(self, commands: Sequence[CommandState], latch: CommandState | None, names: NameIndex) -> None:
         """Have what was kept. Raises ParcelError."""
         if len(commands) > MAX_COMMANDS:
             raise SerialError(f"{len(commands)} commands of a desk")

@@ -16,7 +16,7 @@ from sleepcast.channel.message_batch import Answers as Said
 from sleepcast.channel.name_index import NameIndex
 from sleepcast.core.serial import Array, SerialError, within
 from sleepcast.station.roster import Index, Seconds
-from sleepcast.station.serialized import AnswersParcel
+from sleepcast.station.serialized import AnswersState
 
 Number = TypeVar("Number", bound=np.generic)
 
@@ -155,12 +155,12 @@ class Answers(Mapping[str, Answer]):
         number = 0 if self._fault is None else int(self._fault[place])
         return self._faults[number - 1] if number else None
 
-    def state(self) -> AnswersParcel:
+    def state(self) -> AnswersState:
         fault = None if self._fault is None else Array.of(self._fault)
         columns = (Array.of(self._outcome), Array.of(self._heard), Array.of(self._value))
-        return AnswersParcel(*columns, fault, tuple(self._faults))
+        return AnswersState(*columns, fault, tuple(self._faults))
 
-    def restore(self, parcel: AnswersParcel) -> None:
+    def restore(self, parcel: AnswersState) -> None:
         """Be as those answers were. Raises ParcelError."""
         most = len(self.names)
         self._outcome = parcel.outcome.column(np.uint8, most, "answers")

@@ -19,17 +19,17 @@ from sleepcast.core.files import data_folder, replace_file
 from sleepcast.core.serial import SerialError, pack, unpack
 from sleepcast.station.remote import MAX_MINDS, MAX_TELLERS, MAX_TYPES, RemoteMinds
 from sleepcast.station.roster import MAX_ROBOTS
-from sleepcast.station.telemetry import TelemetryTold
+from sleepcast.station.telemetry import TelemetryRecord
 
 MAX_BYTES = 128 * 1024 * 1024
 """Of a file: as many robots as a roster takes."""
 
 
-class ContactsLostError(SleepcastError):
+class CacheError(SleepcastError):
     """Who was heard cannot be remembered."""
 
 
-class Contacts:
+class PeerCache:
     """The robots in a file, by name, with when each was last heard (s of Unix time). Two desks may share a file: what
     is saved is what both have heard."""
 
@@ -38,7 +38,7 @@ class Contacts:
         self.heard: dict[str, float] = self._read()
 
     @classmethod
-    def of(cls, fleet: str) -> Contacts:
+    def of(cls, fleet: str) -> PeerCache:
         """Those of a fleet, in this user's data."""
         return cls(data_folder() / "rosters" / f"{fleet.encode().hex()}.json")
 
@@ -69,7 +69,7 @@ class Contacts:
             self.file.parent.mkdir(parents=True, exist_ok=True)
             replace_file(self.file, msgspec.json.encode(known))
         except OSError as error:
-            raise ContactsLostError(
+            raise CacheError(
                 f"cannot remember who was heard ({self.file}: {error.strerror or error}): silence will not be told "
                 "next time"
             ) from None
@@ -79,26 +79,26 @@ class Contacts:
 VERSION = 1
 MAX_SEEN = 256 * 1024**2
 """Bytes of what is kept, unpacked: the longest minds and tellings that one desk holds are less."""
-KEPT = 3_600.0
+MAX_AGE = 3_600.0
 """Seconds for which what a robot told is worth being kept."""
 
 
-class SeenParcel(msgspec.Struct):
+class CachedTelemetry(msgspec.Struct):
     """texts: of types and minds. tellers: name, when it told (s of Unix time), what."""
 
     version: int
     texts: list[str]
-    tellers: list[tuple[str, float, TelemetryTold]]
+    tellers: list[tuple[str, float, TelemetryRecord]]
 
 
-class Seen:
+class TelemetryCache:
     """What is kept in a file. It is no more than a memory: one that is lost or cannot be read fills again by itself."""
 
     def __init__(self, file: Path) -> None:
         self.file = file
 
     @classmethod
-    def of(cls, fleet: str) -> Seen:
+    def of(cls, fleet: str) -> TelemetryCache:
         """That of a fleet, in this user's data."""
         return cls(data_folder() / "seen" / fleet.encode().hex())
 
@@ -106,25 +106,25 @@ class Seen:
         """Take in what another desk was told. now: s of Unix time."""
         try:
             with self.file.open("rb") as opened:
-                parcel = unpack(SeenParcel, opened.read(MAX_SEEN), MAX_SEEN, "what robots told")
+                parcel = unpack(CachedTelemetry, opened.read(MAX_SEEN), MAX_SEEN, "what robots told")
         except (OSError, SerialError):
             return
         if parcel.version != VERSION:
             return
         for name, at, told in parcel.tellers[:MAX_TELLERS]:
-            if 0 < len(name) <= MAX_NAME and isfinite(at) and now - at <= KEPT:
+            if 0 < len(name) <= MAX_NAME and isfinite(at) and now - at <= MAX_AGE:
                 minds.take(_said(name, msgspec.to_builtins(told, builtin_types=(bytes,))), min(at, now))
         for text in parcel.texts[: MAX_TYPES + MAX_MINDS]:
             minds.take(_said("desk", text), now)
 
     def save(self, minds: RemoteMinds, now: float) -> None:
         """Keep what was told of late. Raises ContactsLostError; the file is then as it was."""
-        tellers = [(mind.name, mind.told_at, mind.told) for mind in minds.values() if now - mind.told_at <= KEPT]
+        tellers = [(mind.name, mind.told_at, mind.told) for mind in minds.values() if now - mind.told_at <= MAX_AGE]
         try:
             self.file.parent.mkdir(parents=True, exist_ok=True)
-            replace_file(self.file, pack(SeenParcel(VERSION, minds.texts(), tellers), MAX_SEEN))
+            replace_file(self.file, pack(CachedTelemetry(VERSION, minds.texts(), tellers), MAX_SEEN))
         except (OSError, SerialError) as error:
-            raise ContactsLostError(f"cannot remember what robots told ({self.file}: {error})") from None
+            raise CacheError(f"cannot remember what robots told ({self.file}: {error})") from None
 
 
 def _said(name: str, told: object) -> Message:

@@ -31,7 +31,7 @@ def lease_body(deed: LeaseAction, group: str, seconds: float, to: str = "") -> d
     return {LEASE: {DO: deed.value, GROUP: group, SECONDS: seconds, TO: to}}
 
 
-def wish(message: Message) -> str:
+def describe_request(message: Message) -> str:
     """What another operator does about a lease, in words; "" for messages about something else."""
     match message.body.get(LEASE):
         case {"do": str() as deed, "group": str() as group}:

@@ -68,14 +68,14 @@ Judged = tuple[Mask, NDArray[np.uint8], list[str]]
 (from 1; 0 where it can be said)."""
 
 
-class Told(Protocol):
+class TelemetryTable(Protocol):
     """What robots told of themselves when they last did, by their places."""
 
     def judge(self, test: Program, robots: Index) -> Judged:
         """What a test says of these robots, all of which have told of themselves."""
 
 
-class ToldByMany(Told, Protocol):
+class FleetTelemetry(TelemetryTable, Protocol):
     """The same of minds that tell all at once."""
 
     def take(self, robots: Index) -> None:
@@ -86,7 +86,7 @@ class ToldByMany(Told, Protocol):
 
 
 @runtime_checkable
-class Learners(Protocol):
+class SharedNames(Protocol):
     """Minds of which one can ask at once what any of them has learned."""
 
     def declared(self, key: str) -> Declared | None:
@@ -97,14 +97,14 @@ class Learners(Protocol):
 
 
 @runtime_checkable
-class ManyMinds(Learners, Protocol):
+class ManyMinds(SharedNames, Protocol):
     """Minds, in the order of the roster, that answer for many robots at once."""
 
     @property
     def names(self) -> Iterable[str]: ...
 
     @property
-    def telemetry(self) -> ToldByMany: ...
+    def telemetry(self) -> FleetTelemetry: ...
 
 
 class FleetNames:
@@ -121,7 +121,7 @@ class FleetNames:
 
     def declared(self, key: str) -> Declared | None:
         """What the first mind that knows `key` has learned under it, or None."""
-        if isinstance(self._minds, Learners):
+        if isinstance(self._minds, SharedNames):
             return self._minds.declared(key)
         for mind in self._minds.values():
             found = mind.declared(key)
@@ -131,6 +131,6 @@ class FleetNames:
 
     def heard(self) -> Iterable[str]:
         """Every name that some mind has learned, each once."""
-        if isinstance(self._minds, Learners):
+        if isinstance(self._minds, SharedNames):
             return self._minds.heard()
         return {name: None for mind in self._minds.values() for name in mind.heard()}

@@ -35,10 +35,10 @@ from sleepcast.station.answers import MATCHED
 from sleepcast.station.journal.journal import Event, Journal
 from sleepcast.station.minds import Index, Minds
 from sleepcast.station.preview import NO, UNKNOWN, YES
-from sleepcast.station.retransmission import LATCHING, Pursuit
-from sleepcast.station.roster import NOBODY_SAID, Expectation, Some
+from sleepcast.station.retransmission import LATCHING, Retransmission
+from sleepcast.station.roster import NOBODY_SAID, Expectation, RobotNames
 from sleepcast.station.station import STALE_AFTER, Station
-from sleepcast.station.validation import DEADLINE, Audience, Caution, Draft, Settled
+from sleepcast.station.validation import DEADLINE, Audience, Draft, SendPolicy, Validated
 
 ANSWERS_A_SECOND = 1_000.0
 """Answers that are asked for in a second: 200 kB on the air, a fifth of what a slow radio carries."""
@@ -69,7 +69,7 @@ class RoleError(MisuseError):
     """A command that our key may not send."""
 
 
-class AirStation(Station):
+class NetworkStation(Station):
     """See the module. session: the way onto the air, whose times are those of `clock` (Unix time, s). heard: when
     robots were heard before (`Contacts.heard`). expected: which robots there are, heard or not. within: s for answers,
     None: by the roster. holding: whether robots that are driven at our word are to go on. news: what other operators
@@ -87,7 +87,7 @@ class AirStation(Station):
         *,
         heard: Mapping[str, float] | None = None,
         journal: Journal | None = None,
-        caution: Caution | None = None,
+        caution: SendPolicy | None = None,
         stale_after: float = STALE_AFTER,
         within: float | None = None,
         expected: Expectation = NOBODY_SAID,
@@ -102,14 +102,16 @@ class AirStation(Station):
             epoch=delivery.epoch,
             journal=journal,
             stale_after=stale_after,
-            caution=Caution(ABOVE, irreversible=True, doubts=True) if caution is None else caution,
+            caution=SendPolicy(ABOVE, irreversible=True, doubts=True) if caution is None else caution,
         )
         self.session, self.within, self.holding = session, within, False
         self.news: deque[Message] = deque(maxlen=MAX_NEWS)
         self.listeners: list[Callable[[list[Message]], None]] = []
         """Who gets what robots said, each time something was heard."""
         self._polled = Poll()
-        self._pursuit = Pursuit(delivery, self._sent, self._roster, self._within, self._note_again, self._note_account)
+        self._retransmission = Retransmission(
+            delivery, self._sent, self._roster, self._within, self._note_again, self._note_account
+        )
         self._drivers: deque[Command] = deque(maxlen=MAX_DRIVERS)
         """Commands that may have set robots in motion, since they were last stopped."""
         self._beat = -inf
@@ -130,10 +132,10 @@ class AirStation(Station):
 
     # ---- sending
 
-    def settle(self, draft: Draft) -> Settled:
+    def validate(self, draft: Draft) -> Validated:
         """As every station; raises RoleError for what our key may not send, too."""
-        self._settle_role(Kind.COMMAND, draft.text, draft.standing or self._changes_rules(draft.text))
-        return super().settle(draft)
+        self._validate_role(Kind.COMMAND, draft.text, draft.standing or self._changes_rules(draft.text))
+        return super().validate(draft)
 
     def post(
         self,
@@ -148,7 +150,7 @@ class AirStation(Station):
         """Send a message with a body of the caller's, and keep account of it; what robots say to it is among what
         `pump` gives. seconds: for which it is good, unless it stands. Raises UnknownRobotError, AudienceError, and
         RoleError for a kind that our key may not send."""
-        self._settle_role(kind, text)
+        self._validate_role(kind, text)
         audience = Audience(only)
         said = {**audience.body(), **(body or {})}
         good, places = inf if standing else seconds, audience.places(self._roster)
@@ -191,16 +193,16 @@ class AirStation(Station):
     def release(self, decided: float | None = None) -> Command:
         """As every station; it ends the STOPs of others, too, of which the desk knows that they were there when this
         was decided (s of Unix time, None: now). Raises RoleError for an observer."""
-        self._settle_role(Kind.RELEASE)
+        self._validate_role(Kind.RELEASE)
         known = [mark for mark, since in self._stops.values() if decided is None or since <= decided]
         return self._broadcast(Kind.RELEASE, body={ENDS: [[*mark] for mark in known]} if known else {})
 
     def give_up(self, command: str) -> None:
         """Miss nobody any more who has not answered this command. Raises NoSuchCommandError."""
         self._sent.get(command)
-        self._pursuit.give_up(command)
+        self._retransmission.give_up(command)
 
-    def _settle_role(self, kind: Kind, text: str = "", rules_change: bool = False) -> None:
+    def _validate_role(self, kind: Kind, text: str = "", rules_change: bool = False) -> None:
         role, why = self.session.delivery.role, ""
         if kind not in MAY[role]:
             why = f"is an {role}, who may only ask and stop: {kind} needs an operator's key"
@@ -236,7 +238,7 @@ class AirStation(Station):
         self.session.delivery.post(
             kind, message.issued, text=message.text, deadline=deadline, standing=message.standing, body=body
         )
-        self._pursuit.begin(message.id, message.issued + within)
+        self._retransmission.begin(message.id, message.issued + within)
         if kind in LATCHING:
             self.pump_out()
 
@@ -256,7 +258,7 @@ class AirStation(Station):
                 if message.kind in TO_OPERATOR:
                     if not self._is_new(message):
                         continue
-                    heard.append(self._pursuit.known(message))
+                    heard.append(self._retransmission.known(message))
                     self.hear(heard[-1])
                     self._learn_stops(heard[-1])
                     self._learn_time(heard[-1])
@@ -290,12 +292,12 @@ class AirStation(Station):
     def due(self) -> float:
         """When there is something to be sent again, or a heartbeat, s of Unix time."""
         beat = self._beat + LEASE / 3.0 if self.holding and self._drives() else inf
-        return min(beat, self._pursuit.due())
+        return min(beat, self._retransmission.due())
 
     def conclude(self) -> None:
         """Write down what has become of everything that was sent: somebody leaves, and hears no more answers."""
         with self._lock, self.notes.together(self._clock.now()):
-            self._pursuit.end()
+            self._retransmission.end()
 
     def pump_out(self) -> None:
         """Let what was posted leave now."""
@@ -305,7 +307,7 @@ class AirStation(Station):
         """Whether a robot says this now. Where its clock is wrong, it does if it answers what we have sent; then it is
         known how wrong its clock is, and what else it says can be judged by that."""
         clocks, skew = self.clocks, self.session.delivery.admission.skew
-        answers = self._sent.find(self._pursuit.known(message).body.get("command")) is not None
+        answers = self._sent.find(self._retransmission.known(message).body.get("command")) is not None
         if answers or not message.ahead:
             clocks.note(message.sender, message.ahead)
         return abs(clocks.ahead(message.sender) - message.ahead) <= skew
@@ -320,7 +322,7 @@ class AirStation(Station):
         if message.kind is Kind.STOP:
             self._drivers.clear()
             self._note_stop(mark_of(message), self.now)
-        self._pursuit.overtaken(message.kind)
+        self._retransmission.overtaken(message.kind)
 
     def notices(self) -> list[str]:
         """What is going on that a person should know of, as sentences: clocks that are wrong, forgeries, keys that
@@ -352,7 +354,7 @@ class AirStation(Station):
         """Ask those again that are not accounted for, and send a heartbeat if one is due."""
         with self._lock:
             now = self._clock.now()
-            self._pursuit.attend(now)
+            self._retransmission.attend(now)
             if self.holding and self._drives() and now - self._beat >= LEASE / 3.0:
                 self._beat = now
                 self.session.delivery.post(Kind.HEARTBEAT, now, deadline=now + LEASE)
@@ -365,7 +367,7 @@ class AirStation(Station):
     def _note_account(self, command: Command) -> None:
         if not command.is_look:
             found = account(command, self._clock.now(), self._roster.heard)
-            silent = Some(self._roster.names, np.flatnonzero(command.silent))
+            silent = RobotNames(self._roster.names, np.flatnonzero(command.silent))
             counts = (found.n_matched, found.n_not_matched, found.n_fault, found.n_silent)
             names = ("n_matched", "n_not_matched", "n_fault", "n_silent")
             details = {**dict(zip(names, counts, strict=True)), "silent": silent}

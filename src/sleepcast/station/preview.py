@@ -23,7 +23,7 @@ from sleepcast.language.program import Program, evaluate
 from sleepcast.language.rehearsal import CHANCE, DEED, asks, does, holds
 from sleepcast.language.symbols import Operator
 from sleepcast.language.vocabulary import Variable
-from sleepcast.station.minds import Index, Judged, Mind, Minds, Telemetry, Told
+from sleepcast.station.minds import Index, Judged, Mind, Minds, Telemetry, TelemetryTable
 from sleepcast.station.roster import Roster
 
 NEVER_HEARD = "it has told nothing of itself yet"
@@ -90,7 +90,7 @@ class Undecided(Exception):
     """The test needs what the desk does not know; the text says what."""
 
 
-class DeskMemory:
+class PreviewMemory:
     """A robot's memory as the desk knows it: its last numbers to read and nothing to change (a `Memory`)."""
 
     def __init__(self) -> None:
@@ -160,7 +160,7 @@ class DeskMemory:
 
 
 class Rows:
-    """What robots told one by one (a `Told`). minds: theirs, as far as they can be asked."""
+    """What robots told one by one (a `TelemetryTable`). minds: theirs, as far as they can be asked."""
 
     def __init__(self, minds: Minds) -> None:
         self._minds = minds
@@ -171,7 +171,7 @@ class Rows:
         self._rows[place] = (news.name, list(news.values), news.groups)
 
     def judge(self, test: Program, robots: Index) -> Judged:
-        memory = DeskMemory()
+        memory = PreviewMemory()
         nameless = [part.name.casefold() for part in walk(test.root) if part.op in ("absent", "missing")]
         yes, reason = np.zeros(len(robots), np.bool_), np.zeros(len(robots), np.uint8)
         reasons: dict[str, int] = {}
@@ -192,7 +192,7 @@ class Rows:
         return yes, reason, list(reasons)
 
 
-def preview(program: Program, roster: Roster, told: Told, now: float, stale_after: float) -> Preview:
+def preview(program: Program, roster: Roster, told: TelemetryTable, now: float, stale_after: float) -> Preview:
     """Who would obey `program`. told: news of the roster; older than `stale_after` s at `now` it decides nothing."""
     count = len(roster)
     times = roster.told[:count].copy()
@@ -249,7 +249,7 @@ def is_for_everybody(program: Program) -> bool:
 def _true_of_nothing_known(test: Program) -> bool:
     if any(part.op not in _STRICT for part in walk(test.root)):
         return False
-    blank = DeskMemory()
+    blank = PreviewMemory()
     blank.values = [nan] * test.slots
     try:
         value = evaluate(test, blank)

@@ -18,11 +18,11 @@ from sleepcast.channel.message_batch import Answers, MessageBatch
 from sleepcast.channel.payload import TOLD
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
-from sleepcast.station.account import Sent
+from sleepcast.station.account import SentCommands
 from sleepcast.station.answers import answer_from
 from sleepcast.station.journal.journal import Event, Journal, MemoryJournal, Report
-from sleepcast.station.journal.write_batch import Note, Notes
-from sleepcast.station.minds import ManyMinds, Mask, Minds, Telemetry, ToldByMany
+from sleepcast.station.journal.write_batch import PendingEntry, WriteBatch
+from sleepcast.station.minds import FleetTelemetry, ManyMinds, Mask, Minds, Telemetry
 from sleepcast.station.preview import Rows
 from sleepcast.station.roster import Index, Roster
 
@@ -37,14 +37,14 @@ class Hearing:
 
     def __init__(self, operator: str, minds: Minds, clock: Clock, journal: Journal | None) -> None:
         self.operator = operator
-        self.notes = Notes(MemoryJournal() if journal is None else journal)
+        self.notes = WriteBatch(MemoryJournal() if journal is None else journal)
         self.reports: deque[Report] = deque(maxlen=MAX_REPORTS)
         """What robots said unasked, the latest last."""
         self._minds, self._clock = minds, clock
         self._roster = Roster(minds.names if isinstance(minds, ManyMinds) else minds, len(minds))
         self._rows = Rows(minds)
-        self._told: ToldByMany | None = minds.telemetry if isinstance(minds, ManyMinds) else None
-        self._sent = Sent()
+        self._told: FleetTelemetry | None = minds.telemetry if isinstance(minds, ManyMinds) else None
+        self._sent = SentCommands()
         self._lock = RLock()
 
     @property
@@ -127,7 +127,7 @@ class Hearing:
                     stopped.append(row.stopped)
             robots = np.array(told, np.intp)
             self._roster.observe(robots, now)
-            self._settle_latch(robots, np.array(stopped, np.bool_), now)
+            self._update_latch(robots, np.array(stopped, np.bool_), now)
 
     def observe_many(self, now: float, robots: Index) -> None:
         """The same of these robots, whose minds answer for many. Raises MisuseError for minds that do not."""
@@ -137,9 +137,9 @@ class Hearing:
             self._told.take(robots)
             self._roster.observe(robots, now)
             if self._sent.latch is not None:
-                self._settle_latch(robots, self._told.stopped(robots), now)
+                self._update_latch(robots, self._told.stopped(robots), now)
 
-    def _settle_latch(self, robots: Index, stopped: Mask, now: float) -> None:
+    def _update_latch(self, robots: Index, stopped: Mask, now: float) -> None:
         """Robots that tell that they are stopped, or not, account for a STOP or RELEASE that was sent before."""
         latest = self._sent.latch
         if latest is None or now < latest.message.issued:
@@ -160,5 +160,5 @@ class Hearing:
     ) -> None:
         """Write an entry. first: before what it tells happens; then it raises JournalError."""
         with self._lock:
-            note = Note(self._clock.now(), who or self.operator, event, subject, text, details)
+            note = PendingEntry(self._clock.now(), who or self.operator, event, subject, text, details)
             (self.notes.write_first if first else self.notes.write)(note)

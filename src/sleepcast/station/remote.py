@@ -30,11 +30,11 @@ from sleepcast.language.rehearsal import holds
 from sleepcast.language.symbols import Declared, Group, Operator, Stored, UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Variable, Vocabulary, VocabularyError, buffer_number
 from sleepcast.station.preview import Undecided
-from sleepcast.station.schema_merge import Fitted, united
+from sleepcast.station.schema_merge import SlotMap, merge_schemas
 from sleepcast.station.telemetry import (
-    MindTold,
-    TelemetryTold,
-    TellingError,
+    MindRecord,
+    TelemetryError,
+    TelemetryRecord,
     digest,
     read_mind,
     read_telemetry,
@@ -61,7 +61,7 @@ AT_ONCE = 32
 Digest = bytes
 
 
-class Wanted(NamedTuple):
+class TelemetryRequest(NamedTuple):
     """These robots are to be asked for this."""
 
     look: Inspection
@@ -83,7 +83,7 @@ class RemoteRule:
 class RemoteMind:
     """One robot as it told of itself (a `Mind`). told_at: when, s of the desk's clock."""
 
-    def __init__(self, name: str, minds: RemoteMinds, told: TelemetryTold, now: float) -> None:
+    def __init__(self, name: str, minds: RemoteMinds, told: TelemetryRecord, now: float) -> None:
         self.name, self.told, self.told_at = name, told, now
         self.values: list[float] = []
         self._minds = minds
@@ -103,16 +103,16 @@ class RemoteMind:
         return printable(self.told.doubt) if self.stopped else ""
 
     @property
-    def learned(self) -> Learned | None:
+    def learned(self) -> SymbolTable | None:
         """What it has learned; None if nobody has told that yet."""
         return self._minds.learned(self.told.mind)
 
-    def place(self, fitted: Fitted, vocabulary: Vocabulary) -> None:
+    def place(self, fitted: SlotMap, vocabulary: Vocabulary) -> None:
         """Put what it told where it belongs in the fleet's vocabulary. Raises TellingError for numbers of another
         type, VocabularyError where a variable of its own finds no room."""
         numbers = self.told.numbers()
         if len(numbers) != len(fitted.slots):
-            raise TellingError(f"{len(numbers)} numbers of a type that has {len(fitted.slots)}")
+            raise TelemetryError(f"{len(numbers)} numbers of a type that has {len(fitted.slots)}")
         own = [(_user_slot(name, vocabulary), value) for name, value in self.told.user.items()]
         self.values = [nan] * (vocabulary.size + len(vocabulary.user_slots))
         for slot, value in (*zip(fitted.slots, numbers, strict=True), *fitted.fixed, *own):
@@ -200,10 +200,10 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         self.refused: dict[Digest, str] = {}
         self.malformed = 0
         """Tellings that said something else than they should."""
-        self._fitted: dict[Digest, Fitted] = {}
+        self._fitted: dict[Digest, SlotMap] = {}
         self._texts: dict[Digest, str] = {}
         """The texts of types and minds, as they were told."""
-        self._learned: OrderedDict[Digest, Learned] = OrderedDict()
+        self._learned: OrderedDict[Digest, SymbolTable] = OrderedDict()
         self._minds: dict[str, RemoteMind] = {}
         self._waiting: dict[str, RemoteMind] = {}
         """Robots whose names are not known yet."""
@@ -219,7 +219,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
     def __len__(self) -> int:
         return len(self._minds)
 
-    def learned(self, mind: Digest) -> Learned | None:
+    def learned(self, mind: Digest) -> SymbolTable | None:
         """What robots of this mind have learned, if it was told."""
         return self._learned.get(mind)
 
@@ -268,11 +268,11 @@ class RemoteMinds(Mapping[str, RemoteMind]):
             if isinstance(told, str):
                 return self._take_text(told)
             return self._take_telemetry(message.sender, read_telemetry(told), now)
-        except TellingError:
+        except TelemetryError:
             self.malformed += 1
             return []
 
-    def _take_telemetry(self, name: str, told: TelemetryTold, now: float) -> list[RemoteMind]:
+    def _take_telemetry(self, name: str, told: TelemetryRecord, now: float) -> list[RemoteMind]:
         if name not in self._minds and len(self._minds) + len(self._waiting) >= MAX_TELLERS:
             return []
         mind = self._minds.get(name) or RemoteMind(name, self, told, now)
@@ -286,9 +286,9 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         mind.told, mind.told_at = told, now
         try:
             mind.place(fitted, self.vocabulary)
-        except (TellingError, VocabularyError) as error:
+        except (TelemetryError, VocabularyError) as error:
             mind.told, mind.told_at = before
-            raise TellingError(str(error)) from None
+            raise TelemetryError(str(error)) from None
         self._waiting.pop(name, None)
         self._minds[name] = mind
         return [mind]
@@ -302,7 +302,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
             return self._unite(which)
         minds = [mind for mind in self._minds.values() if mind.told.mind == which]
         if minds and which not in self._learned:
-            self._learned[which], self._texts[which] = Learned(read_mind(text)), text
+            self._learned[which], self._texts[which] = SymbolTable(read_mind(text)), text
             if len(self._learned) > MAX_MINDS:
                 del self._texts[self._learned.popitem(last=False)[0]]
         return []
@@ -310,7 +310,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
     def _unite(self, news: Digest) -> list[RemoteMind]:
         """A type is new: everybody's numbers get other places."""
         own = list(self.vocabulary.user_slots)
-        self.vocabulary, self._fitted, self.refused = united(self.types)
+        self.vocabulary, self._fitted, self.refused = merge_schemas(self.types)
         for key in own:
             _user_slot(key, self.vocabulary)
         found = list(self._minds.values())
@@ -319,19 +319,19 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         for mind in [mind for mind in self._waiting.values() if mind.told.type == news]:
             try:
                 found += self._take_telemetry(mind.name, mind.told, mind.told_at)
-            except TellingError:
+            except TelemetryError:
                 self.malformed += 1
         return found
 
     # ---- what is missing
 
-    def wanted(self, now: float) -> list[Wanted]:
+    def wanted(self, now: float) -> list[TelemetryRequest]:
         """Whom to ask for what at `now`: names of types and minds that nobody has told, one robot for each."""
         room = len(self.types) < MAX_TYPES
         types = ((m.told.type, m.name) for m in self._waiting.values() if room and m.told.type not in self.types)
         minds = ((m.told.mind, m.name) for m in self._minds.values() if m.told.mind not in self._learned)
         asked = ((Inspection.VOCABULARY, types), (Inspection.MIND, minds))
-        return [Wanted(look, found) for look, lacking in asked if (found := self._chosen(lacking, now))]
+        return [TelemetryRequest(look, found) for look, lacking in asked if (found := self._chosen(lacking, now))]
 
     def _chosen(self, lacking: Iterable[tuple[Digest, str]], now: float) -> list[str]:
         """Robots to be asked for these digests, another one each time."""
@@ -357,10 +357,10 @@ def _user_slot(name: str, vocabulary: Vocabulary) -> int | None:
     return vocabulary.user_slot(key)
 
 
-class Learned:
+class SymbolTable:
     """What all robots of one mind have learned."""
 
-    def __init__(self, told: MindTold) -> None:
+    def __init__(self, told: MindRecord) -> None:
         self.told = told
         self._groups = {name.casefold(): name for name in told.groups}
         self._operators = {name.casefold(): (name, tuple(given), text) for name, given, text in told.operators}
@@ -410,7 +410,7 @@ class Learned:
 class Compiling:
     """The texts of a mind, compiled in the names that it knows (a `Names`)."""
 
-    def __init__(self, learned: Learned, vocabulary: Vocabulary) -> None:
+    def __init__(self, learned: SymbolTable, vocabulary: Vocabulary) -> None:
         self.vocabulary = vocabulary
         self._learned, self._library = learned, Library()
         self._programs: dict[str, Program | None] = {}

@@ -18,7 +18,7 @@ import numpy as np
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.payload import AGAIN, AGE, FIRST, FOR, NOT, WITHIN
 from sleepcast.channel.reliable import ReliableDelivery
-from sleepcast.station.account import Command, Sent
+from sleepcast.station.account import Command, SentCommands
 from sleepcast.station.roster import Roster
 from sleepcast.station.station import REPEAT_AFTER
 from sleepcast.station.validation import DEADLINE
@@ -34,7 +34,7 @@ MAX_AGAIN = 4_096
 LATCHING = frozenset({Kind.STOP, Kind.RELEASE})
 
 
-class Pursuit:
+class Retransmission:
     """Of one desk. delivery: what is said leaves there; sent, roster: the desk's own. within: seconds over which so
     many robots are to spread their answers. note: told of each command of which something is sent again; over: of each
     that is gone after no longer."""
@@ -42,7 +42,7 @@ class Pursuit:
     def __init__(
         self,
         delivery: ReliableDelivery,
-        sent: Sent,
+        sent: SentCommands,
         roster: Roster,
         within: Callable[[int], float],
         note: Callable[[Command], None],

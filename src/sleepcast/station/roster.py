@@ -25,7 +25,7 @@ from sleepcast.channel.name_index import NameIndex
 from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.core.files import config_folder, open_file, replace_file
 from sleepcast.core.serial import Array
-from sleepcast.station.serialized import RosterParcel
+from sleepcast.station.serialized import RosterState
 
 MAX_ROBOTS = 1_000_000
 """Robots on one roster; names beyond it are not taken in, so that a forger cannot fill the memory with names."""
@@ -95,12 +95,12 @@ class Roster:
             self.heard[place] = now
         return place
 
-    def state(self, minds: int) -> RosterParcel:
+    def state(self, minds: int) -> RosterState:
         """All of it. minds: so many of the robots, from the first on, are known by their minds."""
         listed = len(self.names)
-        return RosterParcel(list(self.names[minds:]), Array.of(self.heard[:listed]), Array.of(self.told[:listed]))
+        return RosterState(list(self.names[minds:]), Array.of(self.heard[:listed]), Array.of(self.told[:listed]))
 
-    def restore(self, parcel: RosterParcel) -> None:
+    def restore(self, parcel: RosterState) -> None:
         """Know what that roster knew. Raises ParcelError."""
         for name in parcel.others:
             self.enrol(name)
@@ -114,7 +114,7 @@ class Roster:
         self.told[robots] = now
 
 
-class Some(Sequence[str]):
+class RobotNames(Sequence[str]):
     """Robots by their places, named only when somebody looks."""
 
     def __init__(self, names: NameIndex, places: Index) -> None:

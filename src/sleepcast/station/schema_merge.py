@@ -22,7 +22,7 @@ NUMBERED = (*range(ACTIVE0 + 1), *range(ACTIVE0 + BUFFERS, len(SUPPORT)))
 
 
 @dataclass(frozen=True, slots=True)
-class Fitted:
+class SlotMap:
     """Where what robots of one type tell belongs. slots: of the numbers, in their order. fixed: numbers that all robots
     of the type have, by their slots."""
 
@@ -30,7 +30,7 @@ class Fitted:
     fixed: tuple[tuple[int, float], ...]
 
 
-def united(types: Mapping[Key, Vocabulary]) -> tuple[Vocabulary, dict[Key, Fitted], dict[Key, str]]:
+def merge_schemas(types: Mapping[Key, Vocabulary]) -> tuple[Vocabulary, dict[Key, SlotMap], dict[Key, str]]:
     """The vocabulary of a fleet of these types, where the numbers of each belong, and why others are left out."""
     refused = _refused(types)
     kept = {key: found for key, found in types.items() if key not in refused}
@@ -104,8 +104,8 @@ def _least(function: HostFunction) -> int:
     return len(function.dimensions) if function.least is None else function.least
 
 
-def _fitted(found: Vocabulary, vocabulary: Vocabulary) -> Fitted:
+def _fitted(found: Vocabulary, vocabulary: Vocabulary) -> SlotMap:
     slots = {key: binding.slot for key, binding in vocabulary.bindings.items() if isinstance(binding, Variable)}
     told = [slots[quantity.name.casefold()] for quantity in (*found.sensors, *found.actuators)]
     fixed = [(slots[key], c.value) for c in found.constants if (key := c.name.casefold()) in slots]
-    return Fitted((*NUMBERED, *told), tuple(fixed))
+    return SlotMap((*NUMBERED, *told), tuple(fixed))

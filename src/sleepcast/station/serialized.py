@@ -12,7 +12,7 @@ from sleepcast.core.serial import Array
 from sleepcast.station.journal.journal import Event
 
 
-class AnswersParcel(msgspec.Struct, array_like=True):
+class AnswersState(msgspec.Struct, array_like=True):
     """The first answer of each robot; see `Answers`."""
 
     outcome: Array
@@ -22,18 +22,18 @@ class AnswersParcel(msgspec.Struct, array_like=True):
     faults: tuple[str, ...]
 
 
-class CommandParcel(msgspec.Struct, array_like=True):
+class CommandState(msgspec.Struct, array_like=True):
     """See `Command`."""
 
     message: Message
     addressed: int
     expected: Array
     last_sent: float
-    answers: AnswersParcel
+    answers: AnswersState
     only: Array | None = None
 
 
-class EntryParcel(msgspec.Struct, array_like=True):
+class EntryState(msgspec.Struct, array_like=True):
     """An entry of the journal without its number. robots: details that are robots, by their places."""
 
     time: float
@@ -45,14 +45,14 @@ class EntryParcel(msgspec.Struct, array_like=True):
     robots: dict[str, Array] = {}
 
 
-class JournalParcel(msgspec.Struct):
+class JournalState(msgspec.Struct):
     """The entries that are kept, and how many were dropped before them."""
 
     dropped: int
-    entries: list[EntryParcel]
+    entries: list[EntryState]
 
 
-class ReportParcel(msgspec.Struct, array_like=True):
+class ReportState(msgspec.Struct, array_like=True):
     """See `Report`."""
 
     robot: str
@@ -60,7 +60,7 @@ class ReportParcel(msgspec.Struct, array_like=True):
     body: dict[str, object]
 
 
-class RosterParcel(msgspec.Struct):
+class RosterState(msgspec.Struct):
     """others: names on the roster that are none of the minds'. heard, told: see `Roster`."""
 
     others: list[str]
@@ -68,20 +68,20 @@ class RosterParcel(msgspec.Struct):
     told: Array
 
 
-class AccountParcel(msgspec.Struct):
+class AccountState(msgspec.Struct):
     """Who sends, what was sent and what was heard. latch: the last STOP or RELEASE."""
 
     operator: str
     epoch: int
     sequence: int
-    commands: list[CommandParcel]
-    latch: CommandParcel | None
-    reports: list[ReportParcel]
+    commands: list[CommandState]
+    latch: CommandState | None
+    reports: list[ReportState]
 
 
-class DeskParcel(msgspec.Struct):
+class StationState(msgspec.Struct):
     """Everything."""
 
-    account: AccountParcel
-    roster: RosterParcel
-    journal: JournalParcel
+    account: AccountState
+    roster: RosterState
+    journal: JournalState

@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import ceil
 
-from sleepcast.station.account import Accounting, Command
-from sleepcast.station.network import AirStation
+from sleepcast.station.account import Account, Command
+from sleepcast.station.network import NetworkStation
 from sleepcast.station.validation import Audience, Draft
 
 SHARE = 0.1
@@ -22,7 +22,7 @@ class Stage:
     """One stage: what was sent, and what became of it. last: whether nothing comes after it."""
 
     command: Command
-    account: Accounting
+    account: Account
     last: bool
 
     @property
@@ -34,9 +34,9 @@ class Stage:
 class Stages:
     """A command that goes out in stages. Raises what `AirStation.send` raises, before anything is sent."""
 
-    def __init__(self, station: AirStation, draft: Draft) -> None:
-        station.settle(draft)
-        found = station.foresee(draft.text)
+    def __init__(self, station: NetworkStation, draft: Draft) -> None:
+        station.validate(draft)
+        found = station.forecast(draft.text)
         candidates = [*found.yes, *found.unknown]
         tenth = 1 + ceil(SHARE * len(candidates))
         self._station, self._draft = station, draft
@@ -56,14 +56,14 @@ class Stages:
             standing=draft.standing,
             deadline=draft.deadline,
             everybody=draft.everybody,
-            count=self._station.foresee(draft.text, only=audience.only, but=audience.but).may,
+            count=self._station.forecast(draft.text, only=audience.only, but=audience.but).may,
             only=audience.only,
             but=audience.but,
             confirmed=draft.confirmed,
         )
 
 
-def staged(station: AirStation, draft: Draft, patience: float) -> Iterator[Stage]:
+def staged(station: NetworkStation, draft: Draft, patience: float) -> Iterator[Stage]:
     """Send in stages, and give each when it is over; it ends after the first that is not good. patience: s for which
     answers are waited for beyond their time. Raises what `AirStation.send` raises, before anything is sent."""
     stages = Stages(station, draft)

@@ -26,26 +26,26 @@ from sleepcast.core.serial import SerialError, pack, room_for, unpack
 from sleepcast.language import Checked, CheckError, Explanation, check
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
-from sleepcast.station.account import Accounting, Command, account
+from sleepcast.station.account import Account, Command, account
 from sleepcast.station.journal.journal import Event, Journal, MemoryJournal, Report
-from sleepcast.station.journal.snapshot import journal_parcel, refill
+from sleepcast.station.journal.snapshot import dump_journal, restore_journal
 from sleepcast.station.minds import FleetNames, Minds
 from sleepcast.station.preview import NO, UNKNOWN, YES, Preview, preview
 from sleepcast.station.receiver import MAX_REPORTS, Hearing
-from sleepcast.station.roster import Index, Some
-from sleepcast.station.serialized import AccountParcel, DeskParcel, ReportParcel
+from sleepcast.station.roster import Index, RobotNames
+from sleepcast.station.serialized import AccountState, ReportState, StationState
 from sleepcast.station.validation import (
     DEADLINE,
     Audience,
-    Caution,
     DoubtError,
     Draft,
-    Foreseen,
-    Settled,
+    Forecast,
+    SendPolicy,
     UnknownNameError,
-    settle_address,
-    settle_count,
-    settle_sort,
+    Validated,
+    validate_address,
+    validate_count,
+    validate_type,
 )
 
 STALE_AFTER = 5.0
@@ -78,11 +78,11 @@ class Station(Hearing):
         epoch: int = 1,
         journal: Journal | None = None,
         stale_after: float = STALE_AFTER,
-        caution: Caution | None = None,
+        caution: SendPolicy | None = None,
     ) -> None:
         super().__init__(operator, minds, clock, journal)
         self.epoch, self.stale_after = epoch, stale_after
-        self.caution = Caution() if caution is None else caution
+        self.caution = SendPolicy() if caution is None else caution
         self.vocabulary, self._outbox = vocabulary, outbox
         self._sequence = 0
 
@@ -91,16 +91,16 @@ class Station(Hearing):
         fits."""
         with self._lock:
             commands, latch = self._sent.state()
-            reports = [ReportParcel(report.robot, report.heard, report.body) for report in self.reports]
-            account = AccountParcel(self.operator, self.epoch, self._sequence, commands, latch, reports)
+            reports = [ReportState(report.robot, report.heard, report.body) for report in self.reports]
+            account = AccountState(self.operator, self.epoch, self._sequence, commands, latch, reports)
             roster = self._roster.state(len(self._minds))
-            parcel = DeskParcel(account, roster, journal_parcel(self.journal))
+            parcel = StationState(account, roster, dump_journal(self.journal))
         return pack(parcel, room_for(len(self._minds)))
 
     def restore(self, state: bytes) -> None:
         """Know what a desk knew, of the same minds, that gave this state; a journal that is not kept in memory goes on
         by itself. Raises ParcelError for anything else."""
-        desk = unpack(DeskParcel, state, room_for(len(self._minds)), "the part of the desk")
+        desk = unpack(StationState, state, room_for(len(self._minds)), "the part of the desk")
         parcel = desk.account
         if len(parcel.reports) > MAX_REPORTS or parcel.sequence < 0:
             raise SerialError(f"{len(parcel.reports)} reports of a desk")
@@ -110,7 +110,7 @@ class Station(Hearing):
             self._sent.restore(parcel.commands, parcel.latch, self._roster.names)
             self.reports.extend(Report(report.robot, report.heard, report.body) for report in parcel.reports)
             if isinstance(self.journal, MemoryJournal):
-                refill(self.journal, desk.journal, self._roster.names)
+                restore_journal(self.journal, desk.journal, self._roster.names)
 
     # ---- before sending
 
@@ -140,30 +140,30 @@ class Station(Hearing):
 
     # ---- sending
 
-    def settle(self, draft: Draft) -> Settled:
+    def validate(self, draft: Draft) -> Validated:
         """Everything that `send` does before it sends, and raises; nothing is sent."""
         try:
             program = self._program(draft.text, sure=draft.confirmed or not self.caution.doubts)
             there = len(self._roster) + self._roster.nameless
-            settle_address(program, draft.everybody or draft.audience.named, there)
-            seconds = settle_sort(program, draft.standing, draft.deadline)
+            validate_address(program, draft.everybody or draft.audience.named, there)
+            seconds = validate_type(program, draft.standing, draft.deadline)
             codes, places = self._judged(program, draft.audience)
             may = int(np.count_nonzero(codes != NO)) + self._nameless(draft.audience)
-            settle_count(program, may, there, draft.count, self.caution)
+            validate_count(program, may, there, draft.count, self.caution)
             body = draft.audience.body()
         except SleepcastError as error:
             self._refuse(draft.text, error)
             raise
         expected = np.flatnonzero(codes == YES)
-        return Settled(draft.standing, seconds, expected if places is None else places[expected], places, body)
+        return Validated(draft.standing, seconds, expected if places is None else places[expected], places, body)
 
-    def foresee(self, text: str, *, only: Sequence[str] | None = None, but: Sequence[str] | None = None) -> Foreseen:
+    def forecast(self, text: str, *, only: Sequence[str] | None = None, but: Sequence[str] | None = None) -> Forecast:
         """Who would obey, of these. Raises ReadError, CheckError, UnknownRobotError."""
         audience = Audience(only, but)
         codes, places = self._judged(self._program(text), audience)
         there = np.arange(len(codes)) if places is None else places
-        yes, no, unknown = (Some(self._roster.names, there[codes == code]) for code in (YES, NO, UNKNOWN))
-        return Foreseen(yes, no, unknown, self._nameless(audience))
+        yes, no, unknown = (RobotNames(self._roster.names, there[codes == code]) for code in (YES, NO, UNKNOWN))
+        return Forecast(yes, no, unknown, self._nameless(audience))
 
     def _nameless(self, audience: Audience) -> int:
         """How many robots a message would be for that were never heard, so that nobody can say whether they obey."""
@@ -199,7 +199,7 @@ class Station(Hearing):
         command that has a test and joins a group (who matches is a matter of the moment) or a deadline,
         UnknownRobotError, AudienceError.
         """
-        settled = self.settle(Draft(text, standing, deadline, everybody, count, Audience(only, but), confirmed))
+        settled = self.validate(Draft(text, standing, deadline, everybody, count, Audience(only, but), confirmed))
         return self._broadcast(Kind.COMMAND, text, *settled)
 
     def ask(self, text: str, *, only: Sequence[str] | None = None, but: Sequence[str] | None = None) -> Command:
@@ -264,7 +264,7 @@ class Station(Hearing):
                     "standing": standing,
                     "deadline": message.deadline,
                     "digest": hashlib.sha256(text.encode()).hexdigest(),
-                    "predicted": Some(self._roster.names, command.expected),
+                    "predicted": RobotNames(self._roster.names, command.expected),
                 }
                 self._note(Event.SENT, subject=message.id, text=text, details=details | said, first=not urgent)
             self._sent.add(command, len(self._roster))
@@ -295,7 +295,7 @@ class Station(Hearing):
         with self._lock:
             return self._sent.all()
 
-    def accounting(self, command: str) -> Accounting:
+    def accounting(self, command: str) -> Account:
         """What became of the command with this id. Raises NoSuchCommandError."""
         with self._lock:
             return account(self._sent.get(command), self._clock.now(), self._roster.heard)

@@ -1,7 +1,7 @@
 """Tellings: what robots tell of themselves on the air, read as something that anybody may have written.
 
 `sleepcast.node.telemetry` writes these; here every one of them is checked before anything is made of it: sorts,
-lengths, names. Whatever else comes is a `TellingError`, and no other.
+lengths, names. Whatever else comes is a `TelemetryError`, and no other.
 """
 
 from __future__ import annotations
@@ -51,11 +51,11 @@ Text = Annotated[str, msgspec.Meta(max_length=16_384)]
 Exponents = tuple[int, int, int]
 
 
-class TellingError(ValueError):
+class TelemetryError(ValueError):
     """A telling that says something else than it should; whoever asked for it knows whose it is."""
 
 
-class QuantityTold(msgspec.Struct, array_like=True):
+class QuantityRecord(msgspec.Struct, array_like=True):
     """See `Quantity`. Bounds that are None are infinite."""
 
     name: Name
@@ -68,15 +68,15 @@ class QuantityTold(msgspec.Struct, array_like=True):
 
     def made(self) -> Quantity:
         if not is_name(self.name) or not {self.unit, self.shown_as} <= {*UNITS, ""}:
-            raise TellingError(f"a variable {self.name!r} in {self.unit[:20]!r} or {self.shown_as[:20]!r}")
+            raise TelemetryError(f"a variable {self.name!r} in {self.unit[:20]!r} or {self.shown_as[:20]!r}")
         low, high = -inf if self.low is None else self.low, inf if self.high is None else self.high
         if not low <= high:
-            raise TellingError(f"a variable {self.name!r} from {low:g} to {high:g}")
+            raise TelemetryError(f"a variable {self.name!r} from {low:g} to {high:g}")
         freshness = inf if self.freshness is None else self.freshness
         return Quantity(self.name, self.unit, low, high, freshness, self.doc, self.shown_as)
 
 
-class ConstantTold(msgspec.Struct, array_like=True):
+class ConstantRecord(msgspec.Struct, array_like=True):
     """See `Constant`. A value that is None is unknown."""
 
     name: Name
@@ -89,7 +89,7 @@ class ConstantTold(msgspec.Struct, array_like=True):
         return Constant(self.name, nan if self.value is None else self.value, _dimension(self.dimension), self.doc)
 
 
-class FunctionTold(msgspec.Struct, array_like=True):
+class FunctionRecord(msgspec.Struct, array_like=True):
     """See `HostFunction`."""
 
     name: Name
@@ -105,24 +105,24 @@ class FunctionTold(msgspec.Struct, array_like=True):
     def made(self) -> HostFunction:
         _named(self.name)
         if not 0 <= self.least <= len(self.dimensions):
-            raise TellingError(f"a function {self.name!r} of {self.least} to {len(self.dimensions)} arguments")
+            raise TelemetryError(f"a function {self.name!r} of {self.least} to {len(self.dimensions)} arguments")
         dimensions = tuple(map(_dimension, self.dimensions))
         result = _dimension(self.result)
         shape = (self.least, self.arguments, result, self.acts, self.labelled, self.doc)
         return HostFunction(self.name, _far_away, dimensions, *shape, irreversible=self.irreversible)
 
 
-class VocabularyTold(msgspec.Struct):
+class VocabularyRecord(msgspec.Struct):
     """See `Vocabulary`."""
 
     name: Words
-    sensors: Annotated[list[QuantityTold], msgspec.Meta(max_length=MAX_NAMES)]
-    actuators: Annotated[list[QuantityTold], msgspec.Meta(max_length=MAX_NAMES)]
-    constants: Annotated[list[ConstantTold], msgspec.Meta(max_length=MAX_NAMES)]
-    functions: Annotated[list[FunctionTold], msgspec.Meta(max_length=MAX_NAMES)]
+    sensors: Annotated[list[QuantityRecord], msgspec.Meta(max_length=MAX_NAMES)]
+    actuators: Annotated[list[QuantityRecord], msgspec.Meta(max_length=MAX_NAMES)]
+    constants: Annotated[list[ConstantRecord], msgspec.Meta(max_length=MAX_NAMES)]
+    functions: Annotated[list[FunctionRecord], msgspec.Meta(max_length=MAX_NAMES)]
 
 
-class MindTold(msgspec.Struct):
+class MindRecord(msgspec.Struct):
     """What a robot has learned. operators: name, parameters, text. rules: name, text, whether it is built in."""
 
     groups: Annotated[list[Name], msgspec.Meta(max_length=MAX_GROUPS)]
@@ -130,7 +130,7 @@ class MindTold(msgspec.Struct):
     rules: Annotated[list[tuple[Name, Text, bool]], msgspec.Meta(max_length=MAX_RULES + BUFFERS)]
 
 
-class TelemetryTold(msgspec.Struct):
+class TelemetryRecord(msgspec.Struct):
     """What a robot tells of itself now; see `sleepcast.node.telemetry.telemetry`."""
 
     type: Annotated[bytes, msgspec.Meta(min_length=DIGEST_BYTES, max_length=DIGEST_BYTES)]
@@ -153,7 +153,7 @@ class TelemetryTold(msgspec.Struct):
         return rule // 8 < len(self.running) and bool(self.running[rule // 8] >> rule % 8 & 1)
 
 
-class StepTold(msgspec.Struct, array_like=True):
+class StepRecord(msgspec.Struct, array_like=True):
     """See `Step`. A value that is a text is unknown."""
 
     text: Words
@@ -161,17 +161,17 @@ class StepTold(msgspec.Struct, array_like=True):
     start: int
     end: int
     note: Words
-    parts: list[StepTold]
+    parts: list[StepRecord]
 
     def made(self, levels: int = MAX_LEVELS) -> Step:
         if not levels:
-            raise TellingError(f"an explanation of more than {MAX_LEVELS} levels")
+            raise TelemetryError(f"an explanation of more than {MAX_LEVELS} levels")
         children = tuple(part.made(levels - 1) for part in self.parts)
         value = None if self.value is None else _value(self.value)
         return Step(self.text, value, self.start, self.end, None, self.note, children)
 
 
-class WhyTold(msgspec.Struct):
+class ExplanationRecord(msgspec.Struct):
     """See `Explanation`."""
 
     text: Text
@@ -181,14 +181,14 @@ class WhyTold(msgspec.Struct):
     faults: list[Words]
     command: Words
     time: float
-    root: StepTold
+    root: StepRecord
 
     def made(self) -> Explanation:
         about = (tuple(self.faults), self.command, self.time)
         return Explanation(self.text, _value(self.value), self.matched, self.reason, self.root.made(), *about)
 
 
-Told = TypeVar("Told", bound=msgspec.Struct)
+Record = TypeVar("Record", bound=msgspec.Struct)
 
 
 def digest(text: str) -> bytes:
@@ -196,21 +196,21 @@ def digest(text: str) -> bytes:
     return sha256(text.encode()).digest()[:DIGEST_BYTES]
 
 
-def read_telemetry(told: object) -> TelemetryTold:
+def read_telemetry(told: object) -> TelemetryRecord:
     """Telemetry as it comes in a body. Raises TellingError."""
     try:
-        found = msgspec.convert(told, TelemetryTold, strict=True)
+        found = msgspec.convert(told, TelemetryRecord, strict=True)
     except UNREADABLE as error:
-        raise TellingError(str(error)) from None
+        raise TelemetryError(str(error)) from None
     found.groups = [name for name in found.groups if is_name(name)]
     if len(found.values) % 8:
-        raise TellingError(f"{len(found.values)} bytes of numbers of eight bytes each")
+        raise TelemetryError(f"{len(found.values)} bytes of numbers of eight bytes each")
     return found
 
 
 def read_vocabulary(text: str) -> Vocabulary:
     """A vocabulary. Its functions cannot be called. Raises TellingError."""
-    told = _decoded(VocabularyTold, text)
+    told = _decoded(VocabularyRecord, text)
     try:
         return Vocabulary(
             told.name,
@@ -220,12 +220,12 @@ def read_vocabulary(text: str) -> Vocabulary:
             functions=tuple(found.made() for found in told.functions),
         )
     except VocabularyError as error:
-        raise TellingError(str(error)) from None
+        raise TelemetryError(str(error)) from None
 
 
-def read_mind(text: str) -> MindTold:
+def read_mind(text: str) -> MindRecord:
     """What a robot has learned. Raises TellingError."""
-    told = _decoded(MindTold, text)
+    told = _decoded(MindRecord, text)
     for name in (*told.groups, *(found[0] for found in (*told.operators, *told.rules))):
         _named(name)
     for _, parameters, _ in told.operators:
@@ -236,28 +236,28 @@ def read_mind(text: str) -> MindTold:
 
 def read_why(text: str) -> Explanation:
     """An explanation. Raises TellingError."""
-    return _decoded(WhyTold, text).made()
+    return _decoded(ExplanationRecord, text).made()
 
 
-def _decoded(kind: type[Told], text: object) -> Told:
+def _decoded(kind: type[Record], text: object) -> Record:
     if not isinstance(text, str) or len(text) > MAX_TEXT_BYTES:
-        raise TellingError("no text, or one that is too long")
+        raise TelemetryError("no text, or one that is too long")
     try:
         return msgspec.json.decode(text, type=kind)
     except UNREADABLE as error:
-        raise TellingError(str(error)) from None
+        raise TelemetryError(str(error)) from None
 
 
 def _named(name: str) -> None:
     if not is_name(name):
-        raise TellingError(f"a name {name!r}, which cannot stand in an expression")
+        raise TelemetryError(f"a name {name!r}, which cannot stand in an expression")
 
 
 def _dimension(told: Exponents | None) -> Dimension | None:
     if told is None:
         return None
     if max(map(abs, told)) > MAX_EXPONENT:
-        raise TellingError(f"a dimension of {told}")
+        raise TelemetryError(f"a dimension of {told}")
     return Dimension(*told)
 
 

@@ -19,7 +19,7 @@ from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.account import Command
 from sleepcast.station.minds import Telemetry
 from sleepcast.station.remote import RemoteMind, RemoteMinds
-from sleepcast.station.telemetry import TellingError, read_why
+from sleepcast.station.telemetry import TelemetryError, read_why
 
 MAX_LOOKS = 256
 """Looks whose answers are still expected."""
@@ -27,7 +27,7 @@ MAX_FAULT = 200
 """Characters of what a robot says went wrong."""
 
 
-class Asker(Protocol):
+class Requester(Protocol):
     """A desk that can ask robots to tell of themselves."""
 
     vocabulary: Vocabulary
@@ -40,10 +40,10 @@ class Asker(Protocol):
     def observe(self, now: float, rows: Iterable[Telemetry]) -> None: ...
 
 
-class Looker:
+class TelemetryClient:
     """See the module. minds: where it is kept what robots told."""
 
-    def __init__(self, station: Asker, minds: RemoteMinds) -> None:
+    def __init__(self, station: Requester, minds: RemoteMinds) -> None:
         self.minds = minds
         self._station = station
         self._looks: OrderedDict[str, Command] = OrderedDict()
@@ -117,6 +117,6 @@ def _why(message: Message) -> Explanation | SleepcastError:
     if isinstance(told, str):
         try:
             return read_why(told)
-        except TellingError as error:
+        except TelemetryError as error:
             return SleepcastError(f"{message.sender} explained it in a way that cannot be read: {error}")
     return SleepcastError(printable(fault)[:MAX_FAULT] if isinstance(fault, str) else f"{message.sender} does not tell")

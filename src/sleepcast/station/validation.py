@@ -70,7 +70,7 @@ class AddressError(MisuseError):
     """A command that would go to everybody without saying so."""
 
 
-class SortError(MisuseError):
+class CommandTypeError(MisuseError):
     """A command sent as the wrong sort (one-shot or standing), or with an impossible deadline."""
 
 
@@ -112,7 +112,7 @@ class DoubtError(MisuseError):
 
 
 @dataclass(frozen=True, slots=True)
-class Caution:
+class SendPolicy:
     """When a desk asks how many are meant. above: more than so many that may obey, None for never; irreversible: a form
     that cannot be undone. strict: whether it refuses what is only doubtful (warnings); known: how many robots have told
     all their names, where it refuses other names, 0 where it does not. doubts: whether it asks once more for what is
@@ -138,7 +138,7 @@ class Draft:
     confirmed: bool = False
 
 
-class Foreseen(NamedTuple):
+class Forecast(NamedTuple):
     """Robots that will obey for certain, that will not, and of which the desk cannot say. nameless: how many others
     are expected that were never heard, so that nobody can say of them either."""
 
@@ -153,7 +153,7 @@ class Foreseen(NamedTuple):
         return len(self.yes) + len(self.unknown) + self.nameless
 
 
-class Settled(NamedTuple):
+class Validated(NamedTuple):
     """What a command says besides its text. seconds: for which it is good; expected: the places of those who will obey
     for certain; places: of those for whom it is, None for all."""
 
@@ -164,7 +164,7 @@ class Settled(NamedTuple):
     body: dict[str, object]
 
 
-def settle_address(program: Program, everybody: bool, roster: int) -> None:
+def validate_address(program: Program, everybody: bool, roster: int) -> None:
     """Whoever means everybody says so. Raises AddressError."""
     if everybody or not is_for_everybody(program):
         return
@@ -175,7 +175,7 @@ def settle_address(program: Program, everybody: bool, roster: int) -> None:
     )
 
 
-def settle_count(program: Program, may: int, roster: int, count: int | None, caution: Caution) -> None:
+def validate_count(program: Program, may: int, roster: int, count: int | None, caution: SendPolicy) -> None:
     """Whoever means many, or what cannot be undone, says how many. may: robots that are not certain not to obey, of a
     roster of so many. Raises CountNeededError, also for a number that was said and is not the right one, and
     NobodyHeardError where there is nobody to be counted."""
@@ -191,18 +191,20 @@ def settle_count(program: Program, may: int, roster: int, count: int | None, cau
     raise CountNeededError(may, why, count)
 
 
-def settle_sort(program: Program, standing: bool, deadline: float | None) -> float:
+def validate_type(program: Program, standing: bool, deadline: float | None) -> float:
     """The seconds for which a command is good. Raises SortError."""
     if not standing:
         seconds = DEADLINE if deadline is None else deadline
         if not 0.0 < seconds <= MAX_DEADLINE:
-            raise SortError(f"a deadline lies more than 0 and at most {MAX_DEADLINE:g} s ahead, not {seconds:g} s")
+            raise CommandTypeError(
+                f"a deadline lies more than 0 and at most {MAX_DEADLINE:g} s ahead, not {seconds:g} s"
+            )
         return seconds
     if deadline is not None:
-        raise SortError("a standing command has no deadline: it is good until everybody has it")
+        raise CommandTypeError("a standing command has no deadline: it is good until everybody has it")
     joins = any(part.op == "act" and part.name == "join" for part in walk(program.root))
     if joins and program.test is not None:
-        raise SortError(
+        raise CommandTypeError(
             "a command with a test and a JOIN cannot be standing, because who matches is a matter of the moment: "
             "send it as a one-shot command"
         )

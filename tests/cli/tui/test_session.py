@@ -10,14 +10,14 @@ import pytest
 from safety.scene import Scene
 from sleepcast.channel import Kind
 from sleepcast.cli.tui import panes as panes
-from sleepcast.cli.tui.commands import Sort
+from sleepcast.cli.tui.commands import CommandType
 from sleepcast.cli.tui.completion import members_of, names_of, range_of
 from sleepcast.cli.tui.session import AGAIN_WITHIN, STOP_AGAIN, WHY_PATIENCE, Session
 from sleepcast.language import Checked
 from sleepcast.station import MemoryJournal
 from sleepcast.station.journal.journal import JournalError
 from sleepcast.station.remote import RemoteMinds
-from sleepcast.station.telemetry_client import Looker
+from sleepcast.station.telemetry_client import TelemetryClient
 
 
 class Seat:
@@ -26,9 +26,9 @@ class Seat:
     def __init__(self, robots: int = 3) -> None:
         self.scene, minds = Scene(robots), RemoteMinds()
         self.station = self.scene.desk(minds=minds)
-        looker = Looker(self.station, minds)
-        self.station.listeners.append(looker.hear)
-        self.session = Session(self.station, looker, 2.0)
+        telemetry = TelemetryClient(self.station, minds)
+        self.station.listeners.append(telemetry.hear)
+        self.session = Session(self.station, telemetry, 2.0)
         self.run(1.0)
         self.session.to = self.session.addressees()[1]
         self.station.send("(WHEN (= id 2) (JOIN bravo))")
@@ -43,7 +43,7 @@ class Seat:
 
     def foreseen(self, text: str) -> str:
         self.run(1.0)  # what is foreseen stands for a moment
-        return self.session.foresee(text).sentence
+        return self.session.forecast(text).sentence
 
     def kinds(self) -> list[Kind]:
         return [command.kind for command in self.station.commands()]
@@ -73,7 +73,7 @@ def test_who_would_obey_depends_on_whom_it_is_for(seat: Seat) -> None:
     assert seat.foreseen("(DRIVE 1)") == "would obey: yes 2, no 1, unknown 0"
     session.address("r1")
     assert seat.foreseen("(DRIVE 1)") == "would obey: yes 1, no 0, unknown 0"
-    session.sort = Sort.ASK
+    session.sort = CommandType.ASK
     assert seat.foreseen("x") == "a question to 1 robot"
     assert [each.label for each in session.addressees()] == ["", "all", "bravo", "(> x 0.5m)", "r1"]
     session.next_addressee()
@@ -107,14 +107,14 @@ def test_what_is_typed_so_far_is_foreseen_and_what_is_wrong_pointed_at(seat: Sea
     assert seat.foreseen("(WHEN (>") == "2 parentheses are open"
     assert seat.foreseen("") == seat.foreseen(":to") == ""
     seat.run(1.0)
-    spot = seat.session.foresee("(DRIVE 1 2)").spot
+    spot = seat.session.forecast("(DRIVE 1 2)").spot
     assert spot is not None
     assert spot.wrong
     lines = panes.hint(seat.session, "(DRIVE 1 2)", 60, 4, 7)
     assert lines[0][0][1].startswith(" " * 7)
     assert set(lines[0][0][1].strip()) == {"^"}
     seat.run(1.0)
-    doubtful = seat.session.foresee("(WHEN (> fuell 1) (ST))")
+    doubtful = seat.session.forecast("(WHEN (> fuell 1) (ST))")
     assert doubtful.spot is not None
     assert (doubtful.spot.wrong, "did you mean fuel" in doubtful.spot.message) == (False, True)
 
@@ -146,7 +146,7 @@ def test_what_was_refused_stays_typed(seat: Seat) -> None:
 
 def test_a_question_to_some_counts_only_them(seat: Seat) -> None:
     seat.session.address("bravo")
-    while seat.session.sort is not Sort.ASK:
+    while seat.session.sort is not CommandType.ASK:
         seat.session.next_sort()
     assert seat.session.enter("(+ id 1)")
     seat.run(1.0)
@@ -194,7 +194,7 @@ def test_what_is_hardly_meant_is_entered_twice(seat: Seat) -> None:
 def test_stages_go_on_while_all_goes_well() -> None:
     seat = Seat(12)
     session = seat.session
-    session.sort = Sort.STAGED
+    session.sort = CommandType.STAGED
     session.enter("(WHEN (> id 0) (DRIVE 1))")
     assert "Type 11" in session.said
     session.enter("11")
@@ -221,7 +221,7 @@ def test_stages_end_where_one_goes_wrong(text: str, lost: str, said: str) -> Non
     session = seat.session
     if lost:
         seat.scene.isolate(lost)
-    session.sort = Sort.STAGED
+    session.sort = CommandType.STAGED
     session.enter(text)
     seat.run(4.0)
     assert "halted after stage 1" in session.said
@@ -232,7 +232,7 @@ def test_stages_end_where_one_goes_wrong(text: str, lost: str, said: str) -> Non
 
 def test_stop_ends_all_stages() -> None:
     seat = Seat(5)
-    seat.session.sort = Sort.STAGED
+    seat.session.sort = CommandType.STAGED
     seat.session.enter("(WHEN (> id 0) (DRIVE 1))")
     seat.session.stop()
     seat.run(3.0)
@@ -330,7 +330,7 @@ def test_driven_robots_get_heartbeats_unless_told_otherwise(seat: Seat) -> None:
 
 
 def test_names_are_known_with_what_they_are_worth(seat: Seat) -> None:
-    minds = seat.session.looker.minds
+    minds = seat.session.telemetry.minds
     assert {"x", "fuel", "DRIVE", "bravo", "id"} <= set(names_of(minds))
     assert range_of("x", minds) == (0.0, 2.0)
     assert range_of("DRIVE", minds) is None

@@ -23,8 +23,8 @@ from sleepcast.station import Event, Station
 from sleepcast.station.journal.file import MAX_LISTED, NoJournalError
 from sleepcast.station.journal.journal import JournalError
 from sleepcast.station.journal.reader import JournalReader, Query, Verified
-from sleepcast.station.journal.sqlite import LateJournal, Limits, SqliteJournal
-from sleepcast.station.roster import Some
+from sleepcast.station.journal.sqlite import DeferredJournal, Limits, SqliteJournal
+from sleepcast.station.roster import RobotNames
 from station.fleet import Fleet, vocabulary
 
 TESTS = Path(__file__).resolve().parents[2]
@@ -76,7 +76,7 @@ def test_entries_come_back_as_they_were_also_to_another_process(journal: SqliteJ
     for name in ("r1", "r2", "r3"):
         names.add(name)
     journal.append(2.5, "desk", Event.SENT, subject="desk-1.1", text='(REPORT "größer" 1)', details=told)
-    journal.append(3.5, "r2\udc80", Event.HEARD, details={"predicted": Some(names, np.array([0, 2]))})
+    journal.append(3.5, "r2\udc80", Event.HEARD, details={"predicted": RobotNames(names, np.array([0, 2]))})
     first, second = journal.entries()
     assert (first.number, first.time, first.who, first.event) == (1, 2.5, "desk", Event.SENT)
     assert (first.subject, first.text) == ("desk-1.1", '(REPORT "größer" 1)')
@@ -102,7 +102,7 @@ def test_a_list_of_very_many_robots_is_cut_and_says_so(journal: SqliteJournal) -
     names = NameIndex()
     for number in range(MAX_LISTED + 5):
         names.add(f"r{number + 1}")
-    journal.append(0.0, "desk", Event.SENT, details={"predicted": Some(names, np.arange(MAX_LISTED + 5))})
+    journal.append(0.0, "desk", Event.SENT, details={"predicted": RobotNames(names, np.arange(MAX_LISTED + 5))})
     (entry,) = journal.entries()
     predicted = entry.details["predicted"]
     assert isinstance(predicted, list)
@@ -210,7 +210,7 @@ def test_it_is_searched(
     names = NameIndex()
     for name in ("r1", "r2"):
         names.add(name)
-    predicted = {"predicted": Some(names, np.array([1]))}
+    predicted = {"predicted": RobotNames(names, np.array([1]))}
     said = {"outcome": "fault", "fault": "division by zero"}
     journal.append(0.0, "desk", Event.SENT, subject="desk-1.1", text="(VM 0.1 0.1)", details=predicted)
     journal.append(0.0, "r1", Event.HEARD, subject="desk-1.1", details={"outcome": "not matched"})
@@ -344,7 +344,7 @@ def test_it_moves_by_itself_when_asked(journal: SqliteJournal, file: Path, clock
 def test_a_file_that_comes_late_is_written_then(tmp_path: Path) -> None:
     file = tmp_path / "journal.db"
     file.mkdir()
-    with closing(LateJournal(file, ManualClock())) as journal:
+    with closing(DeferredJournal(file, ManualClock())) as journal:
         with pytest.raises(JournalError), journal.together():
             pass
         file.rmdir()

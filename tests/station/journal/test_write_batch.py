@@ -10,7 +10,7 @@ import pytest
 from sleepcast.channel import Kind
 from sleepcast.station import Event, MemoryJournal, Station
 from sleepcast.station.journal.journal import JournalError
-from sleepcast.station.journal.write_batch import AGAIN, MAX_KEPT, Note, Notes
+from sleepcast.station.journal.write_batch import AGAIN, MAX_KEPT, PendingEntry, WriteBatch
 from station.fleet import Fleet, vocabulary
 
 
@@ -32,13 +32,13 @@ class FailingJournal(MemoryJournal):
         return [entry.text for entry in self.entries()]
 
 
-def note(text: str, time: float = 0.0, details: Mapping[str, object] | None = None) -> Note:
-    return Note(time, "desk", Event.SENT, "", text, details or {})
+def note(text: str, time: float = 0.0, details: Mapping[str, object] | None = None) -> PendingEntry:
+    return PendingEntry(time, "desk", Event.SENT, "", text, details or {})
 
 
 def test_what_could_not_be_written_is_written_later_in_its_order() -> None:
     journal = FailingJournal()
-    notes = Notes(journal)
+    notes = WriteBatch(journal)
     notes.write(note("a"))
     journal.full = True
     for text in "bcd":
@@ -55,7 +55,7 @@ def test_what_could_not_be_written_is_written_later_in_its_order() -> None:
 
 def test_what_must_be_written_first_is_refused() -> None:
     journal = FailingJournal()
-    notes = Notes(journal)
+    notes = WriteBatch(journal)
     journal.full = True
     with pytest.raises(JournalError, match="full"):
         notes.write_first(note("a"))
@@ -66,7 +66,7 @@ def test_what_must_be_written_first_is_refused() -> None:
 
 def test_much_is_written_at_once() -> None:
     journal = FailingJournal()
-    notes = Notes(journal)
+    notes = WriteBatch(journal)
     with notes.together(0.0):
         for text in "abc":
             notes.write(note(text))
@@ -79,7 +79,7 @@ def test_much_is_written_at_once() -> None:
 
 def test_what_does_not_fit_is_lost_and_told() -> None:
     journal = FailingJournal()
-    notes = Notes(journal)
+    notes = WriteBatch(journal)
     journal.full = True
     for number in range(MAX_KEPT + 3):
         notes.write(note(str(number)))

@@ -8,7 +8,7 @@ from enum import StrEnum
 from sleepcast.language import Checked
 
 
-class Sort(StrEnum):
+class CommandType(StrEnum):
     """What Enter makes of a text."""
 
     ONCE = "once"
@@ -27,11 +27,11 @@ class Addressee:
     robot: str = ""
     everybody: bool = False
 
-    def wrapped(self, text: str, sort: Sort) -> str:
+    def wrapped(self, text: str, sort: CommandType) -> str:
         """The text as it is sent. Whoever is not asked knows nothing, so that he counts for nothing."""
         if not self.test:
             return text
-        return f"(IF {self.test} {text} UNKNOWN)" if sort is Sort.ASK else f"(WHEN {self.test} {text})"
+        return f"(IF {self.test} {text} UNKNOWN)" if sort is CommandType.ASK else f"(WHEN {self.test} {text})"
 
 
 AS_WRITTEN = Addressee("")
@@ -51,7 +51,7 @@ class Spot:
 
 
 @dataclass(frozen=True, slots=True)
-class Foresight:
+class ForecastText:
     """What can be said of a text before it is sent. sentence: who would obey, or why that cannot be said; spot: what is
     wrong with it."""
 
@@ -66,14 +66,14 @@ class Request:
     doubted."""
 
     text: str
-    sort: Sort
+    sort: CommandType
     to: Addressee
     count: int | None = None
     may: int | None = None
     confirmed: bool = False
 
 
-def spot_in(checked: Checked) -> Spot | None:
+def marked_finding(checked: Checked) -> Spot | None:
     """The first error, else the first warning."""
     found = (checked.errors or checked.warnings)[:1]
     if not found:

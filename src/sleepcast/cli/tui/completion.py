@@ -38,10 +38,10 @@ class SessionNames(Completer):
             return [f":{name}" for name in QUESTIONS]
         if before.startswith((":to ", ":why ")):
             return [*self._session.station.roster, *(each.label for each in self._session.addressees() if each.label)]
-        return names_of(self._session.looker.minds)
+        return names_of(self._session.telemetry.minds)
 
     def _about(self, name: str) -> str:
-        minds = self._session.looker.minds
+        minds = self._session.telemetry.minds
         usage, members, values = usage_of(name), members_of(name, minds), range_of(name, minds)
         if usage:
             return usage

@@ -15,11 +15,11 @@ from prompt_toolkit.utils import get_cwidth
 
 from sleepcast.channel import Kind
 from sleepcast.cli.account import FEW
-from sleepcast.cli.describe import said
+from sleepcast.cli.describe import answer_text
 from sleepcast.core.errors import printable
 from sleepcast.core.units import shown
 from sleepcast.language import Variable
-from sleepcast.station.account import Accounting, Command
+from sleepcast.station.account import Account, Command
 from sleepcast.station.roster import of_robots
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def title(session: Session, width: int, channel: str) -> Line:
 
 def safety(session: Session, width: int) -> Line:
     """Whether STOP holds, and who is stopped; always in the same place."""
-    latch, minds = session.latch, session.looker.minds
+    latch, minds = session.latch, session.telemetry.minds
     stopped = sum(mind.stopped for mind in minds.values())
     if latch is None:
         told = f"{stopped} {_of_all(session)} say that they are stopped"
@@ -71,7 +71,7 @@ def _of_all(session: Session) -> str:
     return of_robots(max(size, len(session.station.roster)), size > 0)
 
 
-def _silence(found: Accounting) -> str:
+def _silence(found: Account) -> str:
     fault = f"fault {found.n_fault}, " if found.n_fault else ""
     return f"{fault}{found.silence(FEW)}"
 
@@ -104,7 +104,7 @@ def robots(session: Session, width: int, height: int, first: int) -> list[Line]:
 
 def robots_title(session: Session) -> str:
     """How many there are, and in which state."""
-    roster, minds = session.station.roster, session.looker.minds
+    roster, minds = session.station.roster, session.telemetry.minds
     stopped = sum(mind.stopped for mind in minds.values())
     late = session.station.now - _lost_after(session)
     lost = sum(heard is None or heard < late for heard in roster.values())
@@ -132,7 +132,7 @@ def _outcome(command: Command | None, silent: NDArray[np.bool_] | None, name: st
 
 
 def _value(session: Session, robot: str, name: str) -> str:
-    mind, binding = session.mind(robot), session.looker.minds.vocabulary.bindings.get(name.casefold())
+    mind, binding = session.mind(robot), session.telemetry.minds.vocabulary.bindings.get(name.casefold())
     if mind is None or not isinstance(binding, Variable):
         return "?"
     return shown(mind.values[binding.slot], binding.quantity.shown_as or binding.quantity.unit).replace(" ", "")
@@ -174,7 +174,7 @@ def _command(session: Session, command: Command, width: int) -> Iterator[Line]:
         yield [("class:wrong", clipped(fault, width))]
 
 
-def _became(command: Command, found: Accounting) -> str:
+def _became(command: Command, found: Account) -> str:
     if command.kind is Kind.COMMAND:
         return found.sentence()
     if command.kind is Kind.ASK:
@@ -191,7 +191,8 @@ def _became(command: Command, found: Accounting) -> str:
 def reports(session: Session, width: int, height: int) -> list[Line]:
     """What robots and other operators said unasked, the latest last."""
     said_by = [
-        (report.heard, f"{report.robot}: {said(report.body)}") for report in list(session.station.reports)[-height:]
+        (report.heard, f"{report.robot}: {answer_text(report.body)}")
+        for report in list(session.station.reports)[-height:]
     ]
     news = [
         (each.issued, f"{each.sender} sends {each.text or each.kind.name}")
@@ -214,7 +215,7 @@ def hint(session: Session, text: str, width: int, height: int, indent: int) -> l
         style = "class:wrong" if session.wrong else "class:said"
         lines = [line for each in session.said.split("\n") for line in _folded(printable(each), width)]
         return [[(style, line)] for line in lines[:height]]
-    found = session.foresee(text)
+    found = session.forecast(text)
     told: list[Line] = [] if found.spot is None else _carets(found.spot, width, indent)
     sentence = _plain(printable(found.sentence), width) if found.sentence else []
     wrong = found.spot is not None and found.spot.wrong

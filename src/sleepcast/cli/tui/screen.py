@@ -46,7 +46,7 @@ from prompt_toolkit.utils import get_cwidth
 from sleepcast.cli.prompt import WORD, history
 from sleepcast.cli.streams import still_open
 from sleepcast.cli.tui import panes as panes
-from sleepcast.cli.tui.commands import Sort
+from sleepcast.cli.tui.commands import CommandType
 from sleepcast.cli.tui.completion import SessionNames
 from sleepcast.cli.tui.session import Session
 
@@ -297,7 +297,7 @@ class Screen:
         session = self.session
         if session.pending is not None:
             return [("class:head", "how many? ")]
-        sort = "" if session.sort is Sort.ONCE else f" {session.sort.upper()}"
+        sort = "" if session.sort is CommandType.ONCE else f" {session.sort.upper()}"
         return [("bold", f"{panes.clipped(session.to.label or 'sleep', NARROW // 3)}{sort}> ")]
 
     def _robots(self, width: int, height: int) -> list[Line]:

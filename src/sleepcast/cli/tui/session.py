@@ -21,25 +21,25 @@ from sleepcast.cli.tui.commands import (
     HELP,
     QUESTIONS,
     Addressee,
-    Foresight,
+    CommandType,
+    ForecastText,
     Request,
-    Sort,
     Spot,
-    spot_in,
+    marked_finding,
 )
 from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean, printable
 from sleepcast.language import ReadError, read
 from sleepcast.language.vocabulary import Variable
-from sleepcast.station.network import ANSWERS_A_SECOND, AirStation
+from sleepcast.station.network import ANSWERS_A_SECOND, NetworkStation
 from sleepcast.station.preview import NO, UNKNOWN, YES
 from sleepcast.station.staging import Stages
 from sleepcast.station.validation import AddressError, CountNeededError, DoubtError, Draft
 
 if TYPE_CHECKING:
     from sleepcast.station.account import Command
-    from sleepcast.station.network import AirStation
+    from sleepcast.station.network import NetworkStation
     from sleepcast.station.remote import RemoteMind
-    from sleepcast.station.telemetry_client import Looker
+    from sleepcast.station.telemetry_client import TelemetryClient
 
 LOOKS_A_SECOND = 200.0
 """Robots that tell of themselves in a second at most: 60 kB on the air; of a larger fleet, more seldom."""
@@ -64,16 +64,16 @@ class Session:
     read instead of the panes; shown: variables that the list of robots shows; by_age: its order.
     """
 
-    def __init__(self, station: AirStation, looker: Looker, look_every: float) -> None:
-        self.station, self.looker = station, looker
+    def __init__(self, station: NetworkStation, telemetry: TelemetryClient, look_every: float) -> None:
+        self.station, self.telemetry = station, telemetry
         self.look_every = look_every
-        self.to, self.sort = AS_WRITTEN, Sort.ONCE
+        self.to, self.sort = AS_WRITTEN, CommandType.ONCE
         self.said, self.wrong = "", False
         self.page: list[str] = []
         self.shown: list[str] = []
         self.by_age = False
         self.pending: Request | None = None
-        self.staging: Staging | None = None
+        self.staging: StagedCommand | None = None
         self.leaving = False
         self._own: list[Addressee] = []
         self._listed: list[str] = []
@@ -82,7 +82,7 @@ class Session:
         self._asked_why: tuple[Command, str] | None = None
         self._doubted: Request | None = None
         self._pressed: tuple[str, float] = ("", -inf)
-        self._foreseen: tuple[tuple[str, Addressee, Sort, int] | None, Foresight] = (None, Foresight())
+        self._foreseen: tuple[tuple[str, Addressee, CommandType, int] | None, ForecastText] = (None, ForecastText())
         self._rested = -inf
 
     # ---- time
@@ -126,13 +126,13 @@ class Session:
         """Ask all robots to tell of themselves."""
         self._looked = self.station.now
         self.station.stale_after = max(self.station.stale_after, 2.5 * self.period)
-        self.looker.look()
+        self.telemetry.look()
 
     # ---- to whom
 
     def addressees(self) -> list[Addressee]:
         """Everybody to whom a text can go, in the order in which Tab goes through them."""
-        minds = self.looker.minds
+        minds = self.telemetry.minds
         groups = sorted({name for mind in minds.values() for name in mind.told.groups}, key=str.casefold)
         return [AS_WRITTEN, EVERYBODY, *(Addressee(name, f"(IN {name})") for name in groups), *self._own]
 
@@ -160,45 +160,45 @@ class Session:
 
     def next_sort(self) -> None:
         """Once, in stages, standing, ask, and again."""
-        sorts = list(Sort)
+        sorts = list(CommandType)
         self.sort = sorts[(sorts.index(self.sort) + 1) % len(sorts)]
 
     # ---- before sending
 
-    def foresee(self, text: str) -> Foresight:
+    def forecast(self, text: str) -> ForecastText:
         """What can be said of a text that is being typed; where finding out takes long, that it is counted, or what was
         said of the same text a second before."""
         text = text.strip()
         if not text or text.startswith(":") or self.pending is not None:
-            return Foresight()
+            return ForecastText()
         what = text, self.to, self.sort, int(self.station.now)
         seen, found = self._foreseen
         if seen == what:
             return found
         began = time.perf_counter()
         if began < self._rested:
-            return found if seen is not None and seen[:3] == what[:3] else Foresight("counting")
+            return found if seen is not None and seen[:3] == what[:3] else ForecastText("counting")
         found = self._foretold(text)
         took = time.perf_counter() - began
         self._rested = began + took / SHARE if took > QUICK else -inf
         self._foreseen = what, found
         return found
 
-    def _foretold(self, text: str) -> Foresight:
+    def _foretold(self, text: str) -> ForecastText:
         missing = still_open(text)
         if missing > 0:
             waits = f"{missing} parenthes{'is is' if missing == 1 else 'es are'} open"
             counted = self._counted(text + ")" * missing)
-            return Foresight(f"{counted} ({waits})" if counted else waits)
+            return ForecastText(f"{counted} ({waits})" if counted else waits)
         try:
             checked = self.station.check(text)
         except ReadError as error:
-            return Foresight(spot=Spot(error.reason, text, error.start, error.end, True))
-        return Foresight(self._counted(text), spot_in(checked))
+            return ForecastText(spot=Spot(error.reason, text, error.start, error.end, True))
+        return ForecastText(self._counted(text), marked_finding(checked))
 
     def _counted(self, text: str) -> str:
         """Who would obey, in a sentence; "" for a text that no robot could run."""
-        if self.sort is Sort.ASK:
+        if self.sort is CommandType.ASK:
             count = 1 if self.to.robot else max(self.station.fleet_size, len(self.station.roster))
             return f"a question to {_robots(count)}"
         try:
@@ -254,15 +254,15 @@ class Session:
         checked = self.station.check(request.text)  # places are of what was typed, without what is put before
         checked.required()
         text = to.wrapped(request.text, request.sort)
-        if request.sort is Sort.ASK:
+        if request.sort is CommandType.ASK:
             self.station.ask(text, only=only)
             return
         if checked.doubts and not request.confirmed:
             raise DoubtError(checked)
-        standing = request.sort is Sort.STANDING
+        standing = request.sort is CommandType.STANDING
         try:
-            if request.sort is Sort.STAGED and not to.robot:
-                self.staging = Staging(
+            if request.sort is CommandType.STAGED and not to.robot:
+                self.staging = StagedCommand(
                     self.station, Draft(text, everybody=to.everybody, count=request.count, confirmed=request.confirmed)
                 )
                 self.say(self.staging.said)
@@ -346,7 +346,7 @@ class Session:
                 raise MisuseError(f"unknown :{name}{did_you_mean(name, QUESTIONS)}: there are {known}")
 
     def _variables(self, names: Sequence[str]) -> list[str]:
-        bindings = self.looker.minds.vocabulary.bindings
+        bindings = self.telemetry.minds.vocabulary.bindings
         for name in names:
             if not isinstance(bindings.get(name.casefold()), Variable):
                 raise MisuseError(f"no robot tells {name}{did_you_mean(name, bindings)}")
@@ -365,7 +365,7 @@ class Session:
     def _ask_why(self, rest: str) -> None:
         robot, _, command = rest.partition(" ")
         latest = next((each.id for each in reversed(self.station.commands()) if each.kind is Kind.COMMAND), None)
-        self._asked_why = self.looker.ask_why(robot, command.strip() or latest), robot
+        self._asked_why = self.telemetry.ask_why(robot, command.strip() or latest), robot
         self.say(f"asking {robot} why")
 
     def _hear_why(self) -> None:
@@ -373,7 +373,7 @@ class Session:
             return
         asked, robot = self._asked_why
         try:
-            found = self.looker.explanation(asked, robot)
+            found = self.telemetry.explanation(asked, robot)
         except SleepcastError:
             self._asked_why = None
             raise
@@ -411,7 +411,7 @@ class Session:
 
     def mind(self, robot: str) -> RemoteMind | None:
         """What a robot has told of itself."""
-        return self.looker.minds.get(robot)
+        return self.telemetry.minds.get(robot)
 
 
 LATCHES = frozenset({Kind.STOP, Kind.RELEASE})
@@ -429,11 +429,11 @@ class HaltedError(SleepcastError):
     """A stage went wrong, and nothing comes after it."""
 
 
-class Staging:
+class StagedCommand:
     """See the module. said: how far it has come, for a person; over: whether all stages went well. Raises what
     `AirStation.send` raises, before anything is sent."""
 
-    def __init__(self, station: AirStation, draft: Draft) -> None:
+    def __init__(self, station: NetworkStation, draft: Draft) -> None:
         self._station, self._stages = station, Stages(station, draft)
         self._number, self.over = 0, False
         self._send()

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.console import Order, Outline, Rule, Scene
+from sleepcast.console import Outline, RuleView, SafetyOrder, Scene
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.units import LENGTH, UNITS
 from sleepcast.language import Explanation, Variable, Vocabulary
@@ -24,9 +24,9 @@ from sleepcast.language.parts import Part
 from sleepcast.language.program import Program
 from sleepcast.language.symbols import Declared
 from sleepcast.station.account import Command
-from sleepcast.station.network import AirStation
+from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import RemoteMind, RemoteMinds
-from sleepcast.station.telemetry_client import Looker
+from sleepcast.station.telemetry_client import TelemetryClient
 
 X, Y, HEADING = "x", "y", "heading"
 """The variables in which a robot says where it is (m, m, rad)."""
@@ -50,7 +50,7 @@ EMPTY = (0.0, 0.0, 10.0, 10.0)
 Area = tuple[float, float, float, float]
 
 
-class Untold:
+class SilentRobot:
     """A robot that was heard and has not told anything of itself (a `RobotMind`)."""
 
     stopped = False
@@ -83,7 +83,7 @@ class Untold:
         """None is known."""
         return ()
 
-    def rules(self) -> Iterable[Rule]:
+    def rules(self) -> Iterable[RuleView]:
         """None is known."""
         return ()
 
@@ -124,8 +124,8 @@ class FleetMinds:
     def __len__(self) -> int:
         return len(self._names)
 
-    def __getitem__(self, name: str) -> RemoteMind | Untold:
-        return self._minds.get(name) or Untold(name, self._minds.vocabulary)
+    def __getitem__(self, name: str) -> RemoteMind | SilentRobot:
+        return self._minds.get(name) or SilentRobot(name, self._minds.vocabulary)
 
     def column(self, slot: int) -> NDArray[np.float64]:
         """A variable of all robots in SI, NaN for unknown."""
@@ -149,13 +149,13 @@ class FleetMinds:
 class AskedWhy:
     """A question to a robot why it did what it did."""
 
-    looker: Looker
+    telemetry: TelemetryClient
     asked: Command
     robot: str
 
     def answer(self) -> Explanation | None:
         """What it said, None while it has said nothing. Raises SleepcastError for what it cannot say."""
-        return self.looker.explanation(self.asked, self.robot)
+        return self.telemetry.explanation(self.asked, self.robot)
 
 
 class FleetOnPage:
@@ -163,11 +163,13 @@ class FleetOnPage:
     and no sizes of its own. every: s between two questions to all of them, at least. began: when the page's time began,
     s of the station's clock."""
 
-    def __init__(self, station: AirStation, looker: Looker, ground: Scene, every: float, began: float) -> None:
+    def __init__(
+        self, station: NetworkStation, telemetry: TelemetryClient, ground: Scene, every: float, began: float
+    ) -> None:
         self.asking = True
-        self.minds = FleetMinds(looker.minds)
+        self.minds = FleetMinds(telemetry.minds)
         self.scene = ground
-        self._station, self._looker, self._every, self._began = station, looker, every, began
+        self._station, self._telemetry, self._every, self._began = station, telemetry, every, began
         self._mapped = ground.area != EMPTY
         """Whether the area is one in which robots are."""
         self._due = began
@@ -181,7 +183,7 @@ class FleetOnPage:
 
     @property
     def vocabulary(self) -> Vocabulary:
-        return self._looker.minds.vocabulary
+        return self._telemetry.minds.vocabulary
 
     @property
     def tick(self) -> int:
@@ -244,23 +246,23 @@ class FleetOnPage:
         self._look()
         return True
 
-    def orders(self) -> Iterator[Order]:
+    def orders(self) -> Iterator[SafetyOrder]:
         """What other operators said of STOP, the latest first."""
         for message in reversed(self._station.news):
             if message.kind in (Kind.STOP, Kind.RELEASE):
-                yield Order(message.sender, message.kind is Kind.STOP, message.issued)
+                yield SafetyOrder(message.sender, message.kind is Kind.STOP, message.issued)
 
     def stopped(self, since: float) -> int:
         """How many robots say that they are stopped, of those that told of themselves since then."""
-        return sum(mind.stopped for mind in self._looker.minds.values() if mind.told_at >= since)
+        return sum(mind.stopped for mind in self._telemetry.minds.values() if mind.told_at >= since)
 
     def standing(self) -> str:
         """Who stands although nobody may have said STOP, and why."""
-        return self._looker.minds.standing()
+        return self._telemetry.minds.standing()
 
     def doubt(self, robot: str) -> str:
         """Why this one does."""
-        mind = self._looker.minds.get(robot)
+        mind = self._telemetry.minds.get(robot)
         return "" if mind is None else mind.doubt
 
     def notices(self) -> list[str]:
@@ -273,7 +275,7 @@ class FleetOnPage:
         return np.array([self._told(name) < late for name in self.scene.names], np.bool_)
 
     def _told(self, robot: str) -> float:
-        mind = self._looker.minds.get(robot)
+        mind = self._telemetry.minds.get(robot)
         return -inf if mind is None else mind.told_at
 
     def age(self, robot: str) -> float | None:
@@ -283,10 +285,10 @@ class FleetOnPage:
 
     def ask_why(self, robot: str, command: str) -> AskedWhy:
         """Ask a robot how it evaluated a command."""
-        return AskedWhy(self._looker, self._looker.ask_why(robot, command), robot)
+        return AskedWhy(self._telemetry, self._telemetry.ask_why(robot, command), robot)
 
     def _ask(self) -> None:
-        self._looker.look()
+        self._telemetry.look()
         self._due = self._station.now + max(self._every, SHARE * len(self.minds))
 
     def _look(self) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from sleepcast.console.account_table import Row
 from sleepcast.console.adapters.swarm import outlines, scene_of
 from sleepcast.console.outgoing import ShownRule
-from sleepcast.console.replay import Film, Marks, Track, values_of
+from sleepcast.console.replay import Marks, Timeline, Track, values_of
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.foxglove import read_log, read_poses
 from sleepcast.simulator.packing import unpack
@@ -33,7 +33,7 @@ MAX_FILM = 2_147_483_648
 """Bytes of poses, readings and the like that are held in memory: ten hours of `bravo` at the usual rates."""
 
 
-class Maker:
+class TimelineBuilder:
     """Makes a film of a recording, entry by entry."""
 
     def __init__(self, recording: Recording) -> None:
@@ -45,7 +45,7 @@ class Maker:
         scene = scene_of(replace(scenario, commands=()), tuple(simulator.names))
         units = {sensor.name: sensor.shown_as or sensor.unit for sensor in simulator.model.sensors}
         part = recording.part if recording.part > 1 or recording.following else 0
-        self.film = Film(scene, recording.seconds, scenario.speed_up, units, recording.began, part)
+        self.film = Timeline(scene, recording.seconds, scenario.speed_up, units, recording.began, part)
         self._solids = dict(enumerate(scenario.shapes, 1))
         for posted in recording.posted:
             message = posted.message
@@ -103,9 +103,9 @@ class Maker:
         self.film.rules.setdefault(found.robot, Track()).add(time, rules)
 
 
-def film_of(recording: Recording) -> Film:
+def load_timeline(recording: Recording) -> Timeline:
     """The recording as a film. Raises NoRecordingError for one without pictures, or with anything that is none."""
-    maker = Maker(recording)
+    maker = TimelineBuilder(recording)
     for entry in entries(recording.file, recording):
         try:
             maker.take(entry)

@@ -76,7 +76,7 @@ class World(Said):
     text: str
 
 
-class NomadDesk:
+class NomadsBackend:
     """See the module. Its questions raise SleepcastError, with a sentence for the person who asked."""
 
     def __init__(self, nomads: Nomads, clock: Clock) -> None:

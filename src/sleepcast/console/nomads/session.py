@@ -12,10 +12,10 @@ from collections.abc import Callable, Coroutine
 
 from starlette.websockets import WebSocket
 
-from sleepcast.console.connection import Line, encode
+from sleepcast.console.connection import PageConnection, encode
 from sleepcast.console.incoming import Drawn, Pace, Release, Step, Stop, Watch
 from sleepcast.console.nomads import incoming
-from sleepcast.console.nomads.backend import Done, NomadDesk, World
+from sleepcast.console.nomads.backend import Done, NomadsBackend, World
 from sleepcast.console.nomads.updates import Pictures
 from sleepcast.console.outgoing import Refused
 from sleepcast.core.clock import Clock
@@ -36,8 +36,8 @@ MOST_UNDER_WAY = 64
 class NomadSession:
     """One page; `run` lasts as long as it is open."""
 
-    def __init__(self, socket: WebSocket, desk: NomadDesk, clock: Clock) -> None:
-        self._line: Line[incoming.Incoming] = Line(socket, incoming.decode, (Stop, Drawn), clock)
+    def __init__(self, socket: WebSocket, desk: NomadsBackend, clock: Clock) -> None:
+        self._line: PageConnection[incoming.Incoming] = PageConnection(socket, incoming.decode, (Stop, Drawn), clock)
         self._desk = desk
         self._pictures = Pictures(desk.nomads)
         self._drawn = asyncio.Event()

@@ -27,7 +27,7 @@ import numpy as np
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.files import settle
 from sleepcast.station.journal.journal import Entry, Event, JournalError
-from sleepcast.station.roster import Some
+from sleepcast.station.roster import RobotNames
 
 FORMAT = 1
 """The version of the format of journals; a file of a newer one is refused."""
@@ -101,7 +101,7 @@ def line_of(entry: Entry, written: float) -> str:
     (`null`) for what is unknown or never comes."""
     details: dict[str, object] = {}
     for key, value in entry.details.items():
-        if isinstance(value, Some) and len(value) > MAX_LISTED:
+        if isinstance(value, RobotNames) and len(value) > MAX_LISTED:
             details[f"n_{key}"], value = len(value), value[:MAX_LISTED]
         details[key] = _plain(value)
     found = {
@@ -167,7 +167,7 @@ def _text(text: str) -> str:
 
 def open_writing(file: Path) -> sqlite3.Connection:
     """A journal to write to, made if there is none yet, for its owner's eyes only. Raises JournalError."""
-    with told(file):
+    with journal_errors(file):
         file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with suppress(FileExistsError):  # to open one that is there, and to close it again, would undo SQLite's locks
             os.close(os.open(file, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600))
@@ -187,7 +187,7 @@ def open_reading(file: Path) -> sqlite3.Connection:
     """A journal to read, whoever writes to it meanwhile. Raises NoJournalError."""
     if not file.is_file():
         raise NoJournalError(f"there is no journal {file}: commands on the air make it, or name another with --journal")
-    with told(file):
+    with journal_errors(file):
         connection = _connection(file, "ro")
         try:
             if not _is_journal(connection, file):
@@ -246,7 +246,7 @@ def _patiently(connection: sqlite3.Connection, statement: str, patience: float =
 
 
 @contextmanager
-def told(file: Path) -> Iterator[None]:
+def journal_errors(file: Path) -> Iterator[None]:
     """What goes wrong with a file, as a sentence."""
     try:
         yield
@@ -257,24 +257,28 @@ def told(file: Path) -> Iterator[None]:
         raise JournalError(f"the journal {file}: {said}") from None
 
 
-def about(connection: sqlite3.Connection, key: str) -> str:
+def get_attribute(connection: sqlite3.Connection, key: str) -> str:
     """What a file says of itself, "" for nothing."""
     found = connection.execute("SELECT value FROM about WHERE key = ?", (key,)).fetchone()
     return str(found[0]) if found else ""
 
 
-def say_about(connection: sqlite3.Connection, key: str, value: str) -> None:
+def set_attribute(connection: sqlite3.Connection, key: str, value: str) -> None:
     """Let a file say this of itself."""
     connection.execute("INSERT OR REPLACE INTO about VALUES (?, ?)", (key, value))
 
 
 def origin_of(connection: sqlite3.Connection) -> Origin:
     """What came before a file. Raises JournalError."""
-    archive = about(connection, "archive")
+    archive = get_attribute(connection, "archive")
     if not archive:
         return Origin()
     try:
-        return Origin(Path(archive).name, int(about(connection, "number")), bytes.fromhex(about(connection, "hash")))
+        return Origin(
+            Path(archive).name,
+            int(get_attribute(connection, "number")),
+            bytes.fromhex(get_attribute(connection, "hash")),
+        )
     except ValueError:
         raise JournalError(f"it does not say where {archive} ended, which came before it") from None
 
@@ -282,7 +286,7 @@ def origin_of(connection: sqlite3.Connection) -> Origin:
 def set_origin(connection: sqlite3.Connection, origin: Origin) -> None:
     """Let a file begin after `origin`."""
     for key, value in (("archive", origin.archive), ("number", str(origin.number)), ("hash", origin.hash.hex())):
-        say_about(connection, key, value)
+        set_attribute(connection, key, value)
 
 
 def _connection(file: Path, mode: str) -> sqlite3.Connection:

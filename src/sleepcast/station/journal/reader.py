@@ -12,10 +12,10 @@ from sleepcast.station.journal.file import (
     Origin,
     Written,
     digest,
+    journal_errors,
     open_reading,
     origin_of,
     read_line,
-    told,
 )
 from sleepcast.station.journal.journal import Event, JournalError
 
@@ -82,7 +82,7 @@ class JournalReader:
         """Raises JournalError."""
         with ExitStack() as stack:
             self._live = stack.enter_context(closing(open_reading(self.file)))
-            with told(self.file):
+            with journal_errors(self.file):
                 self._live.execute("BEGIN")
             file, origin = self.file, self._origin(self.file)
             self._parts = [(file, origin)]
@@ -111,7 +111,7 @@ class JournalReader:
             connection = self._live
             if file != self.file:
                 connection = stack.enter_context(closing(open_reading(file)))
-            with told(file):
+            with journal_errors(file):
                 yield connection
 
     @property
@@ -123,7 +123,7 @@ class JournalReader:
     def last(self) -> int:
         """The number of the last entry, 0 for none."""
         origin = self._parts[-1][1]
-        with told(self.file):
+        with journal_errors(self.file):
             found = self._live.execute("SELECT max(number) FROM entries").fetchone()[0]
         return origin.number if found is None else int(found)
 

@@ -8,18 +8,18 @@ from sleepcast.channel.message_batch import ascending
 from sleepcast.channel.name_index import NameIndex
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.station.journal.journal import MAX_ENTRIES, Entry, Journal, MemoryJournal
-from sleepcast.station.roster import Some
-from sleepcast.station.serialized import EntryParcel, JournalParcel
+from sleepcast.station.roster import RobotNames
+from sleepcast.station.serialized import EntryState, JournalState
 
 
-def journal_parcel(journal: Journal) -> JournalParcel:
+def dump_journal(journal: Journal) -> JournalState:
     """Every entry that a journal in memory has; one in a file goes on by itself."""
     if not isinstance(journal, MemoryJournal):
-        return JournalParcel(0, [])
-    return JournalParcel(journal.dropped, [_entry_parcel(entry) for entry in journal.entries()])
+        return JournalState(0, [])
+    return JournalState(journal.dropped, [_entry_parcel(entry) for entry in journal.entries()])
 
 
-def refill(journal: MemoryJournal, parcel: JournalParcel, names: NameIndex) -> None:
+def restore_journal(journal: MemoryJournal, parcel: JournalState, names: NameIndex) -> None:
     """Have the entries that were kept. Raises ParcelError."""
     if parcel.dropped < 0 or len(parcel.entries) > MAX_ENTRIES:
         raise SerialError(f"a journal of {len(parcel.entries)} entries after {parcel.dropped}")
@@ -27,14 +27,14 @@ def refill(journal: MemoryJournal, parcel: JournalParcel, names: NameIndex) -> N
     journal.fill([_entry(number, entry, names) for number, entry in entries], parcel.dropped)
 
 
-def _entry_parcel(entry: Entry) -> EntryParcel:
-    robots = {key: value for key, value in entry.details.items() if isinstance(value, Some)}
+def _entry_parcel(entry: Entry) -> EntryState:
+    robots = {key: value for key, value in entry.details.items() if isinstance(value, RobotNames)}
     details = {key: value for key, value in entry.details.items() if key not in robots}
     places = {key: Array.of(some.places.astype(np.int32)) for key, some in robots.items()}
-    return EntryParcel(entry.time, entry.who, entry.event, entry.subject, entry.text, details, places)
+    return EntryState(entry.time, entry.who, entry.event, entry.subject, entry.text, details, places)
 
 
-def _entry(number: int, parcel: EntryParcel, names: NameIndex) -> Entry:
-    robots = {key: Some(names, ascending(places, len(names))) for key, places in parcel.robots.items()}
+def _entry(number: int, parcel: EntryState, names: NameIndex) -> Entry:
+    robots = {key: RobotNames(names, ascending(places, len(names))) for key, places in parcel.robots.items()}
     details = parcel.details | robots
     return Entry(number, parcel.time, parcel.who, parcel.event, parcel.subject, parcel.text, details)

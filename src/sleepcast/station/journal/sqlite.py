@@ -27,16 +27,16 @@ from sleepcast.station.journal.file import (
     KEPT,
     PATIENCE,
     Origin,
-    about,
     digest,
+    get_attribute,
+    journal_errors,
     line_of,
     open_writing,
     origin_of,
     prepare,
     read_line,
-    say_about,
+    set_attribute,
     set_origin,
-    told,
     transaction,
 )
 from sleepcast.station.journal.journal import Entry, Event, JournalError
@@ -82,7 +82,7 @@ class SqliteJournal:
             number, before = self._head()
             entry = Entry(number + 1, time, who, event, subject, text, details)
             line = line_of(entry, self._clock.now())
-            with told(self.file):
+            with journal_errors(self.file):
                 self._connection.execute(
                     "INSERT INTO entries (number, line, hash) VALUES (?, ?, ?)",
                     (entry.number, line, digest(before, line)),
@@ -98,7 +98,7 @@ class SqliteJournal:
                 return
             if self._is_full():
                 self._move(only_if_full=True)
-            with told(self.file), transaction(self._connection, self._patience):
+            with journal_errors(self.file), transaction(self._connection, self._patience):
                 self._together = True
                 try:
                     yield
@@ -109,7 +109,7 @@ class SqliteJournal:
         """The entries in this file with a number above `after`, oldest first."""
         rows: list[tuple[int, str, bytes]] = [(after, "", b"")]
         while rows:
-            with self._lock, told(self.file):
+            with self._lock, journal_errors(self.file):
                 rows = self._connection.execute(
                     "SELECT number, line, hash FROM entries WHERE number > ? ORDER BY number LIMIT ?",
                     (rows[-1][0], PAGE),
@@ -119,7 +119,7 @@ class SqliteJournal:
     @property
     def dropped(self) -> int:
         """How many of the oldest entries lie in archives."""
-        with self._lock, told(self.file):
+        with self._lock, journal_errors(self.file):
             return origin_of(self._connection).number
 
     # ---- another file
@@ -127,15 +127,15 @@ class SqliteJournal:
     @property
     def limits(self) -> Limits:
         """When it moves into an archive by itself; every writer keeps to it."""
-        with self._lock, told(self.file):
-            size, age = about(self._connection, "most_bytes"), about(self._connection, "most_seconds")
+        with self._lock, journal_errors(self.file):
+            size, age = get_attribute(self._connection, "most_bytes"), get_attribute(self._connection, "most_seconds")
         return Limits(float(size or inf), float(age or inf))
 
     @limits.setter
     def limits(self, limits: Limits) -> None:
-        with self._lock, told(self.file), transaction(self._connection):
-            say_about(self._connection, "most_bytes", repr(limits.size))
-            say_about(self._connection, "most_seconds", repr(limits.age))
+        with self._lock, journal_errors(self.file), transaction(self._connection):
+            set_attribute(self._connection, "most_bytes", repr(limits.size))
+            set_attribute(self._connection, "most_seconds", repr(limits.age))
 
     def rotate(self) -> Path | None:
         """Move all entries into an archive; gives it, or None if there were none."""
@@ -143,7 +143,7 @@ class SqliteJournal:
             return self._move()
 
     def _move(self, *, only_if_full: bool = False) -> Path | None:
-        with told(self.file), transaction(self._connection):
+        with journal_errors(self.file), transaction(self._connection):
             first = self._connection.execute("SELECT min(number) FROM entries").fetchone()[0]
             if first is None or (only_if_full and not self._is_full()):  # another writer may have been faster
                 return None
@@ -176,7 +176,7 @@ class SqliteJournal:
         limits = self.limits
         if limits == Limits():
             return False
-        with told(self.file):
+        with journal_errors(self.file):
             begun = self._connection.execute("SELECT min(written) FROM entries").fetchone()[0]
             if begun is None:
                 return False
@@ -188,7 +188,7 @@ class SqliteJournal:
 
     def _head(self) -> tuple[int, bytes]:
         """The number and the hash of the last entry."""
-        with told(self.file):
+        with journal_errors(self.file):
             # The highest number that was ever given: a last entry that was taken away leaves a gap.
             number = self._connection.execute("SELECT seq FROM sqlite_sequence WHERE name = 'entries'").fetchone()
             last = self._connection.execute("SELECT hash FROM entries ORDER BY number DESC LIMIT 1").fetchone()
@@ -196,7 +196,7 @@ class SqliteJournal:
         return max(number[0] if number else 0, origin.number), bytes(last[0]) if last else origin.hash
 
 
-class LateJournal:
+class DeferredJournal:
     """A journal in a file that may not be opened yet: it is tried whenever somebody writes, so that a desk whose file
     is damaged or out of reach can stop robots all the same, and says what is wrong. All methods raise JournalError."""
 

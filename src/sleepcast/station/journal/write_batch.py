@@ -20,7 +20,7 @@ AGAIN = 1.0
 """Seconds after which the journal is tried again; a desk that has robots to stop does not wait for a disk."""
 
 
-class Note(NamedTuple):
+class PendingEntry(NamedTuple):
     """An entry without its number; see `Entry`."""
 
     time: float
@@ -31,26 +31,26 @@ class Note(NamedTuple):
     details: Mapping[str, object]
 
 
-class Notes:
+class WriteBatch:
     """See the module. trouble: what is wrong with the journal, for a person; "" while nothing is. It is not safe for
     several threads at once."""
 
     def __init__(self, journal: Journal) -> None:
         self.journal = journal
         self.trouble = ""
-        self._kept: deque[Note] = deque(maxlen=MAX_KEPT)
+        self._kept: deque[PendingEntry] = deque(maxlen=MAX_KEPT)
         self._lost = 0
         self._next = 0.0
         self._gathering = False
 
-    def write(self, note: Note) -> None:
+    def write(self, note: PendingEntry) -> None:
         """Write something down that has happened."""
         self._lost += len(self._kept) == MAX_KEPT
         self._kept.append(note)
         if not self._gathering and (not self.trouble or note.time >= self._next):
             self._put_down(note.time)
 
-    def write_first(self, note: Note) -> None:
+    def write_first(self, note: PendingEntry) -> None:
         """Write something down before it happens. Raises JournalError, and then it must not happen."""
         self._kept.append(note)
         error = self._put_down(note.time)

@@ -8,6 +8,8 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+PATHS = {"swarm": 65, "air": 70}
+"""Modules that the round trip of one command enters at most. Lower it when the way has become shorter."""
 
 
 def test_the_recording_benchmark_reports_every_rate() -> None:
@@ -145,3 +147,15 @@ def test_the_channel_s_benchmark_tells_what_each_dropped_datagram_costs() -> Non
     assert len(proof["rows"]) == 11, "every reason that there is"
     assert all(float(row[3].replace(",", "")) > 0 for row in proof["rows"])
     assert [bar["wanted"] for bar in proof["bars"]] == [20.0, 20.0]
+
+
+def test_one_command_s_way_is_no_longer_than_it_was() -> None:
+    command = [sys.executable, "-m", "benchmarks.path", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found.keys() == PATHS.keys()
+    for way, entered in found.items():
+        rooms = {module.partition(".")[0] for module in entered}
+        assert rooms > {"language", "channel", "station", "simulator", "loop"}, f"{way}: the whole way was traced"
+        assert len(entered) <= PATHS[way], f"{way}: {' '.join(entered)}"

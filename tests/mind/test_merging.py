@@ -43,7 +43,7 @@ def left(messages: Iterable[Message], *, restart: bool = False) -> tuple[object,
             node.think(tick, 100.0 + tick)
             assert restore(msgspec.msgpack.decode(kept, type=MindState), node, 0.0) == []
     rules = [(rule.name, rule.text, rule.active) for rule in node.rules()]
-    operators = {name: program.text for name, program in node.memory.operators.items()}
+    operators = {name: program.text for name, program in node.memory.base.operators.items()}
     return rules, operators, node.groups, node.values[3:67]
 
 

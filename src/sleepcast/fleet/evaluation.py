@@ -7,7 +7,7 @@ further part: whatever is asked for them changes nothing.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from functools import wraps
+from functools import partial, wraps
 from math import nan
 from typing import Concatenate, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
+from sleepcast.fleet.minds import Mind, Minds
 from sleepcast.fleet.rule_statistics import StatisticsTable
 from sleepcast.language.form import show
 from sleepcast.language.parts import Part
@@ -22,7 +23,7 @@ from sleepcast.language.program import MAX_STEPS, Program
 from sleepcast.language.rehearsal import Answer, Refusal
 from sleepcast.language.vocabulary import TICK
 from sleepcast.mind.limits import MAX_FAULTS, PROVEN_TICKS
-from sleepcast.mind.rules import Mind, Minds, Transaction
+from sleepcast.mind.rules import RuleBase
 
 Sort = TypeVar("Sort", bound=Hashable)
 Rest = ParamSpec("Rest")
@@ -201,27 +202,20 @@ class Evaluation:
             found[... if mask is None else mask] = truth
         return found
 
-    def change(
-        self, part: Part, rows: Rows, how: Callable[[Transaction], str | None], *, proving: bool = False
-    ) -> Mask:
-        """Change the minds of these robots, unless `how` says why not; gives where it was done.
-
-        proving: it changes the rules, which then have to prove themselves anew.
-        """
+    def change(self, part: Part, rows: Rows, how: Callable[[RuleBase], str | None]) -> Mask:
+        """Change the minds of these robots, unless `how` says why not; gives where it was done."""
         done = np.ones(rows.size, np.bool_)
         for number, some, mask in self.divide(rows, lambda number: number):
-            draft = self.minds.draft(number)
+            draft = self.minds.draft(number, partial(self.changing, some))
             reason = how(draft)
-            if reason is not None:
+            if reason is None:
+                self.turn(some, draft)
+            else:
                 self.refuse(part, some, reason)
                 done[... if mask is None else mask] = False
-                continue
-            if proving:
-                self.changing(some)
-            self.turn(some, draft)
         return done
 
-    def turn(self, rows: Rows, draft: Transaction) -> None:
+    def turn(self, rows: Rows, draft: RuleBase) -> None:
         """Give these robots the mind of the draft."""
         self.state.turn(rows, self.minds.settle(draft))
         self.statistics.carry_out(draft.effects, rows)

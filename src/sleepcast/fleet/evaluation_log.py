@@ -19,6 +19,7 @@ from sleepcast.fleet.columns import Column, FleetState, Mask, Rows
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory, Given
 from sleepcast.fleet.messages import Outbox
+from sleepcast.fleet.minds import Mind, Minds
 from sleepcast.fleet.read_set import reads_of
 from sleepcast.language.explain import Recollection
 from sleepcast.language.numerics import draw
@@ -26,7 +27,6 @@ from sleepcast.language.program import Program
 from sleepcast.language.rehearsal import Rehearsal
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Vocabulary
-from sleepcast.mind.rules import Mind, Minds
 
 MAX_ENTRIES = 4_096
 """Commands whose inputs a fleet keeps at most, to explain them later: many are heard by a few robots only, because
@@ -205,6 +205,6 @@ def rehearsal(memory: FleetMemory, robot: int) -> Rehearsal:
         state.groups_of(robot),
         fetch=lambda part: mind.rules[part.name].program if part.name in mind.rules else None,
         operator=lambda part: mind.operators.get(part.name),
-        has=lambda key: isinstance(mind.learned.get(key), UserVariable),
+        has=lambda key: isinstance(mind.symbols.get(key), UserVariable),
         draw=lambda: draw(key, tick, next(drawn)),
     )

@@ -30,6 +30,7 @@ from sleepcast.fleet.evaluation_log import EvaluationLog, LogEntry, recollect, r
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.messages import Inbox, Outbox
+from sleepcast.fleet.minds import Mind, Minds, Named
 from sleepcast.fleet.native.kernels import Kernels, available
 from sleepcast.fleet.read_set import ReadSet
 from sleepcast.fleet.scheduler import BatchScheduler, expired
@@ -43,7 +44,7 @@ from sleepcast.language.program import Program
 from sleepcast.language.reader import read
 from sleepcast.language.symbols import Declared, UserVariable
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Variable, Vocabulary, buffer_number
-from sleepcast.mind.rules import Mind, Minds, Named, in_order
+from sleepcast.mind.rules import in_order
 from sleepcast.mind.views import Fault, Result, RuleView
 
 SPARE_MINDS = 256
@@ -176,7 +177,7 @@ class RobotView:
         """Every variable by name, in the order of the vocabulary, user variables last."""
         values = self.values
         found = [(b.name, values[b.slot]) for b in self.vocabulary.bindings.values() if isinstance(b, Variable)]
-        learned = [d for d in self._mind.learned.values() if isinstance(d, UserVariable)]
+        learned = [d for d in self._mind.symbols.values() if isinstance(d, UserVariable)]
         return found + [(d.name, values[d.slot]) for d in learned]
 
     def actuators(self) -> dict[str, float]:
@@ -577,7 +578,7 @@ class Fleet(Mapping[str, RobotView]):
                 raise SleepcastError(f"the rule {name} cannot be installed: {outcome.faults[0].reason}")
             for mind, rows, _ in self.memory.divide(outcome.rows, lambda found: found):
                 draft = self.minds.draft(mind)
-                draft.settle_rule(key, priority, protected)
+                draft.rank(key, priority, protected)
                 self.memory.turn(rows, draft)
 
     def _obey(self, message: Message, rows: Rows, now: float) -> None:

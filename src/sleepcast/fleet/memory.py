@@ -6,6 +6,7 @@ Every method is about some rows and gives a column, one value for each of them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from math import nan
 from typing import TypeAlias
 
@@ -15,6 +16,7 @@ from sleepcast.fleet.bodies import ManyBodies
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows, draws
 from sleepcast.fleet.evaluation import Evaluation, by_the_living
 from sleepcast.fleet.messages import Outbox
+from sleepcast.fleet.minds import Minds
 from sleepcast.fleet.native.kernels import Kernels
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.parts import Label, Part, host_of, written
@@ -22,7 +24,8 @@ from sleepcast.language.program import Program
 from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, HostFunction, Kind, Variable
-from sleepcast.mind.rules import Minds, Transaction
+from sleepcast.mind import rules
+from sleepcast.mind.refusals import built_in, failed, no_operator, no_variable, stopped, unknown_asked, unknown_assigned
 
 Act = Callable[..., Column]
 """How one act is carried out: (memory, part, rows, *arguments) to its values."""
@@ -84,9 +87,8 @@ class FleetMemory(Evaluation):
         variable = part.data
         values = values.copy()
         if not isinstance(variable, Variable):
-            there = self.where(rows, lambda mind: isinstance(mind.learned.get(part.name), UserVariable))
-            reason = f"no variable {part.name}: make it first with (DEFVAR {part.name})"
-            done = self.refuse_where(part, rows, ~there, reason, values)
+            there = self.where(rows, lambda mind: isinstance(mind.symbols.get(part.name), UserVariable))
+            done = self.refuse_where(part, rows, ~there, no_variable(part.name), values)
             if done.size:
                 # The name may have been unknown when the text was checked: then the part has no slot.
                 self.state.assign(self.vocabulary.user_slot(part.name), done, values[there])
@@ -94,8 +96,7 @@ class FleetMemory(Evaluation):
         unknown = np.isnan(values)
         if unknown.any():
             self.state.dropped[rows.take(unknown).index] += 1
-        never = "never reaches an actuator" if variable.kind is Kind.ACTUATOR else "cannot be assigned to a flag"
-        done = self.refuse_where(part, rows, unknown, f"unknown {never} ({variable.name})", values)
+        done = self.refuse_where(part, rows, unknown, unknown_assigned(variable), values)
         done = self._refuse_built_in(part, done, values)
         if done.size:
             self.state.assign(part.slot, done, values if done is rows else values[~np.isnan(values)])
@@ -116,9 +117,7 @@ class FleetMemory(Evaluation):
         key = f"e{number}"
         protected = self.where(rows, lambda mind: key in mind.rules and mind.rules[key].protected)
         mine = values[~np.isnan(values)]
-        left = self.refuse_where(
-            part, rows, protected, f"E{number} is built in: it cannot be changed over the air", mine
-        )
+        left = self.refuse_where(part, rows, protected, built_in(f"E{number}"), mine)
         values[~np.isnan(values)] = mine
         return left
 
@@ -132,13 +131,12 @@ class FleetMemory(Evaluation):
                 kept = self.minds[number].rules.get(key)
                 if kept is not None and kept.active != flag:
                     draft = self.minds.draft(number)
-                    draft.activate(key, flag)
-                    draft.effects.clear()  # the flag is set already, and a lease stays as it is
+                    draft.assign_flag(key, flag)
                     self.turn(some, draft)
 
     def defined(self, part: Part, rows: Rows) -> Mask:
         """Where the user variable is there."""
-        there = self.where(rows, lambda mind: isinstance(mind.learned.get(part.name), UserVariable))
+        there = self.where(rows, lambda mind: isinstance(mind.symbols.get(part.name), UserVariable))
         if self.answers is not None and not self.is_dead(rows):
             self.answers.append(bool(there[0]))
         return there
@@ -148,13 +146,7 @@ class FleetMemory(Evaluation):
         """DEFVAR of a new name."""
         values = values.copy()
 
-        def learn(draft: Transaction) -> str | None:
-            reason = draft.taken(part.name, UserVariable)
-            if reason is None:
-                draft.learn(part.name, UserVariable(written(part), part.slot))
-            return reason
-
-        done = self.change(part, rows, learn)
+        done = self.change(part, rows, partial(rules.define, key=part.name, name=written(part), slot=part.slot))
         values[~done] = nan
         if done.any():
             self.state.assign(part.slot, rows.take(done), values[done])
@@ -181,7 +173,7 @@ class FleetMemory(Evaluation):
         found = self.divide(rows, program)
         for one, some, _ in found:
             if one is None:
-                self.refuse(part, some, f"no operator {part.name} of {len(part.parts)} arguments")
+                self.refuse(part, some, no_operator(part.name, len(part.parts)))
         self._answer_program(rows, found)
         return found
 
@@ -202,10 +194,10 @@ class FleetMemory(Evaluation):
             known = rows.take(~unknown)
             if function.acts:
                 self.state.dropped[rows.take(unknown).index] += 1
-                self.refuse(part, rows.take(unknown), f"unknown never reaches the body ({function.name})")
+                self.refuse(part, rows.take(unknown), unknown_asked(function))
         held = self.state.held[known.index]
         if function.acts and held.any():
-            self.refuse(part, known.take(held), f"the robot is stopped: {function.name} waits for RELEASE")
+            self.refuse(part, known.take(held), stopped(function))
             known = known.take(~held)
             unknown[~unknown] = held
         columns = [argument[~unknown] for argument in arguments]
@@ -260,5 +252,5 @@ def _call(function: HostFunction, body: object | None, arguments: tuple[str | fl
         result = function.call(body, *arguments)
         given = 1.0 if result is None else float(result)
     except Exception as error:
-        return f"{function.name} failed: {type(error).__name__}: {error}"
+        return failed(function, error)
     return given if np.isfinite(given) else nan

@@ -9,12 +9,12 @@ from sleepcast.channel.message import Message
 from sleepcast.core.errors import SleepcastError
 from sleepcast.fleet.columns import Index
 from sleepcast.fleet.evaluation import Evaluation, distinct
+from sleepcast.fleet.minds import Mind, Named
 from sleepcast.language.parts import Part, Storing, walk, written
 from sleepcast.language.program import Program
 from sleepcast.language.reader import read
 from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS
-from sleepcast.mind.rules import Mind, Named
 
 _HARMLESS = frozenset({*FLAGS, "report", "tell", "ping", "join", "leave", "deactivate", "lease"})
 """Acts after which no robot runs or names anything that it did not before."""

@@ -14,12 +14,13 @@ import numpy as np
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.fleet.fleet import Fleet
+from sleepcast.fleet.minds import Mind, Minds
 from sleepcast.fleet.schema import FleetSnapshot, MindsState, MindState, ProgramState, RuleState, SymbolState
 from sleepcast.language.program import Program
 from sleepcast.language.reader import read_all
 from sleepcast.language.symbols import SORTS, Declared, Group, Operator, Stored, UserVariable
 from sleepcast.language.vocabulary import MAX_USER_VARIABLES, Vocabulary
-from sleepcast.mind.rules import Mind, Minds, Rule
+from sleepcast.mind.rules import Rule
 
 
 def state_of(fleet: Fleet) -> FleetSnapshot:
@@ -127,9 +128,9 @@ def _mind_parcel(mind: Mind, place: Callable[..., int]) -> MindState:
     ]
     operators = {}
     for key, program in mind.operators.items():
-        found = mind.learned[key]
+        found = mind.symbols[key]
         operators[key] = place(program, found.parameters if isinstance(found, Operator) else ())
-    return MindState(rules, {key: _meaning(found) for key, found in mind.learned.items()}, operators)
+    return MindState(rules, {key: _meaning(found) for key, found in mind.symbols.items()}, operators)
 
 
 def _mind(parcel: MindState, programs: list[Program], vocabulary: Vocabulary) -> Mind:

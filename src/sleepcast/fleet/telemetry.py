@@ -24,12 +24,12 @@ from sleepcast.fleet.evaluation import by_the_living
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory, Found
 from sleepcast.fleet.messages import Outbox
+from sleepcast.fleet.minds import Minds
 from sleepcast.fleet.read_set import reads_of
 from sleepcast.fleet.schema import TelemetryState
 from sleepcast.language.parts import Part, acts
 from sleepcast.language.program import Program
 from sleepcast.language.rehearsal import CHANCE, DEED, asks, does
-from sleepcast.mind.rules import Minds
 
 MAX_REASONS = 200
 """Different reasons told apart in one judgement, so that one fits a byte; the rest counts as the last of them."""

@@ -6,7 +6,7 @@ explained later by walking it again. A refusal is a fault: noted, unknown as a v
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf, nan
 from weakref import WeakKeyDictionary
@@ -17,15 +17,13 @@ from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.numerics import draw, stream
 from sleepcast.language.parts import Label, Part, Storing, host_of, written
 from sleepcast.language.program import Library, Program
-from sleepcast.language.reader import read_all
 from sleepcast.language.rehearsal import FLAGS, Answer, Refusal, Rehearsal
-from sleepcast.language.symbols import Declared, Operator, Stored, UserVariable, circle, clash, declared_in, uses_in
+from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import (
     ACTIVE0,
     BUFFERS,
     ID,
     MARKING,
-    MAX_RULES,
     TICK,
     TIME_SLOT,
     Kind,
@@ -33,11 +31,23 @@ from sleepcast.language.vocabulary import (
     Vocabulary,
     buffer_number,
 )
+from sleepcast.mind import rules
 from sleepcast.mind.limits import FAILED, MAX_FAULTS, PROVEN_TICKS
 from sleepcast.mind.merging import Merging
+from sleepcast.mind.refusals import (
+    UNKNOWN_STORED,
+    built_in,
+    failed,
+    no_operator,
+    no_variable,
+    stopped,
+    unknown_asked,
+    unknown_assigned,
+)
+from sleepcast.mind.rules import RuleBase
 from sleepcast.mind.views import Fault
-from sleepcast.node.buffers import RuleBase, RuleSet
 from sleepcast.node.linking import VariableTable
+from sleepcast.node.scheduler import RuleRecords, RuleSet
 
 
 @dataclass(slots=True)
@@ -51,7 +61,7 @@ class Voice:
 
 
 class RobotMemory:
-    """See the module. values: the numbers by slot, NaN unknown. It is a `Memory`, and the `Names` of its robot."""
+    """See the module. values: the numbers by slot, NaN unknown. It is a `Memory`."""
 
     def __init__(
         self, variables: VariableTable, voice: Voice, acts: Mapping[str, Act], *, number: int, seed: int, body: object
@@ -63,9 +73,9 @@ class RobotMemory:
         self.values[MARKING] = 1.0
         self.values[ID], self.values[TIME_SLOT], self.values[TICK] = float(number), 0.0, 0.0
         self.groups: frozenset[str] = frozenset()
-        self.learned: dict[str, Declared] = {}
-        self.rules = RuleBase(self.values)
-        self.operators: dict[str, Program] = {}
+        self.base = RuleBase(self.vocabulary, self.library, Merging(), self.changing)
+        """What it has learned."""
+        self.records = RuleRecords(self.base, self.values)
         self.steps = self.depth = self.levels = 0
         self.matched = False
         self.faults: list[Fault] = []
@@ -84,7 +94,6 @@ class RobotMemory:
         self.dropped = 0
         """Assignments and calls that an unknown kept from the body."""
         self._key, self._draws = stream(seed, number), 0
-        self.merging = Merging()
         self.proven: RuleSet = {}
         self.unproven_since = 0
 
@@ -92,40 +101,6 @@ class RobotMemory:
         """Begin a tick: time (s) and chance move on."""
         self.tick, self.time, self._draws = tick, now, 0
         self.values[TICK], self.values[TIME_SLOT] = float(tick), now
-
-    # ---- names
-
-    def declared(self, key: str) -> Declared | None:
-        """What the robot has learned under `key`."""
-        return declared_in(self.rules.kept, self.learned, key)
-
-    def heard(self) -> Iterable[str]:
-        """Every learned name as written."""
-        return [found.name for found in self.learned.values()]
-
-    def learn(self, key: str, found: Declared) -> None:
-        before = self.learned.get(key)
-        self.learned[key] = found
-        if type(before) is not type(found) or isinstance(found, Operator):
-            self.resolve_again(key)
-
-    def resolve_again(self, key: str) -> None:
-        """What depends on a name that has changed its meaning is compiled anew; it has been checked when it came in."""
-        for buffer in self.rules.kept.values():
-            if key in buffer.program.free:
-                buffer.program = self.library.again(buffer.program, self)
-        for name, program in self.operators.items():
-            found = self.learned[name]
-            if key in program.free and isinstance(found, Operator):
-                self.operators[name] = self.library.again(program, self, found.parameters)
-
-    def taken(self, part: Part, key: str, sort: type) -> bool:
-        """Whether `key` means something else already, which is a fault."""
-        reason = clash(self.learned.get(key), sort)
-        if reason is None:
-            return False
-        self.refuse(part, reason)
-        return True
 
     # ---- what the machine asks
 
@@ -175,14 +150,13 @@ class RobotMemory:
     def _write(self, part: Part, value: float) -> float:
         variable = part.data
         if not isinstance(variable, Variable):
-            found = self.learned.get(part.name)
+            found = self.base.symbols.get(part.name)
             if not isinstance(found, UserVariable):
-                return self.refuse(part, f"no variable {part.name}: make it first with (DEFVAR {part.name})")
+                return self.refuse(part, no_variable(part.name))
             self.values[found.slot] = value
         elif value != value:
             self.dropped += 1
-            never = "never reaches an actuator" if variable.kind is Kind.ACTUATOR else "cannot be assigned to a flag"
-            return self.refuse(part, f"unknown {never} ({variable.name})")
+            return self.refuse(part, unknown_assigned(variable))
         elif variable.linked:
             try:
                 self.variables.write(part.slot, value)
@@ -191,52 +165,57 @@ class RobotMemory:
             self.actuated.add(part.slot)
             self.moved |= variable.kind is Kind.ACTUATOR
         elif self._is_built_in(part.slot):
-            return self.refuse(part, f"E{part.slot - ACTIVE0} is built in: it cannot be changed over the air")
+            return self.refuse(part, built_in(f"E{part.slot - ACTIVE0}"))
         else:
             self.values[part.slot] = value
             if variable.kind is Kind.ACTUATOR:
                 self.actuated.add(part.slot)
                 self.moved = True
             elif ACTIVE0 < part.slot < ACTIVE0 + BUFFERS:
-                if self.merging.flag(f"e{part.slot - ACTIVE0}", value > 0.0) is not (value > 0.0):
-                    self.values[part.slot] = float(value <= 0.0)
-                self.changing()
-                self.rules.flags_assigned()
+                self._flag_assigned(f"e{part.slot - ACTIVE0}", part.slot, value > 0.0)
         return value
+
+    def _flag_assigned(self, key: str, slot: int, wanted: bool) -> None:
+        flag = self.base.merging.flag(key, wanted) is True
+        if flag is not wanted:
+            self.values[slot] = float(flag)
+        self.changing()
+        if key in self.base.rules:
+            self.base.assign_flag(key, flag)
+        self.records.changed()
 
     def _is_built_in(self, slot: int) -> bool:
         """Whether `slot` is the active flag of a protected buffer."""
-        buffer = self.rules.kept.get(f"e{slot - ACTIVE0}")
-        return buffer is not None and buffer.protected
+        rule = self.base.rules.get(f"e{slot - ACTIVE0}")
+        return rule is not None and rule.protected
 
     def defined(self, part: Part) -> bool:
         """Whether the user variable is there."""
-        there = isinstance(self.learned.get(part.name), UserVariable)
+        there = isinstance(self.base.symbols.get(part.name), UserVariable)
         if self.answers is not None:
             self.answers.append(there)
         return there
 
     def define(self, part: Part, value: float) -> float:
         """DEFVAR of a new name."""
-        if self.taken(part, part.name, UserVariable):
+        if not self.change(part, rules.define(self.base, part.name, written(part), part.slot)):
             return self._answer(nan)
         self.values[part.slot] = value
-        self.learn(part.name, UserVariable(written(part), part.slot))
         return self._answer(value)
 
     def fetch(self, part: Part) -> Program | None:
         """The program in a buffer or rule."""
-        buffer = self.rules.kept.get(part.name)
-        program = None if buffer is None else buffer.program
+        rule = self.base.rules.get(part.name)
+        program = None if rule is None else rule.program
         if self.answers is not None:
             self.answers.append(program)
         return program
 
     def operator(self, part: Part) -> Program | None:
         """The program of an operator."""
-        program = self.operators.get(part.name)
+        program = self.base.operators.get(part.name)
         if program is None or program.parameters != len(part.parts):
-            self.refuse(part, f"no operator {part.name} of {len(part.parts)} arguments")
+            self.refuse(part, no_operator(part.name, len(part.parts)))
             program = None
         if self.answers is not None:
             self.answers.append(program)
@@ -248,17 +227,17 @@ class RobotMemory:
         if any(argument != argument for argument in arguments):
             if function.acts:
                 self.dropped += 1
-                return self._answer(self.refuse(part, f"unknown never reaches the body ({function.name})"))
+                return self._answer(self.refuse(part, unknown_asked(function)))
             return self._answer(nan)
         if function.acts and self.held:
-            return self._answer(self.refuse(part, f"the robot is stopped: {function.name} waits for RELEASE"))
+            return self._answer(self.refuse(part, stopped(function)))
         self.moved |= function.acts and function.moves
         label = (part.data.text,) if isinstance(part.data, Label) else ()
         try:
             result = function.call(self.body, *label, *arguments)
             value = 1.0 if result is None else float(result)
         except Exception as error:
-            return self._answer(self.refuse(part, f"{function.name} failed: {type(error).__name__}: {error}"))
+            return self._answer(self.refuse(part, failed(function, error)))
         return self._answer(value if -inf < value < inf else nan)
 
     # ---- storing
@@ -272,63 +251,32 @@ class RobotMemory:
             done = self._store(part, storing.key, storing.form, storing.activate)
             return self._answer((1.0 if storing.activate else 0.0) if done else nan)
         if value != value:
-            return self._answer(self.refuse(part, "unknown cannot be stored as an expression"))
+            return self._answer(self.refuse(part, UNKNOWN_STORED))
         return self._answer(value if self._store(part, storing.key, Number(value), False) else nan)
 
     def _store(self, part: Part, key: str, form: Form, activate: bool) -> bool:
-        before = self.rules.kept.get(key)
-        if before is not None and before.protected:
-            self.refuse(part, f"{before.name} is built in: it cannot be changed over the air")
-            return False
-        named = buffer_number(key) is None
-        if named and self.taken(part, key, Stored):
-            return False
-        if named and before is None and self.rules.rules() >= MAX_RULES:
-            self.refuse(part, f"no room for another rule: there are {MAX_RULES}")
-            return False
-        text = show(form)
-        program = self.program_for(part, key, text, ())
-        if program is None:
-            return False
-        self.merging.make(key)
-        if not self.may_write(part, key, key):
-            return False
-        self.changing()
-        name = written(part) if named else key.upper()
-        buffer = self.rules.put(key, name, text, program)
-        if named:
-            self.learn(key, Stored(name, program.uses))
-        flag = self.merging.flag(key, True if activate else None)
-        if flag is not None:
-            self.rules.activate(buffer, flag)
-        self.rules.arrange(self.merging.first)
-        return True
+        number = buffer_number(key)
+        name = written(part) if number is None else key.upper()
+        flag = number is not None and self.values[ACTIVE0 + number] > 0.0
+        return self.change(part, rules.store(self.base, key, name, show(form), activate=activate, flag=flag))
 
-    def may_write(self, part: Part, register: str, name: str) -> bool:
-        """Whether the command under way may change this; a fault if a later one has changed it already."""
-        if self.merging.write(register):
-            return True
-        self.rules.arrange(self.merging.first)  # by what it would have made, or forgotten, had it come in time
-        self.refuse(part, f"{name} was changed by a command that was sent later")
-        return False
+    def change(self, part: Part, refusal: str | None) -> bool:
+        """Take over what an act has changed in the rule base; a refusal is a fault. Gives whether it was done."""
+        self.records.carry_out()
+        if refusal is not None:
+            self.refuse(part, refusal)
+        return refusal is None
 
-    def program_for(self, part: Part, key: str, text: str, parameters: tuple[str, ...]) -> Program | None:
-        """The program of a text that is to be kept under `key`; None, and a fault, if it is refused."""
-        try:
-            program = self.library.program(text, lambda: read_all(text), self, parameters)
-        except SleepcastError as error:
-            self.refuse(part, f"refused: {str(error).splitlines()[0]}")
-            return None
-        through = circle(key, program.uses, lambda k: uses_in(self, k))
-        if through is not None:
-            self.refuse(part, f"{key.upper()} would name itself{through}")
-            return None
-        return program
+    def restore(self, rule_set: RuleSet) -> None:
+        """Have just these rules again, besides what is built in."""
+        rules.roll_back(self.base, [rule for rule, _ in rule_set.values()])
+        self.records.carry_out()
+        self.records.restore_leases(rule_set)
 
     def changing(self) -> None:
         """The rule set is about to change: if it has proved itself, remember it."""
         if self.tick - self.unproven_since >= PROVEN_TICKS:
-            self.proven = self.rules.rule_set()
+            self.proven = self.records.rule_set()
         self.unproven_since = self.tick
 
     def rule_faulted(self) -> None:
@@ -358,11 +306,11 @@ class RobotMemory:
         return Rehearsal(
             self.values,
             self.groups,
-            fetch=lambda part: b.program if (b := self.rules.kept.get(part.name)) else None,
-            operator=lambda part: self.operators.get(part.name),
+            fetch=lambda part: rule.program if (rule := self.base.rules.get(part.name)) else None,
+            operator=lambda part: self.base.operators.get(part.name),
             read=lambda part: self.peek(part.slot),
             draw=lambda: draw(self._key, self.tick, next(drawn)),
-            has=lambda key: isinstance(self.learned.get(key), UserVariable),
+            has=lambda key: isinstance(self.base.symbols.get(key), UserVariable),
         )
 
 

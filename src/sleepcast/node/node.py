@@ -43,12 +43,12 @@ from sleepcast.mind.limits import (
     TELLS_TOO_OFTEN,
 )
 from sleepcast.mind.merging import enqueue, place_of
+from sleepcast.mind.rules import Rule, in_order
 from sleepcast.mind.views import Result, RuleView
 from sleepcast.node.acts import ACTS
-from sleepcast.node.buffers import ExpressionBuffer
 from sleepcast.node.linking import VariableTable
 from sleepcast.node.memory import RobotMemory, Voice
-from sleepcast.node.scheduler import Scheduler
+from sleepcast.node.scheduler import RuleRecord, Scheduler
 from sleepcast.node.telemetry import NOTHING, Details, answer_look
 from sleepcast.robot import Robot
 
@@ -109,7 +109,7 @@ class Node:
             body=self.body,
         )
         self._deadman = DeadManSwitch(lease)
-        self._scheduler = Scheduler(self._memory.rules, self._run_rule)
+        self._scheduler = Scheduler(self._memory.base, self._memory.records, self._run_rule)
         self._queue: deque[Message] = deque()
         self._seen: OrderedDict[str, None] = OrderedDict()
         # The fields of a Recollection, made into one only when somebody asks: this happens for every message.
@@ -154,7 +154,7 @@ class Node:
     @property
     def awake(self) -> bool:
         """Whether the next tick has anything to do: a message, rules that run, or a body that is driven."""
-        return bool(self._queue) or bool(self._memory.rules.running) or self._memory.driven
+        return bool(self._queue) or bool(self._memory.records.running) or self._memory.driven
 
     @property
     def driven(self) -> bool:
@@ -168,38 +168,29 @@ class Node:
 
     def declared(self, key: str) -> Declared | None:
         """What the robot has learned under this key."""
-        return self._memory.declared(key)
+        return self._memory.base.declared(key)
 
     def heard(self) -> Iterable[str]:
         """Every learned name as written."""
-        return self._memory.heard()
+        return self._memory.base.heard()
 
     def fetch(self, part: Part) -> Program | None:
         """The program in the buffer or rule that a `fetch` part names."""
-        buffer = self._memory.rules.kept.get(part.name)
-        return None if buffer is None else buffer.program
+        rule = self._memory.base.rules.get(part.name)
+        return None if rule is None else rule.program
 
     def operator(self, part: Part) -> Program | None:
         """The program of the operator that a `call` part names, None if it has none of that name."""
-        return self._memory.operators.get(part.name)
+        return self._memory.base.operators.get(part.name)
 
     def rules(self) -> list[RuleView]:
         """Every kept expression, in the order of the round."""
-        return [
-            RuleView(
-                b.name,
-                b.text,
-                b.active,
-                b.last_value,
-                b.last_fault,
-                b.steps,
-                b.firings,
-                b.lease,
-                b.priority,
-                b.protected,
-            )
-            for b in self._memory.rules.in_order()
-        ]
+        found = []
+        for rule in in_order(self._memory.base.rules):
+            r = self._memory.records[rule.key]
+            done = r.last_value, r.last_fault, r.steps, r.firings, r.lease
+            found.append(RuleView(rule.name, rule.text, rule.active, *done, rule.priority, rule.protected))
+        return found
 
     def variables(self) -> list[tuple[str, float]]:
         """Every variable by name, in the order of the vocabulary, user variables last."""
@@ -209,7 +200,7 @@ class Node:
             for binding in self.vocabulary.bindings.values()
             if isinstance(binding, Variable)
         ]
-        learned = [d for d in memory.learned.values() if isinstance(d, UserVariable)]
+        learned = [d for d in memory.base.symbols.values() if isinstance(d, UserVariable)]
         return found + [(d.name, memory.values[d.slot]) for d in learned]
 
     def actuators(self) -> dict[str, float]:
@@ -267,12 +258,12 @@ class Node:
         memory.variables.refresh(memory.values, now)
         if self._deadman.is_over(now) and memory.driven:
             self._let_go()
-        if memory.rules.leases:
-            for buffer in memory.rules.expire(now):
-                self._report(f"lease of {buffer.name} ended", ())
+        if memory.records.leases:
+            for rule in memory.records.expire(now):
+                self._report(f"lease of {rule.name} ended", ())
         for _ in range(min(len(self._queue), MAX_QUEUE)):
             self._obey(self._queue.popleft(), now)
-        if memory.rules.running and not (memory.values[SLEEPING] > 0 or memory.values[FROZEN] > 0):
+        if memory.records.running and not (memory.values[SLEEPING] > 0 or memory.values[FROZEN] > 0):
             memory.moved = False
             self._scheduler.round()
             memory.driven &= not memory.moved
@@ -307,9 +298,9 @@ class Node:
             recollection = Recollection(*recollected)
             if command is None or recollection.command == command:
                 return explain(recollection)
-        buffer = self._memory.rules.kept.get((command or "").casefold())
-        if buffer is not None:
-            return rehearse(buffer.program, self._memory.rehearsal(), command=buffer.name)
+        rule = self._memory.base.rules.get((command or "").casefold())
+        if rule is not None:
+            return rehearse(rule.program, self._memory.rehearsal(), command=rule.name)
         what = "no command" if command is None else f"no command or rule {command}"
         raise SleepcastError(f"{self.name} remembers {what}: it keeps the last {MAX_RECOLLECTIONS} commands")
 
@@ -322,9 +313,8 @@ class Node:
         if result.faults:
             raise SleepcastError(f"the rule {name} cannot be installed: {result.faults[0].reason}")
         number = buffer_number(name.casefold())
-        buffer = self._memory.rules.kept[name.casefold() if number is None else f"e{number}"]
-        buffer.priority, buffer.protected = priority, protected
-        self._memory.rules.changed()
+        self._memory.base.rank(name.casefold() if number is None else f"e{number}", priority, protected)
+        self._memory.records.changed()
 
     # ---- the body
 
@@ -405,24 +395,23 @@ class Node:
         memory.answers = None
         return value
 
-    def _run_rule(self, buffer: ExpressionBuffer) -> None:
+    def _run_rule(self, rule: Rule, record: RuleRecord) -> None:
         memory = self._memory
         memory.faults = []
-        buffer.last_value = evaluate(buffer.program, memory)
-        buffer.steps = memory.steps
+        record.last_value = evaluate(rule.program, memory)
+        record.steps = memory.steps
         if memory.matched:
-            buffer.firings += 1
+            record.firings += 1
         if not memory.faults:
-            buffer.faults_in_row = 0
+            record.faults_in_row = 0
             return
-        buffer.last_fault = str(memory.faults[0])
-        buffer.faults_in_row += 1
+        record.last_fault = str(memory.faults[0])
+        record.faults_in_row += 1
         memory.rule_faulted()
-        here = memory.rules.kept.get(buffer.key) is buffer  # it may have forgotten itself, and made another one
-        if here and buffer.faults_in_row >= MAX_FAULTS_IN_ROW and not buffer.protected:
-            memory.rules.activate(buffer, False)
+        if record.faults_in_row >= MAX_FAULTS_IN_ROW and not record.gone and not rule.protected:
+            memory.records.deactivate(rule.key)
             memory.rule_failed()
-            self._report(f"rule {buffer.name} deactivated", ())
+            self._report(f"rule {rule.name} deactivated", ())
 
     def _obey(self, message: Message, now: float) -> None:
         if now > message.deadline:
@@ -441,7 +430,7 @@ class Node:
             self._answer(message, "fault" if refusal else granted, fault=refusal)
             return
         try:
-            program = memory.library.program(message.text, lambda: [read(message.text)], memory)
+            program = memory.library.program(message.text, lambda: [read(message.text)], memory.base)
         except SleepcastError as error:
             self._answer(message, "fault", fault=str(error).splitlines()[0])
             return
@@ -455,11 +444,11 @@ class Node:
             self._answer(message, "answer", found.value, "; ".join(found.faults), told)
             return
         memory.moved = False
-        memory.merging.begin(place_of(message, self.zero) if self._on_air else None)
+        memory.base.merging.begin(place_of(message, self.zero) if self._on_air else None)
         memory.hops = hops_left(message.body, message.role, MAX_HOPS)
         value = self._run(program, message.id)
         memory.hops = MAX_HOPS
-        memory.merging.begin(None)
+        memory.base.merging.begin(None)
         if memory.moved:
             memory.driven = drives(message)
         if memory.faults:

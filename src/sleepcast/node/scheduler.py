@@ -1,56 +1,146 @@
-"""The scheduler: one round of the active buffers a tick, within a budget of steps.
+"""The scheduler: how each rule of a robot has fared, and which of them run in a tick, within a budget of steps.
 
-Every active buffer is evaluated once, E1 upwards and then the rules in the order of their arrival; a higher priority
-goes later, because the last write to an actuator wins. If the budget does not reach for all, the higher priority is
-served, then those left over from the tick before; the others go first in the next tick.
+Every active rule is evaluated once a tick, E1 upwards and then the rules in the order of their arrival; a higher
+priority goes later, because the last write to an actuator wins. If the budget does not reach for all, the higher
+priority is served, then those left over from the tick before; the others go first in the next tick.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, nan
 
+from sleepcast.language.vocabulary import ACTIVE0, buffer_number
 from sleepcast.mind.limits import TICK_STEPS
-from sleepcast.node.buffers import ExpressionBuffer, RuleBase
+from sleepcast.mind.rules import Rule, RuleBase, running
+
+RuleSet = dict[str, tuple[Rule, float]]
+"""What ROLLBACK brings back: each rule that is not built in, by its key, and when its lease ends."""
+
+
+@dataclass(slots=True)
+class RuleRecord:
+    """How one rule or buffer has fared. lease: time (s) at which it is deactivated, inf for never. last_value,
+    last_fault, steps: of its last evaluation. firings: evaluations in which its test held. faults_in_row: of its last
+    evaluations, how many without a break had a fault. gone: whether the rule was forgotten."""
+
+    key: str
+    lease: float = inf
+    last_value: float = nan
+    last_fault: str = ""
+    steps: int = 0
+    firings: int = 0
+    faults_in_row: int = 0
+    gone: bool = False
+
+
+class RuleRecords:
+    """Of all rules of one robot, by key. base: the rules; values: the robot's numbers, where the flags of buffers lie.
+
+    running: of the active rules, in the order of the round; leases: whether any of them has a lease; version: grows
+    with every change.
+    """
+
+    def __init__(self, base: RuleBase, values: list[float]) -> None:
+        self._base, self._values = base, values
+        self._records: dict[str, RuleRecord] = {}
+        self.running: list[RuleRecord] = []
+        self.leases = False
+        self.version = 0
+
+    def __getitem__(self, key: str) -> RuleRecord:
+        return self._records[key]
+
+    def carry_out(self) -> None:
+        """Do to this robot what the last changes of its rule base say."""
+        if not self._base.effects:
+            return
+        for effect in self._base.effects:
+            key, record = effect.key, self._records.get(effect.key)
+            if effect.what == "new":
+                self._records[key] = RuleRecord(key)
+            elif effect.what in ("active", "inactive"):
+                number = buffer_number(key)
+                if number is not None:
+                    self._values[ACTIVE0 + number] = 1.0 if effect.what == "active" else 0.0
+                if record is not None and effect.what == "inactive":
+                    record.lease = inf
+            elif record is not None and effect.what == "renewed":
+                record.last_value, record.last_fault, record.faults_in_row = nan, "", 0
+            elif record is not None and effect.what == "gone":
+                self._records.pop(key).gone = True
+        self._base.effects.clear()
+        self.changed()
+
+    def changed(self) -> None:
+        """Make the round anew."""
+        self.version += 1
+        self.running = [self._records[rule.key] for rule in running(self._base.rules)]
+        self.leases = any(record.lease < inf for record in self.running)
+
+    def deactivate(self, key: str) -> None:
+        """Clear the flag of a rule."""
+        self._base.activate(key, False)
+        self.carry_out()
+
+    def expire(self, now: float) -> list[Rule]:
+        """Deactivate those whose lease has ended; gives them."""
+        ended = [record.key for record in self.running if record.lease <= now]
+        for key in ended:
+            self.deactivate(key)
+        return [self._base.rules[key] for key in ended]
+
+    def rule_set(self) -> RuleSet:
+        """The rules as they are, to come back to."""
+        rules = self._base.rules.values()
+        return {rule.key: (rule, self._records[rule.key].lease) for rule in rules if not rule.protected}
+
+    def restore_leases(self, rule_set: RuleSet) -> None:
+        """Let rules that have been brought back have their leases again."""
+        for key, (_, lease) in rule_set.items():
+            self._records[key].lease = lease
+        self.changed()
 
 
 class Scheduler:
-    """Rounds over one robot's rule base. evaluate: evaluates one buffer and notes the steps it used."""
+    """Rounds over one robot's rules. evaluate: evaluates one rule and notes the steps it used."""
 
-    def __init__(self, rules: RuleBase, evaluate: Callable[[ExpressionBuffer], None]) -> None:
-        self._rules, self._evaluate = rules, evaluate
+    def __init__(self, base: RuleBase, records: RuleRecords, evaluate: Callable[[Rule, RuleRecord], None]) -> None:
+        self._base, self._records, self._evaluate = base, records, evaluate
         self._left_over: frozenset[str] = frozenset()
 
     def round(self) -> None:
-        """Evaluate the active buffers as far as the budget reaches."""
-        chosen = running = self._rules.running
-        if self._left_over or sum(map(_expected, running)) > TICK_STEPS:
+        """Evaluate the active rules as far as the budget reaches."""
+        chosen = running = self._records.running
+        if self._left_over or sum(map(self._expected, running)) > TICK_STEPS:
             chosen = self._choose(running)
-        used = 0
-        for buffer in chosen:
-            if buffer.active:
-                self._evaluate(buffer)
-                used += buffer.steps
+        rules, used = self._base.rules, 0
+        for at, record in enumerate(chosen):
+            if not record.gone and (rule := rules[record.key]).active:
+                self._evaluate(rule, record)
+                rules = self._base.rules
+                used += record.steps
                 if used > TICK_STEPS:
-                    done = {b.key for b in chosen[: chosen.index(buffer) + 1]}
-                    self._left_over |= {b.key for b in chosen} - done
+                    self._left_over |= {each.key for each in chosen} - {each.key for each in chosen[: at + 1]}
                     return
 
-    def _choose(self, running: list[ExpressionBuffer]) -> list[ExpressionBuffer]:
+    def _choose(self, running: list[RuleRecord]) -> list[RuleRecord]:
         """Those that the budget reaches for, in the order of evaluation; the others are left over."""
-        urgent = sorted(running, key=lambda b: (-b.priority, b.key not in self._left_over))
+        rules, left_over = self._base.rules, self._left_over
+        urgent = sorted(running, key=lambda r: (-rules[r.key].priority, r.key not in left_over))
         budget = TICK_STEPS
         taken: set[str] = set()
-        for buffer in urgent:
-            budget -= _expected(buffer)
+        for record in urgent:
+            budget -= self._expected(record)
             if budget < 0 and taken:
                 break
-            taken.add(buffer.key)
-        chosen = [b for b in running if b.key in taken]
-        chosen.sort(key=lambda b: (b.priority, b.key not in self._left_over))
-        self._left_over = frozenset(b.key for b in running) - taken
+            taken.add(record.key)
+        chosen = [record for record in running if record.key in taken]
+        chosen.sort(key=lambda r: (rules[r.key].priority, r.key not in left_over))
+        self._left_over = frozenset(record.key for record in running) - taken
         return chosen
 
-
-def _expected(buffer: ExpressionBuffer) -> int:
-    """Steps that a buffer will probably use: its own bound, or what it and all it enters used the last time."""
-    return max(buffer.program.cost, buffer.steps)
+    def _expected(self, record: RuleRecord) -> int:
+        """Steps that a rule will probably use: its own bound, or what it and all it enters used the last time."""
+        return max(self._base.rules[record.key].program.cost, record.steps)

@@ -20,9 +20,10 @@ from sleepcast.language.symbols import Group, Operator, Stored, UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, buffer_number
 from sleepcast.mind.limits import FAILED, PROVEN_TICKS
 from sleepcast.mind.merging import MergingState
-from sleepcast.node.buffers import RuleSet
+from sleepcast.mind.rules import Rule
 from sleepcast.node.memory import RobotMemory
 from sleepcast.node.node import Node
+from sleepcast.node.scheduler import RuleSet
 
 UNFIT = (*(ValueError, TypeError, LookupError, ArithmeticError), *(AttributeError, RecursionError, SleepcastError))
 """What plain data that nobody has checked may raise on its way into a mind."""
@@ -67,7 +68,7 @@ class MindState(msgspec.Struct, frozen=True):
 def mind_of(node: Node) -> MindState:
     """What this robot has learned."""
     memory = node.memory
-    values, learned = memory.values, memory.learned.values()
+    values, learned = memory.values, memory.base.symbols.values()
     failed = memory.unproven_since == FAILED
     return MindState(
         node.stopped,
@@ -77,14 +78,14 @@ def mind_of(node: Node) -> MindState:
         tuple(found.name for found in learned if isinstance(found, Group)),
         tuple(sorted(memory.groups)),
         tuple(
-            OperatorState(found.name, found.parameters, memory.operators[key].text)
-            for key, found in memory.learned.items()
+            OperatorState(found.name, found.parameters, memory.base.operators[key].text)
+            for key, found in memory.base.symbols.items()
             if isinstance(found, Operator)
         ),
-        _packed(memory.rules.rule_set(), memory.time),
+        _packed(memory.records.rule_set(), memory.time),
         _packed(memory.proven, memory.time),
         None if failed else min(memory.tick - memory.unproven_since, PROVEN_TICKS),
-        memory.merging.state(),
+        memory.base.merging.state(),
         node.doubt,
     )
 
@@ -93,7 +94,7 @@ def fingerprint(node: Node) -> tuple[object, ...]:
     """Something that is the same as long as `mind_of` says the same, but for times that go on by themselves."""
     memory = node.memory
     proven = memory.tick - memory.unproven_since >= PROVEN_TICKS
-    own = [memory.values[found.slot] for found in memory.learned.values() if isinstance(found, UserVariable)]
+    own = [memory.values[found.slot] for found in memory.base.symbols.values() if isinstance(found, UserVariable)]
     values = (*memory.values[: ACTIVE0 + BUFFERS], *own)
     # Unknown is not equal to itself, so numbers are compared by their text.
     return (
@@ -102,12 +103,12 @@ def fingerprint(node: Node) -> tuple[object, ...]:
             node.doubt,
             repr(node.authority.state(0.0)),
             proven,
-            memory.rules.version,
+            memory.records.version,
             memory.groups,
             repr(values),
         ),
-        memory.merging.version,
-        *(tuple(memory.learned), tuple(memory.operators.values())),
+        memory.base.merging.version,
+        *(tuple(memory.base.symbols), tuple(memory.base.operators.values())),
     )
 
 
@@ -145,19 +146,13 @@ def _put_back(parcel: MindState, memory: RobotMemory, away: float) -> list[str]:
         key = operator.name.casefold()
         program = _program(memory, f"operator {operator.name}", operator.text, operator.parameters, lost)
         if program is None:
-            del memory.learned[key]
+            del memory.base.symbols[key]
         else:
-            memory.operators[key] = program
-            memory.learn(key, Operator(operator.name, operator.parameters, program.uses))
-    memory.rules.restore(_unpacked(parcel.rules, memory, away, lost))
+            memory.base.operators[key] = program
+            memory.base.learn(key, Operator(operator.name, operator.parameters, program.uses))
+    memory.restore(_unpacked(parcel.rules, memory, away, lost))
     memory.proven = _unpacked(parcel.proven, memory, away, [])
-    for key in [key for key, found in memory.learned.items() if isinstance(found, Stored)]:
-        if key not in memory.rules.kept:
-            del memory.learned[key]
-    for buffer in memory.rules.kept.values():
-        if buffer_number(buffer.key) is None:
-            memory.learn(buffer.key, Stored(buffer.name, buffer.program.uses))
-    memory.merging.restore(parcel.merging)
+    memory.base.merging.restore(parcel.merging)
     memory.unproven_since = FAILED if parcel.ticks is None else memory.tick - parcel.ticks
     return lost
 
@@ -168,26 +163,26 @@ def _learn_names(parcel: MindState, memory: RobotMemory) -> None:
         slot = memory.vocabulary.user_slot(name.casefold())
         memory.values.extend([float("nan")] * (slot + 1 - len(memory.values)))
         memory.values[slot] = value
-        memory.learned[name.casefold()] = UserVariable(name, slot)
+        memory.base.symbols[name.casefold()] = UserVariable(name, slot)
     for name in parcel.known:
-        memory.learned[name.casefold()] = Group(name)
+        memory.base.symbols[name.casefold()] = Group(name)
     memory.groups = frozenset(parcel.groups)
     for operator in parcel.operators:
-        memory.learned[operator.name.casefold()] = Operator(operator.name, operator.parameters, frozenset())
+        memory.base.symbols[operator.name.casefold()] = Operator(operator.name, operator.parameters, frozenset())
     for rule in (*parcel.rules, *parcel.proven):
         if buffer_number(rule.name.casefold()) is None and not _is_protected(memory, rule.name.casefold()):
-            memory.learned[rule.name.casefold()] = Stored(rule.name, frozenset())
+            memory.base.symbols[rule.name.casefold()] = Stored(rule.name, frozenset())
 
 
 def _is_protected(memory: RobotMemory, key: str) -> bool:
-    buffer = memory.rules.kept.get(key)
-    return buffer is not None and buffer.protected
+    rule = memory.base.rules.get(key)
+    return rule is not None and rule.protected
 
 
 def _packed(rules: RuleSet, now: float) -> tuple[RuleState, ...]:
     return tuple(
-        RuleState(name, text, active, None if lease == inf else lease - now)
-        for name, text, _, active, lease in rules.values()
+        RuleState(rule.name, rule.text, rule.active, None if lease == inf else lease - now)
+        for rule, lease in rules.values()
     )
 
 
@@ -201,14 +196,14 @@ def _unpacked(rules: tuple[RuleState, ...], memory: RobotMemory, away: float, lo
         program = _program(memory, f"rule {rule.name}", rule.text, (), lost)
         if program is not None:
             lease = inf if rule.left is None else memory.time + rule.left - away
-            found[key] = (rule.name, rule.text, program, rule.active, lease)
+            found[key] = (Rule(key, rule.name, rule.text, program, rule.active), lease)
     return found
 
 
 def _program(memory: RobotMemory, what: str, text: str, parameters: tuple[str, ...], lost: list[str]) -> Program | None:
     """The program of a kept text; None, and a sentence more in `lost`, if this robot cannot have it any more."""
     try:
-        return memory.library.program(text, lambda: read_all(text), memory, parameters)
+        return memory.library.program(text, lambda: read_all(text), memory.base, parameters)
     except SleepcastError as error:
         lost.append(f"the {what} cannot be kept: {str(error).splitlines()[0]}")
         return None

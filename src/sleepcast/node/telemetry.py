@@ -26,6 +26,7 @@ from sleepcast.core.units import Quantity
 from sleepcast.language.explain import Explanation, Step
 from sleepcast.language.symbols import Group, Operator, UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Constant, HostFunction, Vocabulary
+from sleepcast.mind.rules import in_order
 from sleepcast.node.memory import RobotMemory
 
 MAX_TEXT_BYTES = 49_152
@@ -87,8 +88,8 @@ def telemetry(memory: RobotMemory, stopped: bool, doubt: str) -> dict[str, objec
     """
     slots = (*range(ACTIVE0 + 1), *range(ACTIVE0 + BUFFERS, memory.vocabulary.size))
     numbers = [memory.peek(slot) for slot in slots]
-    rules = list(memory.rules.in_order())
-    learned = memory.learned.values()
+    rules = list(in_order(memory.base.rules))
+    learned = memory.base.symbols.values()
     told = {"doubt": doubt} if doubt else {}
     return told | {
         "type": digest(vocabulary_text(memory.vocabulary)),
@@ -97,7 +98,7 @@ def telemetry(memory: RobotMemory, stopped: bool, doubt: str) -> dict[str, objec
         "active": sum(1 << i - 1 for i in range(1, BUFFERS) if memory.values[ACTIVE0 + i] > 0.0),
         "running": _bits([rule.active for rule in rules]),
         "user": {found.name: memory.values[found.slot] for found in learned if isinstance(found, UserVariable)},
-        "groups": [found.name for key, found in memory.learned.items() if key in memory.groups],
+        "groups": [found.name for key, found in memory.base.symbols.items() if key in memory.groups],
         "stopped": stopped,
         "driven": memory.driven,
     }
@@ -162,16 +163,16 @@ def _described(vocabulary: Vocabulary, doc: int) -> str:
 
 def mind_text(memory: RobotMemory) -> str:
     """What it has learned as JSON: the groups it has heard of, its operators, and its rules in the order of a round."""
-    learned = memory.learned.items()
+    learned = memory.base.symbols.items()
     return _json(
         {
             "groups": [found.name for _, found in learned if isinstance(found, Group)],
             "operators": [
-                [found.name, found.parameters, memory.operators[key].text]
+                [found.name, found.parameters, memory.base.operators[key].text]
                 for key, found in learned
                 if isinstance(found, Operator)
             ],
-            "rules": [[rule.name, rule.text, rule.protected] for rule in memory.rules.in_order()],
+            "rules": [[rule.name, rule.text, rule.protected] for rule in in_order(memory.base.rules)],
         }
     )
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TypeAlias
 
+from sleepcast.fleet.minds import Mind
 from sleepcast.language.operations import MAX_DEPTH, MAX_LEVELS
 from sleepcast.language.parts import Part, walk
 from sleepcast.language.program import MAX_STEPS, Program
 from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Kind, Variable
-from sleepcast.mind.rules import Mind
 
 Name: TypeAlias = tuple[str, str]
 """The op of the part that uses a name - `fetch`, `call` or `known` (a user variable) - and its key."""
@@ -56,7 +56,7 @@ def name_of(part: Part) -> Name | None:
 def _meant(name: Name, mind: Mind) -> Program | bool | None:
     op, key = name
     if op == "known":
-        return isinstance(mind.learned.get(key), UserVariable)
+        return isinstance(mind.symbols.get(key), UserVariable)
     if op == "call":
         return mind.operators.get(key)
     kept = mind.rules.get(key)

@@ -54,7 +54,7 @@ HOUSE = {
     "simulator": room("channel robot", "numpy msgspec mcap lz4 zstandard numba llvmlite", late="yaml PIL"),
     "bridges": room("nomad robot"),
     "loop": room("language channel mind node fleet simulator robot", "msgspec"),
-    "station": room("language channel", "msgspec numpy"),
+    "station": room("language channel mind", "msgspec numpy"),
     "console": room(
         "language channel robot nomad node fleet simulator loop station", "starlette uvicorn msgspec numpy"
     ),

@@ -13,10 +13,10 @@ from sleepcast.core.units import Quantity
 from sleepcast.language import Vocabulary
 from sleepcast.language.vocabulary import Constant, HostFunction
 from sleepcast.node.node import Node
-from sleepcast.node.telemetry import digest
+from sleepcast.mind.telemetry import digest
 from sleepcast.station import Station
 from sleepcast.station.remote import MAX_TYPES, RemoteMinds
-from sleepcast.station.telemetry import TelemetryError, read_why
+from sleepcast.mind.telemetry import TelemetryError, read_why
 from station.far import Far
 from station.fleet import Fleet
 

@@ -49,7 +49,7 @@ from sleepcast.node.acts import ACTS
 from sleepcast.node.linking import VariableTable
 from sleepcast.node.memory import RobotMemory, Voice
 from sleepcast.node.scheduler import RuleRecord, Scheduler
-from sleepcast.node.telemetry import NOTHING, Details, answer_look
+from sleepcast.node.telemetry import NOTHING, Details, answer_inspection
 from sleepcast.robot import Robot
 
 MAX_RECOLLECTIONS = 64
@@ -421,7 +421,9 @@ class Node:
         if message.kind is Kind.ASK and LOOK in message.body:
             stops = self.authority.stops(now)
             self._answer(
-                message, "answer", told=answer_look(message.body, memory, self.stopped, self.doubt, stops, self.why)
+                message,
+                "answer",
+                told=answer_inspection(message.body, memory, self.stopped, self.doubt, stops, self.why),
             )
             return
         if message.kind is Kind.COMMAND and LEASE in message.body:

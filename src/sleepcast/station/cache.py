@@ -19,7 +19,7 @@ from sleepcast.core.files import data_folder, replace_file
 from sleepcast.core.serial import SerialError, pack, unpack
 from sleepcast.station.remote import MAX_MINDS, MAX_TELLERS, MAX_TYPES, RemoteMinds
 from sleepcast.station.roster import MAX_ROBOTS
-from sleepcast.station.telemetry import TelemetryRecord
+from sleepcast.mind.telemetry import TelemetryRecord
 
 MAX_BYTES = 128 * 1024 * 1024
 """Of a file: as many robots as a roster takes."""

@@ -31,7 +31,7 @@ from sleepcast.language.symbols import Declared, Group, Operator, Stored, UserVa
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Variable, Vocabulary, VocabularyError, buffer_number
 from sleepcast.station.preview import Undecided
 from sleepcast.station.schema_merge import SlotMap, merge_schemas
-from sleepcast.station.telemetry import (
+from sleepcast.mind.telemetry import (
     MindRecord,
     TelemetryError,
     TelemetryRecord,

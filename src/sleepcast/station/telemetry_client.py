@@ -19,7 +19,7 @@ from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.account import Command
 from sleepcast.station.minds import Telemetry
 from sleepcast.station.remote import RemoteMind, RemoteMinds
-from sleepcast.station.telemetry import TelemetryError, read_why
+from sleepcast.mind.telemetry import TelemetryError, read_why
 
 MAX_LOOKS = 256
 """Looks whose answers are still expected."""

@@ -1,19 +1,30 @@
-"""Tellings: what robots tell of themselves on the air, read as something that anybody may have written.
+"""Telemetry: what robots tell of themselves when they are asked, so that a desk far away can check names and foresee
+who obeys. Both ends: what a robot makes of itself, and what a desk makes of that.
 
-`sleepcast.node.telemetry` writes these; here every one of them is checked before anything is made of it: sorts,
-lengths, names. Whatever else comes is a `TelemetryError`, and no other.
+    telemetry    its numbers in the order of its vocabulary, groups, flags: small, asked for often
+    vocabulary   the names of its type: asked for once for all robots of the type
+    mind         what it has learned: asked for once for all robots that have learned the same
+    why          how it evaluated a command
+
+Vocabulary, mind and explanation are JSON texts, and telemetry names the first two by a digest of their bytes: who has
+the text of that digest need not ask for it, and nobody has to be believed about what a digest stands for. What comes in
+may have been written by anybody: sorts, lengths and names are checked before anything is made of it, and whatever else
+comes is a `TelemetryError`, and no other. docs/wire.md has the layouts.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from hashlib import sha256
-from math import inf, isfinite, nan
-from struct import unpack
+from math import inf, isfinite, isnan, nan
+from struct import pack, unpack
 from typing import Annotated, TypeVar
+from weakref import WeakKeyDictionary
 
 import msgspec
 
+from sleepcast.channel.message import MAX_TEXT
 from sleepcast.core.serial import UNREADABLE
 from sleepcast.core.units import UNITS, Dimension, Quantity
 from sleepcast.language.explain import Explanation, Step
@@ -33,8 +44,16 @@ from sleepcast.language.vocabulary import (
 
 MAX_NAMES = 512
 """Sensors, actuators, constants and functions of one type, of each sort."""
-MAX_TEXT_BYTES = 65_536
-"""Bytes of a text that is looked at: more does not come in one message."""
+MAX_TEXT_BYTES = 49_152
+"""Bytes of a vocabulary, a mind or an explanation that a robot tells: well within one message."""
+MAX_TEXT_READ = 65_536
+"""Characters of a text that is looked at: more does not come in one message."""
+MAX_DOC = 200
+"""Characters of what a vocabulary says about a name."""
+STEPS_SENT = (250, 60, 15, 1)
+"""Parts of an explained expression that are told, fewer where their texts are too long together."""
+MAX_STEP_TEXT = 120
+"""Characters of the text of one of them."""
 MAX_EXPONENT = 9
 """Of a dimension, either way."""
 MAX_LEVELS = 200
@@ -42,6 +61,7 @@ MAX_LEVELS = 200
 MAX_DOUBT = 200
 """Characters of why a robot stands although nobody may have stopped it."""
 DIGEST_BYTES = 8
+"""Bytes of a digest: nobody comes upon two texts of one digest by accident, and who makes them lies about himself."""
 TOLD_SUPPORT = len(SUPPORT) - (BUFFERS - 1)
 """Support variables that are told as numbers; the others are the active flags of buffers."""
 
@@ -66,6 +86,12 @@ class QuantityRecord(msgspec.Struct, array_like=True):
     doc: Words
     shown_as: str
 
+    @classmethod
+    def of(cls, found: Quantity, doc: int) -> QuantityRecord:
+        """doc: characters of what is said about it."""
+        bounds = _finite(found.low), _finite(found.high), _finite(found.freshness)
+        return cls(found.name, found.unit, *bounds, found.doc[:doc], found.shown_as)
+
     def made(self) -> Quantity:
         if not is_name(self.name) or not {self.unit, self.shown_as} <= {*UNITS, ""}:
             raise TelemetryError(f"a variable {self.name!r} in {self.unit[:20]!r} or {self.shown_as[:20]!r}")
@@ -84,6 +110,10 @@ class ConstantRecord(msgspec.Struct, array_like=True):
     dimension: Exponents | None
     doc: Words
 
+    @classmethod
+    def of(cls, found: Constant, doc: int) -> ConstantRecord:
+        return cls(found.name, _finite(found.value), found.dimension, found.doc[:doc])
+
     def made(self) -> Constant:
         _named(self.name)
         return Constant(self.name, nan if self.value is None else self.value, _dimension(self.dimension), self.doc)
@@ -101,6 +131,12 @@ class FunctionRecord(msgspec.Struct, array_like=True):
     labelled: bool
     irreversible: bool
     doc: Words
+
+    @classmethod
+    def of(cls, found: HostFunction, doc: int) -> FunctionRecord:
+        least = len(found.dimensions) if found.least is None else found.least
+        flags = found.acts, found.labelled, found.irreversible
+        return cls(found.name, list(found.dimensions), least, found.arguments, found.result, *flags, found.doc[:doc])
 
     def made(self) -> HostFunction:
         _named(self.name)
@@ -121,6 +157,26 @@ class VocabularyRecord(msgspec.Struct):
     constants: Annotated[list[ConstantRecord], msgspec.Meta(max_length=MAX_NAMES)]
     functions: Annotated[list[FunctionRecord], msgspec.Meta(max_length=MAX_NAMES)]
 
+    @classmethod
+    def of(cls, found: Vocabulary, doc: int) -> VocabularyRecord:
+        return cls(
+            found.name,
+            [QuantityRecord.of(each, doc) for each in found.sensors],
+            [QuantityRecord.of(each, doc) for each in found.actuators],
+            [ConstantRecord.of(each, doc) for each in found.constants],
+            [FunctionRecord.of(each, doc) for each in found.functions],
+        )
+
+    def made(self) -> Vocabulary:
+        """Its functions cannot be called."""
+        return Vocabulary(
+            self.name,
+            tuple(found.made() for found in self.sensors),
+            tuple(found.made() for found in self.actuators),
+            constants=tuple(found.made() for found in self.constants),
+            functions=tuple(found.made() for found in self.functions),
+        )
+
 
 class MindRecord(msgspec.Struct):
     """What a robot has learned. operators: name, parameters, text. rules: name, text, whether it is built in."""
@@ -131,7 +187,12 @@ class MindRecord(msgspec.Struct):
 
 
 class TelemetryRecord(msgspec.Struct):
-    """What a robot tells of itself now; see `sleepcast.node.telemetry.telemetry`."""
+    """What a robot tells of itself now.
+
+    type, mind: digests of the texts. values: float64, little endian, SI, NaN for unknown: every variable of the
+    vocabulary in its order, but for the active flags of buffers, which are bits of `active`. running: which of the
+    mind's rules run, bits, the first lowest. user: user variables; groups: those it is in.
+    """
 
     type: Annotated[bytes, msgspec.Meta(min_length=DIGEST_BYTES, max_length=DIGEST_BYTES)]
     mind: Annotated[bytes, msgspec.Meta(min_length=DIGEST_BYTES, max_length=DIGEST_BYTES)]
@@ -143,6 +204,12 @@ class TelemetryRecord(msgspec.Struct):
     stopped: bool
     driven: bool = False
     doubt: Annotated[str, msgspec.Meta(max_length=MAX_DOUBT)] = ""
+
+    def body(self) -> dict[str, object]:
+        """As it stands in an answer."""
+        told = msgspec.structs.asdict(self)
+        doubt = {"doubt": told.pop("doubt")} if self.doubt else {}
+        return doubt | {key: value for key, value in told.items() if key != "doubt"}
 
     def numbers(self) -> Sequence[float]:
         """The numbers, NaN for unknown: the support variables but for the active flags, sensors, actuators."""
@@ -162,6 +229,27 @@ class StepRecord(msgspec.Struct, array_like=True):
     end: int
     note: Words
     parts: list[StepRecord]
+
+    @classmethod
+    def of(cls, root: Step, most: int) -> StepRecord:
+        """The first `most` parts of a tree, level by level."""
+        found = cls._alone(root)
+        level, told = [(root, found)], 1
+        while level:
+            below: list[tuple[Step, StepRecord]] = []
+            for step, record in level:
+                for child in step.children[: max(0, most - told)]:
+                    record.parts.append(cls._alone(child))
+                    below.append((child, record.parts[-1]))
+                    told += 1
+            level = below
+        return found
+
+    @classmethod
+    def _alone(cls, step: Step) -> StepRecord:
+        text = step.text if len(step.text) <= MAX_STEP_TEXT else f"{step.text[: MAX_STEP_TEXT - 3]}..."
+        note = (step.fault or step.note)[: 2 * MAX_STEP_TEXT]
+        return cls(text, None if step.value is None else _known(step.value), step.start, step.end, note, [])
 
     def made(self, levels: int = MAX_LEVELS) -> Step:
         if not levels:
@@ -183,21 +271,85 @@ class ExplanationRecord(msgspec.Struct):
     time: float
     root: StepRecord
 
+    @classmethod
+    def of(cls, found: Explanation, most: int) -> ExplanationRecord:
+        """most: parts of the expression."""
+        return cls(
+            found.text[: MAX_TEXT // 8],
+            _known(found.value),
+            found.matched,
+            found.reason[: 4 * MAX_STEP_TEXT],
+            [fault[: 4 * MAX_STEP_TEXT] for fault in found.faults[:10]],
+            found.command,
+            found.time,
+            StepRecord.of(found.root, most),
+        )
+
     def made(self) -> Explanation:
         about = (tuple(self.faults), self.command, self.time)
         return Explanation(self.text, _value(self.value), self.matched, self.reason, self.root.made(), *about)
 
 
-Record = TypeVar("Record", bound=msgspec.Struct)
-
-
 def digest(text: str) -> bytes:
-    """What names a text."""
+    """What names a text: the first bytes of the SHA-256 of its UTF-8."""
     return sha256(text.encode()).digest()[:DIGEST_BYTES]
 
 
+# ---- what a robot tells
+
+_TEXTS: WeakKeyDictionary[Vocabulary, str] = WeakKeyDictionary()
+
+
+def vocabulary_text(vocabulary: Vocabulary) -> str:
+    """The names of a type as JSON; without what is said about them where there are too many."""
+    found = _TEXTS.get(vocabulary)
+    if found is None:
+        found = as_text(VocabularyRecord.of(vocabulary, MAX_DOC))
+        if len(found.encode()) > MAX_TEXT_BYTES:
+            found = as_text(VocabularyRecord.of(vocabulary, 0))
+        _TEXTS[vocabulary] = found
+    return found
+
+
+def why_text(explanation: Explanation) -> str:
+    """An explanation as JSON: its upper parts, where there are too many."""
+    for most in STEPS_SENT:
+        found = as_text(ExplanationRecord.of(explanation, most))
+        if len(found.encode()) <= MAX_TEXT_BYTES:
+            break
+    return found
+
+
+def as_text(record: msgspec.Struct) -> str:
+    """A record as JSON: the same bytes for the same record, as they have a digest."""
+    return json.dumps(msgspec.to_builtins(record), ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+
+
+def bits(flags: Sequence[bool]) -> bytes:
+    """Flags as bits, the first one the lowest of the first byte."""
+    number = sum(1 << at for at, flag in enumerate(flags) if flag)
+    return number.to_bytes((len(flags) + 7) // 8, "little")
+
+
+def packed(numbers: Sequence[float]) -> bytes:
+    """Numbers as `TelemetryRecord.values` has them."""
+    return pack(f"<{len(numbers)}d", *numbers)
+
+
+def _known(value: float) -> float | str | None:
+    """A value of an explanation: unknown is a text, because null is what was not evaluated."""
+    return "UNKNOWN" if isnan(value) else _finite(value)
+
+
+def _finite(value: float) -> float | None:
+    return value if isfinite(value) else None
+
+
+# ---- what a desk makes of it
+
+
 def read_telemetry(told: object) -> TelemetryRecord:
-    """Telemetry as it comes in a body. Raises TellingError."""
+    """Telemetry as it comes in a body. Raises TelemetryError."""
     try:
         found = msgspec.convert(told, TelemetryRecord, strict=True)
     except UNREADABLE as error:
@@ -209,22 +361,16 @@ def read_telemetry(told: object) -> TelemetryRecord:
 
 
 def read_vocabulary(text: str) -> Vocabulary:
-    """A vocabulary. Its functions cannot be called. Raises TellingError."""
+    """A vocabulary. Its functions cannot be called. Raises TelemetryError."""
     told = _decoded(VocabularyRecord, text)
     try:
-        return Vocabulary(
-            told.name,
-            tuple(found.made() for found in told.sensors),
-            tuple(found.made() for found in told.actuators),
-            constants=tuple(found.made() for found in told.constants),
-            functions=tuple(found.made() for found in told.functions),
-        )
+        return told.made()
     except VocabularyError as error:
         raise TelemetryError(str(error)) from None
 
 
 def read_mind(text: str) -> MindRecord:
-    """What a robot has learned. Raises TellingError."""
+    """What a robot has learned. Raises TelemetryError."""
     told = _decoded(MindRecord, text)
     for name in (*told.groups, *(found[0] for found in (*told.operators, *told.rules))):
         _named(name)
@@ -235,12 +381,15 @@ def read_mind(text: str) -> MindRecord:
 
 
 def read_why(text: str) -> Explanation:
-    """An explanation. Raises TellingError."""
+    """An explanation. Raises TelemetryError."""
     return _decoded(ExplanationRecord, text).made()
 
 
+Record = TypeVar("Record", bound=msgspec.Struct)
+
+
 def _decoded(kind: type[Record], text: object) -> Record:
-    if not isinstance(text, str) or len(text) > MAX_TEXT_BYTES:
+    if not isinstance(text, str) or len(text) > MAX_TEXT_READ:
         raise TelemetryError("no text, or one that is too long")
     try:
         return msgspec.json.decode(text, type=kind)

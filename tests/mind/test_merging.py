@@ -11,8 +11,9 @@ import pytest
 
 from sleepcast.channel import Kind, Message
 from sleepcast.language.vocabulary import Vocabulary
+from sleepcast.mind.state import MindState
 from sleepcast.node.node import Node
-from sleepcast.node.state import MindState, mind_of, restore
+from sleepcast.node.state import mind_of, restore
 
 NOTHING = Vocabulary("nothing")
 CHANGES = (

@@ -296,38 +296,38 @@ class FleetState:
         columns = {slot: Array.of(column) for slot, column in self._own().items()}
         return ValuesState(list(self._same), columns, dump_arrays(self.groups))
 
-    def restore(self, parcel: ColumnsState) -> None:
-        """Be as that state was. Raises ParcelError if it is of another fleet."""
-        self.refill(parcel.values)
-        load_arrays(parcel.arrays, self._arrays())
+    def restore(self, state: ColumnsState) -> None:
+        """Be as that state was. Raises SerialError if it is of another fleet."""
+        self.refill(state.values)
+        load_arrays(state.arrays, self._arrays())
         self._one_mind.clear()
-        if not all(0 <= slot < len(self._same) for slot in parcel.actuated):
+        if not all(0 <= slot < len(self._same) for slot in state.actuated):
             raise SerialError("an actuator that is no variable")
         self.actuated = {
             slot: robots.made(np.bool_, (self.count,), f"who assigned actuator {slot}")
-            for slot, robots in parcel.actuated.items()
+            for slot, robots in state.actuated.items()
         }
-        if parcel.telling:  # else it was kept before robots told at a bounded rate
-            load_arrays(parcel.telling, self._telling())
-        if parcel.latches:  # else it was kept before STOPs were known by their numbers: the next RELEASE ends them
-            load_arrays(parcel.orders, {"latch": self.latch})
-            within(self.latch, 0, len(parcel.latches) - 1, "the latch of a robot")
-            self.latches = list(parcel.latches)
+        if state.telling:  # else it was kept before robots told at a bounded rate
+            load_arrays(state.telling, self._telling())
+        if state.latches:  # else it was kept before STOPs were known by their numbers: the next RELEASE ends them
+            load_arrays(state.orders, {"latch": self.latch})
+            within(self.latch, 0, len(state.latches) - 1, "the latch of a robot")
+            self.latches = list(state.latches)
 
-    def refill(self, parcel: ValuesState) -> None:
-        """Have those values. Raises ParcelError if they are of another fleet."""
-        length, shape = len(parcel.same), (self.count,)
+    def refill(self, state: ValuesState) -> None:
+        """Have those values. Raises SerialError if they are of another fleet."""
+        length, shape = len(state.same), (self.count,)
         if not len(self._same) <= length <= len(self._same) + MAX_USER_VARIABLES:
             raise SerialError(f"robots with {length} variables, wanted {len(self._same)} and those that they made")
-        if not all(0 <= slot < length and slot not in self._shared for slot in parcel.columns):
+        if not all(0 <= slot < length and slot not in self._shared for slot in state.columns):
             raise SerialError(f"a column of a variable that is none of the {length}, or one that others keep")
         shared = [(slot, self._columns[slot]) for slot in self._shared]
-        self._same, self._columns = list(parcel.same), [None] * length
+        self._same, self._columns = list(state.same), [None] * length
         for slot, theirs in shared:
             self._columns[slot] = theirs
-        for slot, column in parcel.columns.items():
+        for slot, column in state.columns.items():
             self._columns[slot] = column.made(np.float64, shape, f"variable {slot}")
-        self.groups = {key: members.made(np.bool_, shape, f"group {key}") for key, members in parcel.groups.items()}
+        self.groups = {key: members.made(np.bool_, shape, f"group {key}") for key, members in state.groups.items()}
 
     def _own(self) -> dict[int, Column]:
         """The columns that nobody else keeps, by slot."""

@@ -160,17 +160,17 @@ class Outbox:
             {robot: list(castes) for robot, castes in self._ping_lists.items() if castes},
         )
 
-    def restore(self, parcel: OutboxState) -> None:
-        """Have to say what was to be said then. Raises ParcelError."""
+    def restore(self, state: OutboxState) -> None:
+        """Have to say what was to be said then. Raises SerialError."""
         count = self._state.count
-        if not all(0 <= robot < count for robot in (*parcel.outboxes, *parcel.ping_lists)):
+        if not all(0 <= robot < count for robot in (*state.outboxes, *state.ping_lists)):
             raise SerialError("a robot that is not there has something to say")
-        self.epoch = parcel.epoch
-        self._sayings = [load_batch(saying, self._names) for saying in parcel.sayings]
-        self._outboxes = {robot: list(messages) for robot, messages in parcel.outboxes.items()}
-        self._ping_lists = {robot: list(castes) for robot, castes in parcel.ping_lists.items()}
+        self.epoch = state.epoch
+        self._sayings = [load_batch(saying, self._names) for saying in state.sayings]
+        self._outboxes = {robot: list(messages) for robot, messages in state.outboxes.items()}
+        self._ping_lists = {robot: list(castes) for robot, castes in state.ping_lists.items()}
         self._pings, self._pinged = [], np.zeros(count, np.int16)
-        for listed, told in parcel.pings:
+        for listed, told in state.pings:
             robots = ascending(listed, count)
             self._pings.append((robots, told.made(np.float64, robots.shape, "castes")))
             self._pinged[robots] += 1
@@ -258,17 +258,17 @@ class Inbox:
             [(message, Array.of(robots.astype(np.int32))) for message, robots in self._queue],
         )
 
-    def restore(self, parcel: InboxState) -> None:
-        """Be as that inbox was. Raises ParcelError."""
-        if len(parcel.seen) > MAX_SEEN:
-            raise SerialError(f"{len(parcel.seen)} messages that have been heard, at most {MAX_SEEN} are remembered")
+    def restore(self, state: InboxState) -> None:
+        """Be as that inbox was. Raises SerialError."""
+        if len(state.seen) > MAX_SEEN:
+            raise SerialError(f"{len(state.seen)} messages that have been heard, at most {MAX_SEEN} are remembered")
         bytes_of_bits = (self._count + 7) // 8
         self._seen = OrderedDict(
             (key, None if bits is None else bits.made(np.uint8, (bytes_of_bits,), "who has heard a message"))
-            for key, bits in parcel.seen
+            for key, bits in state.seen
         )
         self._queue = []
         self.waiting[:] = 0
-        for message, listed in parcel.queue:
+        for message, listed in state.queue:
             if self.put(message, ascending(listed, self._count)).size:
                 raise SerialError(f"more than {MAX_QUEUE} messages that wait for one robot")

@@ -161,22 +161,22 @@ class RuleStatistics:
         }
         return RuleStatisticsState(dump_arrays(arrays), self.most_steps, self.faulted, dict(self.last_fault))
 
-    def restore(self, parcel: RuleStatisticsState) -> None:
-        """Be as that tally was. Raises ParcelError."""
+    def restore(self, state: RuleStatisticsState) -> None:
+        """Be as that tally was. Raises SerialError."""
         count = len(self._fresh)
         steps, firings = np.zeros(count, np.uint16), np.zeros(count, np.int32)
         in_row = np.zeros(count, np.int8)
         load_arrays(
-            parcel.arrays, {"last_value": self.last_value, "steps": steps, "firings": firings, "in_row": in_row}
+            state.arrays, {"last_value": self.last_value, "steps": steps, "firings": firings, "in_row": in_row}
         )
-        if not all(0 <= robot < count for robot in parcel.last_fault):
+        if not all(0 <= robot < count for robot in state.last_fault):
             raise SerialError("the fault of a robot that is not there")
         within(firings, 0, inf, "how often an expression has matched")
         self._steps = int(steps[0]) if (steps == steps[0]).all() else steps
         self._fired = int(firings.max())
         self._firings = firings.astype(np.uint16 if self._fired <= NARROW else np.uint32)
-        self._in_row = in_row if parcel.faulted else None
-        self.most_steps, self.last_fault = parcel.most_steps, dict(parcel.last_fault)
+        self._in_row = in_row if state.faulted else None
+        self.most_steps, self.last_fault = state.most_steps, dict(state.last_fault)
 
 
 class StatisticsTable:
@@ -257,13 +257,13 @@ class StatisticsTable:
         tallies = {key: tally.state() for key, tally in self._tallies.items()}
         return StatisticsState(tallies, dump_arrays(self.leases), dump_arrays(self.proven_leases))
 
-    def restore(self, parcel: StatisticsState) -> None:
-        """Be as those tallies were. Raises ParcelError."""
+    def restore(self, state: StatisticsState) -> None:
+        """Be as those tallies were. Raises SerialError."""
         self._tallies.clear()
-        for key, tally in parcel.tallies.items():
+        for key, tally in state.tallies.items():
             self[key].restore(tally)
-        self.leases, self.proven_leases = self._columns(parcel.leases), self._columns(parcel.proven_leases)
+        self.leases, self.proven_leases = self._columns(state.leases), self._columns(state.proven_leases)
 
-    def _columns(self, parcel: Arrays) -> dict[str, Column]:
+    def _columns(self, state: Arrays) -> dict[str, Column]:
         shape = (self._state.count,)
-        return {key: leases.made(np.float64, shape, f"leases of {key}") for key, leases in parcel.items()}
+        return {key: leases.made(np.float64, shape, f"leases of {key}") for key, leases in state.items()}

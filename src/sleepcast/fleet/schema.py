@@ -1,8 +1,8 @@
-"""What a fleet is when it is kept: the parcels of its parts, from which the same fleet can be made again.
+"""The serialized state of a fleet: plain data from which the same fleet can be made again; `mind.state` has what its
+robots have learned.
 
-Programs are kept as texts, with what their learned names meant, and compiled again. Robots are named by their indices.
-What only lasts within a tick is not here, and neither are the inputs of past commands, from which explanations are
-made.
+Robots are named by their indices. What only lasts within a tick is not here, and neither are the inputs of past
+commands, from which explanations are made.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from sleepcast.channel.message import Message
 from sleepcast.channel.message_batch import MessageBatchState
 from sleepcast.channel.stop_latch import Latch
 from sleepcast.core.serial import Array, Arrays
+from sleepcast.mind.state import SharedMinds
 
 
 class ValuesState(msgspec.Struct):
@@ -45,53 +46,8 @@ class TelemetryState(msgspec.Struct):
     last: Array | None = None
 
 
-class SymbolState(msgspec.Struct, array_like=True):
-    """A learned name. sort: "variable", "rule", "operator" or "group"."""
-
-    sort: str
-    name: str
-    parameters: tuple[str, ...] = ()
-    uses: tuple[str, ...] = ()
-
-
-class ProgramState(msgspec.Struct, array_like=True):
-    """A program: its text and parameters, and what its free names meant when it was compiled."""
-
-    text: str
-    parameters: tuple[str, ...]
-    meanings: dict[str, SymbolState]
-
-
-class RuleState(msgspec.Struct, array_like=True):
-    """A kept expression. program: its place among the programs."""
-
-    key: str
-    name: str
-    program: int
-    active: bool
-    protected: bool
-    priority: int
-
-
-class MindState(msgspec.Struct, array_like=True):
-    """A mind. operators: by key, their programs' places."""
-
-    rules: list[RuleState]
-    learned: dict[str, SymbolState]
-    operators: dict[str, int]
-
-
-class MindsState(msgspec.Struct):
-    """The table of minds by number. user_names: the keys of user variables in the order of their slots."""
-
-    user_names: list[str]
-    programs: list[ProgramState]
-    minds: dict[int, MindState]
-    next: int
-
-
 class RuleStatisticsState(msgspec.Struct, array_like=True):
-    """How one expression has fared; see `Tally`."""
+    """How one expression has fared; see `RuleStatistics`."""
 
     arrays: Arrays
     most_steps: int
@@ -100,7 +56,7 @@ class RuleStatisticsState(msgspec.Struct, array_like=True):
 
 
 class StatisticsState(msgspec.Struct):
-    """All tallies and leases by key."""
+    """All statistics and leases by key."""
 
     tallies: dict[str, RuleStatisticsState]
     leases: Arrays
@@ -129,7 +85,7 @@ class FleetSnapshot(msgspec.Struct):
     """Everything. left_over: by robot, the rules that the budget of the last tick did not reach. measured: by slot,
     when each robot last measured it (s)."""
 
-    minds: MindsState
+    minds: SharedMinds
     state: ColumnsState
     told: TelemetryState
     tallies: StatisticsState

@@ -73,15 +73,15 @@ class FleetTelemetry:
         last = Array.of(self._last.robots.astype(np.int32))
         return TelemetryState(self._then.values(), Array.of(self._stopped), asked, last)
 
-    def restore(self, parcel: TelemetryState) -> None:
-        """Have been told that. Raises ParcelError."""
-        self._then.refill(parcel.values)
+    def restore(self, state: TelemetryState) -> None:
+        """Have been told that. Raises SerialError."""
+        self._then.refill(state.values)
         shape = self._stopped.shape
-        self._stopped = parcel.stopped.made(np.bool_, shape, "who was stopped")
-        self._last = Rows.of(ascending(parcel.last, len(self._stopped))) if parcel.last else Rows.run(0, 0)
-        asked = parcel.asked
+        self._stopped = state.stopped.made(np.bool_, shape, "who was stopped")
+        self._last = Rows.of(ascending(state.last, len(self._stopped))) if state.last else Rows.run(0, 0)
+        asked = state.asked
         if asked is None:  # before it was kept, every robot that told anything told everything
-            self._asked = {slot: np.ones(shape, np.bool_) for slot in parcel.values.columns} if self._large else {}
+            self._asked = {slot: np.ones(shape, np.bool_) for slot in state.values.columns} if self._large else {}
         else:
             self._asked = {slot: those.made(np.bool_, shape, f"who told of {slot}") for slot, those in asked.items()}
 

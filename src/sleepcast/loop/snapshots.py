@@ -1,7 +1,7 @@
 """Snapshots: a whole swarm between two ticks as one file, and a swarm that goes on from there to the last bit.
 
 The file is one msgpack document. Its cover says what it is, in which version of this format and by which version of
-sleepcast it was written; then come the parcels of the simulator (with the scenario), the fleet, the radio, the loop and
+sleepcast it was written; then come the parts of the simulator (with the scenario), the fleet, the radio, the loop and
 the desk, each compressed by itself. Nothing in it is code: programs are texts, and are compiled again.
 
 A snapshot may come from anywhere. All of it is bounded and checked before the swarm that is made from it can run.
@@ -71,7 +71,7 @@ class Document(Cover):
     desk: bytes | None
 
 
-class LoopParcel(msgspec.Struct):
+class LoopState(msgspec.Struct):
     """What the loop itself keeps. orders: of the mission, still to be given: time (s), text and place in its script.
     posted: what the operator has sent since the last tick."""
 
@@ -93,7 +93,7 @@ def snapshot(swarm: Swarm) -> bytes:
             "swarm be kept so that it goes on as it would have"
         )
     robots = len(swarm.fleet)
-    loop = LoopParcel([(order.time, order.text, order.place) for order in swarm.mission], list(swarm.posted))
+    loop = LoopState([(order.time, order.text, order.place) for order in swarm.mission], list(swarm.posted))
     parts = (simulators.state_of(swarm.simulator), fleets.state_of(swarm.fleet), swarm.radio.state(), loop)
     desk = None if swarm.desk is None else swarm.desk.state()
     try:
@@ -190,7 +190,7 @@ def _resumed(document: Document, seed: int | None, threads: int | None) -> Swarm
         raise SerialError(f"a scenario with another number of robots than {document.robots}")
     fleet = unpack(FleetSnapshot, document.fleet, room, "the part of the minds")
     radio = unpack(RadioState, document.radio, room, "the part of the radio")
-    loop = unpack(LoopParcel, document.loop, room, "the part of the loop")
+    loop = unpack(LoopState, document.loop, room, "the part of the loop")
     if max(len(loop.orders), len(loop.posted)) > MAX_ORDERS:
         raise SerialError(f"more than {MAX_ORDERS} orders")
     simulator = simulators.resume(told, seed, threads)

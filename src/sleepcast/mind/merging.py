@@ -112,10 +112,10 @@ class Merging:
         """As plain data."""
         return MergingState(self._floor, dict(self._written), dict(self._flags), dict(self._made))
 
-    def restore(self, parcel: MergingState) -> None:
+    def restore(self, state: MergingState) -> None:
         """Go on with that."""
-        self._floor = parcel.floor
-        self._written, self._flags, self._made = dict(parcel.written), dict(parcel.flags), dict(parcel.made)
+        self._floor = state.floor
+        self._written, self._flags, self._made = dict(state.written), dict(state.flags), dict(state.made)
 
     def _put(self, registers: dict[str, Value], key: str, value: Value) -> None:
         self.version += 1

@@ -1,16 +1,12 @@
-"""Keeping a mind: what a robot has learned, as plain data, and a mind that goes on with it.
+"""The state of a node: what it has learned as plain data, and a node that goes on with it.
 
-Kept are the names it has learned with their values and texts, the groups it is in, its flags, its rules as they are
-and as they last proved themselves, whether it is stopped, who has leases of its groups, and which command has changed
-what. Programs are texts and are compiled again. What is built in is not kept: whoever starts the robot gives it that.
-Nothing of a body is kept: after a restart it stands still until something moves it anew.
+Nothing of a body is kept: after a restart it stands still until something moves it anew. What is built in is not kept
+either: whoever starts the robot gives it that.
 """
 
 from __future__ import annotations
 
 from math import inf, isfinite
-
-import msgspec
 
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.serial import SerialError
@@ -19,50 +15,14 @@ from sleepcast.language.reader import read_all
 from sleepcast.language.symbols import Group, Operator, Stored, UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, buffer_number
 from sleepcast.mind.limits import FAILED, PROVEN_TICKS
-from sleepcast.mind.merging import MergingState
 from sleepcast.mind.rules import Rule
+from sleepcast.mind.state import MindState, OperatorState, RuleState
 from sleepcast.node.memory import RobotMemory
 from sleepcast.node.node import Node
 from sleepcast.node.scheduler import RuleSet
 
 UNFIT = (*(ValueError, TypeError, LookupError, ArithmeticError), *(AttributeError, RecursionError, SleepcastError))
 """What plain data that nobody has checked may raise on its way into a mind."""
-
-
-class RuleState(msgspec.Struct, frozen=True, array_like=True):
-    """A rule or buffer: its name as written. left: s of its lease, None without one."""
-
-    name: str
-    text: str
-    active: bool
-    left: float | None
-
-
-class OperatorState(msgspec.Struct, frozen=True, array_like=True):
-    """An operator made by DEFUN."""
-
-    name: str
-    parameters: tuple[str, ...]
-    text: str
-
-
-class MindState(msgspec.Struct, frozen=True):
-    """See the module. flags: values of the support variables from `marked` to `active63`. proven: the rules that
-    ROLLBACK brings back; ticks: for how many these here have run without a fault, None if one has failed. authority:
-    see `Authority.state`; merging: see `Merging`; doubt: see `Node`."""
-
-    stopped: bool
-    authority: dict[str, object]
-    flags: tuple[float, ...]
-    variables: dict[str, float]
-    known: tuple[str, ...]
-    groups: tuple[str, ...]
-    operators: tuple[OperatorState, ...]
-    rules: tuple[RuleState, ...]
-    proven: tuple[RuleState, ...]
-    ticks: int | None
-    merging: MergingState = MergingState()
-    doubt: str = ""
 
 
 def mind_of(node: Node) -> MindState:
@@ -112,16 +72,16 @@ def fingerprint(node: Node) -> tuple[object, ...]:
     )
 
 
-def restore(parcel: MindState, node: Node, away: float) -> list[str]:
+def restore(state: MindState, node: Node, away: float) -> list[str]:
     """Let a robot that has learned nothing yet go on with this; a STOP holds. away: s that have passed meanwhile, for
-    leases. Gives what could not be kept and why, as sentences. Raises ParcelError for what no mind can be; the robot is
+    leases. Gives what could not be kept and why, as sentences. Raises SerialError for what no mind can be; the robot is
     then of no use any more."""
     try:
-        lost = _put_back(parcel, node.memory, away)
-        node.authority.restore(parcel.authority, node.memory.time - away)
+        lost = _put_back(state, node.memory, away)
+        node.authority.restore(state.authority, node.memory.time - away)
     except UNFIT as error:
         raise SerialError(f"no mind can be made of this: {type(error).__name__}: {error}") from None
-    return lost + stand(node, parcel.doubt) if parcel.stopped else lost
+    return lost + stand(node, state.doubt) if state.stopped else lost
 
 
 def stand(node: Node, doubt: str) -> list[str]:
@@ -133,16 +93,16 @@ def stand(node: Node, doubt: str) -> list[str]:
     return []
 
 
-def _put_back(parcel: MindState, memory: RobotMemory, away: float) -> list[str]:
-    if len(parcel.flags) != ACTIVE0 + BUFFERS or not all(map(isfinite, parcel.flags)):
+def _put_back(state: MindState, memory: RobotMemory, away: float) -> list[str]:
+    if len(state.flags) != ACTIVE0 + BUFFERS or not all(map(isfinite, state.flags)):
         raise SerialError(f"wanted {ACTIVE0 + BUFFERS} flags")
     protected = {f"e{number}" for number in range(BUFFERS) if _is_protected(memory, f"e{number}")}
-    for slot, value in enumerate(parcel.flags):
+    for slot, value in enumerate(state.flags):
         if f"e{slot - ACTIVE0}" not in protected:
             memory.values[slot] = value
-    _learn_names(parcel, memory)
+    _learn_names(state, memory)
     lost: list[str] = []
-    for operator in parcel.operators:
+    for operator in state.operators:
         key = operator.name.casefold()
         program = _program(memory, f"operator {operator.name}", operator.text, operator.parameters, lost)
         if program is None:
@@ -150,26 +110,26 @@ def _put_back(parcel: MindState, memory: RobotMemory, away: float) -> list[str]:
         else:
             memory.base.operators[key] = program
             memory.base.learn(key, Operator(operator.name, operator.parameters, program.uses))
-    memory.restore(_unpacked(parcel.rules, memory, away, lost))
-    memory.proven = _unpacked(parcel.proven, memory, away, [])
-    memory.base.merging.restore(parcel.merging)
-    memory.unproven_since = FAILED if parcel.ticks is None else memory.tick - parcel.ticks
+    memory.restore(_unpacked(state.rules, memory, away, lost))
+    memory.proven = _unpacked(state.proven, memory, away, [])
+    memory.base.merging.restore(state.merging)
+    memory.unproven_since = FAILED if state.ticks is None else memory.tick - state.ticks
     return lost
 
 
-def _learn_names(parcel: MindState, memory: RobotMemory) -> None:
+def _learn_names(state: MindState, memory: RobotMemory) -> None:
     """All names before any text, as texts name each other."""
-    for name, value in parcel.variables.items():
+    for name, value in state.variables.items():
         slot = memory.vocabulary.user_slot(name.casefold())
         memory.values.extend([float("nan")] * (slot + 1 - len(memory.values)))
         memory.values[slot] = value
         memory.base.symbols[name.casefold()] = UserVariable(name, slot)
-    for name in parcel.known:
+    for name in state.known:
         memory.base.symbols[name.casefold()] = Group(name)
-    memory.groups = frozenset(parcel.groups)
-    for operator in parcel.operators:
+    memory.groups = frozenset(state.groups)
+    for operator in state.operators:
         memory.base.symbols[operator.name.casefold()] = Operator(operator.name, operator.parameters, frozenset())
-    for rule in (*parcel.rules, *parcel.proven):
+    for rule in (*state.rules, *state.proven):
         if buffer_number(rule.name.casefold()) is None and not _is_protected(memory, rule.name.casefold()):
             memory.base.symbols[rule.name.casefold()] = Stored(rule.name, frozenset())
 

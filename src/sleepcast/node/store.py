@@ -31,9 +31,10 @@ from sleepcast.channel.reliable import KEEP_EVERY, ReliableDelivery
 from sleepcast.core.clock import Clock
 from sleepcast.core.serial import SerialError, pack
 from sleepcast.mind.limits import MAX_QUEUE, MAX_SEEN
+from sleepcast.mind.state import MindState
 from sleepcast.node.integrity import NEWBORN, Marker, Seal
 from sleepcast.node.node import Node
-from sleepcast.node.state import MindState, fingerprint, mind_of, restore, stand
+from sleepcast.node.state import fingerprint, mind_of, restore, stand
 from sleepcast.node.store_file import (
     FORMAT,
     MAX_MIND,

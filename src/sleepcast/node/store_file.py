@@ -22,8 +22,8 @@ from sleepcast.channel.message_store import MAX_STANDING, StandingCommand, Store
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.files import settle
 from sleepcast.core.serial import SerialError, unpack
+from sleepcast.mind.state import MindState
 from sleepcast.node.integrity import DamageError, Marker, Seal, doubt_about, sum_of
-from sleepcast.node.state import MindState
 
 FORMAT = 2
 """The version of the format of stores; a file of a newer one is refused. Those of format 1 had no seal."""

@@ -1,0 +1,156 @@
+"""State: what robots have learned as plain data, for stores, snapshots and the air.
+
+Programs are texts, and are compiled again. A store holds one robot (`MindState`), whose texts mean what their names
+mean when it goes on. A snapshot holds all robots of a run (`SharedMinds`), which must go on to the last bit: each
+program comes with the meanings that its names had when it was first compiled, whatever has happened to them since.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import msgspec
+
+from sleepcast.core.errors import SleepcastError
+from sleepcast.core.serial import SerialError
+from sleepcast.language.program import Library, Program
+from sleepcast.language.reader import read_all
+from sleepcast.language.symbols import SORTS, Declared, Group, Operator, Stored, UserVariable
+from sleepcast.language.vocabulary import Vocabulary
+from sleepcast.mind.merging import MergingState
+
+
+class OperatorState(msgspec.Struct, frozen=True, array_like=True):
+    """An operator made by DEFUN."""
+
+    name: str
+    parameters: tuple[str, ...]
+    text: str
+
+
+# ---- one robot, in a store
+
+
+class RuleState(msgspec.Struct, frozen=True, array_like=True):
+    """A rule or buffer: its name as written. left: s of its lease, None without one."""
+
+    name: str
+    text: str
+    active: bool
+    left: float | None
+
+
+class MindState(msgspec.Struct, frozen=True):
+    """One robot: the names it has learned with their values and texts, the groups it is in, its rules, whether it is
+    stopped, who has leases of its groups, and which command has changed what. What is built in is not here.
+
+    flags: values of the support variables from `marked` to `active63`. proven: the rules that ROLLBACK brings back;
+    ticks: for how many these here have run without a fault, None if one has failed. authority: see `Authority.state`;
+    doubt: see `Node`.
+    """
+
+    stopped: bool
+    authority: dict[str, object]
+    flags: tuple[float, ...]
+    variables: dict[str, float]
+    known: tuple[str, ...]
+    groups: tuple[str, ...]
+    operators: tuple[OperatorState, ...]
+    rules: tuple[RuleState, ...]
+    proven: tuple[RuleState, ...]
+    ticks: int | None
+    merging: MergingState = MergingState()
+    doubt: str = ""
+
+
+# ---- all robots, in a snapshot
+
+
+class SymbolState(msgspec.Struct, array_like=True):
+    """What a learned name means. sort: one of `SORTS`."""
+
+    sort: str
+    name: str
+    parameters: tuple[str, ...] = ()
+    uses: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, found: Declared) -> SymbolState:
+        parameters = found.parameters if isinstance(found, Operator) else ()
+        uses = tuple(sorted(found.uses)) if isinstance(found, Stored | Operator) else ()
+        return cls(SORTS[type(found)], found.name, parameters, uses)
+
+    def made(self, key: str, vocabulary: Vocabulary) -> Declared:
+        """What the name `key` means. Raises SerialError."""
+        if self.sort == SORTS[UserVariable]:
+            if key not in vocabulary.user_slots:
+                raise SerialError(f"a user variable {key[:80]} without a place for its value")
+            return UserVariable(self.name, vocabulary.user_slots[key])
+        if self.sort == SORTS[Stored]:
+            return Stored(self.name, frozenset(self.uses))
+        if self.sort == SORTS[Operator]:
+            return Operator(self.name, self.parameters, frozenset(self.uses))
+        if self.sort == SORTS[Group]:
+            return Group(self.name)
+        raise SerialError(f"{self.sort[:80]} is no sort of name")
+
+
+class ProgramState(msgspec.Struct, array_like=True):
+    """A program: its text and parameters, and what its free names meant when it was compiled."""
+
+    text: str
+    parameters: tuple[str, ...]
+    meanings: dict[str, SymbolState]
+
+    @classmethod
+    def of(cls, program: Program, parameters: tuple[str, ...]) -> ProgramState:
+        return cls(program.text, parameters, {key: SymbolState.of(found) for key, found in program.meanings.items()})
+
+    def made(self, vocabulary: Vocabulary, library: Library) -> Program:
+        """The program that it was. Raises SerialError."""
+        names = _Meanings(vocabulary, {key: each.made(key, vocabulary) for key, each in self.meanings.items()})
+        try:
+            return library.program(self.text, lambda: read_all(self.text), names, self.parameters)
+        except SleepcastError as error:
+            raise SerialError(f"a kept expression cannot be compiled any more: {str(error).splitlines()[0]}") from None
+
+
+class SharedRule(msgspec.Struct, array_like=True):
+    """A rule or buffer. program: its place among the programs."""
+
+    key: str
+    name: str
+    program: int
+    active: bool
+    protected: bool
+    priority: int
+
+
+class SharedMind(msgspec.Struct, array_like=True):
+    """What some robots have learned alike. operators: by key, their programs' places."""
+
+    rules: list[SharedRule]
+    symbols: dict[str, SymbolState]
+    operators: dict[str, int]
+
+
+class SharedMinds(msgspec.Struct):
+    """The table of minds by number. user_names: the keys of user variables in the order of their slots."""
+
+    user_names: list[str]
+    programs: list[ProgramState]
+    minds: dict[int, SharedMind]
+    next: int
+
+
+class _Meanings:
+    """The names that a program depended on, for the checker (its `Names`)."""
+
+    def __init__(self, vocabulary: Vocabulary, meanings: Mapping[str, Declared]) -> None:
+        self.vocabulary, self._meanings = vocabulary, meanings
+
+    def declared(self, key: str) -> Declared | None:
+        return self._meanings.get(key)
+
+    def heard(self) -> Iterable[str]:
+        return ()

@@ -12,11 +12,10 @@ from sleepcast.channel.payload import TOLD, Inspection
 from sleepcast.core.units import Quantity
 from sleepcast.language import Vocabulary
 from sleepcast.language.vocabulary import Constant, HostFunction
+from sleepcast.mind.telemetry import TelemetryError, digest, read_why
 from sleepcast.node.node import Node
-from sleepcast.mind.telemetry import digest
 from sleepcast.station import Station
 from sleepcast.station.remote import MAX_TYPES, RemoteMinds
-from sleepcast.mind.telemetry import TelemetryError, read_why
 from station.far import Far
 from station.fleet import Fleet
 

@@ -166,9 +166,7 @@ class RuleStatistics:
         count = len(self._fresh)
         steps, firings = np.zeros(count, np.uint16), np.zeros(count, np.int32)
         in_row = np.zeros(count, np.int8)
-        load_arrays(
-            state.arrays, {"last_value": self.last_value, "steps": steps, "firings": firings, "in_row": in_row}
-        )
+        load_arrays(state.arrays, {"last_value": self.last_value, "steps": steps, "firings": firings, "in_row": in_row})
         if not all(0 <= robot < count for robot in state.last_fault):
             raise SerialError("the fault of a robot that is not there")
         within(firings, 0, inf, "how often an expression has matched")

@@ -17,9 +17,9 @@ from sleepcast.channel.payload import TOLD
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.files import data_folder, replace_file
 from sleepcast.core.serial import SerialError, pack, unpack
+from sleepcast.mind.telemetry import TelemetryRecord
 from sleepcast.station.remote import MAX_MINDS, MAX_TELLERS, MAX_TYPES, RemoteMinds
 from sleepcast.station.roster import MAX_ROBOTS
-from sleepcast.mind.telemetry import TelemetryRecord
 
 MAX_BYTES = 128 * 1024 * 1024
 """Of a file: as many robots as a roster takes."""

@@ -29,8 +29,6 @@ from sleepcast.language.reader import is_name, read_all
 from sleepcast.language.rehearsal import holds
 from sleepcast.language.symbols import Declared, Group, Operator, Stored, UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Variable, Vocabulary, VocabularyError, buffer_number
-from sleepcast.station.preview import Undecided
-from sleepcast.station.schema_merge import SlotMap, merge_schemas
 from sleepcast.mind.telemetry import (
     MindRecord,
     TelemetryError,
@@ -40,6 +38,8 @@ from sleepcast.mind.telemetry import (
     read_telemetry,
     read_vocabulary,
 )
+from sleepcast.station.preview import Undecided
+from sleepcast.station.schema_merge import SlotMap, merge_schemas
 
 MAX_TYPES = 32
 """Types of robots in one fleet; robots of others are heard, but nobody knows their names."""

@@ -16,10 +16,10 @@ from sleepcast.channel.payload import LOOK, OF, TOLD, Inspection
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.language import Explanation
 from sleepcast.language.vocabulary import Vocabulary
+from sleepcast.mind.telemetry import TelemetryError, read_why
 from sleepcast.station.account import Command
 from sleepcast.station.minds import Telemetry
 from sleepcast.station.remote import RemoteMind, RemoteMinds
-from sleepcast.mind.telemetry import TelemetryError, read_why
 
 MAX_LOOKS = 256
 """Looks whose answers are still expected."""

@@ -3,7 +3,7 @@
 Checks go from the cheap to the dear: length and layout, the key, what its owner may say, the deadline, whether this was
 heard before - and then the signature, for which each key has a budget, so that nobody can make a robot work by sending
 it forgeries. STOP has a larger one of its own, for all keys together: no flood of other messages keeps it out. In a
-flood chance decides which are looked at (`Budget`), so a STOP, which is repeated often, comes in soon.
+flood chance decides which are looked at (`RateLimit`), so a STOP, which is repeated often, comes in soon.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Part, Piece, 
 from sleepcast.channel.keys import MAY, PublicKey, Trust
 from sleepcast.channel.message import TO_OPERATOR, Kind, Message, Role
 from sleepcast.channel.message_store import StoredWindow
+from sleepcast.channel.rate_limit import RateLimit
 from sleepcast.core.clock import Clock
 
 WINDOW = 4_096
@@ -47,8 +48,6 @@ STOPS_BY_OPERATOR = 500.0
 """The same of an operator, who only hears of it that others have stopped robots."""
 STOPS_AT_ONCE = 0.1
 """Seconds whose STOPs are looked at at once: a flood that begins holds nobody up for longer than a tick."""
-SPAN = 0.05
-"""Seconds over which is counted how many want to be looked at."""
 SKEW = 2.0
 """Seconds that two clocks may differ, unless another bound is given."""
 TO_ROBOTS = frozenset({Kind.COMMAND, Kind.ASK})
@@ -103,34 +102,6 @@ class Admitted(NamedTuple):
     datagrams: tuple[bytes, ...]
 
 
-class Budget:
-    """Signatures that may still be looked at: `rate` a second, and at most `most` at once.
-
-    While there is enough, whoever comes first is looked at. When what is left would not last, chance decides, with as
-    many winners as there is time for: so what matters in a flood is its share of all that comes, and no place in the
-    queue is better than another. Nothing that a forger sends can spend what the others would have had.
-    """
-
-    def __init__(self, rate: float, most: float, chance: Random, now: float) -> None:
-        self._rate, self._most, self._chance = rate, most, chance
-        self._left, self._since = most, now
-        self._asked, self._asked_since, self._share = 0, now, 1.0
-
-    def take(self, now: float) -> bool:
-        """Whether one more may be looked at."""
-        self._left = min(self._most, self._left + max(0.0, now - self._since) * self._rate)
-        self._since = now
-        passed = now - self._asked_since
-        if not 0.0 <= passed < SPAN:
-            self._share = passed * self._rate / self._asked if self._asked and passed > 0.0 else 1.0
-            self._asked, self._asked_since = 0, now
-        self._asked += 1
-        if self._left < 1.0 or (self._left < 2.0 * SPAN * self._rate and self._chance.random() >= self._share):
-            return False
-        self._left -= 1.0
-        return True
-
-
 @dataclass(slots=True)
 class Reassembly:
     """A long message in so many parts, of which these pieces have come."""
@@ -173,16 +144,16 @@ class Admission:
         self._heard: OrderedDict[tuple[bytes, str, int], ReplayWindow] = OrderedDict()
         self._changed: set[tuple[bytes, str, int]] = set()
         stops = (STOPS_A_SECOND if robot else STOPS_BY_OPERATOR) * self._rate / usual
-        self._stops = Budget(stops, STOPS_AT_ONCE * stops, self._chance, clock.now())
-        self._budgets: dict[bytes, Budget] = {}
+        self._stops = RateLimit(stops, STOPS_AT_ONCE * stops, self._chance, clock.now())
+        self._budgets: dict[bytes, RateLimit] = {}
         in_all = VERIFIED_IN_ALL * self._rate / usual
-        self._in_all = Budget(in_all, in_all, self._chance, clock.now())
+        self._in_all = RateLimit(in_all, in_all, self._chance, clock.now())
         self._open: OrderedDict[tuple[bytes, str, int, int], Reassembly] = OrderedDict()
         self._timeless = frozenset({Kind.STOP}) if robot else TO_OPERATOR | {Kind.STOP}
         """Kinds that come in whatever their times say: in doubt a robot stands, and what robots say is judged by what
         it answers."""
-        self._untimely_budget = Budget(UNTIMELY_A_SECOND, UNTIMELY_A_SECOND, self._chance, clock.now())
-        self._times = Budget(TIMES_A_SECOND, TIMES_A_SECOND, self._chance, clock.now())
+        self._untimely_budget = RateLimit(UNTIMELY_A_SECOND, UNTIMELY_A_SECOND, self._chance, clock.now())
+        self._times = RateLimit(TIMES_A_SECOND, TIMES_A_SECOND, self._chance, clock.now())
         self.nonce = b""
         """Of the question for the time that is open (`Sync`), b"" for none."""
         self._turned_away: deque[Message] = deque(maxlen=MAX_REASSEMBLIES)
@@ -334,7 +305,7 @@ class Admission:
             return self._stops.take(now)
         found = self._budgets.get(part.key)
         if found is None:
-            found = self._budgets[part.key] = Budget(self._rate, self._rate, self._chance, now)
+            found = self._budgets[part.key] = RateLimit(self._rate, self._rate, self._chance, now)
         return found.take(now) and (not self.robot or self._in_all.take(now))
 
     def missing(self, key: bytes, sender: str, epoch: int, sequence: int) -> tuple[int, ...]:

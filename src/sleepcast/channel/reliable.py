@@ -25,7 +25,7 @@ from typing import NamedTuple, TypeVar
 
 import msgspec
 
-from sleepcast.channel.admission import Admission, Budget
+from sleepcast.channel.admission import Admission
 from sleepcast.channel.clock_sync import MAX_TRIP, NONCE_BYTES, TimeRequest
 from sleepcast.channel.digest_timer import DigestTimer, mostly_late
 from sleepcast.channel.envelope import MAX_PARTS, Part, encode
@@ -33,6 +33,7 @@ from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal
 from sleepcast.channel.message import Kind, Message, Role
 from sleepcast.channel.message_store import DeliveryState, MessageStore, StreamId
 from sleepcast.channel.payload import KEYS, TIME, age_of
+from sleepcast.channel.rate_limit import RateLimit, TokenBucket
 from sleepcast.channel.sequencer import MAX_STREAMS, Sequencer, Skipped, Stream
 from sleepcast.core.clock import MADE
 
@@ -129,9 +130,8 @@ class ReliableDelivery:
         self._stop_repeats = StopRepeats()
         self._tie = count()
         self._time_request: TimeRequest | None = None
-        self._times_told = Budget(TIME_REPLIES_A_SECOND, TIME_REPLIES_A_SECOND, chance, 0.0)
-        self._mendable, self._mended_at = REPAIR_RATE, 0.0
-        """Bytes that may be sent of what others miss, as of then (s)."""
+        self._time_replies = RateLimit(TIME_REPLIES_A_SECOND, TIME_REPLIES_A_SECOND, chance, 0.0)
+        self._repair_bytes = TokenBucket(REPAIR_RATE, REPAIR_RATE, 0.0)
 
     # ---- what we say
 
@@ -280,7 +280,7 @@ class ReliableDelivery:
             Kind.HEARTBEAT in MAY[self.role]
             and (isinstance(nonce, bytes) and len(nonce) == NONCE_BYTES)
             and now >= MADE  # whose own clock is plainly wrong tells nobody
-            and self._times_told.take(now)
+            and self._time_replies.take(now)
         ):
             self.post(Kind.HEARTBEAT, now, deadline=now + MAX_TRIP, body={TIME: nonce})
 
@@ -447,13 +447,11 @@ class ReliableDelivery:
         if isinstance(job, Repeat):
             self._out += job.datagrams
             return
-        passed = max(0.0, now - self._mended_at)
-        self._mendable, self._mended_at = min(REPAIR_RATE, self._mendable + passed * REPAIR_RATE), now
         for number, *parts in job.wanted:
-            if self._mendable <= 0.0:
+            if self._repair_bytes.left(now) <= 0.0:
                 return
             found = self._store.take(job.stream.name, number, now, now - REPAIR_PAUSE, parts)
-            self._mendable -= sum(map(len, found))
+            self._repair_bytes.spend(sum(map(len, found)))
             self._out += found
 
     def _stop_again(self, now: float) -> None:

@@ -1,9 +1,9 @@
-"""The admission: which bytes from outside become messages. Everything else is counted, dropped, and never answered.
+"""Admission: which datagrams become messages. All others are counted, dropped, and never answered.
 
-Checks go from the cheap to the dear: length and layout, the key, what its owner may say, the deadline, whether this was
-heard before - and then the signature, for which each key has a budget, so that nobody can make a robot work by sending
-it forgeries. STOP has a larger one of its own, for all keys together: no flood of other messages keeps it out. In a
-flood chance decides which are looked at (`RateLimit`), so a STOP, which is repeated often, comes in soon.
+The cheap checks come first: length and layout, the key, what its owner may send, the deadline, and whether the message
+was heard before. The signature comes last. Each key has a rate limit for signatures, so that forgeries cannot exhaust a
+robot. STOP has a larger one of its own, shared by all keys: no flood of other messages keeps it out. In a flood chance
+decides which signatures are checked (`RateLimit`); a STOP is repeated often, so one of its copies is checked soon.
 """
 
 from __future__ import annotations
@@ -15,8 +15,6 @@ from math import inf
 from random import Random
 from typing import NamedTuple
 
-import msgspec
-
 from sleepcast.channel.clock_sync import ClockOffsets, WrongClocks
 from sleepcast.channel.drops import DropCounter, DropReason
 from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Part, Piece, look, read_message, read_piece
@@ -27,61 +25,62 @@ from sleepcast.channel.rate_limit import RateLimit
 from sleepcast.core.clock import Clock
 
 WINDOW = 4_096
-"""Numbers back from the latest of a sender that are told apart: more than come in the seconds of a deadline."""
+"""Sequence numbers below a sender's latest that are tracked: more than arrive before a deadline passes."""
 WHOLE_WINDOW = (1 << WINDOW) - 1
 """All of them, as bits."""
 MAX_SENDERS = 16_384
-"""Senders, in each of their epochs, whose numbers are remembered; the one that was silent longest is forgotten."""
+"""Senders, per epoch, whose numbers are remembered; the one that was silent longest is forgotten."""
 MAX_REASSEMBLIES = 64
-"""Long messages that wait for their other parts, of all senders together; seven megabytes at most."""
+"""Long messages that wait for more parts, from all senders together; at most seven megabytes."""
 VERIFIED_A_SECOND = 200.0
-"""Signatures of one key that a robot looks at in a second, unless another rate is given."""
+"""Signatures of one key that a robot checks in a second, unless another rate is given."""
 VERIFIED_IN_ALL = 4_000.0
-"""The same of all keys together, but for STOP, at the usual rate: a quarter of a core's time, however many keys' ids
-a forger knows."""
+"""The same for all keys together, without STOPs: a quarter of a core's time, however many key ids a forger knows."""
 VERIFIED_BY_OPERATOR = 4_000.0
-"""The same of an operator, who hears a thousand robots with one key answer at once: a quarter of a core's time."""
+"""The same for one key at an operator, who hears a thousand robots with one key answer at once: a quarter of a core's
+time."""
 STOPS_A_SECOND = 5_000.0
-"""Signatures of STOPs that a robot looks at in a second, of all keys together, at the usual rate: a third of a core's
-time. Of 80,000 in a second it looks at one of sixteen; a real STOP comes a hundred times in its first second."""
+"""Signatures of STOPs that a robot checks in a second, for all keys together: a third of a core's time. Of 80,000 in a
+second it checks one in sixteen; a real STOP is sent a hundred times in its first second."""
 STOPS_BY_OPERATOR = 500.0
-"""The same of an operator, who only hears of it that others have stopped robots."""
+"""The same for an operator, who only learns from it that others have stopped robots."""
 STOPS_AT_ONCE = 0.1
-"""Seconds whose STOPs are looked at at once: a flood that begins holds nobody up for longer than a tick."""
+"""Seconds' worth of STOPs that may be checked at once: the start of a flood delays nothing by more than a tick."""
 SKEW = 2.0
-"""Seconds that two clocks may differ, unless another bound is given."""
+"""Seconds by which two clocks may differ, unless another bound is given."""
 TO_ROBOTS = frozenset({Kind.COMMAND, Kind.ASK})
-"""Kinds that robots are to evaluate."""
+"""Kinds that robots evaluate."""
 ROBOT_KINDS = frozenset(Kind) - TO_OPERATOR
-"""Kinds that robots have ears for."""
+"""Kinds that robots receive."""
 LASTING = frozenset({Kind.COMMAND, Kind.STOP, Kind.RELEASE})
-"""Kinds that do something: that they were heard must not be forgotten, whatever happens to this process."""
+"""Kinds that change something: a restart must not forget that they were heard."""
 COMMANDING = TO_ROBOTS | {Kind.RELEASE}
-"""Kinds to which a robot whose clock is wrong answers that it is."""
+"""Kinds that a robot with a wrong clock answers by saying so."""
 UNTIMELY_A_SECOND = 8.0
-"""Signatures of messages with wrong times that a robot looks at in a second, to answer that its clock is wrong: whoever
-plays what he has recorded makes it talk no more than that."""
+"""Signatures of messages with wrong times that a robot checks in a second, to answer that its clock is wrong. Replayed
+recordings make it talk no more than that."""
 TIMELY = 60.0
-"""Seconds for which a party that was heard in time has a good clock: what comes late meanwhile is old."""
+"""Seconds for which a party that was heard in time counts as having a good clock: its late messages are old ones."""
 TIMES_A_SECOND = 200.0
-"""Signatures that a robot without a clock looks at in a second, of what looks like an answer to its question for the
-time: a budget of their own, which nothing that does not name its nonce can spend."""
+"""Signatures of possible answers to its time request that a robot without a clock checks in a second. Only messages
+that contain its nonce count."""
 MAX_TIMELY = 64
-"""Parties of which it is known when they were heard in time; the one that was silent longest makes room."""
+"""Parties for which the time of their last timely message is remembered; the one that was silent longest is
+forgotten."""
 OLDEST = 3_600.0
-"""Seconds after which a message without a deadline is no news any more; what must last is told anew."""
+"""Seconds after which a message without a deadline is dropped; what must last is sent again."""
 
 
 @dataclass(slots=True)
 class ReplayWindow:
-    """What was heard of one sender in one epoch. latest: number of its newest message; numbers: those up to it that
-    were heard, as bits: bit i is `latest - i`."""
+    """The messages heard from one sender in one epoch. latest: number of the newest; numbers: those heard, as bits: bit
+    i is message `latest - i`."""
 
     latest: int
     numbers: int = 0
 
     def knows(self, sequence: int) -> bool:
-        """Whether this message was heard, or is too old to tell."""
+        """Whether this message was heard before, or is too old to tell."""
         back = self.latest - sequence
         return back >= WINDOW or (back >= 0 and bool(self.numbers >> back & 1))
 
@@ -96,7 +95,7 @@ class ReplayWindow:
 
 
 class Admitted(NamedTuple):
-    """A message that came in, and the bytes that it was: nobody but its sender could have made them."""
+    """A verified message, and the datagrams that it came in."""
 
     message: Message
     datagrams: tuple[bytes, ...]
@@ -104,22 +103,21 @@ class Admitted(NamedTuple):
 
 @dataclass(slots=True)
 class Reassembly:
-    """A long message in so many parts, of which these pieces have come."""
+    """A long message in so many parts, some of which have arrived."""
 
     parts: int
     pieces: dict[int, tuple[bytes, bytes]] = field(default_factory=dict)
-    """What each says, and the bytes that it was."""
+    """By part number: the content, and the datagram."""
 
 
 class Admission:
-    """One party's door. trust: whom it believes; fleet: whose messages it hears; robot: whether it is a robot's, which
-    has no ear for what others tell the operator, or an operator's, who has none for what robots tell each other.
-    clock: Unix time, s. rate: signatures of one key that are looked at in a second, and in proportion to what is usual
-    those of STOPs; skew: s that others' clocks may be wrong; None for what is usual. chance: decides in a flood.
+    """One party's admission. trust: the keys it trusts; fleet: whose messages it accepts; robot: whether it is a robot,
+    which ignores what is for the operator, or an operator, who ignores what robots tell each other. clock: Unix time,
+    s. rate: signatures of one key that are checked in a second; the limit for STOPs is scaled alike. skew: s by which
+    other clocks may be wrong. None is the default of either. chance: decides in a flood.
 
-    skews: how much the clocks of those that send heartbeats differ from ours; clocks: whose differ by more than is
-    allowed. drops: datagrams that went no further,
-    counts: by reason; taken: those that did; passed: messages that came in whole.
+    offsets: by how much the clocks of those that send heartbeats differ from ours; clocks: those that differ by more
+    than is allowed. drops: dropped datagrams; counts: the same by reason; taken: accepted datagrams; passed: messages.
     """
 
     def __init__(
@@ -150,24 +148,24 @@ class Admission:
         self._in_all = RateLimit(in_all, in_all, self._chance, clock.now())
         self._open: OrderedDict[tuple[bytes, str, int, int], Reassembly] = OrderedDict()
         self._timeless = frozenset({Kind.STOP}) if robot else TO_OPERATOR | {Kind.STOP}
-        """Kinds that come in whatever their times say: in doubt a robot stands, and what robots say is judged by what
-        it answers."""
+        """Kinds that are accepted whatever their times say: in doubt a robot stops, and a robot's message is judged by
+        the message that it answers."""
         self._untimely_budget = RateLimit(UNTIMELY_A_SECOND, UNTIMELY_A_SECOND, self._chance, clock.now())
         self._times = RateLimit(TIMES_A_SECOND, TIMES_A_SECOND, self._chance, clock.now())
         self.nonce = b""
         """Of the question for the time that is open (`Sync`), b"" for none."""
         self._turned_away: deque[Message] = deque(maxlen=MAX_REASSEMBLIES)
         self._timely: OrderedDict[str, float] = OrderedDict()
-        """When those who may command us were last heard in time."""
+        """When each party that may command us was last heard in time."""
 
     def enter(self, datagram: bytes) -> Admitted | None:
-        """The message that these bytes are, or complete; None if they are dropped, or part of a message that others
-        are still missing of."""
+        """The message that this datagram is or completes; None if it is dropped, or if other parts are still
+        missing."""
         part = self.look(datagram)
         return None if part is None else self.admit(part, datagram)
 
     def look(self, datagram: bytes) -> Part | None:
-        """What can be read of these bytes without believing them; None if they are dropped."""
+        """The unverified fields of a datagram; None if it is dropped."""
         try:
             return look(datagram)
         except EnvelopeError:
@@ -175,7 +173,7 @@ class Admission:
             return None
 
     def admit(self, part: Part, datagram: bytes) -> Admitted | None:
-        """The rest of `enter`, for what `look` made of the bytes."""
+        """The rest of `enter`, after `look`."""
         try:
             key = self.trust.find(part.key)
             reason = self._objection(part, key, datagram)
@@ -197,13 +195,13 @@ class Admission:
         return entered
 
     def news(self) -> list[StoredWindow]:
-        """What was heard of those senders who have had something done since this was asked last."""
+        """The replay windows of senders that have changed something since the last call."""
         found = [StoredWindow(*which, *self._both(which)) for which in self._changed if which in self._heard]
         self._changed.clear()
         return found
 
     def restore(self, windows: Iterable[StoredWindow]) -> None:
-        """Know again what was heard."""
+        """Restore replay windows."""
         for window in windows:
             heard = ReplayWindow(window.latest, window.numbers & WHOLE_WINDOW)
             self._heard[window.key, window.sender, window.epoch] = heard
@@ -213,7 +211,7 @@ class Admission:
         return heard.latest, heard.numbers
 
     def _objection(self, part: Part, key: PublicKey | None, datagram: bytes) -> DropReason | None:
-        """Why the part is dropped, as far as can be said without reading what it says."""
+        """Why the part is dropped, judged without its content."""
         if key is None:
             return DropReason.UNKNOWN_KEY
         if key.revoked and not (part.standing and self.trust.vouches(datagram)):
@@ -240,7 +238,7 @@ class Admission:
         return untimely
 
     def _tells_time(self, part: Part) -> bool:
-        """Whether this may answer our question for the time: whoever has no clock cannot judge its times."""
+        """Whether this may answer our time request; its own times are not checked then, as our clock is wrong."""
         return bool(self.nonce) and part.kind is Kind.HEARTBEAT and part.parts == 1 and self.nonce in part.payload
 
     def _untimely(self, part: Part, now: float) -> DropReason | None:
@@ -250,17 +248,20 @@ class Admission:
         return DropReason.EARLY if part.issued > now + self.skew else None
 
     def _turn_away(self, key: PublicKey, part: Part, now: float) -> None:
-        """Either our clock is wrong or that of somebody who commands us, or this comes late: he is to know."""
+        """Turn away a message of somebody who may command us, but let him know: one of the clocks is wrong, or it is
+        late."""
         piece = read_piece(part)
         if self._second_objection(key, part, piece) is not None:
             return
-        message = read_message(part, piece.sender, piece.content, key.role.value)
+        ahead = part.issued - now
+        message = read_message(part, piece.sender, piece.content, key.role.value, ahead)
         self.note(part.key, piece.sender, part.epoch, part.sequence)
-        self._compare_clocks(piece.sender, part.issued - now, now)
-        self._turned_away.append(msgspec.structs.replace(message, ahead=part.issued - now))
+        self._compare_clocks(piece.sender, ahead, now)
+        self._turned_away.append(message)
 
     def _compare_clocks(self, sender: str, ahead: float, now: float) -> None:
-        """Somebody who may command us said something whose time is so far ahead of ours, 0 for one in time."""
+        """Note the time of a message from somebody who may command us. ahead: s it is ahead of our clock, 0 if in
+        time."""
         if not ahead:
             self._timely[sender] = now
             self._timely.move_to_end(sender)
@@ -270,14 +271,14 @@ class Admission:
             self.clocks.note(sender, ahead)
 
     def forget_clocks(self) -> None:
-        """Our clock has been set: by how much others differ from it is not known any more, and nobody is asked."""
+        """Our clock has been set: forget how others differ from it, and end the time request."""
         self.nonce = b""
         self.offsets = ClockOffsets(self.skew)
         self.clocks.clear()
         self._timely.clear()
 
     def turned_away(self) -> list[Message]:
-        """Messages of those who may command us that were dropped because of their times, since this was asked last."""
+        """Messages of those who may command us that were dropped because of their times, since the last call."""
         found = list(self._turned_away)
         self._turned_away.clear()
         return found
@@ -291,7 +292,7 @@ class Admission:
 
     def _knows(self, part: Part, sender: str) -> bool:
         heard = self._heard.get((part.key, sender, part.epoch))
-        # What stands counts however old it is; whoever keeps the rules knows which ones he has.
+        # A standing command counts however old it is; the sequencer knows which ones we have.
         if heard is not None and heard.knows(part.sequence) and not part.standing:
             return True
         if part.parts == 1:
@@ -300,7 +301,7 @@ class Admission:
         return waiting is not None and part.number in waiting.pieces
 
     def _has_time(self, part: Part, now: float) -> bool:
-        """Whether one more signature may be looked at. An operator hears as many robots' keys as there are."""
+        """Whether one more signature may be checked. An operator has no limit for all keys together."""
         if part.kind is Kind.STOP:
             return self._stops.take(now)
         found = self._budgets.get(part.key)
@@ -309,18 +310,18 @@ class Admission:
         return found.take(now) and (not self.robot or self._in_all.take(now))
 
     def missing(self, key: bytes, sender: str, epoch: int, sequence: int) -> tuple[int, ...]:
-        """Numbers of the parts that are missing of a message of which some have come; none if none has."""
+        """Numbers of the missing parts of a message of which some have arrived; none if none has."""
         waiting = self._open.get((key, sender, epoch, sequence))
         return () if waiting is None else tuple(part for part in range(waiting.parts) if part not in waiting.pieces)
 
     def _completed(self, part: Part, piece: Piece, datagram: bytes, role: Role) -> Admitted | None:
-        """The message, if this part was the last one of it that was missing."""
+        """The message, if this was its last missing part."""
         content, datagrams = piece.content, (datagram,)
         if part.parts > 1:
             which = part.key, piece.sender, part.epoch, part.sequence
             waiting = self._open.setdefault(which, Reassembly(part.parts))
             if part.parts != waiting.parts:
-                raise EnvelopeError("a message whose parts do not agree on how many they are")
+                raise EnvelopeError("a message whose parts disagree on how many there are")
             waiting.pieces[part.number] = content, datagram
             if len(waiting.pieces) < part.parts:
                 if len(self._open) > MAX_REASSEMBLIES:
@@ -330,13 +331,12 @@ class Admission:
             contents, datagrams = zip(*(waiting.pieces[number] for number in range(part.parts)), strict=True)
             content = b"".join(contents)
             if len(content) > MAX_CONTENT:
-                raise EnvelopeError("a message that says more than fits into one")
-        message = read_message(part, piece.sender, content, role.value)
+                raise EnvelopeError("a message whose parts are too long together")
         now = self._clock.now()
-        if self._untimely(part, now) is not None:
-            message = msgspec.structs.replace(message, ahead=part.issued - now)
-        if self.robot and role is not Role.ROBOT and (message.ahead or abs(part.issued - now) <= self.skew):
-            self._compare_clocks(piece.sender, message.ahead, now)
+        ahead = part.issued - now if self._untimely(part, now) is not None else 0.0
+        message = read_message(part, piece.sender, content, role.value, ahead)
+        if self.robot and role is not Role.ROBOT and (ahead or abs(part.issued - now) <= self.skew):
+            self._compare_clocks(piece.sender, ahead, now)
         if part.kind is Kind.HEARTBEAT:
             self.offsets.note(piece.sender, part.issued, now)
         if not part.standing:
@@ -344,15 +344,14 @@ class Admission:
         return Admitted(message, datagrams)
 
     def _make_room(self) -> None:
-        """The oldest one goes of the long messages that wait, of the key that has most of them: whoever begins many
-        pushes out his own."""
+        """Drop the oldest incomplete message of the key that has most of them: a sender that starts many loses its
+        own."""
         waiting = Counter(key for key, *_ in self._open)
         most = max(waiting.values())
         del self._open[next(which for which in self._open if waiting[which[0]] == most)]
 
     def note(self, key: bytes, sender: str, epoch: int, sequence: int, *, lasting: bool = False) -> None:
-        """This message is no news any more, whoever sends it again; so is what we have said ourselves. lasting: whether
-        that must be known over a restart."""
+        """This message was heard, or is our own: a repeat is dropped. lasting: whether a restart must not forget it."""
         which = key, sender, epoch
         heard = self._heard.get(which)
         if heard is None:

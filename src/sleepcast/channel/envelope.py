@@ -1,9 +1,9 @@
-"""Messages as bytes: what goes over the air, and nothing of who believes it.
+"""The envelope: messages as signed bytes, and back. Whether a signature is trusted is not decided here.
 
-A message is one datagram, or several parts if it is long, and each part is signed by itself: a receiver never keeps a
-byte of which it does not know who sent it. A part is a COSE_Sign1 (RFC 9052) in CBOR (RFC 8949), and what decides
-whether it is worth a look - key, kind, number, times - is written with arguments of fixed size, so that it lies at a
-fixed place and costs nothing to read. docs/wire.md has every byte.
+A message is one datagram, or several parts if it is long. Each part is signed by itself, so a receiver never stores a
+byte of unknown origin. A part is a COSE_Sign1 (RFC 9052) in CBOR (RFC 8949). The fields by which most parts are dropped
+(key, kind, number, times) have a fixed size, so they lie at fixed offsets and cost almost nothing to read. docs/wire.md
+describes every byte.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from sleepcast.channel.message import MAX_NAME, MAX_NUMBER, MAX_TEXT, Kind, Mess
 
 VERSION = 1
 MAX_DATAGRAM = 1_200
-"""Bytes of a part: whole on every path, since IPv6 promises 1,280 with its headers."""
+"""Bytes of a part. It is never fragmented: IPv6 guarantees 1,280 bytes with its headers."""
 MAX_CONTENT = 4 * MAX_TEXT + 4_096
-"""Bytes of what a message says: a longest text of the widest characters, and its body."""
+"""Bytes of a message's content: the longest text in the widest characters, and its body."""
 NEVER = MAX_NUMBER
-"""A deadline that does not come."""
+"""The deadline of a message that never expires."""
 MICRO = 1e6
-"""Times are told in microseconds."""
+"""Times are sent in microseconds."""
 MAX_DEPTH = 4
-"""Lists and maps within each other in a body."""
+"""Nesting of lists and maps in a body."""
 
 KINDS: Sequence[Kind] = (
     Kind.COMMAND,
@@ -41,37 +41,37 @@ KINDS: Sequence[Kind] = (
     Kind.DIGEST,
     Kind.REQUEST,
 )
-"""Kinds by their number on the air."""
+"""Kinds by their number on the wire."""
 NUMBER = {kind: number for number, kind in enumerate(KINDS)}
 STANDING = len(KINDS)
-"""The number of a command that stands."""
+"""The number of a standing command."""
 KIND_BY_NUMBER = (*KINDS, Kind.COMMAND)
 
 HEAD = b"\xd2\x84\x43\xa1\x01\x27\xa1\x04\x48"
-"""COSE_Sign1; protected: EdDSA; unprotected: the key's id, eight bytes, which follow."""
+"""COSE_Sign1; protected: EdDSA; unprotected: the key's id, whose eight bytes follow."""
 PAYLOAD_AT = len(HEAD) + ID_BYTES + 3
 FIXED = Struct(">BBBBQBQBQBQBBBB")
 """An array of eleven: version, kind, epoch, sequence, issued, deadline, part and parts, each with its CBOR head."""
 KIND_AT = PAYLOAD_AT + 2
-"""Where the number of the kind lies."""
+"""Offset of the kind's number."""
 ARRAY, SMALL, LONG = 0x8B, 0x18, 0x1B
 SIGNATURE_HEAD = b"\x58\x40"
 TAIL = len(SIGNATURE_HEAD) + SIGNATURE_BYTES
 LEAST = PAYLOAD_AT + FIXED.size + 3 + TAIL
 """Bytes of the shortest part: no fleet, no sender, no content."""
 MAX_PARTS = 96
-"""Parts of one message: `MAX_CONTENT` in datagrams with the longest names."""
+"""Parts of one message: enough for `MAX_CONTENT` with the longest names."""
 
 
 class EnvelopeError(MessageError):
-    """Bytes that are no part of a message."""
+    """Bytes that are not a part of a message."""
 
 
 class Part(NamedTuple):
-    """What can be read of a part without believing it.
+    """The fields of a part that are readable before its signature is checked.
 
-    standing: whether it is of a command that stands. issued, deadline: s of Unix time, inf for none; number: of this
-    part, from 0, of `parts`. payload: what is signed.
+    standing: whether it belongs to a standing command. issued, deadline: s of Unix time, inf for none; number: of this
+    part, from 0, of `parts`. payload: the signed bytes.
     """
 
     key: bytes
@@ -88,12 +88,12 @@ class Part(NamedTuple):
 
     @property
     def signed(self) -> bytes:
-        """What the signature covers: the Sig_structure of RFC 9052, section 4.4."""
+        """The bytes that the signature covers: the Sig_structure of RFC 9052, section 4.4."""
         return signed_bytes(self.payload)
 
 
 class Piece(NamedTuple):
-    """The rest of a part, read once its signature is known to be good. content: a piece of what the message says."""
+    """The rest of a part, read once its signature is verified. content: a piece of the message's content."""
 
     fleet: str
     sender: str
@@ -101,12 +101,14 @@ class Piece(NamedTuple):
 
 
 def encode(message: Message, fleet: str, key: KeyPair) -> list[bytes]:
-    """The parts of a message, signed. Times are rounded to microseconds. Raises MessageError for what is too long."""
+    """The signed parts of a message. Times are rounded to microseconds. Raises MessageError if it is too long."""
     content = content_of(message.text, message.body)
     if len(content) > MAX_CONTENT:
-        raise MessageError(f"a message says at most {MAX_CONTENT} bytes, this one of {message.sender} {len(content)}")
+        raise MessageError(
+            f"a message has at most {MAX_CONTENT} bytes of content, this one from {message.sender} has {len(content)}"
+        )
     if message.standing and message.kind is not Kind.COMMAND:
-        raise MessageError(f"only commands stand, no {message.kind}")
+        raise MessageError(f"only commands can be standing, not {message.kind}")
     if len(fleet) > MAX_NAME:
         raise MessageError(f"a fleet's name has at most {MAX_NAME} characters, not {len(fleet)}")
     names = cbor2.dumps(fleet) + cbor2.dumps(message.sender)
@@ -128,27 +130,28 @@ def encode(message: Message, fleet: str, key: KeyPair) -> list[bytes]:
 
 
 def content_of(text: str, body: dict[str, object]) -> bytes:
-    """What a message says, as bytes."""
+    """The content of a message as bytes."""
     return cbor2.dumps([text, body])
 
 
 def kind_of(datagram: bytes) -> Kind | None:
-    """The kind that a datagram has if it is a message at all, at the price of a glance; None if that cannot be."""
+    """The kind that a datagram claims, without any other check; None if it cannot be a message."""
     if len(datagram) < LEAST or not datagram.startswith(HEAD) or datagram[KIND_AT] > STANDING:
         return None
     return KIND_BY_NUMBER[datagram[KIND_AT]]
 
 
 def look(datagram: bytes) -> Part:
-    """What can be read of a datagram without believing it. Raises EnvelopeError for what is no part of a message."""
+    """The fields of a datagram that are readable before its signature is checked. Raises EnvelopeError if it is not a
+    part of a message."""
     if not LEAST <= len(datagram) <= MAX_DATAGRAM:
         raise EnvelopeError(f"a part of a message has {LEAST} to {MAX_DATAGRAM} bytes, not {len(datagram)}")
     if not datagram.startswith(HEAD):
-        raise EnvelopeError("these bytes do not begin as a signed message does")
+        raise EnvelopeError("these bytes do not begin like a signed message")
     end = len(datagram) - TAIL
     length = datagram[PAYLOAD_AT - 3 : PAYLOAD_AT]
     if length != b"\x59" + (end - PAYLOAD_AT).to_bytes(2, "big") or datagram[end : end + 2] != SIGNATURE_HEAD:
-        raise EnvelopeError("a message whose parts do not have the lengths that it says")
+        raise EnvelopeError("a message whose lengths are not those that it states")
     (array, version, kind, *heads_and_numbers) = FIXED.unpack_from(datagram, PAYLOAD_AT)
     heads, numbers = heads_and_numbers[::2], heads_and_numbers[1::2]
     if array != ARRAY or heads != [LONG, LONG, LONG, LONG, SMALL, SMALL]:
@@ -159,7 +162,7 @@ def look(datagram: bytes) -> Part:
         )
     epoch, sequence, issued, deadline, number, parts = numbers
     if kind > STANDING or max(numbers) > MAX_NUMBER or not number < parts <= MAX_PARTS:
-        raise EnvelopeError("a message with numbers beyond their bounds")
+        raise EnvelopeError("a message with numbers out of range")
     return Part(
         datagram[len(HEAD) : len(HEAD) + ID_BYTES],
         KIND_BY_NUMBER[kind],
@@ -181,7 +184,7 @@ def signed_bytes(payload: bytes) -> bytes:
 
 
 def read_piece(part: Part) -> Piece:
-    """The rest of a part that is believed. Raises EnvelopeError if even its sender wrote nonsense."""
+    """The rest of a verified part. Raises EnvelopeError if its signer wrote something malformed."""
     found = _decoded(b"\x83" + part.payload[FIXED.size :])
     match found:
         case [str() as fleet, str() as sender, bytes() as content] if len(fleet) <= MAX_NAME:
@@ -189,9 +192,9 @@ def read_piece(part: Part) -> Piece:
     raise EnvelopeError("a message without fleet, sender and content")
 
 
-def read_message(part: Part, sender: str, content: bytes, role: str = "") -> Message:
-    """The message whose last part to arrive is `part`, and whose pieces make `content`. role: of the key that signed
-    it. Raises EnvelopeError."""
+def read_message(part: Part, sender: str, content: bytes, role: str = "", ahead: float = 0.0) -> Message:
+    """The message whose pieces make `content`, and of which `part` arrived last. role: of the key that signed it;
+    ahead: see `Message`. Raises EnvelopeError."""
     found = _decoded(content)
     match found:
         case [str() as text, dict() as body] if plain(body):
@@ -200,14 +203,15 @@ def read_message(part: Part, sender: str, content: bytes, role: str = "") -> Mes
                     *(sender, part.epoch, part.sequence, part.kind, part.issued, part.deadline, text, part.standing),
                     body,
                     role,
+                    ahead=ahead,
                 )
             except MessageError as error:
                 raise EnvelopeError(str(error)) from None
-    raise EnvelopeError("a message that says something else than a text and a body")
+    raise EnvelopeError("a message whose content is not a text and a body")
 
 
 def plain(body: object, depth: int = MAX_DEPTH) -> bool:
-    """Whether this is plain data: maps by text, lists, texts, bytes, numbers, truth, nothing."""
+    """Whether this is plain data: maps with text keys, lists, texts, bytes, numbers, booleans, null."""
     if isinstance(body, dict):
         return depth > 0 and all(isinstance(key, str) and plain(value, depth - 1) for key, value in body.items())
     if isinstance(body, list):
@@ -219,7 +223,7 @@ def _decoded(data: bytes) -> object:
     try:
         return cbor2.loads(data)
     except (cbor2.CBORDecodeError, ValueError, RecursionError, MemoryError) as error:
-        raise EnvelopeError(f"a message whose content is no CBOR: {error}") from None
+        raise EnvelopeError(f"a message whose content is not CBOR: {error}") from None
 
 
 def _micro(time: float) -> int:

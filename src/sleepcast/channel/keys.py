@@ -1,11 +1,11 @@
-"""Keys: who may say what. Robots obey keys that they know, never names or addresses.
+"""Keys, roles and trust: who may send what. Robots obey keys that they know, never names or addresses.
 
-A key pair belongs to one party: an operator's desk, or a robot. Its public half, with the name and the role that go
-with it, stands in the trust file of everybody who is to believe it. Signatures are Ed25519 (RFC 8032) by PyNaCl; a
-key's id is the first eight bytes of the SHA-256 of its public half.
+A key pair belongs to one party: an operator's desk, or a robot. Its public half, with its owner's name and role, stands
+in the trust file of everybody who is to trust it. Signatures are Ed25519 (RFC 8032) by PyNaCl; a key's id is the first
+eight bytes of the SHA-256 of its public half.
 
-Trust only grows: keys are added, keys are revoked for good, and of what a revoked key has said that stands, some is
-vouched for. So it does not matter in which order anybody hears of changes, or how often.
+Trust only grows: keys are added, keys are revoked for good, and some standing commands of a revoked key are vouched
+for. So changes may arrive in any order, and more than once.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ ID_BYTES = 8
 MAX_KEYS = 16_384
 """Keys in one trust file: one for each of ten thousand robots, and their operators."""
 MAX_VOUCHED = 20_000
-"""Fingerprints of what revoked keys have said that are kept: as many as there are standing commands on a shelf."""
+"""Fingerprints of vouched datagrams: as many as a party stores standing commands."""
 MAX_CHANGES = 1_000
-"""Keys, or fingerprints, in one change: they fit into one message."""
+"""Keys, or fingerprints, in one change: as many as fit into one message."""
 FINGERPRINT_BYTES = 12
-"""Of the SHA-256 of a datagram: nobody finds another one with the same."""
+"""Bytes of the SHA-256 of a datagram: enough that nobody finds another datagram with the same."""
 
 
 ANYBODY = frozenset({Kind.STOP, Kind.REQUEST, Kind.DIGEST})
@@ -51,16 +51,15 @@ MAY: Mapping[Role, frozenset[Kind]] = MappingProxyType(
 
 
 class KeyRefusal(MisuseError):
-    """A key, a name or a role that cannot be taken."""
+    """A key, a name or a role that cannot be used."""
 
 
 @dataclass(frozen=True, slots=True)
 class PublicKey:
-    """A key that is known. owner: the name that its messages carry; one that ends in `*` stands for every name that
-    begins so (many robots of one process). public: 32 bytes. revoked: nothing signed with it counts any more.
+    """A known key. owner: the sender's name in its messages; a name that ends in `*` stands for every name that begins
+    so (many robots of one process; robots only). public: 32 bytes. revoked: nothing signed with it counts any more.
 
-    Raises KeyRefusal for a public half of another length, for a name of another length than 1 to `MAX_NAME`, and for
-    many names where only a robot may have them.
+    Raises KeyRefusal for a public half or a name of the wrong length, and for `*` with another role than robot.
     """
 
     owner: str
@@ -81,11 +80,11 @@ class PublicKey:
         return key_id(self.public)
 
     def is_of(self, name: str) -> bool:
-        """Whether messages that carry this name may be signed with this key."""
+        """Whether this key may sign messages under this name."""
         return name.startswith(self.owner[:-1]) if self.owner.endswith("*") else name == self.owner
 
     def signed(self, content: bytes, signature: bytes) -> bool:
-        """Whether this is the key's signature (64 bytes) of this content."""
+        """Whether this is the key's signature (64 bytes) of the content."""
         try:
             VerifyKey(self.public).verify(content, signature)
         except BadSignatureError:
@@ -94,7 +93,7 @@ class PublicKey:
 
 
 class KeyPair:
-    """A key with its secret half, `seed` (32 bytes). See PublicKey for the rest."""
+    """A key with its secret half, `seed` (32 bytes). See `PublicKey` for the rest."""
 
     def __init__(self, owner: str, role: Role, seed: bytes) -> None:
         if len(seed) != SEED_BYTES:
@@ -106,7 +105,7 @@ class KeyPair:
 
     @staticmethod
     def new(owner: str, role: Role) -> KeyPair:
-        """A key that nobody has had before."""
+        """A new random key."""
         return KeyPair(owner, role, bytes(SigningKey.generate()))
 
     def sign(self, content: bytes) -> bytes:
@@ -116,8 +115,8 @@ class KeyPair:
 
 @dataclass(frozen=True, slots=True)
 class KeyChange:
-    """What a commander says of keys. trust: keys that are to be believed; revoke: ids of those that are not, for good;
-    vouch: fingerprints of datagrams of revoked keys that count all the same."""
+    """A commander's change of keys. trust: keys to trust; revoke: ids of keys to revoke for good; vouch: fingerprints
+    of datagrams of revoked keys that still count."""
 
     trust: tuple[PublicKey, ...] = ()
     vouch: frozenset[bytes] = field(default_factory=frozenset)
@@ -133,11 +132,11 @@ class KeyChange:
 
     @staticmethod
     def of(message: Message) -> KeyChange:
-        """What a message says of keys. Raises KeyRefusal if its sender may not say so, or if it is written wrongly."""
+        """The change of keys in a message. Raises KeyRefusal if its sender may not make it, or if it is malformed."""
         if message.role != Role.COMMANDER:
-            raise KeyRefusal("only a commander says whom to trust")
+            raise KeyRefusal("only a commander may change whom to trust")
         if not message.standing or message.text:
-            raise KeyRefusal("a command that says whom to trust stands, and says nothing else")
+            raise KeyRefusal("a command that changes whom to trust must be standing, and have no text")
         match message.body.get(KEYS):
             case {"trust": list() as trust, "vouch": list() as vouch, "revoke": list() as revoke}:
                 if max(len(trust), len(vouch), len(revoke)) <= MAX_CHANGES:
@@ -146,14 +145,16 @@ class KeyChange:
                         frozenset(_bytes(each, FINGERPRINT_BYTES) for each in vouch),
                         frozenset(_bytes(each, ID_BYTES) for each in revoke),
                     )
-        raise KeyRefusal(f"a change of keys has lists trust, vouch and revoke of at most {MAX_CHANGES} each")
+        raise KeyRefusal(
+            f"a change of keys has the lists trust, vouch and revoke, of at most {MAX_CHANGES} entries each"
+        )
 
 
 def _trusted(written: object) -> PublicKey:
     match written:
         case [str() as owner, str() as role, public] if role in set(Role):
             return PublicKey(owner, Role(role), _bytes(public, PUBLIC_BYTES))
-    raise KeyRefusal("a key that is to be trusted has an owner, a role and its public half")
+    raise KeyRefusal("a key to trust has an owner, a role and a public half")
 
 
 def _bytes(written: object, count: int) -> bytes:
@@ -167,14 +168,14 @@ def _bytes(written: object, count: int) -> bytes:
 
 
 class Trust:
-    """The keys that a party believes, by id. keep: is told of every change that was heard. Raises KeyRefusal for more
-    than `MAX_KEYS`."""
+    """The keys that a party trusts, by id. keep: called after every change. Raises KeyRefusal for more than
+    `MAX_KEYS`."""
 
     def __init__(self, keys: Iterable[PublicKey] = (), keep: Callable[[Trust], None] | None = None) -> None:
         self.keep = keep
         self._keys: dict[bytes, PublicKey] = {}
         self._gone: set[bytes] = set()
-        """Ids that were revoked before anybody said whose they are."""
+        """Ids of revoked keys that are not otherwise known."""
         self._vouched: dict[bytes, None] = {}
         for key in keys:
             self.add(key)
@@ -184,7 +185,7 @@ class Trust:
 
     @property
     def keys(self) -> tuple[PublicKey, ...]:
-        """All of them, in the order in which they came."""
+        """All of them, in the order in which they were added."""
         return tuple(self._keys.values())
 
     @property
@@ -194,7 +195,7 @@ class Trust:
 
     @property
     def vouched(self) -> tuple[bytes, ...]:
-        """Fingerprints of what revoked keys have said that counts all the same."""
+        """Fingerprints of datagrams of revoked keys that still count."""
         return tuple(self._vouched)
 
     def find(self, key: bytes) -> PublicKey | None:
@@ -206,16 +207,16 @@ class Trust:
         return bool(self._vouched) and fingerprint(datagram) in self._vouched
 
     def add(self, key: PublicKey) -> None:
-        """Believe a key. One that was revoked stays so."""
+        """Trust a key. One that was revoked stays revoked."""
         known = self._keys.get(key.id)
         if known is None and len(self._keys) >= MAX_KEYS:
-            raise KeyRefusal(f"at most {MAX_KEYS} keys fit into one trust file: take out those that are revoked")
+            raise KeyRefusal(f"at most {MAX_KEYS} keys fit into one trust file: remove revoked ones")
         revoked = key.revoked or key.id in self._gone or (known is not None and known.revoked)
         self._gone.discard(key.id)
         self._keys[key.id] = replace(key, revoked=revoked)
 
     def revoke(self, owner: str) -> tuple[PublicKey, ...]:
-        """Believe no key of `owner` any more; gives them. Raises KeyRefusal if there is none."""
+        """Revoke all keys of `owner`, and return them. Raises KeyRefusal if there is none."""
         found = tuple(key for key in self._keys.values() if key.owner == owner)
         if not found:
             names = sorted({key.owner for key in self._keys.values()})
@@ -224,8 +225,8 @@ class Trust:
         return found
 
     def take(self, change: KeyChange) -> None:
-        """Take in what a commander said. A key that is known keeps its owner and its role. What goes past a bound is
-        left out: first what is new, and never what is revoked of keys that are known."""
+        """Apply a commander's change. A known key keeps its owner and its role. What exceeds a bound is left out; the
+        revocation of a known key never is."""
         before = self._state()
         for print_ in sorted(change.vouch - self._vouched.keys())[: MAX_VOUCHED - len(self._vouched)]:
             self._vouched[print_] = None
@@ -242,21 +243,21 @@ class Trust:
             self.keep(self)
 
     def merge(self, other: Trust) -> None:
-        """Believe what `other` believes as well."""
+        """Add everything that `other` trusts or has revoked."""
         revoked = frozenset(key.id for key in other.keys if key.revoked) | other.gone
         self.take(KeyChange(other.keys, frozenset(other.vouched), revoked))
 
     def _state(self) -> tuple[int, int, int, int]:
-        """What changes with every change: trust only grows."""
+        """Sizes by which a change shows: trust only grows."""
         revoked = sum(key.revoked for key in self._keys.values())
         return len(self._keys), revoked, len(self._gone), len(self._vouched)
 
 
 def fingerprint(datagram: bytes) -> bytes:
-    """By which a datagram is vouched for."""
+    """The fingerprint by which a datagram is vouched for."""
     return sha256(datagram).digest()[:FINGERPRINT_BYTES]
 
 
 def key_id(public: bytes) -> bytes:
-    """The id of a key by its public half."""
+    """The id of a key, from its public half."""
     return sha256(public).digest()[:ID_BYTES]

@@ -1,8 +1,7 @@
-"""A message: what one party of the channel says to the others, and the bounds that every message keeps.
+"""A message: what one party of the channel sends to the others, and the bounds that every message keeps.
 
-Expressions travel as text, never as compiled code: robots differ in what they know, and each compiles in its
-own names. A message is told from all others by who sent it, that sender's epoch (its lives so far) and its
-number.
+Expressions travel as text, never as compiled code: robots differ in what they know, and each compiles in its own names.
+A message is identified by its sender, the sender's epoch (its lives so far) and its number.
 """
 
 from __future__ import annotations
@@ -20,14 +19,13 @@ from sleepcast.core.errors import MisuseError
 MAX_TEXT = 16_384
 """Characters of an expression: what the language reads at most."""
 MAX_NAME = 64
-"""Characters in the name of a sender, as for any name."""
+"""Characters of a name."""
 MAX_NUMBER = 2**63 - 1
-"""Epochs and sequence numbers fit a signed 64-bit integer in whatever language another robot is written
-in."""
+"""Epochs and sequence numbers fit a signed 64-bit integer in any language."""
 
 
 class Kind(StrEnum):
-    """What a message is for; the first part of it that a receiver looks at."""
+    """What a message is for; the first field that a receiver looks at."""
 
     COMMAND = "command"
     """Evaluate the text once."""
@@ -40,35 +38,35 @@ class Kind(StrEnum):
     HEARTBEAT = "heartbeat"
     """The operator is there."""
     ANSWER = "answer"
-    """What came of a COMMAND or an ASK, in the body."""
+    """The result of a COMMAND or an ASK, in the body."""
     REPORT = "report"
-    """Something that a robot says unasked."""
+    """Something that a robot sends unasked."""
     DIGEST = "digest"
-    """What a party has heard so far, in short."""
+    """A summary of the commands that a party has."""
     REQUEST = "request"
-    """Please send again what I missed."""
+    """A request for missed commands."""
 
 
 TO_OPERATOR = frozenset({Kind.ANSWER, Kind.REPORT})
-"""Kinds that robots address to the operator; every other kind is for all who hear it."""
+"""Kinds that robots address to the operator; all others are for everybody."""
 
 
 class Role(StrEnum):
-    """What the owner of a key may do. Anybody with a role may send STOP."""
+    """What the owner of a key may do. Every role may send STOP."""
 
     OBSERVER = "observer"
-    """Ask, and nothing else."""
+    """Ask only."""
     OPERATOR = "operator"
     """Command."""
     COMMANDER = "commander"
-    """Command, and say whom to trust."""
+    """Command, store rules, and change whom robots trust."""
     ROBOT = "robot"
-    """Answer, report, tell other robots, and hand on what others have missed."""
+    """Answer, report, tell other robots, and resend what others have missed."""
 
 
 class Link(NamedTuple):
-    """What came before a command. after: number of the one before, 0 for none; sent, until: when it was issued and its
-    deadline (s, inf for one that stands); rules: number of the standing one before, 0 for none."""
+    """The commands before a command. after: number of the previous one, 0 for none; sent, until: when that was issued
+    and its deadline (s, inf for a standing one); rules: number of the previous standing one, 0 for none."""
 
     after: int = 0
     sent: float = inf
@@ -76,13 +74,13 @@ class Link(NamedTuple):
     rules: int = 0
 
     def written(self) -> dict[str, object]:
-        """As it stands in a message's body."""
+        """As fields of a message's body."""
         sent, until = (None if time == inf else time for time in (self.sent, self.until))
         return {"after": self.after, "sent": sent, "until": until, "rules": self.rules}
 
     @staticmethod
     def of(body: Mapping[str, object], number: int) -> Link:
-        """That of the message of this number with this body; one without any follows nothing."""
+        """The link of the message with this body and number; a message without one follows nothing."""
         after, rules = body.get("after"), body.get("rules")
         if isinstance(after, int) and isinstance(rules, int) and "until" in body and 0 <= rules <= after < number:
             return Link(after, _time(body.get("sent")), _time(body["until"]), rules)
@@ -90,23 +88,23 @@ class Link(NamedTuple):
 
 
 def _time(found: object) -> float:
-    """A time as it was written; what is none, or no number of this world, is never."""
+    """A time in a body; inf for what is no number, or too large."""
     return float(found) if isinstance(found, float) or (isinstance(found, int) and abs(found) < 1e300) else inf
 
 
 class MessageError(MisuseError):
-    """A message that goes past a bound."""
+    """A message that exceeds a bound."""
 
 
 class Message(msgspec.Struct, frozen=True, dict=True):
     """One message.
 
-    issued: when it was sent; deadline: after which nobody acts on it any more (inf: always good); both in
-    seconds of the swarm's clock. standing: whether it must reach everybody in the end, late joiners too
-    (rules and operators). body: what else it carries: names to plain values (`bodies`). role: of the key that
-    signed it, as its receiver knows it and never as it says itself; "" where nobody signs. heard: when it reached its
-    receiver, s of his clock, None where nobody looked; ahead: by how many s its sender's clock is ahead of his, 0 if by
-    no more than is allowed: of all else nothing counts but that it came. Raises MessageError past a bound.
+    issued: when it was sent; deadline: after which nobody acts on it any more, inf for never; both s of the swarm's
+    clock. standing: whether it must reach everybody in the end, also robots that join later. body: further fields as
+    plain data, by name (`payload`). role: of the key that signed it, as the receiver knows it; "" where nobody signs.
+    heard: when it reached its receiver, s of that clock, None if unknown; ahead: s by which its sender's clock is ahead
+    of the receiver's, 0 if by no more than is allowed. A message with another value only shows that its sender is
+    there. Raises MessageError past a bound.
     """
 
     sender: str
@@ -137,12 +135,12 @@ class Message(msgspec.Struct, frozen=True, dict=True):
 
     @cached_property
     def id(self) -> str:
-        """The name of this message among all: `desk-3.17` is message 17 of the third life of `desk`."""
+        """The message's identifier: `desk-3.17` is message 17 of the third life of `desk`."""
         return message_id(self.sender, self.epoch, self.sequence)
 
     @cached_property
     def link(self) -> Link:
-        """What came before it, if it is a command."""
+        """The commands before it, if it is a command."""
         return Link.of(self.body, self.sequence)
 
 

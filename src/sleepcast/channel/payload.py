@@ -1,4 +1,4 @@
-"""What the bodies of commands and questions may say besides their text, by its name on the air."""
+"""The payload: fields of a message's body besides the text, by their names on the wire."""
 
 from __future__ import annotations
 
@@ -11,60 +11,59 @@ from sleepcast.channel.message import Role
 WITHIN = "within"
 """Seconds over which answers are to be spread."""
 FOR, NOT = "for", "not"
-"""Names of the robots that are addressed, and of those that are not; all others do not even answer."""
+"""Names of the addressed robots, or of those that are not addressed; robots that are not addressed do not answer."""
 AGAIN = "again"
-"""Of a question without a text: the command of which those that are addressed, by `for` or by `not`, shall say their
-answer once more."""
+"""In an ASK without a text: the command whose answer the robots addressed by `for` or `not` are to send again."""
 LOOK, OF = "look", "of"
-"""What a robot is to tell of itself, and of which command or description."""
+"""What a robot is to tell about itself (`Inspection`), and about which command or description."""
 LEASE = "lease"
-"""Who is to control a group, and for how long: a map with these four."""
+"""A change of a group's lease: a map with the next four fields."""
 DO, GROUP, SECONDS, TO = "do", "group", "seconds", "to"
-"""What is to be done with the lease (see `LeaseAction`), of which group, for how long, and who is to have it."""
+"""The action (see `LeaseAction`), the group, the seconds, and who is to have the lease."""
 KEYS = "keys"
-"""Whom to trust, and whom not any more."""
+"""Keys to trust and to revoke (`keys.KeyChange`)."""
 FIRST, AGE = "first", "age"
-"""The id of the message that this one repeats for those who were not heard, and the seconds since that was sent."""
+"""The id of the message that this one repeats for robots that were not heard, and the seconds since it was sent."""
 ENDS = "ends"
-"""In a RELEASE: the STOPs of others, and of other lives of its sender, that it ends; see `latch`."""
+"""In a RELEASE: the STOPs of others, and of its sender's other lives, that it ends; see `stop_latch`."""
 STOPS = "stops"
-"""With telemetry: the STOPs that hold a robot, each with the seconds since it came."""
+"""In telemetry: the STOPs that hold a robot, each with the seconds since it came."""
 MATCHED = "matched"
-"""In a question: robots are to say whether they would obey it; in their answers: whether they would."""
+"""In an ASK: robots are to say whether they would obey; in their answers: whether they would."""
 TIME = "time"
-"""In a REPORT: a nonce with which a robot without a clock asks for the time; in a HEARTBEAT: that nonce, answered."""
+"""In a REPORT: the nonce of a robot's time request; in a HEARTBEAT: the same nonce, in reply."""
 TOOK = "took"
-"""In a REPORT: whose time a robot has taken; its value, by how many s its clock was behind."""
+"""In a REPORT: whose time a robot has taken. The report's value is by how many s its clock was behind."""
 TOLD = "told"
-"""What a robot tells of itself, in the answer to a look."""
+"""What a robot tells about itself, in the answer to an inspection."""
 HOPS = "hops"
-"""In what a robot tells others: how far it may go, this hop included."""
+"""In what a robot tells other robots: hops that it may still go, this one included."""
 MISSED = "missed"
-"""Ids of commands that a robot was to hear and that never came in time."""
+"""Ids of commands that never reached a robot in time."""
 
 
 class LeaseAction(StrEnum):
-    """What can be done with the lease of a group."""
+    """What an operator can do with the lease of a group."""
 
     TAKE = "take"
-    """Have it, if nobody else does, or have it longer."""
+    """Take it if it is free, or extend one's own."""
     GIVE = "give"
-    """Have it no more."""
+    """Give it up."""
     REQUEST = "request"
-    """Have it if nobody else does; who does hears of the wish."""
+    """Take it if it is free; otherwise its holder is told of the request."""
     GRANT = "grant"
-    """Let somebody else have it."""
+    """Hand it to somebody else."""
     FORCE = "force"
-    """Have it whoever else does; for commanders."""
+    """Take it from its holder; for commanders."""
 
 
 class Inspection(StrEnum):
-    """What a robot can be asked to tell of itself."""
+    """What a robot can be asked to tell about itself."""
 
     TELEMETRY = "telemetry"
-    """Its numbers, its groups, whether it is stopped."""
+    """Its variables, its groups, whether it is stopped."""
     VOCABULARY = "vocabulary"
-    """The names of its type."""
+    """The names that its type knows."""
     MIND = "mind"
     """What it has learned: groups, operators, rules."""
     WHY = "why"
@@ -72,8 +71,8 @@ class Inspection(StrEnum):
 
 
 def hops_left(body: Mapping[str, object], role: str, most: int) -> int:
-    """How far what a robot tells because of a message may go: `most`, or one hop less than what another robot has told
-    it. role: of the message's sender."""
+    """Hops that something told because of a message may go: `most`, or one less than the message had left if it came
+    from a robot. role: of the message's sender."""
     hops = body.get(HOPS)
     if isinstance(hops, int) and not isinstance(hops, bool):
         return min(max(hops, 1), most) - 1
@@ -81,7 +80,7 @@ def hops_left(body: Mapping[str, object], role: str, most: int) -> int:
 
 
 def is_addressed(body: Mapping[str, object], name: str) -> bool:
-    """Whether a message is for the robot of this name. One that says for whom, and says it wrongly, is for nobody."""
+    """Whether a message is for the robot of this name. A message with malformed addressing is for nobody."""
     only, others = body.get(FOR), body.get(NOT, [])
     if not isinstance(others, list) or name in others:
         return False
@@ -89,6 +88,6 @@ def is_addressed(body: Mapping[str, object], name: str) -> bool:
 
 
 def age_of(body: Mapping[str, object]) -> float:
-    """Seconds since a message was first sent; inf where it does not say what can be meant."""
+    """Seconds since a message was first sent; inf if the field is malformed."""
     age = body.get(AGE, 0.0)
     return float(age) if isinstance(age, float | int) and age >= 0.0 else inf

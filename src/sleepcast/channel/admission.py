@@ -153,7 +153,7 @@ class Admission:
         self._untimely_budget = RateLimit(UNTIMELY_A_SECOND, UNTIMELY_A_SECOND, self._chance, clock.now())
         self._times = RateLimit(TIMES_A_SECOND, TIMES_A_SECOND, self._chance, clock.now())
         self.nonce = b""
-        """Of the question for the time that is open (`Sync`), b"" for none."""
+        """Nonce of the open `TimeRequest`, b"" for none."""
         self._turned_away: deque[Message] = deque(maxlen=MAX_REASSEMBLIES)
         self._timely: OrderedDict[str, float] = OrderedDict()
         """When each party that may command us was last heard in time."""

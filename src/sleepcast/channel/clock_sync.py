@@ -24,25 +24,25 @@ from sleepcast.channel.payload import TIME
 from sleepcast.core.clock import MADE
 
 ENOUGH, LATEST = 3, 16
-"""Heartbeats from which a difference is believed, and how many of the latest tell it: those of some five seconds."""
+"""Heartbeats needed to measure an offset, and the latest ones that are used: those of some five seconds."""
 FRESH = 600.0
-"""Seconds for which a difference is believed that no heartbeat confirms: clocks part by milliseconds meanwhile."""
+"""Seconds for which an offset is used without new heartbeats: clocks drift by milliseconds meanwhile."""
 LEAST = 0.05
-"""Seconds of a difference that matters: less may be the way, and clocks that are kept differ by less."""
+"""Seconds of an offset that matters: less may be the time on the way, and synchronized clocks differ by less."""
 MAX_OFFSETS = 64
-"""Senders whose clocks are known; the one that was silent longest makes room."""
+"""Senders whose offsets are known; the one that was silent longest is forgotten."""
 
 
 class ClockOffsets:
-    """The clocks of those that send heartbeats, by their names. bound: s that a clock may be wrong: who delays
-    heartbeats on their way cannot move anybody's deadlines farther."""
+    """Clock offsets of the senders of heartbeats, by name. bound: s, the largest offset: an attacker who delays
+    heartbeats cannot move deadlines farther."""
 
     def __init__(self, bound: float) -> None:
         self._bound = bound
         self._took: OrderedDict[str, deque[tuple[float, float]]] = OrderedDict()
 
     def note(self, sender: str, issued: float, now: float) -> None:
-        """A heartbeat of that time was heard at `now`, each s by its own clock."""
+        """A heartbeat was issued and heard at these times, s by the sender's clock and by ours."""
         took = self._took.setdefault(sender, deque(maxlen=LATEST))
         took.append((now, now - issued))
         self._took.move_to_end(sender)
@@ -50,8 +50,7 @@ class ClockOffsets:
             self._took.popitem(last=False)
 
     def of(self, sender: str, now: float) -> float:
-        """Seconds by which our clock is ahead of this sender's; 0 while that is not known, or no more than the way
-        explains."""
+        """Seconds by which our clock is ahead of this sender's; 0 if that is unknown, or too small to matter."""
         took = self._took.get(sender)
         if took is None or len(took) < ENOUGH or now - took[-1][0] > FRESH:
             return 0.0
@@ -59,55 +58,55 @@ class ClockOffsets:
         return found if abs(found) >= LEAST else 0.0
 
     def all(self, now: float) -> dict[str, float]:
-        """Those that are known."""
+        """All offsets that are not 0."""
         found = {sender: self.of(sender, now) for sender in self._took}
         return {sender: skew for sender, skew in found.items() if skew}
 
 
 MAX_CLOCKS = 1_000_000
-"""Parties whose clocks are known: as many as a roster takes."""
+"""Parties whose clocks are tracked: as many as a roster takes."""
 ALIKE = 4.0
-"""Seconds by which clocks may differ that are wrong together: each of them may be wrong by the skew."""
+"""Seconds by which clocks may differ and still count as equally wrong: each may be wrong by the allowed skew."""
 SHOWN = 5
-"""Names in a sentence; of more, their number."""
+"""Names listed in a sentence; more are counted."""
 UNITS = ((2 * 365.25 * 86_400.0, 365.25 * 86_400.0, "years"), (2 * 86_400.0, 86_400.0, "days"), (0.0, 1.0, "s"))
-"""From how many seconds on a difference is told in which unit."""
+"""Units of a difference: the seconds from which each is used, its seconds, its name."""
 
 
 class WrongClocks:
-    """See the module. What is kept of each party: by how many s its clock is ahead of ours, 0 for one that is right."""
+    """By how many s each party's clock is ahead of ours, 0 for one that is right."""
 
     def __init__(self) -> None:
         self._ahead: dict[str, float] = {}
         self._took: dict[str, tuple[str, float]] = {}
 
     def note(self, name: str, ahead: float) -> None:
-        """The clock of this party is so many s ahead; 0 where it is right."""
+        """The clock of this party is `ahead` s ahead, 0 if it is right."""
         if ahead or name in self._ahead or len(self._ahead) < MAX_CLOCKS:
             self._ahead[name] = ahead
 
     def note_took(self, name: str, whose: str, behind: float) -> None:
-        """This robot had a clock that was so many s behind, and has taken its time from another party."""
+        """This robot's clock was `behind` s behind, and has been set by the time of `whose`."""
         if name in self._took or len(self._took) < MAX_CLOCKS:
             self._took[name] = whose, behind
         self.note(name, 0.0)
 
     def clear(self) -> None:
-        """Nothing is known any more."""
+        """Forget everything."""
         self._ahead.clear()
         self._took.clear()
 
     def ahead(self, name: str) -> float:
-        """By how many s its clock is ahead; 0 where that is not known."""
+        """By how many s its clock is ahead; 0 if unknown."""
         return self._ahead.get(name, 0.0)
 
     @property
     def wrong(self) -> dict[str, float]:
-        """Those that are wrong."""
+        """The clocks that are wrong: s ahead, by name."""
         return {name: ahead for name, ahead in self._ahead.items() if ahead}
 
     def of_robots(self, life: float) -> list[str]:
-        """What an operator has to know of the clocks of robots. life: s for which commands count."""
+        """Sentences for an operator about robots' clocks. life: s for which commands count."""
         found, wrong = [], sorted(self.wrong.items(), key=lambda each: each[1])
         if len(wrong) > 1:
             middle = wrong[len(wrong) // 2][1]
@@ -128,14 +127,14 @@ class WrongClocks:
         return found + self._taken()
 
     def _taken(self) -> list[str]:
-        """Who has taken the time from whom, those alike in one sentence."""
+        """Which robots have set their clocks by whose time, one sentence for equal cases."""
         alike: dict[tuple[str, str], list[str]] = {}
         for name, (whose, behind) in self._took.items():
             alike.setdefault((whose, differs(-behind)), []).append(name)
         return [took(names, *which) for which, names in alike.items()]
 
     def of_operators(self) -> list[str]:
-        """What a robot tells of its clock, by those of the operators."""
+        """Sentences of a robot about its clock, compared with those of the operators."""
         return [
             f"our clock is {differs(-ahead)} {'of ' if ahead < 0 else ''}that of {name}: nothing but STOP is obeyed"
             for name, ahead in self.wrong.items()
@@ -143,13 +142,13 @@ class WrongClocks:
 
 
 def differs(ahead: float) -> str:
-    """By how much a clock is wrong, for a person: `3,600 s ahead`."""
+    """A clock's error for a person: `3,600 s ahead`."""
     _, unit, name = next(each for each in UNITS if abs(ahead) >= each[0])
     return f"{abs(ahead) / unit:,.0f} {name} {'ahead' if ahead > 0.0 else 'behind'}"
 
 
 def took(names: Sequence[str], whose: str, differs: str) -> str:
-    """Robots have taken the time from somebody, as a sentence. differs: by how much they were wrong."""
+    """A sentence: these robots set their clocks by somebody's time. differs: by how much they were wrong."""
     theirs, clocks = ("its", "its clock was") if len(names) == 1 else ("their", "their clocks were")
     return f"{_listed(names)} took {theirs} time from {whose}: {clocks} {differs}"
 
@@ -160,14 +159,15 @@ def _listed(names: Sequence[str]) -> str:
 
 
 NONCE_BYTES = 16
-"""Bytes of a nonce: nobody guesses it, and it never comes again by chance."""
+"""Bytes of a nonce: it cannot be guessed, and is never repeated by chance."""
 MAX_TRIP = 1.0
-"""Seconds from the question to the answer at most: so the time is wrong by half a second, a quarter of the skew."""
+"""Seconds from the question to the answer at most. So the time is wrong by half a second, a quarter of the allowed
+skew."""
 SOONEST, SLOWEST = 2.0, 16.0
 """Seconds between two questions at first, and at most: the pause doubles while nobody answers. It is longer than
 `MAX_TRIP`, so no answer in time is to a question that is given up."""
 HURRIED_PAUSE = 0.25
-"""Seconds between two questions where somebody commands us, who may be gone as soon as he has our answer."""
+"""Seconds between two questions while somebody commands us, as he may leave once he has our answer."""
 
 
 class TimeRequest:

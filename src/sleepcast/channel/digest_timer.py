@@ -1,4 +1,4 @@
-"""Trickle (RFC 6206): who tells how things stand, and when, so that a quiet fleet is quiet and news are quick."""
+"""The timer of digests, by the Trickle algorithm (RFC 6206): rare while all agree, quick when somebody differs."""
 
 from __future__ import annotations
 
@@ -6,38 +6,38 @@ from math import exp, inf, log1p
 from random import Random
 
 SOONEST, LATEST = 0.4, 60.0
-"""Seconds of an interval: at least, while there is news, and at most."""
+"""Seconds of the shortest interval, while there is news, and of the longest."""
 ENOUGH = 2
-"""Times that somebody else has said the same in an interval, from which on we need not."""
+"""Equal digests of others in an interval after which ours is left out."""
 STEEPNESS = 10.0
-"""How seldom small numbers are drawn by `mostly_late`: enough for some ten thousand parties."""
+"""How rarely `mostly_late` draws small numbers: enough for some ten thousand parties."""
 
 
 def mostly_late(chance: Random) -> float:
-    """A number from [0, 1] that is small for few only: of a thousand who wait for such a share of some time, one or two
-    are early, whoever hears them keeps quiet, and nobody need know how many there are (Nonnenmacher and Biersack,
-    Scalable feedback for large groups, IEEE/ACM Transactions on Networking 7, 1999)."""
+    """A random back-off from [0, 1], exponentially biased towards late: of a thousand parties one or two are early, and
+    the others hear them and keep quiet. Nobody needs to know how many there are (Nonnenmacher and Biersack, Scalable
+    feedback for large groups, IEEE/ACM Transactions on Networking 7, 1999)."""
     return log1p(chance.random() * (exp(STEEPNESS) - 1.0)) / STEEPNESS
 
 
 class DigestTimer:
-    """One party's timer. chance: for the moment within each interval. It rests until it is first restarted."""
+    """One party's timer. chance: for the moment within each interval. It is idle until the first restart."""
 
     def __init__(self, chance: Random) -> None:
         self._chance = chance
         self._interval, self._ends, self._speaks, self._alike = SOONEST, inf, inf, 0
 
     def restart(self, now: float) -> None:
-        """Things do not agree: begin anew with the shortest interval, unless that has just begun."""
+        """Somebody differs: begin the shortest interval, unless it is running."""
         if self._ends == inf or self._interval > SOONEST:
             self._begin(now, SOONEST)
 
     def agree(self) -> None:
-        """Somebody says what we should have said."""
+        """Somebody has sent the same digest as ours."""
         self._alike += 1
 
     def is_due(self, now: float) -> bool:
-        """Whether it is time to speak; asked at any time from `due` on."""
+        """Whether to send a digest now; to be called from `due` on."""
         speak = self._speaks <= now and self._alike < ENOUGH
         if self._speaks <= now:
             self._speaks = inf
@@ -46,7 +46,7 @@ class DigestTimer:
         return speak
 
     def due(self) -> float:
-        """When to ask next, s."""
+        """When to call `is_due` next, s."""
         return min(self._speaks, self._ends)
 
     def _begin(self, now: float, interval: float) -> None:

@@ -1,8 +1,8 @@
-"""Drops: datagrams that went no further, counted by reason and by the key that they name, and sentences that say so.
+"""Dropped datagrams, counted by reason and by the key that they name, and notices about them for a person.
 
-Counting costs a look at the clock and one addition, as it is done for each datagram of a flood. A person is told what
-is going on now, by the rates of the last second or two: what everybody can see on every air (a message heard twice, or
-one that is for others) is only counted.
+Counting costs one look at the clock and one addition, as it is done for each datagram of a flood. Notices tell what is
+going on now, by the rates of the last second or two. What is normal on every channel (a message heard twice, or one for
+others) is only counted.
 """
 
 from __future__ import annotations
@@ -15,27 +15,27 @@ from typing import NamedTuple, Protocol
 from sleepcast.core.clock import Clock
 
 WINDOW = 1.0
-"""Seconds over which rates are taken: long enough for a number that does not flicker, short enough to be news."""
+"""Seconds over which rates are measured: long enough for a steady number, short enough to be current."""
 FIRST = 0.25
-"""Seconds of the window under way from which a rate is taken: one datagram makes no flood."""
+"""Seconds of the current window after which it gives a rate: one datagram is no flood."""
 MAX_STRANGERS = 64
-"""Unknown keys that are counted apart: whoever invents keys cannot make us remember them. Known ones are bounded."""
+"""Unknown keys that are counted separately, so that invented keys take no memory. Known ones are bounded."""
 MAX_NOTICES = 4
-"""Sentences at once: those of the highest rates."""
+"""Notices at once: those with the highest rates."""
 AGAIN = 60.0
-"""Seconds until something that goes on is told anew where sentences are lines that stay (`NoticeLog`)."""
+"""Seconds after which a `NoticeLog` repeats something that goes on."""
 WORSE = 10.0
-"""Times as much of something as was told: told at once."""
+"""A rate this many times the one last told is told at once."""
 MANY_REPEATED = 500.0
-"""Repeated messages of one key in a second that are an attack: a stop is repeated a hundred times in its first."""
+"""Repeated messages of one key in a second that are an attack: a STOP is repeated a hundred times in its first."""
 MANY_LATE = 5.0
-"""Late messages of one key in a second that are worth a word: what is repaired is late now and then."""
+"""Late messages of one key in a second that are worth a notice: repaired ones are late now and then."""
 LEAST = 0.5
-"""Of all else: what was seen once, a while ago, goes on no more."""
+"""The same for everything else: what was seen once, a while ago, is over."""
 
 
 class DropReason(StrEnum):
-    """Why bytes went no further."""
+    """Why a datagram was dropped."""
 
     MALFORMED = "malformed"
     UNKNOWN_KEY = "unknown key"
@@ -51,21 +51,21 @@ class DropReason(StrEnum):
 
 
 class Owned(Protocol):
-    """A key of somebody."""
+    """A key with an owner."""
 
     @property
     def owner(self) -> str: ...
 
 
 class Owners(Protocol):
-    """Whose a key is (`Trust`)."""
+    """Finds the owner of a key (`Trust`)."""
 
     def find(self, key: bytes) -> Owned | None: ...
 
 
 class Notice(NamedTuple):
-    """What is going on. key: the id of the key that the datagrams name, b"" for none; reason: why most of them were
-    dropped; rate: of them a second; text: the sentence that says so, without a full stop."""
+    """What is going on. key: id of the key that the datagrams name, b"" for none; reason: why most of them were
+    dropped; rate: datagrams a second; text: a sentence without a full stop."""
 
     key: bytes
     reason: DropReason
@@ -74,8 +74,8 @@ class Notice(NamedTuple):
 
 
 class DropCounter:
-    """See the module. counts: all so far, by reason; by_key: the same by the id of the key and the reason, b"" where
-    there is no key, or one stranger too many."""
+    """Counts dropped datagrams. counts: all so far, by reason; by_key: by key id and reason; the id is b"" where no key
+    is named, or too many unknown ones."""
 
     def __init__(self, clock: Clock) -> None:
         self.counts: Counter[DropReason] = Counter()
@@ -85,10 +85,10 @@ class DropCounter:
         self._window: Counter[tuple[bytes, DropReason]] = Counter()
         self._since = clock.now()
         self._rates: dict[tuple[bytes, DropReason], float] = {}
-        """Of the window before this one."""
+        """In the window before this one."""
 
     def add(self, reason: DropReason, key: bytes = b"", count: int = 1) -> None:
-        """So many more were dropped for this reason. key: the id of the key that they name."""
+        """Count dropped datagrams. key: id of the key that they name."""
         self._turn()
         if reason is DropReason.UNKNOWN_KEY and key not in self._strangers:
             if len(self._strangers) < MAX_STRANGERS:
@@ -100,7 +100,7 @@ class DropCounter:
         self._window[key, reason] += count
 
     def rates(self) -> Mapping[tuple[bytes, DropReason], float]:
-        """How many are dropped in a second of late, by the id of the key and the reason."""
+        """Datagrams dropped in a second recently, by key id and reason."""
         self._turn()
         passed = max(self._clock.now() - self._since, FIRST)
         found = dict(self._rates)
@@ -109,7 +109,7 @@ class DropCounter:
         return found
 
     def notices(self, owners: Owners) -> list[Notice]:
-        """What is going on that a person should know of, the worst first. owners: of the keys."""
+        """What a person should know of, the highest rate first. owners: of the keys."""
         by_key: defaultdict[bytes, dict[DropReason, float]] = defaultdict(dict)
         for (key, reason), rate in self.rates().items():
             by_key[key][reason] = rate
@@ -127,7 +127,7 @@ class DropCounter:
 
 
 def _noticed(key: bytes, rates: Mapping[DropReason, float], owners: Owners) -> Iterator[Notice]:
-    """What a key's rates tell a person."""
+    """The notices about one key."""
     known, short = owners.find(key), key.hex()[:4]
     name = f"key {short} ({known.owner})" if known else f"key {short}" if key else "many keys"
     forged, unread = rates.get(DropReason.FORGED, 0.0), rates.get(DropReason.TOO_MANY, 0.0)
@@ -153,31 +153,31 @@ SENTENCES: Mapping[DropReason, tuple[float, str]] = {
     DropReason.EARLY: (LEAST, "{much} a second of {name} come from the future, by our clock"),
     DropReason.MALFORMED: (LEAST, "{much} a second come that sleepcast cannot read"),
 }
-"""From how many a second on each reason is told, and how."""
+"""The rate (a second) from which each reason is told, and the sentence."""
 
 
 def _much(rate: float, what: str = "") -> str:
-    """A number of messages, of two digits."""
+    """A number of messages, rounded to two digits."""
     digits = len(str(round(rate))) - 2
     count = max(1, round(rate, -digits) if digits > 0 else round(rate))
     return " ".join(filter(None, (f"{count:,.0f}", what, "message" if count == 1 else "messages")))
 
 
 class NoticeLog:
-    """What is going on, for a place where lines stay: each thing as it begins, when there is `WORSE` times as much of
-    it, and after `AGAIN` s while it goes on. others: gives sentences of another sort."""
+    """Notices for a log: each when it begins, when its rate has grown by `WORSE`, and every `AGAIN` s while it goes on.
+    others: gives further sentences."""
 
     def __init__(
         self, drops: DropCounter, owners: Owners, clock: Clock, others: Callable[[], Iterable[str]] = tuple
     ) -> None:
         self._drops, self._owners, self._clock, self._others = drops, owners, clock, others
         self._told: dict[tuple[bytes, DropReason], tuple[float, float]] = {}
-        """When each was told, and at which rate."""
+        """When each was told, and its rate then."""
         self._said: dict[str, float] = {}
         """When each of the other sentences was told."""
 
     def lines(self) -> list[str]:
-        """Sentences that are due."""
+        """Lines that are due."""
         now, found = self._clock.now(), []
         self._told = {which: told for which, told in self._told.items() if 0.0 <= now - told[0] < AGAIN}
         for key, reason, rate, text in self._drops.notices(self._owners):

@@ -123,7 +123,7 @@ class KeyChange:
     revoke: frozenset[bytes] = field(default_factory=frozenset)
 
     def written(self) -> dict[str, object]:
-        """As it stands in a message's body, under `bodies.KEYS`; bytes as hexadecimal digits."""
+        """As the field `payload.KEYS` of a message's body; bytes as hexadecimal digits."""
         return {
             "trust": [[key.owner, key.role.value, key.public.hex()] for key in self.trust],
             "vouch": sorted(print_.hex() for print_ in self.vouch),

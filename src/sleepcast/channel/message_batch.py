@@ -23,7 +23,7 @@ Body = dict[str, object]
 
 
 class Contents(Protocol):
-    """What the robots of a chorus say, by the places for which it was made."""
+    """The contents of a batch's messages, by index."""
 
     def text(self, place: int) -> str: ...
 
@@ -32,8 +32,8 @@ class Contents(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """What came of the message `command`. Columns by place: value (NaN for unknown); sort: which of `sorts` the outcome
-    is, uint8; fault: 0 for none, else which of `faults` it is, from 1, int32."""
+    """Answers to the message `command`. Columns: value (NaN for unknown); sort: index of the outcome in `sorts`, uint8;
+    fault: index in `faults` from 1, 0 for none, int32."""
 
     command: str
     sorts: tuple[str, ...]
@@ -44,7 +44,7 @@ class Answers:
 
     @classmethod
     def alike(cls, command: str, size: int, sort: str, value: float = np.nan, fault: str = "") -> Answers:
-        """The same answer at each of `size` places."""
+        """The same answer `size` times."""
         return cls(
             command,
             (sort,),
@@ -69,7 +69,7 @@ class Answers:
 
 @dataclass(frozen=True, slots=True)
 class Reports:
-    """What was reported under a label: a column for each value, NaN for unknown."""
+    """Reports under one label: a column for each value, NaN for unknown."""
 
     label: str
     values: tuple[Column, ...]
@@ -84,7 +84,7 @@ class Reports:
 
 @dataclass(frozen=True, slots=True)
 class Relays:
-    """One expression that they all tell the others, so many hops far."""
+    """One expression that all these robots tell the others, with the hops that it may go."""
 
     said: str
     hops: int
@@ -100,9 +100,9 @@ class Relays:
 class MessageBatch:
     """One message from each of some robots.
 
-    names: of all robots there are. robots: the speakers' places among them, each once. places: where in `words` each
-    one's own are. sequences: of their messages. issued: when each spoke (s of the swarm's clock); lasts: for how many s
-    it is good.
+    names: of all robots. robots: the senders' indices among them, each once. places: the index of each message's
+    contents in `words`. sequences: numbers of the messages. issued: when each was sent (s of the swarm's clock); lasts:
+    s until its deadline. Columns have the shape (messages,).
     """
 
     kind: Kind
@@ -119,12 +119,12 @@ class MessageBatch:
         return len(self.robots)
 
     def take(self, which: NDArray[np.bool_] | slice) -> MessageBatch:
-        """The same from some of them only."""
+        """Some of the messages."""
         columns = (self.robots[which], self.places[which], self.sequences[which], self.issued[which])
         return MessageBatch(self.kind, self.names, self.epoch, *columns, self.lasts, self.words)
 
     def message(self, at: int) -> Message:
-        """What the robot at this place of the chorus says."""
+        """The message with this index."""
         issued, place = float(self.issued[at]), int(self.places[at])
         return Message(
             self.names[self.robots[at]],
@@ -139,7 +139,7 @@ class MessageBatch:
         )
 
     def messages(self) -> Iterator[Message]:
-        """What each of them says."""
+        """All messages."""
         return map(self.message, range(len(self)))
 
     def ids(self) -> Iterator[tuple[int, str]]:
@@ -189,28 +189,28 @@ class MessageBatchState(msgspec.Struct, tag="chorus"):
 
 
 def dump_batch(what: MessageBatch) -> MessageBatchState:
-    """What many say, as a parcel."""
+    """A batch as serialized state."""
     robots, sequences = Array.of(what.robots.astype(np.int32)), Array.of(what.sequences)
     words = _dump_contents(what.words, what.places)
     return MessageBatchState(what.kind, what.epoch, robots, sequences, Array.of(what.issued), what.lasts, words)
 
 
 def load_batch(state: MessageBatchState, names: Sequence[str]) -> MessageBatch:
-    """What many said. names: of all robots. Raises ParcelError."""
+    """A batch from its serialized state. names: of all robots. Raises SerialError."""
     robots = ascending(state.robots, len(names))
     shape = robots.shape
     sequences = state.sequences.made(np.int32, shape, "sequences")
     within(sequences, 0, MAX_NUMBER, "sequences")
     issued = state.issued.made(np.float64, shape, "issued")
     if not 0 <= state.epoch <= MAX_NUMBER or not state.lasts >= 0.0 or np.isnan(issued).any():
-        raise SerialError("something said at no time or in no life")
+        raise SerialError("a message batch with an epoch or a time out of range")
     words = _load_contents(state.words, shape)
     places = np.arange(len(robots))
     return MessageBatch(state.kind, names, state.epoch, robots, places, sequences, issued, state.lasts, words)
 
 
 def ascending(listed: Array, count: int) -> NDArray[np.intp]:
-    """Indices of some of `count` robots, each once. Raises ParcelError."""
+    """Indices of some of `count` robots, ascending, each once. Raises SerialError."""
     robots = listed.column(np.int32, count, "robots").astype(np.intp)
     if robots.size and (robots[0] < 0 or robots[-1] >= count or (np.diff(robots) <= 0).any()):
         raise SerialError("robots that are not there, or twice")

@@ -12,12 +12,12 @@ from math import inf
 from typing import NamedTuple
 
 StreamId = tuple[bytes, int]
-"""Of a stream: the id of its sender's key, and the epoch."""
+"""Identifies a stream of commands: the id of the sender's key, and the epoch."""
 
 
 class StreamProgress(NamedTuple):
-    """How far a stream has come: numbers of the latest command that was dealt with (`done`, issued when it was `sent`,
-    with its deadline `until`, s of Unix time, inf for one that stands), and of the latest standing one (`rules`)."""
+    """How far a stream has come. done: number of the latest command that was dealt with; sent, until: when that was
+    issued, and its deadline (s of Unix time, inf for a standing one); rules: number of the latest standing one."""
 
     stream: StreamId
     done: int
@@ -27,7 +27,7 @@ class StreamProgress(NamedTuple):
 
 
 class StoredWindow(NamedTuple):
-    """What was heard of one sender in one epoch. key: its id; numbers: bit i is message `latest - i`."""
+    """The messages heard from one sender in one epoch. key: its id; numbers: bit i is message `latest - i`."""
 
     key: bytes
     sender: str
@@ -36,14 +36,14 @@ class StoredWindow(NamedTuple):
     numbers: int
 
     def without(self, numbers: set[int]) -> StoredWindow:
-        """The same, as if these messages had not been heard."""
+        """The same without these messages."""
         most = self.numbers.bit_length()
         gone = sum(1 << self.latest - number for number in numbers if 0 <= self.latest - number < most)
         return self._replace(numbers=self.numbers & ~gone)
 
 
 class StandingCommand(NamedTuple):
-    """A command that stands, and its bytes."""
+    """A standing command and its datagrams."""
 
     stream: StreamId
     number: int
@@ -51,7 +51,7 @@ class StandingCommand(NamedTuple):
 
 
 class DeliveryState(NamedTuple):
-    """What has changed since this was asked last."""
+    """What has changed since the last call."""
 
     streams: tuple[StreamProgress, ...] = ()
     windows: tuple[StoredWindow, ...] = ()
@@ -59,14 +59,14 @@ class DeliveryState(NamedTuple):
 
 
 MAX_RECENT = 512
-"""One-shot commands kept: all of the last seconds at a hundred a second."""
+"""Other commands that are stored: those of the last five seconds at a hundred a second."""
 MAX_STANDING = 20_000
-"""Standing commands kept, of all senders: months of a busy desk, some ten megabytes."""
+"""Standing commands that are stored, of all senders: months of a busy desk, some ten megabytes."""
 
 
 @dataclass(slots=True)
 class StoredCommand:
-    """The bytes of a command, and when each part was last on the air (s)."""
+    """A command's datagrams, and when each was last on the air (s)."""
 
     datagrams: tuple[bytes, ...]
     heard: list[float]
@@ -81,7 +81,7 @@ class MessageStore:
         self._news: list[StandingCommand] = []
 
     def keep(self, stream: StreamId, number: int, standing: bool, datagrams: tuple[bytes, ...], now: float) -> None:
-        """Keep a command that was heard or sent at `now` (s); the oldest ones make room."""
+        """Store a command that was heard or sent at `now` (s), in place of the oldest if there are too many."""
         shelf, most = (self._standing, MAX_STANDING) if standing else (self._recent, MAX_RECENT)
         if standing and (stream, number) not in shelf:
             self._news.append(StandingCommand(stream, number, datagrams))
@@ -90,19 +90,19 @@ class MessageStore:
             shelf.popitem(last=False)
 
     def news(self) -> tuple[StandingCommand, ...]:
-        """The standing commands that have come since this was asked last."""
+        """The standing commands that were stored since the last call."""
         found = tuple(self._news)
         self._news.clear()
         return found
 
     def restore(self, standing: Iterable[StandingCommand]) -> None:
-        """Put back what was kept, the oldest first; none of it has been on the air for long."""
+        """Restore stored commands, the oldest first, as if none had been on the air for long."""
         for each in standing:
             self.keep(each.stream, each.number, True, each.datagrams, -inf)
         self._news.clear()
 
     def heard(self, stream: StreamId, number: int, datagram: bytes, now: float) -> bool:
-        """Whether this datagram is on the shelf; if so, it has been heard at `now` (s)."""
+        """Whether this datagram is stored; if so, note that it was heard at `now` (s)."""
         kept = self._find(stream, number)
         if kept is None or datagram not in kept.datagrams:
             return False
@@ -110,7 +110,7 @@ class MessageStore:
         return True
 
     def silent_since(self, stream: StreamId, number: int, time: float, parts: Sequence[int] = ()) -> bool:
-        """Whether a command is kept of which any of these parts (all, if none is named) has not been on the air since
+        """Whether a command is stored of which any of these parts (all, if none is named) has not been on the air since
         `time` (s)."""
         kept = self._find(stream, number)
         return kept is not None and any(kept.heard[part] < time for part in _named(kept, parts))
@@ -118,8 +118,8 @@ class MessageStore:
     def take(
         self, stream: StreamId, number: int, now: float, since: float = inf, parts: Sequence[int] = ()
     ) -> tuple[bytes, ...]:
-        """The bytes of those parts of a command that have not been on the air since that time (s), and are at `now`;
-        none if it is not kept. parts: all, if none is named."""
+        """The parts of a command that have not been on the air since `since` (s), and now are; none if it is not
+        stored. parts: all, if none is named."""
         kept = self._find(stream, number)
         if kept is None:
             return ()
@@ -129,7 +129,7 @@ class MessageStore:
         return tuple(kept.datagrams[part] for part in found)
 
     def standing(self, key: bytes) -> dict[tuple[StreamId, int], tuple[bytes, ...]]:
-        """The standing commands of the key with this id that are kept: their bytes by stream and number."""
+        """The stored standing commands of a key: their datagrams by stream and number."""
         return {which: kept.datagrams for which, kept in self._standing.items() if which[0][0] == key}
 
     def _find(self, stream: StreamId, number: int) -> StoredCommand | None:
@@ -137,6 +137,6 @@ class MessageStore:
 
 
 def _named(kept: StoredCommand, parts: Sequence[int]) -> Sequence[int]:
-    """Those of these parts that there are; all, if none is named."""
+    """Those of the named parts that exist; all, if none is named."""
     there = range(len(kept.datagrams))
     return [part for part in parts if part in there] if parts else there

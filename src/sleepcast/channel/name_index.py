@@ -1,6 +1,7 @@
-"""Names: those of many parties by place, and their places by name.
+"""An index of names: the names of many parties by place, and their places by name.
 
-Numbered names (`scout1` to `scout1000000`) are made when somebody looks; kept, they would take more memory than minds.
+Numbered names (`scout1` to `scout1000000`) are made on demand; stored, they would take more memory than the robots'
+minds.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from typing import overload
 
 
 class NameIndex(Sequence[str]):
-    """The names in `listed`, after `count` numbered ones: `prefix` and a number from 1. More can be added."""
+    """`count` numbered names (`prefix` and a number from 1), and then those in `listed`. More can be added."""
 
     def __init__(self, listed: Iterable[str] = (), *, prefix: str = "", count: int = 0) -> None:
         self._prefix, self._count = prefix, count
@@ -21,7 +22,7 @@ class NameIndex(Sequence[str]):
             self.add(name)
 
     def add(self, name: str) -> int:
-        """The place of a name, the next one if it is new."""
+        """The place of a name; a new name gets the next one."""
         place = self.place(name)
         if place is None:
             place = self._places[name] = len(self)
@@ -29,7 +30,7 @@ class NameIndex(Sequence[str]):
         return place
 
     def place(self, name: str) -> int | None:
-        """Where a name stands; None if it is not here."""
+        """The place of a name; None if it is not in the index."""
         digits = name.removeprefix(self._prefix)
         if name.startswith(self._prefix) and digits.isascii() and digits.isdigit() and digits[0] != "0":
             number = int(digits) if len(digits) <= len(str(self._count)) else 0
@@ -38,7 +39,7 @@ class NameIndex(Sequence[str]):
         return self._places.get(name)
 
     def copy(self) -> NameIndex:
-        """The same names, to which others may be added."""
+        """A copy, to which other names may be added."""
         return NameIndex(self._listed, prefix=self._prefix, count=self._count)
 
     def __len__(self) -> int:
@@ -67,6 +68,6 @@ _NUMBERS = re.compile(r"(\d+)")
 
 
 def natural_order(name: str) -> list[tuple[int, str]]:
-    """What to sort names by, so that r2 comes before r10."""
+    """A sort key by which r2 comes before r10."""
     parts = _NUMBERS.split(name)
     return [(int(part[:18]) if at % 2 else 0, part) for at, part in enumerate(parts)]

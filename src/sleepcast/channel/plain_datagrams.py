@@ -1,8 +1,8 @@
-"""Plain datagrams, as programs of the Nomad's day send them: three numbers as text, and nothing else.
+"""Plain datagrams, as programs of the Nomad's day send them: three numbers as text.
 
-The text is 128 bytes of which what follows a zero byte means nothing; each number is printed to a width of 12 with two
-decimals. Nobody is told who sent it and nothing is signed, so a robot listens to them only when it is told to, and, if
-it is not told otherwise, on this computer only. Whatever else comes is dropped and counted.
+The text is 128 bytes; what follows a zero byte is ignored. Each number is printed to a width of 12 with two decimals.
+Nothing tells who sent it, and nothing is signed. So a robot listens to them only on request, and by default only on
+this computer. Any other datagram is dropped and counted.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from typing import Self
 from sleepcast.core.errors import MisuseError, SleepcastError
 
 MAX_BYTES = 128
-"""Of one datagram."""
+"""Bytes of one datagram."""
 LARGEST = 1e9
-"""Size of a number that means anything: what fits into the width of 12 with its sign and two decimals, less a bit."""
+"""Bound of a number's size: what fits into a width of 12 with a sign and two decimals."""
 MAX_AT_ONCE = 64
-"""Datagrams that are looked at in one go, so that a flood costs a tick no more than a moment; the others wait in the
-system's own buffer, which drops what it has no room for."""
+"""Datagrams read in one call, so that a flood costs a tick little time; the others wait in the system's buffer, which
+drops what it has no room for."""
 _NUMBER = re.compile(rb"[-+]?(\d{1,12}(\.\d{0,9})?|\.\d{1,9})")
 
 Numbers = tuple[float, float, float]
 
 
 class DatagramError(SleepcastError):
-    """A port that cannot be listened on, or a datagram that cannot be sent."""
+    """Listening on a port failed, or sending a datagram."""
 
 
 def pack(numbers: Sequence[float]) -> bytes:
-    """Three numbers as a datagram. Raises MisuseError for other than three, or what does not fit."""
+    """Three numbers as a datagram. Raises MisuseError for another count, or for numbers that do not fit."""
     if len(numbers) != 3 or not all(abs(number) < LARGEST for number in numbers):
         raise MisuseError(f"a datagram has three numbers, each smaller than {LARGEST:.0f}, not {list(numbers)!r:.80}")
     return " ".join(f"{number:12.2f}" for number in numbers).encode().ljust(MAX_BYTES, b"\0")
@@ -50,14 +50,14 @@ def unpack(data: bytes) -> Numbers | None:
 
 @dataclass(slots=True)
 class Counts:
-    """Datagrams so far."""
+    """Datagrams received so far."""
 
     taken: int = 0
     dropped: int = 0
 
 
 class Datagrams:
-    """Listens for plain datagrams, and never waits. counts: what has come. Raises DatagramError if it cannot listen
+    """Listens for plain datagrams, without waiting. counts: what was received. Raises DatagramError if it cannot listen
     there."""
 
     def __init__(self, host: str, port: int) -> None:
@@ -66,9 +66,7 @@ class Datagrams:
             family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
             self._socket = socket.socket(family, kind, protocol)
         except (OSError, UnicodeError):
-            raise DatagramError(
-                f"there is no address {host!r:.80} to listen on; 127.0.0.1 is this computer's"
-            ) from None
+            raise DatagramError(f"{host!r:.80} is not an address to listen on; 127.0.0.1 is this computer's") from None
         try:
             self._socket.bind(address)
         except OSError as error:
@@ -80,23 +78,23 @@ class Datagrams:
 
     @property
     def port(self) -> int:
-        """Where it listens."""
+        """The port it listens on."""
         port: int = self._socket.getsockname()[1]
         return port
 
     def fileno(self) -> int:
-        """Of its socket, for `select`."""
+        """The file descriptor of its socket, for `select`."""
         return self._socket.fileno()
 
     def receive(self) -> list[Numbers]:
-        """What has come since the last call, in order, `MAX_AT_ONCE` datagrams at most."""
+        """The numbers received since the last call, in order, from `MAX_AT_ONCE` datagrams at most."""
         found: list[Numbers] = []
         for _ in range(MAX_AT_ONCE):
             try:
                 data = self._socket.recv(MAX_BYTES + 1)
             except (BlockingIOError, InterruptedError):
                 break
-            except OSError:  # what the network says of something sent earlier is no datagram
+            except OSError:  # an error about something sent earlier
                 continue
             numbers = unpack(data)
             if numbers is None:
@@ -107,7 +105,7 @@ class Datagrams:
         return found
 
     def close(self) -> None:
-        """Listen no longer."""
+        """Stop listening."""
         self._socket.close()
 
     def __enter__(self) -> Self:

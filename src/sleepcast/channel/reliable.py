@@ -1,16 +1,17 @@
-"""The delivery: how commands reach everybody over a radio that loses some of everything.
+"""Reliable delivery: how commands reach everybody, in order and once, over a radio that loses messages.
 
-It knows no socket and no clock: datagrams and the time go in, messages and datagrams come out.
+It has no socket and no clock: datagrams and the time go in, messages and datagrams come out.
 
-    out      a command is sent at once and a few times more, further and further apart
-    order    each command names the one before it and the standing one before it, so that a gap is seen (`order`). What
-             follows a gap waits until it is filled, or until what is missing would come too late anyway
-    repair   who misses a command asks for it, and whoever has it sends it again, after a moment of chance in which he
-             listens whether somebody else does. The bytes are its sender's own, so nobody has to be believed (`shelf`)
-    rules    standing commands are kept by everybody. How far each party has come is told in digests by Trickle
-             (RFC 6206): more and more seldom while all agree, at once when somebody does not (`trickle`)
+    send     a command is sent at once, and a few times more at growing intervals
+    order    each command names the one before it and the standing one before it, so that gaps show (`sequencer`).
+             Commands after a gap wait until it is filled, or until the missing one is too late anyway
+    repair   who misses a command asks for it. Anybody who has it sends it again, after a random moment in which he
+             listens whether somebody else does. The datagrams are the sender's own, so nobody needs to be trusted
+             (`message_store`)
+    rules    everybody stores standing commands. Digests tell how far each party has come: more and more rarely while
+             all agree, at once when somebody differs (`digest_timer`)
 
-Kinds that are no commands go through as they come.
+Messages of other kinds are passed on as they come.
 """
 
 from __future__ import annotations
@@ -38,40 +39,40 @@ from sleepcast.channel.sequencer import MAX_STREAMS, Sequencer, Skipped, Stream
 from sleepcast.core.clock import MADE
 
 REPEATS = (0.03, 0.09, 0.21, 0.45)
-"""Seconds after which a command is sent again, unasked: at 30 % loss two of a thousand hear none of the five."""
+"""Seconds after which a command is sent again, unasked: at 30 % loss two in a thousand receive none of the five."""
 ASK_PARTS_AFTER = 0.21
-"""Seconds after which the missing parts of a command are asked for, of which others have come: three repeats later."""
+"""Seconds after which the missing parts of a command are asked for: three repeats later."""
 REPEATED = frozenset({Kind.COMMAND, Kind.ASK, Kind.RELEASE})
 STOP_EVERY = 0.01
-"""Seconds between two copies of a STOP: of 15 hundred bytes a hundred are a tenth of what a slow radio carries. A robot
-looks at one of sixteen where 80,000 are forged in a second (`door.STOPS_A_SECOND`): it needs many, and soon."""
+"""Seconds between two copies of a STOP: a hundred a second are a tenth of what a slow radio carries. A robot checks one
+in sixteen while 80,000 a second are forged (`admission.STOPS_A_SECOND`), so it needs many, and soon."""
 STOP_FOR, STOP_ON = 1.0, 0.1
-"""Seconds for which copies of a STOP are sent; and of one that is sent again for those who were not heard, once the
-first is so old that all who can hear have heard it."""
+"""Seconds for which copies of a STOP are sent; and of one that is sent again for silent robots, once the first is older
+than `STOP_AT_FIRST`."""
 STOP_AT_FIRST = 5.0
-"""Seconds until then."""
+"""Seconds after which every robot in reach has received a STOP."""
 LIFE = 5.0
-"""Seconds for which a command counts, unless its sender says otherwise: all that is no rule has an end."""
+"""Seconds for which a command counts, unless its sender says otherwise. Only standing commands have no end."""
 REPAIR_WITHIN = 0.06
-"""Seconds within which, by chance, a party sends what another one misses, unless somebody else does."""
+"""Seconds within which, at random, a party resends what another one misses, unless somebody else does."""
 REPAIR_PAUSE = 0.2
-"""Seconds for which what was heard is not sent again."""
+"""Seconds for which a command that was heard is not sent again."""
 REPAIR_RATE = 100_000.0
-"""Bytes that a party sends in a second of what others miss, and at once: a tenth of what a slow radio carries, and four
-of the longest expressions. Whoever asks without end gets no more; who misses more asks again."""
+"""Bytes that a party resends in a second, and at once: a tenth of what a slow radio carries, and four of the longest
+expressions. Endless requests get no more; who misses more asks again."""
 BATCH = 24
-"""Commands sent for one digest or request: the rest follows with the next one."""
+"""Commands resent for one digest or request: the rest follows with the next one."""
 KEEP_EVERY = 256
-"""Numbers of ours that may be used before whoever keeps them is told."""
+"""Sequence numbers that may be used before they are saved again."""
 TIME_REPLIES_A_SECOND = 20.0
-"""Answers in a second, at most, to those who ask for the time: whoever plays old questions makes nobody talk more."""
+"""Replies to time requests in a second: replayed requests cause no more traffic than that."""
 MAX_WANTED = 64
 """Numbers in one request."""
 
 
 class Repair(NamedTuple):
-    """Commands that somebody misses are to be sent at a time (s), in their order. tie: makes equal times comparable.
-    wanted: numbers, each with those of the parts that are meant if not all are."""
+    """Commands that somebody misses, to be resent in order at a time (s). tie: makes equal times comparable. wanted:
+    numbers of commands, each with the numbers of its parts if not all are meant."""
 
     time: float
     tie: int
@@ -80,7 +81,7 @@ class Repair(NamedTuple):
 
 
 class Repeat(NamedTuple):
-    """A command of our own is to be sent again."""
+    """A command of our own, to be sent again at a time (s)."""
 
     time: float
     tie: int
@@ -88,7 +89,7 @@ class Repeat(NamedTuple):
 
 
 class StopRepeats(NamedTuple):
-    """Our latest STOP, of which copies are sent: the next at a time, the last before another (s)."""
+    """Our latest STOP, of which copies are sent: the next one at `time`, the last one before `until` (s)."""
 
     time: float = inf
     until: float = inf
@@ -96,13 +97,13 @@ class StopRepeats(NamedTuple):
 
 
 class ReliableDelivery:
-    """One party's mailbox. name, epoch: of what it says, the epoch higher than in all its lives before, or the same and
-    the first number higher than all in that (`first`); key: signs it; admission: what comes in goes through it; chance:
-    for its moments. keep: called before a command of ours that stands leaves, and every `KEEP_EVERY` numbers, for
-    whoever keeps them.
+    """One party's delivery. name, epoch: of its messages. The epoch is higher than in all earlier lives, or the same
+    with `first` higher than every number used in it. key: signs messages; admission: checks datagrams; chance: for
+    random moments. keep: called before a standing command of ours is sent, and every `KEEP_EVERY` numbers, to save
+    them.
 
-    order: whose commands have come how far. overheard: datagrams of which we need not know more; all others are
-    counted at the door.
+    sequencer: the progress of each stream. overheard: datagrams that were stored already; all others are counted by
+    the admission.
     """
 
     def __init__(
@@ -123,7 +124,7 @@ class ReliableDelivery:
         self._store = MessageStore()
         self._digest_timer = DigestTimer(chance)
         self._told: dict[StreamId, int] = {}
-        """How far others' rules have come, as an operator hears from the robots."""
+        """How far others' rules have come, as robots tell an operator."""
         self._sequence, self._issued, self._keep = first - 1, 0.0, keep
         self._out: list[bytes] = []
         self._later: list[Repair | Repeat] = []
@@ -133,7 +134,7 @@ class ReliableDelivery:
         self._time_replies = RateLimit(TIME_REPLIES_A_SECOND, TIME_REPLIES_A_SECOND, chance, 0.0)
         self._repair_bytes = TokenBucket(REPAIR_RATE, REPAIR_RATE, 0.0)
 
-    # ---- what we say
+    # ---- sending
 
     def post(
         self,
@@ -145,8 +146,8 @@ class ReliableDelivery:
         standing: bool = False,
         body: dict[str, object] | None = None,
     ) -> Message:
-        """Say something at `now` (s of Unix time); gives the message as others hear it. deadline: s of Unix time, None
-        for `LIFE` from now, or for none where it stands. Raises MessageError for what is too long."""
+        """Queue a message at `now` (s of Unix time), and return it. deadline: s of Unix time, None for `LIFE` from now,
+        or for no deadline if it is standing. Raises MessageError if it is too long."""
         until = (inf if standing else now + LIFE) if deadline is None else deadline
         number = self._number()
         own, said = self._own(), dict(body or {})
@@ -154,7 +155,7 @@ class ReliableDelivery:
         if kind is Kind.COMMAND:
             said |= own.link().written()
             if 0.0 <= self._issued - now <= self.admission.skew:
-                issued = self._issued  # a clock that was set back a little lets no command seem older than the last
+                issued = self._issued  # a clock that was set back makes no command seem older than the last
             self._issued = issued
         message = Message(self.name, self.epoch, number, kind, issued, until, text, standing, said)
         datagrams = tuple(encode(message, self.admission.fleet, self._key))
@@ -165,7 +166,7 @@ class ReliableDelivery:
                 self._tell_progress(now)
             if KEYS in said:
                 self._change_trust(msgspec.structs.replace(message, role=self.role.value), now)
-            if standing:  # one that does not is over before our next life could send it again
+            if standing:  # any other is over before our next life could send it again
                 self._keep()
         self._out += datagrams
         if kind in REPEATED:
@@ -180,32 +181,32 @@ class ReliableDelivery:
         return message
 
     def repeat(self, number: int, now: float) -> None:
-        """Send a command of ours once more, by its number: who has heard it takes no notice."""
+        """Send a command of ours once more; who has heard it ignores it."""
         self._out += self._store.take(self._own().name, number, now)
 
     def posted(self) -> list[bytes]:
-        """What has been said and not been sent yet."""
+        """The datagrams that were queued since the last call."""
         out, self._out = self._out, []
         return out
 
     @property
     def next_number(self) -> int:
-        """Of what is posted next."""
+        """Sequence number of the next message."""
         return self._sequence + 1
 
     @property
     def key_id(self) -> bytes:
-        """Of our key."""
+        """Id of our key."""
         return self._key.id
 
     @property
     def role(self) -> Role:
-        """Of our key."""
+        """Role of our key."""
         return self._key.public.role
 
     def start(self, now: float) -> None:
-        """Tell the others how far we have come, so that they tell us what we have missed. An operator needs nobody's
-        rules, and keeps quiet until he has sent some."""
+        """Start listening at `now`. A robot sends a digest, so that others resend what it misses; an operator needs
+        nobody's rules, and sends none until he has sent commands."""
         if self.admission.robot:
             self.sequencer.since = now
             self._digest_timer.restart(now)
@@ -215,7 +216,7 @@ class ReliableDelivery:
         self._time_request = TimeRequest(set_clock)
 
     def _number(self) -> int:
-        """The next number is ours: whatever comes back of it from the air, by an echo or by malice, is no news."""
+        """Take the next sequence number; copies of our own message that come back are dropped."""
         self._sequence += 1
         self.admission.note(self._key.id, self.name, self.epoch, self._sequence)
         if self._sequence % KEEP_EVERY == 0:
@@ -225,10 +226,10 @@ class ReliableDelivery:
     def _own(self) -> Stream:
         return self.sequencer.stream((self._key.id, self.epoch))
 
-    # ---- what others say
+    # ---- receiving
 
     def take(self, datagram: bytes, now: float) -> list[Message]:
-        """The messages that can be dealt with now that this datagram has come."""
+        """The messages that can be handled now that this datagram has come."""
         part = self.admission.look(datagram)
         if part is None:
             return []
@@ -255,18 +256,18 @@ class ReliableDelivery:
             self._repair_requested(message, now)
             return []
         if message.kind is not Kind.COMMAND or message.role == Role.ROBOT:
-            return [message]  # what robots tell each other has no order, and nobody mends it
+            return [message]  # what robots tell each other is neither ordered nor repaired
         name = part.key, part.epoch
         self._store.keep(name, message.sequence, message.standing, entered.datagrams, now)
         if KEYS in message.body:
             self._change_trust(message, now)
         if not self.admission.robot:
-            return [message]  # an operator sees what others send, and waits for nothing of it
+            return [message]  # an operator sees others' commands as they come, without waiting for missing ones
         stream = self.sequencer.stream(name)
         return self._noted(self.sequencer.take(stream, message, now), now)
 
     def _deal_with_time(self, message: Message, now: float) -> None:
-        """Somebody asks for the time, or tells it; it is no heartbeat that keeps anybody going."""
+        """Handle a time request, or a reply to ours. Such a heartbeat does not count as a sign of the operator."""
         nonce = message.body[TIME]
         if message.kind is Kind.HEARTBEAT:
             request = self._time_request
@@ -279,18 +280,18 @@ class ReliableDelivery:
         elif (
             Kind.HEARTBEAT in MAY[self.role]
             and (isinstance(nonce, bytes) and len(nonce) == NONCE_BYTES)
-            and now >= MADE  # whose own clock is plainly wrong tells nobody
+            and now >= MADE  # we do not reply if our own clock is plainly wrong
             and self._time_replies.take(now)
         ):
             self.post(Kind.HEARTBEAT, now, deadline=now + MAX_TRIP, body={TIME: nonce})
 
     def standing_of(self, key: bytes) -> tuple[bytes, ...]:
-        """The datagrams of the standing commands of the key with this id, as far as they have come to us."""
+        """The stored datagrams of the standing commands of a key."""
         return tuple(datagram for datagrams in self._store.standing(key).values() for datagram in datagrams)
 
     def _change_trust(self, message: Message, now: float) -> None:
-        """Whom to trust counts at once, whatever else of its sender is still missing. What cannot be taken changes
-        nothing; whoever answers says why."""
+        """Apply a change of keys at once, even if earlier commands of its sender are missing. One that is refused
+        changes nothing; the answer says why."""
         with suppress(KeyRefusal):
             trust = self.admission.trust
             trust.take(KeyChange.of(message))
@@ -300,8 +301,8 @@ class ReliableDelivery:
             self._tell_progress(now)
 
     def _is_stored(self, part: Part, datagram: bytes, now: float) -> bool:
-        """Whether these very bytes are on our shelf: then we need not send them either. What there was no room for to
-        wait is there as well, and comes anew."""
+        """Whether this very datagram is stored, so that we need not resend it either. A robot may have stored a command
+        that it had no room to keep waiting; that one is received again."""
         name = part.key, part.epoch
         return (
             part.kind is Kind.COMMAND
@@ -310,7 +311,7 @@ class ReliableDelivery:
         )
 
     def _noted(self, found: list[Message], now: float) -> list[Message]:
-        """These messages, of which those that stand are news to be told."""
+        """These messages; if any is standing, our progress is told to the others."""
         for message in found:
             if message.standing:
                 self._tell_progress(now)
@@ -318,20 +319,20 @@ class ReliableDelivery:
         return found
 
     def _tell_progress(self, now: float) -> None:
-        """We have come further."""
+        """We have new standing commands: send a digest soon."""
         self._digest_timer.restart(now)
 
-    # ---- what outlasts us
+    # ---- state that outlasts the process
 
     def news(self) -> DeliveryState:
-        """What has changed since this was asked last, and is to outlast us. What waits for something before it counts
-        as not heard: it is asked for again."""
+        """What has changed since the last call. Commands that wait for missing ones count as not heard, so that they
+        are asked for again."""
         windows = (each.without(self.sequencer.waiting((each.key, each.epoch))) for each in self.admission.news())
         return DeliveryState(self.sequencer.news(), tuple(windows), self._store.news())
 
     def restore(self, kept: DeliveryState, since: float) -> None:
-        """Go on where a mailbox had come to whose news these are, the latest of each, and that had begun to listen at
-        `since` (s). What stands beyond what was dealt with is left out: it comes again."""
+        """Restore the state of an earlier process. kept: the latest of all changes; since: when it began to listen, s.
+        Standing commands that were not handled yet are left out: they come again."""
         self.sequencer.since = since
         rules = {progress.stream: progress.rules for progress in kept.streams}
         dealt_with = [each for each in kept.standing if each.number <= rules.get(each.stream, 0)]
@@ -345,14 +346,14 @@ class ReliableDelivery:
     # ---- repair
 
     def _compare(self, digest: Message, now: float) -> None:
-        """Somebody tells how far he has come: mend what he misses, and tell what we miss."""
+        """Compare a digest with our own progress: resend what its sender misses, and tell what we miss."""
         theirs = {name: rules for name, rules in streams_in(digest.body, "have", int) if self._commands(name)}
         names = set(self.sequencer.standing())
         if self.admission.robot:
             names |= theirs.keys()
-        else:  # an operator has an eye on what he has sent himself
+        else:  # an operator compares only the commands that he has sent himself
             for name in theirs.keys() - names:
-                before = 0 if self._is_revoked(name) else self._told.pop(name, 0)  # of a revoked key, some may go
+                before = 0 if self._is_revoked(name) else self._told.pop(name, 0)  # a revoked key may lose commands
                 self._told[name] = max(theirs[name], before)
                 if len(self._told) > MAX_STREAMS:
                     del self._told[next(iter(self._told))]
@@ -369,17 +370,18 @@ class ReliableDelivery:
             self._digest_timer.restart(now)
 
     def _digest(self) -> dict[str, object]:
-        """How far we have come. An operator repeats what robots tell of others' rules, so that nobody sends him any."""
+        """The body of our digest. An operator repeats what robots tell about others' rules, so that nobody resends them
+        to him."""
         have = self._told | self.sequencer.standing()
         return {"have": [[*name, have[name]] for name in sorted(have)[-MAX_STREAMS:]]}
 
     def _missing(self, name: StreamId, number: int) -> tuple[int, ...]:
-        """Parts that are missing of a command of which some have come."""
+        """Missing parts of a command of which some have come."""
         key = self.admission.trust.find(name[0]) if self._commands(name) else None
         return () if key is None else self.admission.missing(name[0], key.owner, name[1], number)
 
     def _request(self, wanted: Mapping[StreamId, Sequence[int]], now: float) -> None:
-        """Ask for what is missing: whole commands, or parts of those of which some have come."""
+        """Ask for missing commands, or for the missing parts of those that have come in part."""
         missing = [
             (name, number, self._missing(name, number)) for name, numbers in wanted.items() for number in numbers
         ]
@@ -398,7 +400,7 @@ class ReliableDelivery:
                 self._repair(self.sequencer.stream(name), [(number, *parts)], now)
 
     def _commands(self, name: StreamId) -> bool:
-        """Whether a stream is of somebody whose commands count."""
+        """Whether a stream's sender may command."""
         key = self.admission.trust.find(name[0])
         return key is not None and Kind.COMMAND in MAY[key.role] and key.role is not Role.ROBOT
 
@@ -417,7 +419,7 @@ class ReliableDelivery:
     # ---- time
 
     def step(self, now: float) -> tuple[list[bytes], list[Message]]:
-        """What is to be sent now, and the messages that no longer wait for one that would come too late."""
+        """The datagrams to send now, and the messages that need not wait any longer."""
         found = self._noted(self.sequencer.expire(now), now)
         while self._later and self._later[0].time <= now:
             self._do(heappop(self._later), now)
@@ -434,13 +436,13 @@ class ReliableDelivery:
         return self.posted(), found
 
     def due(self) -> float:
-        """When `step` has something to do next, s of Unix time; it may be called earlier."""
+        """When to call `step` next, s of Unix time; earlier calls do no harm."""
         later = min(self._later[0].time if self._later else inf, self._stop_repeats.time)
         ask = inf if self._time_request is None else self._time_request.due
         return -inf if self._out else min(later, ask, self.sequencer.due(), self._digest_timer.due())
 
     def skipped(self) -> list[Skipped]:
-        """The commands that never came, since this was asked last."""
+        """The commands that never came, since the last call."""
         return self.sequencer.take_skipped()
 
     def _do(self, job: Repair | Repeat, now: float) -> None:
@@ -455,8 +457,7 @@ class ReliableDelivery:
             self._out += found
 
     def _stop_again(self, now: float) -> None:
-        """Send what copies of our STOP are due: whoever is late sends those that he owes, as each may be the one that
-        is heard."""
+        """Send the copies of our STOP that are due, also those that are late: each may be the one that is heard."""
         time, until, datagrams = self._stop_repeats
         owed = int((min(now, until) - time) / STOP_EVERY) + 1
         self._out += datagrams * owed
@@ -475,13 +476,13 @@ class ReliableDelivery:
 # parts    a request's list of commands of which some parts have come, each with the numbers of the others
 
 MAX_ASKED = 24
-"""Commands of which parts are looked at in one request."""
+"""Commands in one request of which parts are resent."""
 
 Value = TypeVar("Value")
 
 
 def streams_in(body: dict[str, object], what: str, kind: type[Value]) -> list[tuple[StreamId, Value]]:
-    """Streams, each with a value, as digests and requests have them; what is no such thing is left out."""
+    """The streams with their values in the body of a digest or request; malformed entries are left out."""
     found = []
     listed = body.get(what)
     for each in listed[:MAX_STREAMS] if isinstance(listed, list) else ():
@@ -492,7 +493,7 @@ def streams_in(body: dict[str, object], what: str, kind: type[Value]) -> list[tu
 
 
 def wanted_parts(body: dict[str, object]) -> list[tuple[StreamId, int, list[int]]]:
-    """Parts that are wanted of commands; what is no such thing is left out."""
+    """The wanted parts of commands in the body of a request; malformed entries are left out."""
     found = []
     listed = body.get("parts")
     for each in listed[:MAX_ASKED] if isinstance(listed, list) else ():
@@ -504,7 +505,7 @@ def wanted_parts(body: dict[str, object]) -> list[tuple[StreamId, int, list[int]
 
 
 def request(missing: Iterable[tuple[StreamId, int, Sequence[int]]]) -> dict[str, object]:
-    """A body that asks for these commands, or for those of their parts that are named."""
+    """The body of a request for these commands, or for the named parts of them."""
     whole: dict[StreamId, list[int]] = {}
     some: list[object] = []
     for name, number, parts in missing:

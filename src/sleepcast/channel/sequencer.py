@@ -1,8 +1,8 @@
-"""The order of commands: what may be dealt with, what waits for something before it, and what is missing.
+"""The sequencer puts commands in order: which can be handled, which wait for earlier ones, and which are missing.
 
-Each command names, in its `Link`, the command before it with its deadline, and the standing command before it. So a
-receiver that has missed some knows it from the next one that it hears. A standing command is waited for for ever; one
-that counts once only until its deadline, and not at all by a receiver that was not there yet when it was sent.
+Each command names in its `Link` the command before it with its deadline, and the standing command before it. So a
+receiver sees a gap from the next command that it hears. A missing standing command is waited for without limit; any
+other only until its deadline, and not at all by a receiver that joined after it was sent.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from sleepcast.channel.message import Link, Message
 from sleepcast.channel.message_store import StreamId, StreamProgress
 
 MAX_STREAMS = 64
-"""Senders of commands, each in each of its epochs, whose order is kept; of those that were silent longest, one without
-rules makes room first."""
+"""Streams (senders of commands, per epoch) that are kept in order; the one that was silent longest is forgotten first,
+those without rules before others."""
 MAX_WAITING = 1_024
-"""Commands of one sender that wait; beyond, the farthest ahead are forgotten, and asked for again in their turn."""
+"""Commands of one stream that wait; beyond, the latest ones are forgotten, and asked for again in their turn."""
 MAX_SKIPPED = 1_024
-"""Skipped commands that are kept for whoever asks: the latest."""
+"""Skipped commands that are remembered: the latest."""
 ASK_AFTER = (0.02, 0.08)
-"""Seconds, by chance between these, before what is missing is asked for: its sender repeats it by himself, too."""
+"""Seconds before a missing command is asked for, at random between these: its sender repeats it unasked, too."""
 ASK_AGAIN, ASK_SELDOM = 0.15, 2.0
-"""Seconds after which it is asked for again: at first, then doubled each time up to the second."""
+"""Seconds after which it is asked for again: at first, and at most; doubled each time."""
 SLACK = 0.25
-"""Seconds after a deadline for which what is on its way is still waited for."""
+"""Seconds after a deadline for which a command may still be on its way."""
 
 
 class Skipped(NamedTuple):
-    """A command that never came, and would come too late. key: id of its sender's."""
+    """A command that never came, and is now too late. key: id of its sender's key."""
 
     key: bytes
     epoch: int
@@ -43,8 +43,8 @@ class Skipped(NamedTuple):
 
 @dataclass(slots=True)
 class MissingCommand:
-    """A number that is missing: when it is asked for next, how long then until the time after, and when it would come
-    too late, s."""
+    """A missing command. due: when it is asked for next, s; again: s until the time after; until: when it is too late,
+    s."""
 
     due: float
     again: float = ASK_AGAIN
@@ -53,9 +53,9 @@ class MissingCommand:
 
 @dataclass(slots=True)
 class Stream:
-    """The commands of one sender in one epoch. done: number of the latest that was dealt with, or skipped; sent, until:
-    when it was issued and its deadline, s; standing: numbers of the standing ones that were dealt with; waiting: what
-    came too early, by number; wanted: what is missing."""
+    """The commands of one sender in one epoch. done: number of the latest that was handled, or skipped; sent, until:
+    when it was issued and its deadline, s; standing: numbers of the handled standing ones; waiting: commands that came
+    too early, by number; wanted: missing ones."""
 
     name: StreamId
     done: int = 0
@@ -67,15 +67,15 @@ class Stream:
 
     @property
     def rules(self) -> int:
-        """Number of the latest standing command that was dealt with, 0 for none."""
+        """Number of the latest standing command that was handled, 0 for none."""
         return self.standing[-1] if self.standing else 0
 
     def link(self) -> Link:
-        """That of a command which comes next."""
+        """The link of the next command."""
         return Link(self.done, self.sent, self.until, self.rules)
 
     def deal_with(self, message: Message) -> None:
-        """This command is dealt with; it is the next one."""
+        """The next command is handled."""
         self.done, self.sent, self.until = message.sequence, message.issued, message.deadline
         self.waiting.pop(message.sequence, None)
         self.wanted.pop(message.sequence, None)
@@ -84,10 +84,10 @@ class Stream:
 
 
 class Sequencer:
-    """The streams of all senders of commands. chance: for the moments at which we ask; skew: s that others' clocks may
-    be wrong.
+    """The streams of all senders of commands. chance: for the moments of requests; skew: s by which other clocks may be
+    wrong.
 
-    since: when we began to listen, s: what was sent once before is not for us.
+    since: when we began to listen, s; earlier commands are not for us, unless they are standing.
     """
 
     def __init__(self, chance: Random, skew: float) -> None:
@@ -98,7 +98,7 @@ class Sequencer:
         self._changed: set[StreamId] = set()
 
     def stream(self, name: StreamId) -> Stream:
-        """The stream of this name, made when it is first asked for."""
+        """The stream with this id, created on first use."""
         found = self._streams.get(name)
         if found is None:
             found = self._streams[name] = Stream(name)
@@ -110,22 +110,22 @@ class Sequencer:
         return found
 
     def knows(self, name: StreamId, number: int) -> bool:
-        """Whether a command has come, and waits or was dealt with."""
+        """Whether a command has come, and waits or was handled."""
         stream = self._streams.get(name)
         return stream is not None and (number <= stream.done or number in stream.waiting)
 
     def waiting(self, name: StreamId) -> set[int]:
-        """Numbers of a stream's commands that have come too early."""
+        """Numbers of a stream's commands that came too early."""
         stream = self._streams.get(name)
         return set() if stream is None else set(stream.waiting)
 
     def deal_with(self, stream: Stream, message: Message) -> None:
-        """The next command of a stream is dealt with."""
+        """The next command of a stream is handled."""
         stream.deal_with(message)
         self._changed.add(stream.name)
 
     def news(self) -> tuple[StreamProgress, ...]:
-        """How far those streams have come that have moved since this was asked last."""
+        """The progress of the streams that have advanced since the last call."""
         moved = (self._streams[name] for name in self._changed if name in self._streams)
         found = tuple(
             StreamProgress(stream.name, stream.done, stream.sent, stream.until, stream.rules) for stream in moved
@@ -134,18 +134,18 @@ class Sequencer:
         return found
 
     def restore(self, streams: Iterable[StreamProgress], standing: Mapping[StreamId, Sequence[int]]) -> None:
-        """Go on where these streams had come to. standing: numbers of each one's standing commands, ascending."""
+        """Restore streams. standing: numbers of each one's standing commands, ascending."""
         for progress in streams:
             stream = self.stream(progress.stream)
             stream.done, stream.sent, stream.until = progress.done, progress.sent, progress.until
             stream.standing = [number for number in standing.get(stream.name, ()) if number <= progress.rules]
 
     def standing(self) -> dict[StreamId, int]:
-        """How far each stream's rules have come, of those that have any."""
+        """Number of the latest standing command of each stream that has any."""
         return {stream.name: stream.rules for stream in self._streams.values() if stream.standing}
 
     def take(self, stream: Stream, message: Message, now: float) -> list[Message]:
-        """What can be dealt with now that this message has come, in its order."""
+        """The commands that can be handled now that this one has come, in order."""
         if message.sequence <= stream.done:
             return []
         stream.waiting[message.sequence] = message
@@ -156,12 +156,12 @@ class Sequencer:
 
     @property
     def names(self) -> tuple[StreamId, ...]:
-        """Of all streams."""
+        """The ids of all streams."""
         return tuple(self._streams)
 
     def settle(self, key: bytes, counting: Set[tuple[StreamId, int]]) -> None:
-        """Of what the key with this id has said, only these numbers of streams count: what else is still to come is
-        forgotten, and which others of its standing commands have come. (What they did stays.)"""
+        """A key was revoked: of its commands only these still count. Others that wait, are wanted or were standing are
+        forgotten; what they did stays."""
         for stream in self._streams.values():
             if stream.name[0] == key:
                 numbers = {number for name, number in counting if name == stream.name}
@@ -171,13 +171,13 @@ class Sequencer:
                 self._changed.add(stream.name)
 
     def expire(self, now: float) -> list[Message]:
-        """What no longer waits, because what it waited for would come too late."""
+        """Commands that need not wait any longer, as the missing ones before them are now too late."""
         return [
             message for stream in self._streams.values() if stream.waiting for message in self._advance(stream, now)
         ]
 
     def wanted(self, now: float, most: int) -> dict[StreamId, list[int]]:
-        """What is to be asked for at `now`, at most so many numbers."""
+        """The missing commands to ask for at `now`, at most `most`."""
         found: dict[StreamId, list[int]] = {}
         for stream in self._streams.values():
             for number, want in list(stream.wanted.items()):
@@ -191,32 +191,32 @@ class Sequencer:
         return found
 
     def want_parts(self, name: StreamId, number: int, until: float, due: float) -> None:
-        """Some of a command has come; what is missing of it is asked for at `due`, s, and no longer than `until`."""
+        """Parts of a command have come: ask for the others from `due` to `until`, s."""
         stream = self.stream(name)
         if number > stream.done and number not in stream.wanted:
             stream.wanted[number] = MissingCommand(due + ASK_AFTER[1] * mostly_late(self._chance), until=until + SLACK)
 
     def asked(self, name: StreamId, numbers: Sequence[int], now: float) -> None:
-        """Somebody else has asked for these, so we need not for a while."""
+        """Somebody else has asked for these commands, so we wait a while."""
         wanted = self._streams[name].wanted if name in self._streams else {}
         for number in wanted.keys() & set(numbers):
             want = wanted[number]
             want.due = max(want.due, now + want.again)
 
     def due(self) -> float:
-        """When there is something to ask for, or nothing to wait for any more, s."""
+        """When to ask for something next, or to stop waiting for it, s."""
         found = inf
         for stream in self._streams.values():
             if stream.wanted:
                 found = min(found, *(want.due for want in stream.wanted.values()))
             if stream.waiting:
                 link = stream.waiting[min(stream.waiting)].link
-                if link.rules <= stream.rules:  # for rules it waits for ever
+                if link.rules <= stream.rules:  # it waits for rules without limit
                     found = min(found, link.until + SLACK)
         return found
 
     def take_skipped(self) -> list[Skipped]:
-        """What was skipped since this was asked last."""
+        """The commands that were skipped since the last call."""
         found = list(self._skipped)
         self._skipped.clear()
         return found
@@ -232,7 +232,7 @@ class Sequencer:
         return found
 
     def _is_next(self, stream: Stream, message: Message, now: float) -> bool:
-        """Whether the earliest command that has come waits for none; if it does, that one is wanted."""
+        """Whether the earliest waiting command can be handled; if one is missing before it, that one is wanted."""
         link = message.link
         if link.rules > stream.rules:
             self._want(stream, link.rules, now)
@@ -246,7 +246,7 @@ class Sequencer:
         return True
 
     def _deal(self, stream: Stream, message: Message) -> bool:
-        """Deal with the next one; whether it is for us."""
+        """Handle the next command; whether it is for us."""
         self.deal_with(stream, message)
         return message.standing or message.issued >= self.since - self._skew  # whoever's clock is wrong
 

@@ -35,25 +35,25 @@ from sleepcast.channel.transports.transport import Transport
 from sleepcast.core.clock import Clock
 
 MAX_SPREAD = 60.0
-"""Seconds over which answers are spread at most."""
+"""Seconds over which answers may be spread."""
 MAX_ASKED = 256
-"""Commands of which a party knows how soon they are to be answered."""
+"""Commands for which the time to answer is remembered."""
 MAX_ANSWERED = 64
-"""Commands of which a party can say its answer again, as many as it can explain."""
+"""Answers that can be sent again, as many as a robot can explain."""
 MAX_REPORTED = 8
-"""Commands that were missed whose ids are told in one report; of more, how many."""
+"""Ids of missed commands in one report; of more, only the number is told."""
 GATHER_FOR = 0.001
-"""Seconds for which the next look at the air waits after something came: what comes close together is dealt with
-together, and a flood costs no look for each datagram."""
+"""Seconds to wait after something was received, so that datagrams which come close together are handled together: a
+flood does not wake us for each datagram."""
 REPORT_EVERY = 1.0
 """Seconds between two such reports."""
 MAX_HELD = 1_024
-"""Answers that wait for their moment; beyond, the first one goes at once."""
+"""Delayed answers; beyond, the first one is sent at once."""
 
 
 @dataclass(order=True, slots=True)
 class DelayedAnswer:
-    """An answer that waits for its moment (s of Unix time)."""
+    """An answer to be sent at a time (s of Unix time)."""
 
     time: float
     tie: int
@@ -61,10 +61,9 @@ class DelayedAnswer:
 
 
 class ChannelSession:
-    """See the module. clock: Unix time, s; zero: when the mind's time began. chance: for the moments of answers.
-
-    It is a `Channel`: what is sent gets its number here, and times are those of the mind. listens: whether it hears for
-    itself; else an `Ear` does, and whoever has it brings what it hears. ends: called when the line is left.
+    """A `Channel` in the time of a mind; messages get their numbers when they are sent. clock: Unix time, s; zero: when
+    the mind's time began, s of Unix time. chance: for the moments of answers. listens: whether it receives for itself;
+    otherwise a `Receiver` does, and its owner passes on what it receives. ends: called on close.
     """
 
     def __init__(
@@ -91,7 +90,7 @@ class ChannelSession:
             delivery.start(clock.now())
 
     def send(self, message: Message) -> None:
-        """Say something; an answer in its moment, all else at once. Raises MessageError for what is too long."""
+        """Send a message: an answer in its moment, any other at once. Raises MessageError if it is too long."""
         if message.kind is Kind.ANSWER:
             command = str(message.body.get("command"))
             self._answered[command] = message
@@ -103,12 +102,12 @@ class ChannelSession:
         self.flush()
 
     def receive(self) -> list[Message]:
-        """What has come in since the last call, and can be dealt with now."""
+        """The messages received since the last call that can be handled now."""
         self.pump()
         return self.heard()
 
     def pump(self) -> bool:
-        """Hear, mend, and send what is due; whether anything came."""
+        """Receive, repair, and send what is due; whether anything came."""
         came = self.transport.receive()
         for datagram in came:
             now = self._clock.now()
@@ -117,7 +116,7 @@ class ChannelSession:
         return bool(came)
 
     def hear(self, messages: Iterable[Message]) -> None:
-        """Take in what others say, with the times of our mind."""
+        """Take in received messages, with the times of our mind."""
         for message in messages:
             if message.kind is Kind.ASK and AGAIN in message.body:
                 self._say_again(message)
@@ -133,27 +132,27 @@ class ChannelSession:
                 self._heard.append(message)
 
     def miss(self, skipped: Iterable[Skipped]) -> None:
-        """These commands never came, and would come too late."""
+        """Note commands that never came, and are now too late."""
         self._missed += skipped
 
     def tend(self) -> None:
-        """Mend, and send what is due."""
+        """Repair, and send what is due."""
         now = self._clock.now()
         while self._delayed and self._delayed[0].time <= now:
             self._post(heappop(self._delayed).message)
         self._step(now)
 
     def heard(self) -> list[Message]:
-        """What has been heard since the last call, and can be dealt with now."""
+        """The messages taken in since the last call."""
         found, self._heard = self._heard, []
         return found
 
     def due(self) -> float:
-        """When `receive` has something to do next even if nothing comes, s of Unix time."""
+        """When to call `receive` next even if nothing comes, s of Unix time."""
         return -inf if self._heard else self._pump_due()
 
     def wait(self, seconds: float) -> None:
-        """Pump for so long; a robot that hears STOP waits no longer."""
+        """Pump for some seconds; a robot that receives STOP stops waiting."""
         until = self._clock.now() + seconds
         while (now := self._clock.now()) < until and not self._has_stop():
             select.select([self.transport], [], [], max(0.0, min(until, self._pump_due()) - now))
@@ -161,13 +160,13 @@ class ChannelSession:
                 select.select([], [], [], max(0.0, min(GATHER_FOR, until - self._clock.now())))
 
     def close(self) -> None:
-        """Leave. Nothing can be sent or heard afterwards."""
+        """Leave the channel. Nothing can be sent or received afterwards."""
         self.transport.close()
         for end in self.ends:
             end()
 
     def _has_stop(self) -> bool:
-        """Whether something has been heard that waits for no tick."""
+        """Whether a robot has received a STOP, which does not wait for the next tick."""
         return self.delivery.admission.robot and any(message.kind is Kind.STOP for message in self._heard)
 
     def _pump_due(self) -> float:
@@ -175,7 +174,7 @@ class ChannelSession:
         return min(due, self._delayed[0].time) if self._delayed else due
 
     def _delay(self, answer: Message, within: float) -> None:
-        """Say an answer in its moment, at once if it has none."""
+        """Send an answer at a random moment within so many s; at once if 0."""
         if within == 0.0:
             self._post(answer)
             return
@@ -185,17 +184,17 @@ class ChannelSession:
             self._post(heappop(self._delayed).message)
 
     def _say_again(self, asked: Message) -> None:
-        """Somebody has missed answers; ours is among them if we are named, or others are whose answers have come."""
+        """An operator has missed answers: send ours again if we are named as missing, or not named as heard."""
         named, heard = asked.body.get(FOR), asked.body.get(NOT)
         answer, name = self._answered.get(str(asked.body[AGAIN])), self.delivery.name
         missed = name in named if isinstance(named, list) else isinstance(heard, list) and name not in heard
         if answer is None or not missed:
             return
-        if all(held.message is not answer for held in self._delayed):  # else it is about to be said anyway
+        if all(held.message is not answer for held in self._delayed):  # otherwise it is about to be sent anyway
             self._delay(answer, _within(asked))
 
     def _answer_for_keys(self, message: Message) -> None:
-        """Whom to trust is the channel's affair, so a robot's answer is the channel's, too."""
+        """Answer a change of keys for the robot: its mind knows nothing of keys."""
         if not self.delivery.admission.robot:
             return
         body: dict[str, object] = {"command": message.id, "outcome": "matched", "value": None, "fault": None}
@@ -218,7 +217,7 @@ class ChannelSession:
         )
 
     def flush(self) -> None:
-        """Send what has been said; nothing else is due before we have listened."""
+        """Send what was posted; anything else is due only after we have listened."""
         for datagram in self.delivery.posted():
             self.transport.send(datagram)
 
@@ -231,7 +230,7 @@ class ChannelSession:
         self._hear(freed, now)
 
     def _tell_missed(self, now: float) -> None:
-        """Report the commands that never came and would come too late, those of a second at once."""
+        """Report the commands that never came and are now too late, at most once in `REPORT_EVERY`."""
         self.miss(self.delivery.skipped())
         if not self._missed or now < self._report_at:
             return
@@ -248,14 +247,14 @@ class ChannelSession:
 
 
 def to_mind_time(message: Message, zero: float, admission: Admission, now: float) -> Message:
-    """A message that was heard `now`, with its times as those of a mind, which began at `zero`, s of Unix time. A
-    deadline is of its sender's clock: what the door has seen of how that differs from ours is reckoned with."""
+    """A message that was heard `now`, in the time of a mind that began at `zero`, s of Unix time. Its deadline is by
+    the sender's clock, so the measured clock offset is added."""
     deadline = message.deadline + admission.offsets.of(message.sender, now) - zero
     return msgspec.structs.replace(message, issued=message.issued - zero, deadline=deadline, heard=now - zero)
 
 
 def _within(asked: Message) -> float:
-    """Seconds over which answers to a message are to be spread; 0 where it says nothing that can be meant."""
+    """Seconds over which answers to a message are to be spread; 0 if it does not say, or says it wrongly."""
     match asked.body.get(WITHIN):
         case float() | int() as within if 0.0 < within <= MAX_SPREAD:
             return float(within)
@@ -263,14 +262,14 @@ def _within(asked: Message) -> float:
 
 
 def receiver_name(names: Sequence[str]) -> str:
-    """Under which name robots of these names hear: of the first one, if need be cut short, and how many more."""
+    """The name under which these robots receive: the first one's, cut if necessary, and how many more there are."""
     more = f"+{len(names) - 1}"
     return names[0][: MAX_NAME - len(more)] + more
 
 
 class Receiver:
-    """See the module. port: what brings datagrams; delivery: whose digests and requests speak for all; clock: Unix
-    time, s; zero: when the minds' time began."""
+    """Receives for many robots of one process. port: brings datagrams; delivery: sends digests and requests for all;
+    clock: Unix time, s; zero: when the minds' time began."""
 
     def __init__(self, port: Port, delivery: ReliableDelivery, clock: Clock, zero: float = 0.0) -> None:
         self.delivery, self.zero = delivery, zero
@@ -279,15 +278,15 @@ class Receiver:
 
     @property
     def waits(self) -> bool:
-        """Whether something has come that nobody has looked at."""
+        """Whether datagrams wait to be taken."""
         return bool(self._port.waiting)
 
     def due(self) -> float:
-        """When `tend` has something to do next even if nothing comes, s of Unix time."""
+        """When to call `tend` next even if nothing comes, s of Unix time."""
         return self.delivery.due()
 
     def take(self) -> list[Message]:
-        """What has come and can be dealt with now, with the times of the minds."""
+        """The received messages that can be handled now, in the time of the minds."""
         found: list[Message] = []
         for datagram in self._port.drain():
             now = self._clock.now()
@@ -295,7 +294,7 @@ class Receiver:
         return found
 
     def tend(self) -> list[Message]:
-        """Mend, and send what is due; gives what waits no longer."""
+        """Repair, and send what is due; returns the messages that need not wait any longer."""
         now = self._clock.now()
         out, freed = self.delivery.step(now)
         for datagram in out:
@@ -303,11 +302,11 @@ class Receiver:
         return self._in_time(freed, now)
 
     def skipped(self) -> list[Skipped]:
-        """The commands that never came, since this was asked last."""
+        """The commands that never came, since the last call."""
         return self.delivery.skipped()
 
     def close(self) -> None:
-        """Leave the trunk."""
+        """Leave the multiplexer."""
         self._port.close()
 
     def _in_time(self, messages: Iterable[Message], now: float) -> list[Message]:

@@ -30,15 +30,15 @@ from sleepcast.core.serial import Array, SerialError, within
 Numbers = NDArray[np.int64]
 Seconds = NDArray[np.float64]
 Reception = tuple[Message, Numbers]
-"""A message, and the robots that have it, ascending, each once."""
+"""A message, and the robots that receive it, ascending, each once."""
 
 
 @dataclass(slots=True)
 class InFlight:
-    """Copies on their way: of one message to some robots, or of what many robots say to the operator.
+    """Copies in flight: of one message to some robots, or of a batch of messages to the operator.
 
     order: transmitter, epoch, sequence, repeat and copy; what is due at the same time arrives in this order.
-    due: s, for each copy, or for all alike. receivers: of a message; a chorus goes to the operator.
+    due: s, for each copy, or one for all. receivers: of a message; a batch goes to the operator.
     """
 
     order: tuple[int, int, int, int, int]
@@ -57,7 +57,7 @@ class InFlight:
         return InFlight(self.order, what, self.receivers[which], due)
 
     def split(self, now: float) -> tuple[InFlight | None, InFlight | None]:
-        """What is due by now, and what is not."""
+        """The copies that are due, and the others; None where there are none."""
         if isinstance(self.due, float):
             return (self, None) if self.due <= now else (None, self)
         here = self.due <= now
@@ -68,13 +68,13 @@ class InFlight:
 
 @dataclass(frozen=True, slots=True)
 class CopyChance:
-    """Where the chance of each copy comes from. keys: what a draw is for to its key, one for all copies or one each."""
+    """Random draws for each copy. keys: gives the key for a purpose, one for all copies or one for each."""
 
     keys: Callable[[tuple[object, ...]], int | NDArray[np.uint64]]
     receivers: Numbers
 
     def drawn(self, *what: object) -> NDArray[np.float64]:
-        """For each copy a number evenly from [0, 1)."""
+        """A number from [0, 1) for each copy, uniformly distributed."""
         return uniform(self.keys(what), self.receivers.astype(np.uint64))
 
 
@@ -87,7 +87,7 @@ def single(heard: Iterable[Message | MessageBatch]) -> Iterable[Message]:
 
 
 def receptions(flights: list[InFlight]) -> list[Reception]:
-    """Launches as batches in an order in which each robot finds its messages in theirs: of time, then of sending."""
+    """Copies in flight as receptions, in an order in which each robot finds its messages by time, then by sending."""
     if all(isinstance(copies.due, float) for copies in flights):
         flights.sort(key=lambda copies: (copies.due, copies.order))
         return [(copies.what, copies.receivers) for copies in flights if isinstance(copies.what, Message)]
@@ -100,7 +100,7 @@ def receptions(flights: list[InFlight]) -> list[Reception]:
     receivers, numbers = receivers[sort], numbers[sort]
     starts = np.flatnonzero(np.diff(receivers, prepend=-1))
     turns = np.arange(len(receivers)) - np.repeat(starts, np.diff(starts, append=len(receivers)))
-    """Whether it is a robot's first message of these, its second, ..."""
+    """0 for a robot's first message of these, 1 for its second, ..."""
     groups = turns * len(flights) + numbers
     sort = np.argsort(groups, kind="stable")
     ends = np.flatnonzero(np.diff(groups[sort], append=-1)) + 1
@@ -113,15 +113,17 @@ def receptions(flights: list[InFlight]) -> list[Reception]:
 
 
 class TransmitQueue:
-    """The transmitters of `parties`, each for `rate` messages a second and with room for `queue` that wait. free: when
-    each has sent all that it was given, s, shape (parties,)."""
+    """The transmitters of `parties`: each sends one message after another, `rate` in a second, while up to `queue`
+    wait; further ones are dropped. Nothing here is random. free: when each has sent all its messages, s, shape
+    (parties,)."""
 
     def __init__(self, parties: int, rate: float, queue: int) -> None:
         self.free: Seconds = np.full(parties, -np.inf)
         self._each, self._queue = 1.0 / rate, queue
 
     def take(self, senders: NDArray[np.intp], now: float, *, urgent: bool = False) -> tuple[Seconds, NDArray[np.bool_]]:
-        """When each of these parties (each once) gets to what it sends at `now`, s, and whether it finds room."""
+        """When each of these senders (each once) transmits a message of `now`, s, and whether it finds room in the
+        queue. An urgent one goes first."""
         begin = np.maximum(self.free[senders], now)
         # As many wait as are not begun; what is being sent waits no more. A thousandth of one is rounding.
         waiting = np.ceil((begin - now) / self._each - 1e-3)
@@ -133,18 +135,18 @@ class TransmitQueue:
 OPERATOR = -1
 """The operator's number among the parties."""
 MAX_WAITING = 16_000_000
-"""Copies on their way at one time: sixteen messages to a million robots, in a quarter of a gigabyte. What is sent
-beyond is refused, counted."""
+"""Copies in flight at one time: sixteen messages to a million robots, in a quarter of a gigabyte. Further ones are
+refused and counted."""
 
 URGENT = frozenset({Kind.STOP, Kind.RELEASE})
-"""What goes on the air before all that waits."""
+"""Kinds that are sent before all others that wait."""
 
 _Metres = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class RadioModel:
-    """How good the radio is.
+    """The quality of the radio.
 
     reach: m from one robot to another. operator: where the operator sits (x, y in m; None: within reach of
     everybody), operator_reach: m between the operator and a robot. loss, duplication, reordering: chances,
@@ -180,8 +182,8 @@ class RadioModel:
 
 @dataclass(slots=True)
 class RadioCounts:
-    """Copies so far: meant for a receiver, put into an inbox, and what became of the others. crowded: messages that
-    never went on the air, because too many of their sender waited."""
+    """Copies so far: sent to a receiver, delivered, and what became of the others. crowded: messages that were dropped
+    because their sender's queue was full."""
 
     sent: int = 0
     delivered: int = 0
@@ -206,22 +208,21 @@ class Radio:
         self._count = len(x)
         self._waiting: list[InFlight] = []
         self._on_the_way = 0
-        """Copies in all that waits."""
+        """Copies in flight."""
         self._heard: list[Reception] = []
-        """What robots could have had already."""
+        """Delivered to robots, not received yet."""
         self._for_operator: list[Message | MessageBatch] = []
         self._repeats: Counter[tuple[int, str]] = Counter()
         self._repeats_at = -inf
         self.transmit_queue = TransmitQueue(len(x) + 1, model.rate, model.queue) if model.rate < inf else None
-        """When each party's transmitter is free, the operator's last; None where all can send as much as they like."""
+        """The robots' transmitters, and the operator's last; None without a rate."""
 
     def endpoint(self, number: int) -> Endpoint:
-        """The channel as party `number` has it."""
+        """The `Channel` of party `number`."""
         return Endpoint(self, number)
 
     def send(self, transmitter: int, message: Message) -> None:
-        """Put `message` on the air: a robot's answers and reports to the operator, all else to the robots in
-        reach."""
+        """Send a message: a robot's answers and reports to the operator, any other to the robots in reach."""
         now = begin = self._clock.now()
         if self.transmit_queue:
             begins, room = self.transmit_queue.take(np.array([transmitter]), now, urgent=message.kind in URGENT)
@@ -239,7 +240,7 @@ class Radio:
         self._send_copies(copies, CopyChance(lambda what: key(*chance, *what), found))
 
     def send_all(self, batch: MessageBatch) -> None:
-        """The same for what many robots say at once; to the loss and delay of each it makes no difference."""
+        """Send a batch; each message is lost or delayed exactly as if it were sent alone."""
         if batch.kind not in TO_OPERATOR:
             for robot, message in zip(batch.robots.tolist(), batch.messages(), strict=True):
                 self.send(robot, message)
@@ -267,7 +268,7 @@ class Radio:
             self._send_copies(InFlight(order, batch, operator, begin), fate)
 
     def receive(self, number: int) -> list[Message]:
-        """What party `number` has heard since it last asked, in the order of arrival."""
+        """The messages of party `number` since its last call, in the order of arrival."""
         if number == OPERATOR:
             return list(single(self.hear()))
         self._deliver()
@@ -277,20 +278,20 @@ class Radio:
         return found
 
     def receive_all(self) -> list[Reception]:
-        """What the robots have heard since they were last asked: each robot finds its messages in their order. Of two
-        copies of a message that arrive together a robot gets both, in two batches."""
+        """What the robots have received since the last call: each robot finds its messages in order. Two copies of a
+        message that arrive together are two receptions."""
         self._deliver()
         heard, self._heard = self._heard, []
         return heard
 
     def hear(self) -> list[Message | MessageBatch]:
-        """What the operator has heard since it last asked, what many robots said at once in one piece."""
+        """What the operator has received since the last call; batches stay whole."""
         self._deliver()
         heard, self._for_operator = self._for_operator, []
         return heard
 
     def samples(self) -> Numbers:
-        """The robots from which a sample sent to the operator just now gets through."""
+        """The robots from which a sample sent to the operator now would arrive."""
         near = self._near_operator()
         robots = self._everybody() if near is None else np.flatnonzero(near)
         if self.model.loss:
@@ -298,7 +299,7 @@ class Radio:
         return robots
 
     def _receivers(self, transmitter: int, message: Message) -> tuple[Numbers, Numbers]:
-        """Who should hear this, and those of them who are in reach."""
+        """The intended receivers of a message, and those of them in reach."""
         if transmitter == OPERATOR:
             near, everybody = self._near_operator(), self._everybody()
             return everybody, everybody if near is None else everybody[near]
@@ -317,7 +318,7 @@ class Radio:
         return np.arange(self._count, dtype=np.int64)
 
     def _near_operator(self) -> NDArray[np.bool_] | None:
-        """Whether each robot and the operator are in each other's reach; None if all are."""
+        """Whether each robot is in reach of the operator; None if all are."""
         if self.model.operator is None or self.model.operator_reach == inf:
             return None
         return self._within(*self.model.operator, self.model.operator_reach)
@@ -328,7 +329,7 @@ class Radio:
         return near
 
     def _repeat(self, transmitter: int, message: Message, now: float) -> int:
-        """How often this very message was sent before at this very time: a repeat has a fate of its own."""
+        """How often this message was sent before at this very time: each repeat is lost or delayed independently."""
         if now != self._repeats_at:
             self._repeats.clear()
             self._repeats_at = now
@@ -337,7 +338,7 @@ class Radio:
         return said
 
     def _send_copies(self, copies: InFlight, fate: CopyChance) -> None:
-        """Send copies on their way, a second one of some."""
+        """Send one copy to each receiver, and a second one to some."""
         twice = None
         if self.model.duplication:
             twice = fate.drawn("twice") < self.model.duplication
@@ -349,7 +350,7 @@ class Radio:
     def _transmit(
         self, copies: InFlight, fate: CopyChance, *, copy: int, only: NDArray[np.bool_] | None = None
     ) -> None:
-        """Send one copy to each receiver (or to `only` some of them), unless it is lost."""
+        """Send one copy to each receiver (or only to those in `only`), unless it is lost."""
         model, kept = self.model, only
         if model.loss:
             arrives = fate.drawn("lost", copy) >= model.loss
@@ -377,7 +378,7 @@ class Radio:
         return uniform(key(*what), receivers.astype(np.uint64))
 
     def _deliver(self) -> None:
-        """Give every copy whose time has come to its receiver, in order of time, then of sending."""
+        """Deliver all copies that are due, by time, then by sending."""
         if not self._waiting:
             return
         now = self._clock.now()
@@ -395,10 +396,10 @@ class Radio:
         self._for_operator += [copies.what for copies in upward]
         self._heard += receptions(downward)
 
-    # ---- kept and made again
+    # ---- saving and restoring
 
     def state(self) -> RadioState:
-        """Everything that is on its way, and what has been counted."""
+        """The radio as serialized state: copies in flight, delivered messages, counts."""
         return RadioState(
             asdict(self.counts),
             [dump_in_flight(each.order, each.what, each.receivers, each.due) for each in self._waiting],
@@ -410,7 +411,7 @@ class Radio:
         )
 
     def restore(self, state: RadioState, names: Sequence[str]) -> None:
-        """Be as that radio was. names: of the robots. Raises ParcelError."""
+        """Restore serialized state. names: of the robots. Raises SerialError."""
         count = self._count
         self._waiting = [InFlight(*load_in_flight(each, names)) for each in state.waiting]
         self._on_the_way = sum(copies.size for copies in self._waiting)
@@ -422,7 +423,7 @@ class Radio:
         self._repeats_at = state.repeats_at
         self.counts = RadioCounts(**state.counts)
         if (state.free is None) != (self.transmit_queue is None):
-            raise SerialError("transmitters that are busy where none can be")
+            raise SerialError("a radio without a rate, but with busy transmitters")
         if self.transmit_queue and state.free:
             self.transmit_queue.free = state.free.made(
                 np.float64, self.transmit_queue.free.shape, "when transmitters are free"
@@ -449,13 +450,13 @@ SendOrder = tuple[int, int, int, int, int]
 
 
 class MessageState(msgspec.Struct, tag="message"):
-    """One message among choruses."""
+    """One message, where there may also be a batch."""
 
     message: Message
 
 
 class InFlightState(msgspec.Struct):
-    """Copies on their way. receivers: robots; None where it is the operator. due: of each, or of all alike."""
+    """See `InFlight`. receivers: robots; None for the operator. due: of each copy, or one for all."""
 
     order: SendOrder
     what: MessageState | MessageBatchState
@@ -464,8 +465,8 @@ class InFlightState(msgspec.Struct):
 
 
 class RadioState(msgspec.Struct):
-    """See `Radio`. heard: what robots could have had already, and which. repeats: how often each party has sent which
-    message at the time `repeats_at`. free: see `Turns`."""
+    """See `Radio`. heard: messages delivered to robots, and which robots. repeats: how often each party has sent which
+    message at the time `repeats_at`. free: see `TransmitQueue`."""
 
     counts: dict[str, int]
     waiting: list[InFlightState]
@@ -477,19 +478,19 @@ class RadioState(msgspec.Struct):
 
 
 def dump_sent(what: Message | MessageBatch) -> MessageState | MessageBatchState:
-    """What is said, as a parcel."""
+    """A message or a batch as serialized state."""
     return MessageState(what) if isinstance(what, Message) else dump_batch(what)
 
 
 def load_sent(state: MessageState | MessageBatchState, names: Sequence[str]) -> Message | MessageBatch:
-    """What was said. names: of all robots. Raises ParcelError."""
+    """A message or a batch from its serialized state. names: of all robots. Raises SerialError."""
     return state.message if isinstance(state, MessageState) else load_batch(state, names)
 
 
 def dump_in_flight(
     order: SendOrder, what: Message | MessageBatch, receivers: Numbers, due: Seconds | float
 ) -> InFlightState:
-    """Copies on their way, as a parcel. receivers: robots, or the operator (-1) alone."""
+    """Copies in flight as serialized state. receivers: robots, or the operator (-1) alone."""
     up = receivers[0] < 0
     when = due if isinstance(due, float) else Array.of(due)
     return InFlightState(order, dump_sent(what), None if up else Array.of(receivers.astype(np.int32)), when)
@@ -498,15 +499,15 @@ def dump_in_flight(
 def load_in_flight(
     state: InFlightState, names: Sequence[str]
 ) -> tuple[SendOrder, Message | MessageBatch, Numbers, Seconds | float]:
-    """The order, content, receivers and times of copies on their way. Raises ParcelError."""
+    """The order, content, receivers and due times of copies in flight. Raises SerialError."""
     what = load_sent(state.what, names)
     if state.receivers is None:
         receivers = np.broadcast_to(np.int64(-1), len(what) if isinstance(what, MessageBatch) else 1)
     elif isinstance(what, MessageBatch):
-        raise SerialError("a chorus that goes to robots")
+        raise SerialError("a message batch that goes to robots")
     else:
         receivers = ascending(state.receivers, len(names)).astype(np.int64)
     due = state.due if isinstance(state.due, float) else state.due.made(np.float64, receivers.shape, "due times")
     if receivers.size == 0 or np.isnan(due).any():
-        raise SerialError("copies for nobody, or that are never due")
+        raise SerialError("copies in flight without receivers, or that are never due")
     return state.order, what, receivers, due

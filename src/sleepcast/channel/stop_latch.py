@@ -1,9 +1,9 @@
-"""The latch of STOP: which STOPs hold a robot, and which are over. Numbers decide that, and no clock.
+"""The STOP latch: which STOPs hold a robot, and which are over. Sequence numbers decide that, not clocks.
 
-A STOP is known by its mark: its sender, the sender's epoch, and its number; one that is sent again has the mark of the
-first one. A RELEASE ends the STOPs that its sender sent before it in the same epoch, and those of others that it names.
-So a STOP that comes late changes nothing if a RELEASE has ended it, and a RELEASE that comes late ends no STOP of which
-its sender did not know. Whatever else comes stops: a number that a robot cannot place is no reason to go on moving.
+A STOP is identified by its mark: its sender, the sender's epoch, and its number; a STOP that is sent again keeps its
+first mark. A RELEASE ends the STOPs that its sender sent before it in the same epoch, and those of others that it
+names. So a STOP that comes late changes nothing if a RELEASE has ended it, and a RELEASE that comes late ends no STOP
+that its sender did not know. Any other STOP stops the robot: in doubt it stands still.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from sleepcast.channel.message import MAX_NAME, MAX_NUMBER, Message, message_id
 from sleepcast.channel.payload import ENDS, FIRST, age_of
 
 MAX_MARKS = 64
-"""Senders, in each of their epochs, whose STOPs hold at once, and as many whose ended ones are remembered; the one that
-was silent longest is forgotten."""
+"""Senders, per epoch, whose STOPs hold at once, and as many whose ended STOPs are remembered; the one that was silent
+longest is forgotten."""
 
 
 Life = tuple[str, int]
-"""A sender in one of his epochs."""
+"""A sender and one of its epochs."""
 
 
 class Mark(NamedTuple):
-    """A STOP, and all of the same sender and epoch with a lower number."""
+    """A STOP, and all earlier ones of the same sender and epoch."""
 
     sender: str
     epoch: int
@@ -40,27 +40,27 @@ class Mark(NamedTuple):
         return self.sender, self.epoch
 
     def covers(self, other: Mark) -> bool:
-        """Whether the other one is one of these."""
+        """Whether the other STOP is one of these."""
         return self.life == other.life and self.number >= other.number
 
 
 class Latch(NamedTuple):
-    """See the module. holding: the latest STOP of each sender that no RELEASE has ended; ended: up to which STOP of
-    each sender all are over."""
+    """The STOPs of one robot. holding: the latest STOP of each sender that no RELEASE has ended; ended: the STOP of
+    each sender up to which all are over."""
 
     holding: tuple[Mark, ...] = ()
     ended: tuple[Mark, ...] = ()
 
     def stop(self, message: Message) -> Latch | None:
-        """The latch once a STOP is obeyed; None for one that is over already."""
+        """The latch after a STOP; None if the STOP is over already."""
         mark = mark_of(message)
         if any(each.covers(mark) for each in self.ended):
             return None
         return Latch(_with(self.holding, [mark]), self.ended)
 
     def release(self, message: Message) -> Latch | None:
-        """The latch after a RELEASE: the robot is free unless a STOP holds on. None for one that says what cannot be
-        meant. Of others' STOPs those are over that have come: whatever a RELEASE names, a later one stops."""
+        """The latch after a RELEASE; the robot is free if no STOP is left. None for a malformed RELEASE. A named STOP
+        of somebody else ends only if it has arrived: one that comes later stops the robot, whatever a RELEASE names."""
         if age_of(message.body) == inf:
             return None
         own = mark_of(message)
@@ -69,17 +69,17 @@ class Latch(NamedTuple):
         return Latch(tuple(held for held in self.holding if held not in ended), _with(self.ended, [*ended, own]))
 
     def refusal(self) -> str:
-        """Why a robot with this latch stays stopped after a RELEASE, in a sentence."""
+        """Why a robot with this latch stays stopped after a RELEASE."""
         held = ", ".join(mark.id for mark in self.holding)
         return f"the STOP {held} holds: the RELEASE does not name it" if held else "a RELEASE that cannot be read"
 
 
 ENDED = "a RELEASE that was sent later has ended this STOP"
-"""Why a STOP is not obeyed."""
+"""The reason why a STOP is not obeyed."""
 
 
 def mark_of(message: Message) -> Mark:
-    """That of a STOP, or the number of a RELEASE as one."""
+    """The mark of a STOP; for a RELEASE, the mark of the STOPs that were sent before it."""
     sender, epoch, number = message.sender, message.epoch, message.sequence
     first = message.body.get(FIRST)
     if isinstance(first, str) and first.startswith(f"{sender}-{epoch}."):
@@ -90,12 +90,12 @@ def mark_of(message: Message) -> Mark:
 
 
 def marks_of(said: object) -> list[Mark]:
-    """The marks that somebody names; what is none is left out."""
+    """The marks in a body's field; malformed ones are left out."""
     return [mark for mark, _ in marks_and_ages(said)]
 
 
 def marks_and_ages(said: object) -> list[tuple[Mark, float]]:
-    """The same, each with the seconds that are told with it, 0 if none are."""
+    """The same, each with its age in s, 0 if it has none."""
     found = []
     for each in said[:MAX_MARKS] if isinstance(said, list | tuple) else ():
         match each:
@@ -107,12 +107,12 @@ def marks_and_ages(said: object) -> list[tuple[Mark, float]]:
 
 
 def restored(state: Mapping[str, object]) -> Latch:
-    """The latch that was kept as `_asdict` of one; whatever is missing there holds nothing."""
+    """The latch that was saved with `_asdict`; missing fields are empty."""
     return Latch(*(_with((), marks_of(state.get(sort))) for sort in Latch._fields))
 
 
 def _with(marks: Iterable[Mark], more: Iterable[Mark]) -> tuple[Mark, ...]:
-    """The highest mark of each sender in each epoch, those that were raised last at the end."""
+    """The highest mark of each sender and epoch, the latest ones last."""
     found = {mark.life: mark for mark in marks}
     for mark in more:
         found[mark.life] = max(found.pop(mark.life, mark), mark)

@@ -98,7 +98,7 @@ def test_a_flood_costs_a_call_no_more_than_a_bound() -> None:
 def test_what_cannot_be_listened_to_or_sent_says_why() -> None:
     with Datagrams("127.0.0.1", 0) as ear, pytest.raises(DatagramError, match="choose another port"):
         Datagrams("127.0.0.1", ear.port)
-    with pytest.raises(DatagramError, match="there is no address"):
+    with pytest.raises(DatagramError, match="is not an address to listen on"):
         Datagrams("no host has this name", 0)
     with pytest.raises(DatagramError, match="cannot send to"):
         send((1.0, 2.0, 3.0), ("a" * 70, 5001))

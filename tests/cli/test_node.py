@@ -175,7 +175,7 @@ def test_lines_that_are_typed_are_commands(call: Call, monkeypatch: pytest.Monke
         (None, ("--body", "nomat://127.0.0.1"), 2, "did you mean nomad"),
         (None, ("--body", "nomad://127.0.0.1:1#1"), 1, "no server listens at 127.0.0.1:1"),
         (None, ("--rules", "/nowhere/rules.sleep"), 2, "there is no file"),
-        (None, ("--datagrams", "5001", "--host", "no such host"), 1, "there is no address 'no such host'"),
+        (None, ("--datagrams", "5001", "--host", "no such host"), 1, "'no such host' is not an address to listen on"),
     ],
 )
 def test_what_is_wrong_is_said_in_a_sentence(

@@ -1,7 +1,9 @@
-"""The broadcast channel: lossy, shared by everybody, without a list of receivers.
+"""The broadcast channel: lossy, shared by all parties, without a list of receivers.
 
-`message` says what travels; `memory` is the radio of a simulated swarm. Every transport gives each party a
-`Channel`; tests/channel_contract.py says what that promises.
+Between processes, a datagram goes through `transports`, `envelope` (bytes), `admission` (verification), `reliable`
+(order and repair, with `sequencer` and `message_store`) and `session`, in which a mind sends and receives messages. In
+a simulated swarm, `simulated_radio` carries the messages themselves. Both give each party a `Channel`;
+tests/channel_contract.py says what that promises.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ class Channel(Protocol):
     """One party's end of a channel. Neither method waits."""
 
     def send(self, message: Message) -> None:
-        """Broadcast; whether anybody hears it, the sender cannot know."""
+        """Broadcast a message. The sender does not learn whether anybody receives it."""
 
     def receive(self) -> list[Message]:
-        """What has come in since the last call, in the order in which it came."""
+        """The messages received since the last call, in order."""

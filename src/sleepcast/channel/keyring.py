@@ -1,11 +1,10 @@
-"""Keys on disk: secret halves in files that only their owner can read, and trust files that anybody may.
+"""Keys on disk: secret halves in files that only their owner can read, and trust files that anybody may read.
 
     KEYS/desk.key        the secret half of the key of `desk`
-    KEYS/trust.json      whom this machine believes
-    KEYS/in-use.json     which of these keys are taken where nobody says another one
+    KEYS/trust.json      the keys that this machine trusts
+    KEYS/in-use.json     the keys that are used by default
 
-All are JSON, so that a person can look at them and another program can write them. A file that others may read is no
-secret, and is refused.
+All are JSON, so that people and other programs can read and write them. A secret that others can read is refused.
 """
 
 from __future__ import annotations
@@ -26,22 +25,22 @@ from sleepcast.core.files import config_folder, replace_file
 
 FORMAT = 1
 MAX_BYTES = 8 * 1024 * 1024
-"""Of a trust file: as many keys as `Trust` takes."""
+"""Bytes of a trust file: enough for as many keys as `Trust` takes."""
 TRUST_FILE = "trust.json"
 USED_FILE = "in-use.json"
 DEVELOPMENT_TRUST = "development-trust.json"
-"""What was heard of whom to trust while the development keys were in use."""
+"""Changes of trust that were received while the development keys were in use."""
 DEVELOPMENT_DESK, DEVELOPMENT_ROBOTS = "development-desk", "development-robots"
-"""The keys that programs of one machine use among themselves while nobody has said otherwise."""
+"""Names of the default keys, which programs of one machine use among themselves."""
 SAFE = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.")
 
 
 class KeyFileError(MisuseError):
-    """A file of keys that cannot be used."""
+    """A key file that cannot be used."""
 
 
 class KeyFileLostError(SleepcastError):
-    """A file of keys that cannot be written."""
+    """A key file that cannot be written."""
 
 
 class SecretFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -63,8 +62,8 @@ class TrustedKey(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class TrustFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Whom somebody believes. gone: ids of revoked keys of which nothing else is known; vouched: fingerprints of what
-    revoked keys have said that counts all the same; see `Trust`."""
+    """The keys that somebody trusts. gone: ids of revoked keys that are not otherwise known; vouched: fingerprints of
+    datagrams of revoked keys that still count; see `Trust`."""
 
     format: int
     keys: list[TrustedKey]
@@ -73,7 +72,7 @@ class TrustFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class UsedKeys(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Owners of the keys that desks and robots take where nobody says another one; None for the development key."""
+    """Owners of the keys that desks and robots use by default; None for the development key."""
 
     format: int
     desk: str | None = None
@@ -88,12 +87,12 @@ File = TypeVar("File", SecretFile, TrustFile, UsedKeys)
 
 
 def keys_folder() -> Path:
-    """Where this user's keys lie."""
+    """The folder of this user's keys."""
     return config_folder() / "keys"
 
 
 def load_trust(file: Path) -> Trust:
-    """Whom a trust file believes. Raises KeyFileError, with the file and what is wrong with it."""
+    """The keys in a trust file. Raises KeyFileError."""
     found = _decoded(file, TrustFile, "a trust file")
     try:
         trust = Trust(PublicKey(key.owner, key.role, half(key.public), key.revoked) for key in found.keys)
@@ -112,15 +111,15 @@ def _listed(written: list[str], count: int) -> frozenset[bytes]:
 
 
 def save_trust(trust: Trust, file: Path) -> None:
-    """Write a trust file. Raises KeyFileLostError; the file is then as it was."""
+    """Write a trust file. Raises KeyFileLostError; the file is unchanged then."""
     keys = [TrustedKey(key.owner, key.role, key.public.hex(), key.revoked) for key in trust.keys]
     gone, vouched = sorted(key.hex() for key in trust.gone), sorted(print_.hex() for print_ in trust.vouched)
     _save(file, TrustFile(FORMAT, keys, gone, vouched), private=False)
 
 
 def add_trust(trust: Trust, file: Path) -> None:
-    """Write what `trust` believes into a trust file, beside what others have written there meanwhile. Raises
-    KeyFileError and KeyFileLostError."""
+    """Add all of `trust` to a trust file, keeping what others have written meanwhile. Raises KeyFileError and
+    KeyFileLostError."""
     with _alone(file):
         there = load_trust(file) if file.exists() else Trust()
         there.merge(trust)
@@ -129,7 +128,7 @@ def add_trust(trust: Trust, file: Path) -> None:
 
 @contextmanager
 def _alone(file: Path) -> Iterator[None]:
-    """Nobody else who asks so writes this file meanwhile: several robots of one machine may hear the same."""
+    """Lock a file for writing: several robots of one machine may receive the same change."""
     import fcntl
 
     try:
@@ -142,7 +141,7 @@ def _alone(file: Path) -> Iterator[None]:
 
 
 def load_key(file: Path) -> KeyPair:
-    """The key pair in a file. Raises KeyFileError, also for one that others may read."""
+    """The key pair in a file. Raises KeyFileError, also for a file that others can read."""
     found = _decoded(file, SecretFile, "the secret half of a key", private=True)
     try:
         return KeyPair(found.owner, found.role, half(found.secret))
@@ -156,15 +155,15 @@ def save_key(key: KeyPair, file: Path) -> None:
 
 
 def key_file(folder: Path, owner: str) -> Path:
-    """Where the key of `owner` lies. Raises KeyFileError for a name that is no name of a file."""
+    """The file of `owner`'s key. Raises KeyFileError for a name that cannot be a file name."""
     name = owner.removesuffix("*") or "all"
     if not set(name) <= SAFE or name.startswith("."):
-        raise KeyFileError(f"a key is kept under its owner's name: use letters, digits, - and _, not {owner!r}")
+        raise KeyFileError(f"a key file has its owner's name: use letters, digits, - and _, not {owner!r}")
     return folder / f"{name}.key"
 
 
 def find_key(folder: Path, owner: str) -> KeyPair:
-    """This user's key of `owner`. Raises KeyFileError if there is none, with those that there are."""
+    """This user's key of `owner`. Raises KeyFileError if there is none."""
     file = key_file(folder, owner)
     if not file.exists():
         there = sorted(found.stem for found in folder.glob("*.key"))
@@ -176,26 +175,26 @@ def find_key(folder: Path, owner: str) -> KeyPair:
 
 
 def used_keys(folder: Path) -> UsedKeys:
-    """Which keys this user takes where he says no other. Raises KeyFileError."""
+    """This user's default keys. Raises KeyFileError."""
     file = folder / USED_FILE
     return _decoded(file, UsedKeys, "which keys are in use") if file.exists() else UsedKeys(FORMAT)
 
 
 def use_key(folder: Path, key: PublicKey) -> None:
-    """Take this user's key from now on where he says no other: on robots if it is a robot's, on desks otherwise. Raises
-    KeyFileError and KeyFileLostError."""
+    """Make a key this user's default: for robots if it is a robot's, for desks otherwise. Raises KeyFileError and
+    KeyFileLostError."""
     which = "robots" if key.role is Role.ROBOT else "desk"
     _save(folder / USED_FILE, msgspec.structs.replace(used_keys(folder), **{which: key.owner}), private=False)
 
 
 def use_development_keys(folder: Path) -> None:
-    """End `use_key`. Raises KeyFileLostError."""
+    """Make the development keys the default again. Raises KeyFileLostError."""
     _save(folder / USED_FILE, UsedKeys(FORMAT), private=False)
 
 
 def retire_key(folder: Path, owner: str, new: KeyPair) -> Path:
-    """Put `new` in the place of this user's key of `owner`; gives the file in which the old one lies from now on.
-    Raises KeyFileError if there is none, and KeyFileLostError."""
+    """Replace this user's key of `owner` by `new`; returns the file to which the old one is moved. Raises KeyFileError
+    if there is none, and KeyFileLostError."""
     old, file = find_key(folder, owner), key_file(folder, owner)
     aside = file.with_name(f"{file.stem}.{old.id.hex()}.retired")
     save_key(old, aside)
@@ -204,7 +203,7 @@ def retire_key(folder: Path, owner: str, new: KeyPair) -> Path:
 
 
 def development_keys(folder: Path) -> tuple[KeyPair, KeyPair]:
-    """The desk's and the robots' key of one machine, made when they are first asked for.
+    """The desk's and the robots' key of one machine, created on first use.
 
     Whoever can read this user's files can command robots that trust them; they are for trying things out. Raises
     KeyFileError and KeyFileLostError.
@@ -229,7 +228,9 @@ def _decoded(file: Path, kind: type[File], what: str, *, private: bool = False) 
     except OSError as error:
         raise KeyFileError(f"cannot read {file}: {error.strerror}; wanted {what}") from None
     if private and os.name == "posix" and mode & 0o077:
-        raise KeyFileError(f"{file} can be read by others, so it is no secret: chmod 600 it, and better make a new key")
+        raise KeyFileError(
+            f"{file} can be read by others, so it is not secret: chmod 600 it, and better make a new key"
+        )
     if len(data) > MAX_BYTES:
         raise KeyFileError(f"{file} has more than {MAX_BYTES} bytes: wanted {what}")
     try:
@@ -242,7 +243,7 @@ def _decoded(file: Path, kind: type[File], what: str, *, private: bool = False) 
 
 
 def half(digits: str) -> bytes:
-    """Half of a key as bytes. Raises KeyRefusal for what are no hexadecimal digits."""
+    """Half of a key as bytes. Raises KeyRefusal if these are not hexadecimal digits."""
     try:
         return bytes.fromhex(digits)
     except ValueError:

@@ -20,7 +20,7 @@ def open_transport(uri: str, clock: Clock | None = None) -> Transport:
     scheme = uri.partition(":")[0]
     if scheme not in SCHEMES:
         wanted = f"wanted one that begins with {', '.join(SCHEMES)}:, for instance {EXAMPLE}"
-        raise AddressError(f"{uri[:80]!r} is no address of a channel{did_you_mean(scheme, SCHEMES)}: {wanted}")
+        raise AddressError(f"{uri[:80]!r} is not a channel address{did_you_mean(scheme, SCHEMES)}: {wanted}")
     return SCHEMES[scheme](uri, clock or UnixClock())
 
 

@@ -1,4 +1,4 @@
-"""Addresses of channels: `SCHEME:...?OPTION=VALUE&...`, read with sentences that say what was wanted."""
+"""Channel addresses: `SCHEME:...?OPTION=VALUE&...`. An error says what was wanted."""
 
 from __future__ import annotations
 
@@ -11,33 +11,33 @@ from sleepcast.core.errors import MisuseError, did_you_mean
 EXAMPLE = "udp://239.255.83.76:47123?interface=lo"
 """An address for error messages: multicast that stays on this machine."""
 MAX_URI = 1_000
-"""Characters of an address: names, options and their values, with room to spare."""
+"""Characters of an address: more than names, options and their values need."""
 
 
 class AddressError(MisuseError):
-    """A channel's address that means nothing."""
+    """An address that cannot be read."""
 
 
 def split_address(uri: str, wanted: str, options: Mapping[str, str]) -> tuple[SplitResult, dict[str, str]]:
-    """An address and the options in it. wanted: what is said of an address that means nothing; options: those that
-    there are, by name, with what they are if they are not given. Raises AddressError."""
+    """An address and its options. wanted: for error messages, what was wanted; options: the known options by name, with
+    their defaults. Raises AddressError."""
     if len(uri) > MAX_URI or not uri.isprintable():
-        raise AddressError(f"{uri!r:.80}... is no address of a channel: {wanted}")
+        raise AddressError(f"{uri!r:.80}... is not a channel address: {wanted}")
     try:
         found = urlsplit(uri)
         _ = found.port
         given = parse_qsl(found.query, keep_blank_values=True, max_num_fields=64)
     except ValueError as error:
-        raise AddressError(f"{uri!r} is no address of a channel: {error}; {wanted}") from None
+        raise AddressError(f"{uri!r} is not a channel address: {error}; {wanted}") from None
     if found.username is not None or found.fragment or uri.endswith("#"):
-        raise AddressError(f"{uri!r} is no address of a channel: {wanted}")
+        raise AddressError(f"{uri!r} is not a channel address: {wanted}")
     known = dict(options)
     for name, value in given:
         if name not in options:
             raise AddressError(f"{uri!r}: unknown option {name!r}{did_you_mean(name, options)}; {wanted}")
         known[name] = value
     if len(given) > len({name for name, _ in given}):
-        raise AddressError(f"{uri!r} says an option twice: {wanted}")
+        raise AddressError(f"{uri!r} has an option twice: {wanted}")
     return found, known
 
 
@@ -49,5 +49,5 @@ def number_option(uri: str, option: str, value: str, most: float = inf) -> float
         found = -1.0
     if not 0.0 <= found <= most:
         bounds = f"from 0 to {most:g}" if most < inf else "from 0"
-        raise AddressError(f"{uri!r}: {option} is a number {bounds}, not {value!r}")
+        raise AddressError(f"{uri!r}: {option} must be a number {bounds}, not {value!r}")
     return found

@@ -1,9 +1,9 @@
-"""A sieve in the system's own network code: kinds that nobody here has ears for never wake this process.
+"""A BPF filter in the kernel drops kinds of messages that nobody here wants, before they wake this process.
 
-A thousand robots that answer their operator are heard by a thousand robots, whom it does not concern. The kind of a
-message lies at a fixed place, so a classic BPF program of a few instructions (Linux, packet(7) and socket(7)) can tell.
-It looks at nothing else: whatever it lets through is looked at as if it were not there. In the same way a socket can be
-had that brings STOPs and nothing else, so that neither they nor all the others can crowd each other out.
+When a thousand robots answer their operator, a thousand robots receive it and do not need it. The kind of a message
+lies at a fixed offset, so a classic BPF program of a few instructions can tell (Linux, packet(7) and socket(7)). It
+checks nothing else: all later checks are made as if it did not exist. In the same way a socket can receive nothing but
+STOPs, so that they and the other messages never fill each other's buffer.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from sleepcast.channel.envelope import KIND_AT, NUMBER, STANDING
 from sleepcast.channel.message import Kind
 
 UDP_HEADER = 8
-"""Bytes before a datagram's own, as the program sees it."""
+"""Bytes of the UDP header, which the program sees before the datagram."""
 ATTACH, DETACH = 26, 27
-"""Options SO_ATTACH_FILTER and SO_DETACH_FILTER, which Python has no names for."""
+"""Socket options SO_ATTACH_FILTER and SO_DETACH_FILTER, which Python does not name."""
 LENGTH, BYTE, AT_LEAST, EQUAL, RETURN = 0x80, 0x30, 0x35, 0x15, 0x06
-"""Codes: load the length, load a byte, jump if at least, jump if equal, give the number of bytes to keep."""
+"""Opcodes: load the length, load a byte, jump if at least, jump if equal, return the number of bytes to keep."""
 ALL, NOTHING = 0xFFFF_FFFF, 0
 
 Instruction = tuple[int, int, int, int]
-"""Code, instructions to jump over if true and if not, operand."""
+"""Opcode, instructions to skip if true and if false, operand."""
 
 
 def drop_kinds(receiving: socket.socket, unwanted: Iterable[Kind]) -> bool:
-    """Leave out what these ears need not hear from now on; whether the system can."""
+    """Let a socket drop these kinds from now on; whether the system can."""
     if sys.platform != "linux":
         return False
     numbers = _numbers(unwanted)
@@ -39,13 +39,13 @@ def drop_kinds(receiving: socket.socket, unwanted: Iterable[Kind]) -> bool:
             _attach(receiving, program(numbers))
         else:
             receiving.setsockopt(socket.SOL_SOCKET, DETACH, 0)
-    except OSError:  # no sieve was there, or none may be: whoever reads drops what is not for him
+    except OSError:  # there was no filter, or none is allowed: the receiver drops what it does not want
         return not numbers
     return True
 
 
 def keep_kinds(receiving: socket.socket, wanted: Iterable[Kind]) -> bool:
-    """Leave out all but messages of these kinds from now on; whether the system can."""
+    """Let a socket drop all but these kinds from now on; whether the system can."""
     if sys.platform != "linux":
         return False
     try:
@@ -56,7 +56,7 @@ def keep_kinds(receiving: socket.socket, wanted: Iterable[Kind]) -> bool:
 
 
 def program(numbers: Sequence[int], *, found: int = NOTHING, others: int = ALL) -> list[Instruction]:
-    """What keeps so many bytes of datagrams of the kinds with these numbers, and so many of all others."""
+    """The program that keeps `found` bytes of datagrams of the kinds with these numbers, and `others` of all others."""
     place, count = UDP_HEADER + KIND_AT, len(numbers)
     tests = [(EQUAL, count - i, 0, number) for i, number in enumerate(numbers)]
     return [
@@ -70,7 +70,7 @@ def program(numbers: Sequence[int], *, found: int = NOTHING, others: int = ALL) 
 
 
 def _numbers(kinds: Iterable[Kind]) -> list[int]:
-    """Those of these kinds on the air."""
+    """The numbers of these kinds on the wire."""
     found = set(kinds)
     return sorted(NUMBER[kind] for kind in found) + [STANDING] * (Kind.COMMAND in found)
 

@@ -1,11 +1,11 @@
-"""A channel within one process: a medium that can be made as bad as any radio, without a network.
+"""A transport within one process, without a network, that can be made as bad as any radio.
 
     memory:NAME?loss=0.3&delay=0.01&jitter=0.02&duplicate=0.1&reorder=0.1&seed=1&at=3,4&range=10
 
-Whoever names the same NAME hears each other. The options say how badly the party that gives them hears: which share of
-datagrams it loses, hears twice or hears late (by `LATE`), how many seconds each takes (`delay`) and up to how many more
-(`jitter`). `at` is where it is (x, y in m) and `range` from how far away it hears. What chance does to a party depends
-on its seed, on how many have joined before it, and on what it was sent, on nothing else.
+All parties with the same NAME hear each other. The options say how badly a party receives: the share of datagrams that
+it loses, gets twice or gets late (by `LATE`), the seconds that each takes (`delay`), and up to how many more at random
+(`jitter`). `at` is its place (x, y in m), and `range` the distance from which it receives. What happens to datagrams
+depends only on a party's seed, on how many have joined before it, and on what it was sent.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
 
 LATE = 0.05
-"""Seconds by which what is reordered comes later: some others overtake it."""
+"""Seconds by which a reordered datagram is late, so that others overtake it."""
 LONGEST = 3_600.0
-"""Seconds of a delay at most."""
+"""Seconds of the longest delay."""
 MAX_WAITING = 16_384
-"""Datagrams that wait for one party; what comes then is lost, as in a socket's buffer."""
+"""Datagrams that wait for one party; further ones are lost, as in a socket's buffer."""
 MAX_PARTIES = 4_096
-"""Of one medium: each has two descriptors of this process."""
+"""Parties of one medium: each takes two file descriptors of this process."""
 OPTIONS = {
     "loss": "0",
     "delay": "0",
@@ -45,12 +45,12 @@ WANTED = f"wanted memory:NAME with options of {', '.join(OPTIONS)}, for instance
 
 
 class MediumError(SleepcastError):
-    """A medium that is full."""
+    """A medium has no room for another party."""
 
 
 @dataclass(frozen=True, slots=True)
 class MemoryAddress:
-    """What a `memory:` address says. loss, duplicate, reorder: chances, 0..1; delay, jitter: s; at: m; reach: m."""
+    """A `memory:` address. loss, duplicate, reorder: probabilities, 0..1; delay, jitter: s; at, reach: m."""
 
     name: str
     loss: float
@@ -64,16 +64,16 @@ class MemoryAddress:
 
     @staticmethod
     def read(uri: str) -> MemoryAddress:
-        """Raises AddressError, with a sentence that says what is wrong."""
+        """The parsed address. Raises AddressError."""
         found, options = split_address(uri, WANTED, OPTIONS)
         if found.scheme != "memory" or found.netloc or not found.path.strip("/"):
-            raise AddressError(f"{uri!r} is no address of a channel: {WANTED}")
+            raise AddressError(f"{uri!r} is not a channel address: {WANTED}")
         chances = [number_option(uri, name, options[name], 1.0) for name in ("loss", "duplicate", "reorder")]
         delay, jitter = (number_option(uri, name, options[name], LONGEST) for name in ("delay", "jitter"))
         loss, duplicate, reorder = chances
         seed, reach = options["seed"], number_option(uri, "range", options["range"])
         if not (seed.isascii() and seed.isdigit() and len(seed) <= 19):
-            raise AddressError(f"{uri!r}: seed is a whole number from 0, not {seed!r}")
+            raise AddressError(f"{uri!r}: seed must be a whole number from 0, not {seed!r}")
         return MemoryAddress(
             found.path, loss, delay, jitter, duplicate, reorder, int(seed), _place(uri, options["at"]), reach
         )
@@ -85,7 +85,7 @@ def _place(uri: str, written: str) -> tuple[float, float]:
     except ValueError:
         x = y = inf
     if not (isfinite(x) and isfinite(y)):
-        raise AddressError(f"{uri!r}: at is a place, two numbers in metres such as 3,4, not {written!r}")
+        raise AddressError(f"{uri!r}: at must be a place, two numbers in metres such as 3,4, not {written!r}")
     return x, y
 
 
@@ -98,7 +98,7 @@ class MemoryTransport:
 
     _media: ClassVar[dict[str, list[MemoryTransport]]] = {}
     _joined: ClassVar[dict[str, int]] = {}
-    """How many have joined each medium since it was empty."""
+    """Parties that have joined each medium since it was empty."""
     _lock: ClassVar[threading.Lock] = threading.Lock()
 
     def __init__(self, uri: str, clock: Clock) -> None:
@@ -111,25 +111,25 @@ class MemoryTransport:
         self._watched = False
         self._timer: threading.Timer | None = None
         self._rings = inf
-        """When the timer rings, s."""
+        """When the timer fires, s."""
         name = self._address.name
         with MemoryTransport._lock:
             parties = MemoryTransport._media.setdefault(name, [])
             if len(parties) >= MAX_PARTIES:
                 self._wakeup.close()
-                raise MediumError(f"{uri}: at most {MAX_PARTIES} parties of one process hear each other: take udp://")
+                raise MediumError(f"{uri}: at most {MAX_PARTIES} parties of one process can share a medium: use udp://")
             place = MemoryTransport._joined.get(name, 0)
             MemoryTransport._joined[name] = place + 1
             parties.append(self)
         self._chance = Random(f"{self._address.seed} {place}")
 
     def fileno(self) -> int:
-        """What to wait on for news."""
+        """A file descriptor that is readable when something was received."""
         self._watched = True
         return self._wakeup.fileno()
 
     def send(self, datagram: bytes) -> None:
-        """To all others in their range."""
+        """Send to all others that are in range."""
         with MemoryTransport._lock:
             parties = MemoryTransport._media.get(self._address.name, ())
             if self in parties:
@@ -138,7 +138,7 @@ class MemoryTransport:
                         party._take(datagram)
 
     def receive(self) -> list[bytes]:
-        """What has come in since the last call, in the order in which it came; nothing of our own."""
+        """The datagrams received since the last call, in order; none of our own."""
         self._wakeup.clear()
         found = []
         with MemoryTransport._lock:
@@ -149,7 +149,7 @@ class MemoryTransport:
         return found
 
     def close(self) -> None:
-        """Leave. Nothing can be sent or heard afterwards."""
+        """Leave. Nothing can be sent or received afterwards."""
         with MemoryTransport._lock:
             parties = MemoryTransport._media.get(self._address.name, [])
             if self in parties:
@@ -162,7 +162,7 @@ class MemoryTransport:
             self._wakeup.close()
 
     def _take(self, datagram: bytes) -> None:
-        """What becomes of a datagram on its way to us."""
+        """Receive, lose, delay or duplicate a datagram that is sent to us."""
         address, now = self._address, self._clock.now()
         for _ in range(1 + (self._chance.random() < address.duplicate)):
             due = now + address.delay + address.jitter * self._chance.random()
@@ -177,7 +177,7 @@ class MemoryTransport:
         self._wake_up(now)
 
     def _wake_up(self, now: float) -> None:
-        """Ring when the next datagram is due: whoever waits on `fileno` does not know when that is."""
+        """Become readable when the next datagram is due: who waits on `fileno` does not know when that is."""
         due = self._waiting[0][0] if self._waiting else inf
         if self._timer is not None and due != self._rings:
             self._timer.cancel()
@@ -191,7 +191,7 @@ class MemoryTransport:
             self._timer.start()
 
     def _wake_at(self, due: float) -> None:
-        """Ring for what was due at this time, unless it was taken in this very moment."""
+        """Become readable, unless the datagram that was due has been received meanwhile."""
         with MemoryTransport._lock:
             if self._waiting and self._waiting[0][0] <= due:
                 self._wakeup.set()

@@ -1,8 +1,8 @@
-"""A multiplexer: one transport for many parties of one process, each of which has a branch that is a transport for it.
+"""A multiplexer: one transport for many parties of one process. Each has a port, which is a transport for it.
 
-Every datagram is taken from the network once. What cannot be a message, and what none of the parties has ears for (a
-thousand robots' answers to their operator), ends here; the others go to every branch. What one party says goes on the
-air, and to its neighbours without it: the network gives back nothing of our own.
+Every datagram is read from the network once. What cannot be a message, and what no port wants (a thousand robots'
+answers to their operator), is dropped here; the rest goes to every port that wants it. What one party sends goes to the
+network and directly to the other ports, as the network returns nothing of our own.
 """
 
 from __future__ import annotations
@@ -16,12 +16,11 @@ from sleepcast.channel.message import Kind
 from sleepcast.channel.transports.transport import Transport, listen_for
 
 MAX_QUEUE = 8_192
-"""Datagrams that wait for one party; the oldest make room, as in a receiver's buffer: ten megabytes for all of them,
-as they share the bytes."""
+"""Datagrams that wait at one port; beyond, the oldest are dropped. Ports share the bytes: ten megabytes for all."""
 
 
 class Multiplexer:
-    """See the module. drops: what went no further than here is counted there, with what its parties drop."""
+    """See the module. drops: counts datagrams that are dropped here, with those that its parties drop."""
 
     def __init__(self, transport: Transport, drops: DropCounter) -> None:
         self.drops = drops
@@ -31,32 +30,32 @@ class Multiplexer:
         self._wanted: frozenset[Kind] = frozenset()
 
     def fileno(self) -> int:
-        """What to wait on for news from the network."""
+        """A file descriptor that is readable when something was received from the network."""
         return self._transport.fileno()
 
     def port(self, wanted: Iterable[Kind]) -> Port:
-        """The transport of one more party, which has ears for these kinds only."""
+        """The transport of one more party, which wants only these kinds."""
         found = Port(self, frozenset(wanted))
         self._ports.append(found)
-        if found.wanted:  # most of those that only speak want nothing
+        if found.wanted:  # most ports only send
             self._listening.append(found)
             self._listen()
         return found
 
     def gather(self) -> bool:
-        """Bring the branches what has come from the network since the last call; whether there was anything."""
+        """Distribute the datagrams received since the last call to the ports; whether there were any."""
         came = self._transport.receive()
         for datagram in came:
             self._distribute(datagram, None)
         return bool(came)
 
     def send(self, datagram: bytes, sender: Port) -> None:
-        """Send what the party of this branch says."""
+        """Send a datagram of this port's party."""
         self._transport.send(datagram)
         self._distribute(datagram, sender)
 
     def leave(self, port: Port) -> None:
-        """This branch hears nothing any more; with the last one the transport is left."""
+        """Remove a port; the last one closes the transport."""
         if port in self._ports:
             self._ports.remove(port)
             if not self._ports:
@@ -66,7 +65,7 @@ class Multiplexer:
                 self._listen()
 
     def _listen(self) -> None:
-        """Let the transport bring what any of the branches wants."""
+        """Let the transport drop the kinds that no port wants."""
         wanted = frozenset[Kind]().union(*(port.wanted for port in self._listening))
         if wanted != self._wanted:
             self._wanted = wanted
@@ -84,7 +83,7 @@ class Multiplexer:
 
 
 class Port:
-    """One party's transport on a trunk. wanted: kinds that it has ears for. waiting: what it has not looked at yet."""
+    """One party's transport on a multiplexer. wanted: kinds that it receives. waiting: datagrams not received yet."""
 
     def __init__(self, multiplexer: Multiplexer, wanted: frozenset[Kind]) -> None:
         self.wanted = wanted
@@ -92,7 +91,7 @@ class Port:
         self._multiplexer = multiplexer
 
     def fileno(self) -> int:
-        """What to wait on for news from the network; what a neighbour has said is there already."""
+        """Readable when something was received from the network; datagrams of other ports are here already."""
         return self._multiplexer.fileno()
 
     def send(self, datagram: bytes) -> None:
@@ -100,16 +99,16 @@ class Port:
         self._multiplexer.send(datagram, self)
 
     def receive(self) -> list[bytes]:
-        """What has come in since the last call, in the order in which it came; nothing of our own."""
+        """The datagrams received since the last call, in order; none of our own."""
         self._multiplexer.gather()
         return self.drain()
 
     def drain(self) -> list[bytes]:
-        """What has been brought here and was not looked at yet, without a look at the network."""
+        """The datagrams that wait here, without reading from the network."""
         found = list(self.waiting)
         self.waiting.clear()
         return found
 
     def close(self) -> None:
-        """Leave. Nothing can be sent or heard afterwards."""
+        """Leave. Nothing can be sent or received afterwards."""
         self._multiplexer.leave(self)

@@ -2,10 +2,10 @@
 
     udp://GROUP_OR_BROADCAST_ADDRESS:PORT?interface=NAME
 
-Every party has a socket that hears the address and one that sends to it; several parties may live on one machine. Where
-the system can tell kinds of messages apart (`sieve`), STOPs come in by a socket of their own, and so does what robots
-tell their operator: a flood of anything else takes no room from them, nor they from anything else. The sockets never
-wait: whoever owns them asks at each tick, or when its `fileno` has news.
+Every party has a socket that receives from the address and one that sends to it; several parties may live on one
+machine. Where the system can filter kinds of messages (`bpf_filter`), STOPs have a receiving socket of their own, and
+so have messages from robots to their operator: a flood of other kinds takes no room from them, nor they from others. No
+call waits: the owner receives at each tick, or when `fileno` is readable.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ from sleepcast.channel.transports.bpf_filter import drop_kinds, keep_kinds
 from sleepcast.core.errors import SleepcastError, did_you_mean
 
 MOST_AT_ONCE = 2_048
-"""Datagrams taken in by one call: a flood costs a tick some milliseconds and not more."""
+"""Datagrams received in one call: a flood costs a tick a few milliseconds."""
 MOST_STOPS = 64
-"""STOPs taken in by one call, before anything else: as many as are looked at in ten milliseconds."""
+"""STOPs received in one call, before anything else: as many as are checked in ten milliseconds."""
 STOP_BUFFER = 64 * 1024
-"""Bytes that the system is asked to keep of STOPs: those of a second when nobody forges any. In a flood what waits is
-not worth the time: what comes next is as good."""
+"""Receive buffer for STOPs, bytes: enough for a second without forgeries. In a flood a larger one is no use: the next
+STOP is as good as one that waited."""
 BUFFER = 4 * 1024 * 1024
-"""Bytes that the system is asked to keep of what comes between two calls; it may grant less."""
+"""Receive buffer that the system is asked for, bytes; it may grant less."""
 HOPS = 1
-"""Networks that multicast crosses: it stays on its own."""
+"""Hops of multicast: it stays on its own network."""
 
 
 class ReservedSocket(NamedTuple):
-    """Kinds that come in by a socket of their own: so many by one call at most, and so many bytes wait for it."""
+    """Kinds with a receiving socket of their own. most: datagrams received in one call; room: bytes of its buffer."""
 
     kinds: frozenset[Kind]
     most: int
@@ -55,12 +55,12 @@ RESERVED = (
 
 
 class UdpError(SleepcastError):
-    """The system refuses a socket."""
+    """The system refused a socket."""
 
 
 @dataclass(frozen=True, slots=True)
 class UdpAddress:
-    """What a `udp://` address says. interface: of the machine, "" for the one that the system takes."""
+    """A `udp://` address. interface: of the machine, "" for the system's choice."""
 
     host: IPv4Address | IPv6Address
     port: int
@@ -68,15 +68,15 @@ class UdpAddress:
 
     @staticmethod
     def read(uri: str) -> UdpAddress:
-        """Raises AddressError, with a sentence that says what is wrong."""
+        """The parsed address. Raises AddressError."""
         wanted = f"wanted udp://ADDRESS:PORT?interface=NAME, for instance {EXAMPLE}"
         found, options = split_address(uri, wanted, {"interface": ""})
         if found.scheme != "udp" or not found.port or found.path:
-            raise AddressError(f"{uri!r} is no address of a channel: {wanted}")
+            raise AddressError(f"{uri!r} is not a channel address: {wanted}")
         try:
             host = ip_address(found.hostname or "")
         except ValueError as error:
-            raise AddressError(f"{uri!r} is no address of a channel: {error}; {wanted}") from None
+            raise AddressError(f"{uri!r} is not a channel address: {error}; {wanted}") from None
         return UdpAddress(host, found.port, options["interface"])
 
     @property
@@ -129,12 +129,12 @@ class UdpTransport:
         """Broadcast."""
         try:
             self._sending.send(datagram)
-        except OSError:  # no route, a full queue: as good as lost on the way
+        except OSError:  # no route, or a full queue: as if lost on the way
             self.lost += 1
 
     def receive(self) -> list[bytes]:
-        """What has come in since the last call, STOPs first, then what robots tell their operator, else in the order in
-        which it came; nothing of our own."""
+        """The datagrams received since the last call: STOPs first, then messages to the operator, then others in order;
+        none of our own."""
         found = []
         for receiving, reserved in self._reserved.items():
             found += self._received(receiving, reserved.most)
@@ -147,26 +147,26 @@ class UdpTransport:
                 datagram, sender = receiving.recvfrom(MAX_DATAGRAM + 1)
             except BlockingIOError:
                 break
-            except OSError:  # what a network may say of datagrams sent before: nothing of ours
+            except OSError:  # an error about datagrams sent earlier
                 continue
             if sender[:2] != self._own:
                 found.append(datagram)
         return found
 
     def ignore(self, kinds: Iterable[Kind]) -> None:
-        """These kinds need not be brought here any more, all others do."""
+        """From now on drop messages of these kinds, and no others."""
         unwanted = {*kinds}
         for receiving, reserved in self._reserved.items():
             keep_kinds(receiving, reserved.kinds - unwanted)
         drop_kinds(self._receiving, unwanted.union(*(reserved.kinds for reserved in self._reserved.values())))
 
     def close(self) -> None:
-        """Leave. Nothing can be sent or heard afterwards."""
+        """Leave. Nothing can be sent or received afterwards."""
         self._opened.close()
         self._readable = self._receiving
 
     def _reserve(self, opened: ExitStack, link: int) -> dict[socket.socket, ReservedSocket]:
-        """A socket for each of `LANES`, and these kinds left out of the ears; none where the system cannot."""
+        """A socket for each of `RESERVED`, whose kinds the main socket then drops; none where the system cannot."""
         found = {
             self._receiving_socket(opened, link, reserved.room): reserved
             for reserved in RESERVED
@@ -182,11 +182,11 @@ class UdpTransport:
         return {}
 
     def _receiving_socket(self, opened: ExitStack, link: int, room: int) -> socket.socket:
-        """A socket that hears the address. room: bytes that the system is asked to keep of what comes."""
+        """A socket that receives from the address. room: bytes of its buffer."""
         receiving, host = opened.enter_context(socket.socket(self._family, socket.SOCK_DGRAM)), self.address.host
         receiving.setblocking(False)
         receiving.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        if sys.platform != "linux":  # there the one above is enough, and this one is for one user only
+        if sys.platform != "linux":  # on Linux the option above is enough, and this one works for one user only
             receiving.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
         receiving.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, room)
         receiving.bind(self._socket_address(link))
@@ -211,22 +211,22 @@ class UdpTransport:
         else:
             sending.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, _membership(host, link))
             sending.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, HOPS)
-        sending.connect(self._socket_address(link))  # so that it has an address and a port of its own
+        sending.connect(self._socket_address(link))  # gives it an address and a port of its own
         return sending
 
     def _socket_address(self, link: int) -> tuple[str, int] | tuple[str, int, int, int]:
-        """The address as the socket wants it; one of IPv6 names the interface, which tells equal ones apart."""
+        """The address in the socket's form; for IPv6 with the interface, as addresses may exist on several."""
         host = str(self.address.host)
         return (host, self.address.port) if self.address.host.version == 4 else (host, self.address.port, 0, link)
 
 
 def _membership(group: IPv4Address, link: int) -> bytes:
-    """A group on an interface: the `ip_mreqn` of Linux and the BSDs."""
+    """A multicast group on an interface: the `ip_mreqn` of Linux and the BSDs."""
     return group.packed + b"\0" * 4 + struct.pack("@i", link)
 
 
 def _hint(error: OSError) -> str:
-    """What a person may do about it."""
+    """What to do about it."""
     if error.errno == errno.EADDRINUSE:
         return "; another program has the port for itself alone: take another port"
     if error.errno in (errno.ENODEV, errno.ENETUNREACH, errno.EADDRNOTAVAIL):

@@ -1,14 +1,13 @@
-"""A channel over Eclipse Zenoh, for fleets across routers and sites.
+"""A transport over Eclipse Zenoh, for fleets across routers and sites.
 
     zenoh://HOST:PORT/KEY                            at the router that listens there
     zenoh://HOST:PORT/KEY?listen                     being that router, in this process
     zenoh://HOST:PORT/KEY?listen&connect=HOST:PORT   likewise, and linked to the router of another site
 
-All who name the same KEY (`sleepcast` if none is named) hear each other, whichever of the linked routers they are at.
-Every party is a client, or a router: neither looks for anybody by itself. Where the router goes away, a party loses
-what it says and finds the router again by itself. It is used as a radio that loses little: what a link cannot take is
-dropped, and all that the channel promises comes from the channel. What is said is signed by whoever
-says it, so a router has to be believed no more than the air.
+All parties with the same KEY (default `sleepcast`) hear each other, at whichever of the linked routers they are. Every
+party is a client or a router; none searches for others. While its router is away, a party loses what it sends, and it
+reconnects by itself. Zenoh is used as a radio that loses little: what a link cannot take is dropped, and delivery is
+ensured by the channel. Messages are signed by their senders, so a router needs no trust.
 """
 
 from __future__ import annotations
@@ -26,31 +25,31 @@ from sleepcast.core.errors import SleepcastError
 
 try:
     import zenoh
-except ImportError:  # it is an extra
+except ImportError:  # an optional dependency
     zenoh = None  # type: ignore[assignment]
 
 KEY = "sleepcast"
 MAX_WAITING = 65_536
-"""Datagrams that wait for us to take them; what comes then pushes out the oldest, as in a socket's buffer."""
+"""Datagrams that wait to be received; beyond, the oldest are dropped."""
 MOST_AT_ONCE = 2_048
-"""Datagrams taken by one call, as for UDP."""
+"""Datagrams received in one call, as for UDP."""
 LARGEST = 65_535
-"""Bytes of what a link takes in at all: far more than a datagram of ours."""
+"""Bytes of the largest message that a link accepts: far more than one of our datagrams."""
 BATCHES = 16
-"""Of 64 KiB each, that a link keeps while it is busy: a burst of some hundred datagrams. It is the library's most."""
+"""Batches of 64 KiB that a busy link queues: a burst of some hundred datagrams. It is the library's maximum."""
 PATIENCE = 20_000
-"""Microseconds that a link which is that busy is waited for before a datagram is dropped: less than anybody notices."""
+"""Microseconds to wait for a link whose queue is full before a datagram is dropped: too short to notice."""
 WANTED = "wanted zenoh://HOST:PORT/KEY, with ?listen to be the router there, for instance zenoh://127.0.0.1:7447"
 
 
 class ZenohError(SleepcastError):
-    """No zenoh here, or no router there."""
+    """Zenoh is not installed, or there is no router."""
 
 
 @dataclass(frozen=True, slots=True)
 class ZenohAddress:
-    """What a `zenoh://` address says. place, connect: `HOST:PORT` of the router, and of one that it links to ("" for
-    none); key: what is said and heard under; listen: whether we are the router."""
+    """A `zenoh://` address. place, connect: `HOST:PORT` of the router, and of one that it links to ("" for none); key:
+    the key of all messages; listen: whether we are the router."""
 
     place: str
     key: str
@@ -59,36 +58,38 @@ class ZenohAddress:
 
     @staticmethod
     def read(uri: str) -> ZenohAddress:
-        """Raises AddressError, with a sentence that says what is wrong."""
+        """The parsed address. Raises AddressError."""
         found, options = split_address(uri, WANTED, {"listen": "no", "connect": ""})
         if found.scheme != "zenoh" or not found.hostname or not found.port:
-            raise AddressError(f"{uri!r} is no address of a channel: {WANTED}")
+            raise AddressError(f"{uri!r} is not a channel address: {WANTED}")
         key = found.path.strip("/") or KEY
         if any(character in "*$#?" for character in key) or "//" in key:
             raise AddressError(f"{uri!r}: a key is one or more words with / between them, without *, $, # and ?")
         listen, connect = options["listen"], options["connect"]
         if listen not in ("no", ""):
-            raise AddressError(f"{uri!r}: listen has no value, it is there or not; {WANTED}")
+            raise AddressError(f"{uri!r}: listen takes no value; {WANTED}")
         if connect:
             if listen == "no":
-                raise AddressError(f"{uri!r}: connect links a router that we are, so it needs listen as well; {WANTED}")
+                raise AddressError(
+                    f"{uri!r}: connect links our own router to another one, so it needs listen as well; {WANTED}"
+                )
             connect = ZenohAddress.read(f"zenoh://{connect}").place
         return ZenohAddress(f"{_host(uri, found.hostname)}:{found.port}", key, not listen, connect)
 
 
 def _host(uri: str, name: str) -> str:
-    """A host as a place of zenoh has it. Raises AddressError for what is no host."""
+    """A host in zenoh's form. Raises AddressError if it is none."""
     try:
         address = ip_address(name)
     except ValueError:
         if not all(character.isalnum() or character in "-._" for character in name):
-            raise AddressError(f"{uri!r}: {name!r} is no host; {WANTED}") from None
+            raise AddressError(f"{uri!r}: {name!r} is not a host; {WANTED}") from None
         return name
     return f"[{address}]" if isinstance(address, IPv6Address) else str(address)
 
 
 class ZenohTransport:
-    """One party at a router. Raises AddressError for the address, ZenohError where there is no zenoh or no router.
+    """One party at a router. Raises AddressError for the address, ZenohError without zenoh or without a router.
 
     lost: datagrams that the link would not take, as far as it says so.
     """
@@ -98,7 +99,10 @@ class ZenohTransport:
         if zenoh is None:
             raise ZenohError(f"{uri}: zenoh is not installed here: pip install 'sleepcast[zenoh]'")
         self.lost = 0
-        self._wakeup, self._taking = WakeUp(), Lock()  # else the bell may ring for what has been taken already
+        self._wakeup, self._taking = (
+            WakeUp(),
+            Lock(),
+        )  # otherwise it may be set for datagrams that were received already
         self._heard: deque[bytes] = deque(maxlen=MAX_WAITING)
         try:
             self._session = zenoh.open(_config(site))
@@ -112,23 +116,23 @@ class ZenohTransport:
             priority=zenoh.Priority.REAL_TIME,
             allowed_destination=remote,
         )
-        # Not indirectly: that takes a thread of Python's, which keeps a process from ending.
+        # indirect=True would start a Python thread that keeps the process from ending.
         subscriber = zenoh.handlers.Callback(self._hear, indirect=False)
         self._session.declare_subscriber(site.key, subscriber, allowed_origin=remote)
 
     def fileno(self) -> int:
-        """What to wait on for news."""
+        """A file descriptor that is readable when something was received."""
         return self._wakeup.fileno()
 
     def send(self, datagram: bytes) -> None:
         """Broadcast."""
         try:
             self._publisher.put(datagram)
-        except zenoh.ZError:  # no link now: as good as lost on the way
+        except zenoh.ZError:  # no link: as if lost on the way
             self.lost += 1
 
     def receive(self) -> list[bytes]:
-        """What has come in since the last call, in the order in which it came; nothing of our own."""
+        """The datagrams received since the last call, in order; none of our own."""
         with self._taking:
             self._wakeup.clear()
             found = [self._heard.popleft() for _ in range(min(len(self._heard), MOST_AT_ONCE))]
@@ -137,12 +141,12 @@ class ZenohTransport:
         return found
 
     def close(self) -> None:
-        """Leave. Nothing can be sent or heard afterwards."""
+        """Leave. Nothing can be sent or received afterwards."""
         self._session.close()  # type: ignore[no-untyped-call]
         self._wakeup.close()
 
     def _hear(self, sample: zenoh.Sample) -> None:
-        """In a thread of zenoh's."""
+        """Called in a thread of zenoh."""
         payload = sample.payload
         if len(payload) <= MAX_DATAGRAM:
             data = payload.to_bytes()
@@ -168,7 +172,7 @@ def _config(site: ZenohAddress) -> zenoh.Config:
 
 
 def _refusal(uri: str, site: ZenohAddress, error: str) -> str:
-    """Why there is no session, and what a person may do about it."""
+    """Why there is no connection, and what to do about it."""
     if "Address already in use" in error:
         return f"{uri}: another program listens at {site.place}: leave out ?listen to join it, or take another port"
     if not site.listen:

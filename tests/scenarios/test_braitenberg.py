@@ -1,4 +1,4 @@
-"""Vehicles that follow those who see: the group finds the light, only with its eyes, and flees when it is told to.
+"""Blind vehicles follow those that see: the group finds the light, only with its eyes, and flees when it is told to.
 
 The numbers are those of forty runs with other seeds: the centre is 60 m from the light at the start, 35 m after 500 s
 (one run deviates by 2 m), 10 m after 1,000 s (by 3 m) and 0.9 m after 1,500 s (by 0.7 m). A mean over ten runs is held

@@ -1,4 +1,4 @@
-"""A radio that loses, repeats, delays and reorders, in simulated time, and mailboxes on it."""
+"""A radio that loses, repeats, delays and reorders, in simulated time, and parties on it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ STEP = 0.005
 
 @dataclass
 class Party:
-    """A mailbox, and what it has let through, with the times."""
+    """A party's delivery, and the messages it has passed on, with the times."""
 
     delivery: ReliableDelivery
     got: list[Message] = field(default_factory=list)

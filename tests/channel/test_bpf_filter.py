@@ -19,7 +19,7 @@ from sleepcast.channel.transports.transport import Transport, listen_for
 
 DESK = KeyPair("desk", Role.COMMANDER, b"d" * 32)
 PATIENCE = 20.0
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such sieves")
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such filters")
 
 
 @pytest.fixture(params=["239.255.83.79", "127.255.255.255"])

@@ -12,7 +12,7 @@ RATE = 20_000
 """Forgeries a second: what a busy machine can send beside the robots."""
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such sieves")
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such filters")
 @pytest.mark.parametrize("words", [["swarm", "5"], ["node"]])
 def test_stop_and_commands_come_through_a_flood_of_forged_stops(words: list[str]) -> None:
     found = tried(words, 5 if words[0] == "swarm" else 1, "stop", RATE, 1)
@@ -21,7 +21,7 @@ def test_stop_and_commands_come_through_a_flood_of_forged_stops(words: list[str]
     assert found.through == found.pairs
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such sieves")
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such filters")
 def test_stop_and_its_account_come_through_a_flood_of_anything_else() -> None:
     found = tried(["swarm", "5"], 5, "command", RATE, 1)
     assert max(found.stops) < inf

@@ -30,18 +30,18 @@ PATIENCE = 20.0
 
 @dataclass
 class Place:
-    """A trunk with three robots, and somebody else on the same network."""
+    """A multiplexer with three robots, and somebody else on the same network."""
 
     multiplexer: Multiplexer
-    branches: list[Port]
+    ports: list[Port]
     outside: Transport
 
     def heard(self, count: int) -> list[list[bytes]]:
         """What each branch hears, once there is something for so many of them."""
-        found: list[list[bytes]] = [[] for _ in self.branches]
+        found: list[list[bytes]] = [[] for _ in self.ports]
         until = time.monotonic() + PATIENCE
         while sum(map(bool, found)) < count and time.monotonic() < until:
-            for each, port in zip(found, self.branches, strict=True):
+            for each, port in zip(found, self.ports, strict=True):
                 each += port.receive()
             time.sleep(0.001)
         return found
@@ -58,12 +58,12 @@ def place() -> Iterator[Place]:
     uri = f"udp://239.255.83.78:{free_port()}?interface=lo"
     with ExitStack() as stack:
         multiplexer = Multiplexer(open_transport(uri), DropCounter(WallClock()))
-        branches = [multiplexer.port(ROBOT_KINDS) for _ in range(3)]
+        ports = [multiplexer.port(ROBOT_KINDS) for _ in range(3)]
         outside = open_transport(uri)
         stack.callback(outside.close)
-        for port in branches:
+        for port in ports:
             stack.callback(port.close)
-        yield Place(multiplexer, branches, outside)
+        yield Place(multiplexer, ports, outside)
 
 
 def datagram(kind: Kind = Kind.COMMAND, sequence: int = 1, key: KeyPair = DESK, sender: str = "desk") -> bytes:
@@ -80,19 +80,19 @@ def test_what_comes_from_outside_reaches_every_branch_once(place: Place) -> None
         for each, more in zip(heard, place.heard(1), strict=True):
             each += more
     assert heard == [[first, second]] * 3
-    assert [port.receive() for port in place.branches] == [[], [], []]
+    assert [port.receive() for port in place.ports] == [[], [], []]
 
 
 def test_neighbours_and_the_network_hear_what_one_of_them_says_and_he_does_not(place: Place) -> None:
     said = datagram(Kind.REQUEST, key=ROBOTS, sender="r1")
-    place.branches[0].send(said)
+    place.ports[0].send(said)
     assert place.heard(2) == [[], [said], [said]]
     assert place.outside_hears() == [said]
 
 
 def test_what_nobody_has_ears_for_ends_at_the_trunk(place: Place) -> None:
     answer = datagram(Kind.ANSWER, key=ROBOTS, sender="r9")
-    place.branches[0].send(answer)
+    place.ports[0].send(answer)
     assert place.outside_hears() == [answer], "the operator is to hear it"
     place.outside.send(answer)
     place.outside.send(b"nonsense")
@@ -100,22 +100,22 @@ def test_what_nobody_has_ears_for_ends_at_the_trunk(place: Place) -> None:
     assert place.heard(3) == [[datagram()]] * 3
     assert place.multiplexer.drops.counts[DropReason.MALFORMED] == 1
     assert place.multiplexer.drops.counts[DropReason.NOT_FOR_US] == (0 if sys.platform == "linux" else 1), (
-        "a sieve takes it out before"
+        "the filter drops it first"
     )
 
 
 def test_an_operator_among_them_hears_answers(place: Place) -> None:
     desk = place.multiplexer.port(Kind)
     answer = datagram(Kind.ANSWER, key=ROBOTS, sender="r1")
-    place.branches[0].send(answer)
+    place.ports[0].send(answer)
     assert desk.receive() == [answer]
     desk.close()
-    place.branches[0].send(answer)
+    place.ports[0].send(answer)
     assert desk.receive() == []
 
 
 def test_a_party_that_does_not_look_keeps_the_latest_only(place: Place) -> None:
-    talker, listener, _ = place.branches
+    talker, listener, _ = place.ports
     for sequence in range(1, 6):
         talker.send(datagram(sequence=sequence))
     listener.waiting.clear()
@@ -126,7 +126,7 @@ def test_a_party_that_does_not_look_keeps_the_latest_only(place: Place) -> None:
 
 
 def test_the_last_one_to_leave_closes_the_transport(place: Place) -> None:
-    for port in place.branches:
+    for port in place.ports:
         assert place.multiplexer.fileno() >= 0
         port.close()
     assert place.multiplexer.fileno() == -1

@@ -74,30 +74,30 @@ def test_only_three_numbers_that_fit_can_be_sent(numbers: tuple[float, ...]) -> 
 
 
 def test_they_come_in_order_and_what_is_none_is_counted() -> None:
-    with Datagrams("127.0.0.1", 0) as ear, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-        assert ear.receive() == []
-        send((1.0, 2.0, 3.0), ("127.0.0.1", ear.port))
+    with Datagrams("127.0.0.1", 0) as listener, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        assert listener.receive() == []
+        send((1.0, 2.0, 3.0), ("127.0.0.1", listener.port))
         for data in (b"", b"(ST)", b"x" * 5000):
-            sender.sendto(data, ("127.0.0.1", ear.port))
-        send((4.0, 5.0, 6.0), ("127.0.0.1", ear.port))
+            sender.sendto(data, ("127.0.0.1", listener.port))
+        send((4.0, 5.0, 6.0), ("127.0.0.1", listener.port))
         found, deadline = [], time.monotonic() + LONGEST
         while len(found) < 2:
             assert time.monotonic() < deadline
-            found += ear.receive()
+            found += listener.receive()
         assert found == [(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)]
-        assert (ear.counts.taken, ear.counts.dropped) == (2, 3)
+        assert (listener.counts.taken, listener.counts.dropped) == (2, 3)
 
 
 def test_a_flood_costs_a_call_no_more_than_a_bound() -> None:
-    with Datagrams("127.0.0.1", 0) as ear:
-        send((1.0, 2.0, 3.0), *[("127.0.0.1", ear.port)] * 100)
-        assert len(ear.receive()) == MAX_AT_ONCE
-        assert len(ear.receive()) == 100 - MAX_AT_ONCE
+    with Datagrams("127.0.0.1", 0) as listener:
+        send((1.0, 2.0, 3.0), *[("127.0.0.1", listener.port)] * 100)
+        assert len(listener.receive()) == MAX_AT_ONCE
+        assert len(listener.receive()) == 100 - MAX_AT_ONCE
 
 
 def test_what_cannot_be_listened_to_or_sent_says_why() -> None:
-    with Datagrams("127.0.0.1", 0) as ear, pytest.raises(DatagramError, match="choose another port"):
-        Datagrams("127.0.0.1", ear.port)
+    with Datagrams("127.0.0.1", 0) as listener, pytest.raises(DatagramError, match="choose another port"):
+        Datagrams("127.0.0.1", listener.port)
     with pytest.raises(DatagramError, match="is not an address to listen on"):
         Datagrams("no host has this name", 0)
     with pytest.raises(DatagramError, match="cannot send to"):

@@ -66,28 +66,28 @@ def test_a_port_that_somebody_has_for_himself_alone_is_named() -> None:
 
 
 def test_a_stop_is_heard_behind_a_flood_of_anything_else() -> None:
-    """More than the system keeps, before anybody looks: STOP has a socket of its own, where there is a sieve."""
+    """More than the system keeps, before anybody looks: STOP has a socket of its own, where there is a filter."""
     uri = f"udp://239.255.83.76:{free_port()}?interface=lo"
-    with closing(open_transport(uri)) as ears, closing(open_transport(uri)) as mouth:
+    with closing(open_transport(uri)) as receiving, closing(open_transport(uri)) as sending:
         flood = encode(message(Kind.COMMAND), "lab", DESK)[0]
         (stop,) = encode(message(Kind.STOP, sequence=2), "lab", DESK)
         for _ in range(30_000):
-            mouth.send(flood)
-        mouth.send(stop)
+            sending.send(flood)
+        sending.send(stop)
         if sys.platform == "linux":
-            assert ears.receive()[0] == stop
-        assert select.select([ears], [], [], PATIENCE)[0]
+            assert receiving.receive()[0] == stop
+        assert select.select([receiving], [], [], PATIENCE)[0]
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such sieves")
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux has such filters")
 def test_all_else_is_heard_behind_a_flood_of_stops() -> None:
     uri = f"udp://239.255.83.76:{free_port()}?interface=lo"
-    with closing(open_transport(uri)) as ears, closing(open_transport(uri)) as mouth:
+    with closing(open_transport(uri)) as receiving, closing(open_transport(uri)) as sending:
         (flood,) = encode(message(Kind.STOP), "lab", DESK)
         command = encode(message(Kind.COMMAND, sequence=2), "lab", DESK)[0]
         for _ in range(30_000):
-            mouth.send(flood)
-        mouth.send(command)
-        found = ears.receive()
+            sending.send(flood)
+        sending.send(command)
+        found = receiving.receive()
         assert found.count(flood) == MOST_STOPS
         assert found[-1] == command

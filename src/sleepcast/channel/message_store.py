@@ -82,12 +82,12 @@ class MessageStore:
 
     def keep(self, stream: StreamId, number: int, standing: bool, datagrams: tuple[bytes, ...], now: float) -> None:
         """Store a command that was heard or sent at `now` (s), in place of the oldest if there are too many."""
-        shelf, most = (self._standing, MAX_STANDING) if standing else (self._recent, MAX_RECENT)
-        if standing and (stream, number) not in shelf:
+        stored, most = (self._standing, MAX_STANDING) if standing else (self._recent, MAX_RECENT)
+        if standing and (stream, number) not in stored:
             self._news.append(StandingCommand(stream, number, datagrams))
-        shelf[stream, number] = StoredCommand(datagrams, [now] * len(datagrams))
-        if len(shelf) > most:
-            shelf.popitem(last=False)
+        stored[stream, number] = StoredCommand(datagrams, [now] * len(datagrams))
+        if len(stored) > most:
+            stored.popitem(last=False)
 
     def news(self) -> tuple[StandingCommand, ...]:
         """The standing commands that were stored since the last call."""

@@ -230,8 +230,8 @@ def session_for(
 def sessions_for(
     air: AirOptions, names: Sequence[str], say: Callable[[str], None], store: Store | None = None
 ) -> tuple[Multiplexer, Receiver, list[ChannelSession]]:
-    """Lines of robots with these names, and the ear that hears for all of them, on one trunk. store: of these robots.
-    Raises what the channel raises."""
+    """Sessions of robots with these names, and the receiver for all of them, on one multiplexer. store: of these
+    robots. Raises what the channel raises."""
     from sleepcast.channel.admission import ROBOT_KINDS
     from sleepcast.channel.session import ChannelSession, Receiver, receiver_name
     from sleepcast.channel.transports import open_transport
@@ -263,7 +263,7 @@ def _delivery(
     *,
     robot: bool,
 ) -> ReliableDelivery:
-    """A mailbox of this name. Raises MisuseError if the key is not its own."""
+    """The delivery of a party of this name. Raises MisuseError if the key is not its own."""
     from sleepcast.channel.admission import Admission
     from sleepcast.channel.reliable import ReliableDelivery
     from sleepcast.core.clock import UnixClock, epoch_at

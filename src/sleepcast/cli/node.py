@@ -119,7 +119,7 @@ def node(
         if built_in.orders:
             raise MisuseError(f"{golden} is a mission script: built-in rules have no times")
         seconds_unattended = read_lease(lease)
-        ears = None if datagrams is None else stack.enter_context(Datagrams(host, datagrams))
+        listener = None if datagrams is None else stack.enter_context(Datagrams(host, datagrams))
         lies = chosen_store(file, forgetful, fleet, name, channel is not None)
         store = None if lies is None else stack.enter_context(closing(open_store(lies, complain)))
         session = None
@@ -139,7 +139,7 @@ def node(
         interrupts.defer()
         nomad = vocabulary == NOMAD
         life = NodeProcess(
-            name, robot, ears, session, store, nomad=nomad, number=number, seed=seed, lease=seconds_unattended
+            name, robot, listener, session, store, nomad=nomad, number=number, seed=seed, lease=seconds_unattended
         )
         life.begin(built_in, beginning)
         life.go_on(interrupts.check, 0.0 if lockstep else tick, seconds)

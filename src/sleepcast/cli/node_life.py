@@ -98,15 +98,15 @@ def install(node: Node, golden: StartScript) -> None:
 
 
 class NodeProcess:
-    """A mind in a body. ears: where plain datagrams come in, if they do. session: the radio, if there is one. store:
-    what outlives this life, if anything does. nomad: whether functions with Nclient's names take its units. lease: s
-    for which a body that is driven goes on while nobody is heard."""
+    """A mind in a body. listener: where plain datagrams come in, if they do. session: the radio, if there is one.
+    store: what outlives this life, if anything does. nomad: whether functions with Nclient's names take its units.
+    lease: s for which a body that is driven goes on while nobody is heard."""
 
     def __init__(
         self,
         name: str,
         robot: RealRobot,
-        ears: Datagrams | None,
+        listener: Datagrams | None,
         session: ChannelSession | None,
         store: Store | None,
         *,
@@ -115,7 +115,7 @@ class NodeProcess:
         seed: int,
         lease: float,
     ) -> None:
-        self.robot, self.ears, self.session, self.store, self.watch = robot, ears, session, store, Watch()
+        self.robot, self.listener, self.session, self.store, self.watch = robot, listener, session, store, Watch()
         names = vocabulary_of(nomad_vocabulary(robot.model) if nomad else robot.model)
         self.node = Node(name, names, number=number, seed=seed, body=robot, lease=lease, on_air=session is not None)
         self._orders: tuple[Order, ...] = ()
@@ -125,7 +125,7 @@ class NodeProcess:
         golden: rules that are built in, in every life."""
         self.node.sense(self.robot.sense().values, 0.0)
         install(self.node, golden)
-        if self.ears is not None:
+        if self.listener is not None:
             self.node.evaluate(NOTHING_HEARD)
         self._orders = beginning.orders
         self.node.clock = UnixClock()
@@ -153,7 +153,7 @@ class NodeProcess:
             clock,
             self._orders,
             TypedLines(),
-            self.ears,
+            self.listener,
             session,
             epoch,
             lambda: authority.latch.holding,
@@ -191,8 +191,8 @@ class NodeProcess:
             said += f"; {heard_text(admission)}"
             for sender, ahead in admission.offsets.all(UnixClock().now()).items():
                 said += f"; our clock is {abs(ahead):.2f} s {'ahead of' if ahead > 0.0 else 'behind'} that of {sender}"
-        if self.ears is not None:
-            counts = self.ears.counts
+        if self.listener is not None:
+            counts = self.listener.counts
             said += f"; {counts.taken} datagrams, {counts.dropped + desk.lost} others dropped"
         if self.robot.lost:
             return f"{said}; its body is out of reach, so nobody here knows what it does: a Nomad stops by itself"
@@ -302,9 +302,9 @@ def _standard_input() -> int | None:
 class LocalInput:
     """The channel of one node: see the module.
 
-    orders: what is to be done when, s after the start. typed: where an operator types. ears: plain datagrams, of which
-    one is told in each tick. session: the radio, if there is one. All this is received in the order given here. epoch:
-    of what is typed and told. stops: those that hold the robot, which a RELEASE that is typed here ends.
+    orders: what is to be done when, s after the start. typed: where an operator types. listener: plain datagrams, of
+    which one is told in each tick. session: the radio, if there is one. All this is received in the order given here.
+    epoch: of what is typed and told. stops: those that hold the robot, which a RELEASE that is typed here ends.
     """
 
     def __init__(
@@ -313,13 +313,13 @@ class LocalInput:
         clock: Clock,
         orders: Sequence[Order],
         typed: TypedLines,
-        ears: Datagrams | None,
+        listener: Datagrams | None,
         session: Channel | None = None,
         epoch: int = 0,
         stops: Callable[[], Sequence[object]] = tuple,
     ) -> None:
         self._name, self._clock, self._start = name, clock, clock.now()
-        self._orders, self._typed, self._ears, self._session = deque(orders), typed, ears, session
+        self._orders, self._typed, self._listener, self._session = deque(orders), typed, listener, session
         self._waiting: deque[Numbers] = deque()
         self._epoch, self._sequence, self._stops = epoch, 0, stops
         self.lost = 0
@@ -331,14 +331,14 @@ class LocalInput:
         while self._orders and self._orders[0].time <= self._clock.now() - self._start:
             found.append(self._message(self._orders.popleft().text))
         found += map(self._message, self._typed.texts())
-        if self._ears is not None:
-            found += self._next_datagram(self._ears)
+        if self._listener is not None:
+            found += self._next_datagram(self._listener)
         if self._session is not None:
             found += self._session.receive()
         return found
 
-    def _next_datagram(self, ears: Datagrams) -> Iterator[Message]:
-        for numbers in ears.receive():
+    def _next_datagram(self, listener: Datagrams) -> Iterator[Message]:
+        for numbers in listener.receive():
             if len(self._waiting) < MAX_WAITING:
                 self._waiting.append(numbers)
             else:

@@ -76,7 +76,8 @@ def swarm(
     seed: int | None,
     seconds: float | None,
 ) -> int:
-    """Run N robots, r1 to rN, each with a mind and a mailbox of its own, until Ctrl-C, which stops their bodies first.
+    """Run N robots, r1 to rN, each with a mind and a channel session of its own, until Ctrl-C, which stops their
+    bodies first.
 
     Their bodies live in the world of a scenario, in real time; they obey commands from the air (`sleepcast send`). Each
     process has a world of its own: with --first, several of them, on one computer or many, make one large fleet.
@@ -149,7 +150,7 @@ def _crew(stack: ExitStack, air: AirOptions, wanted: Wanted, store: Store | None
     # Others elsewhere begin in other places.
     simulator = Simulator(scenario, key(seed, "crew", first) >> 1, machine, threads=1)
     vocabulary = vocabulary_of(simulator.model)
-    trunk, receiver, sessions = sessions_for(air, wanted.names, complain, store)
+    multiplexer, receiver, sessions = sessions_for(air, wanted.names, complain, store)
     stack.enter_context(closing(receiver))
     members = []
     for i, (name, line) in enumerate(zip(wanted.names, sessions, strict=True)):
@@ -164,7 +165,7 @@ def _crew(stack: ExitStack, air: AirOptions, wanted: Wanted, store: Store | None
     everybody = [each for member in members for each in (member.node, member.session)]
     seek_time(receiver.delivery, sessions[0], [receiver, *everybody], complain)
     guard = None if limits is None else Guard(simulator, limits)
-    return NetworkSwarm(simulator, members, trunk, receiver, WallClock(), UnixClock(), guard=guard, keeper=store)
+    return NetworkSwarm(simulator, members, multiplexer, receiver, WallClock(), UnixClock(), guard=guard, keeper=store)
 
 
 def _begin(crew: NetworkSwarm, beginning: StartScript, store: Store | None) -> None:

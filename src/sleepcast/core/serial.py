@@ -58,7 +58,7 @@ class Array(msgspec.Struct, frozen=True, array_like=True):
 
     def made(self, sort: type[Scalar], shape: tuple[int, ...], name: str) -> NDArray[Scalar]:
         """The array, which must hold scalars of this sort and have this shape. name: for the error. Raises
-        ParcelError."""
+        SerialError."""
         import numpy as np
 
         wanted = np.dtype(sort).newbyteorder("<")
@@ -90,18 +90,18 @@ def dump_arrays(arrays: Mapping[str, NDArray[np.generic]]) -> Arrays:
     return {name: Array.of(values) for name, values in arrays.items()}
 
 
-def load_arrays(parcel: Arrays, arrays: Mapping[str, NDArray[np.generic]]) -> None:
+def load_arrays(state: Arrays, arrays: Mapping[str, NDArray[np.generic]]) -> None:
     """Write what is kept into these arrays, in place: the same names, dtypes and shapes, and no other. Raises
-    ParcelError."""
-    if parcel.keys() != arrays.keys():
-        odd = ", ".join(sorted(parcel.keys() ^ arrays.keys()))
+    SerialError."""
+    if state.keys() != arrays.keys():
+        odd = ", ".join(sorted(state.keys() ^ arrays.keys()))
         raise SerialError(f"wanted other columns than there are: {odd[:80]}")
     for name, values in arrays.items():
-        values[...] = parcel[name].made(values.dtype.type, values.shape, name)
+        values[...] = state[name].made(values.dtype.type, values.shape, name)
 
 
 def within(values: NDArray[np.generic], low: float, high: float, name: str) -> None:
-    """Raises ParcelError unless all of the values lie from `low` to `high`; unknown does not."""
+    """Raises SerialError unless all of the values lie from `low` to `high`; unknown does not."""
     if values.size and not (float(values.min()) >= low and float(values.max()) <= high):
         raise SerialError(f"{name} is not everywhere from {low:g} to {high:g}")
 
@@ -112,7 +112,7 @@ def room_for(robots: int) -> int:
 
 
 def pack(body: msgspec.Struct, most: int) -> bytes:
-    """A parcel as bytes. most: so many of them can be unpacked again. Raises ParcelError for more."""
+    """A parcel as bytes. most: so many of them can be unpacked again. Raises SerialError for more."""
     plain = msgspec.msgpack.encode(body)
     if len(plain) > most:
         raise SerialError(f"{len(plain)} bytes, at most {most} have room")
@@ -120,7 +120,7 @@ def pack(body: msgspec.Struct, most: int) -> bytes:
 
 
 def unpack(kind: type[Body], data: bytes, most: int, name: str) -> Body:
-    """The parcel of this kind in `data`, of at most so many bytes. name: for the error. Raises ParcelError."""
+    """The parcel of this kind in `data`, of at most so many bytes. name: for the error. Raises SerialError."""
     opened = zlib.decompressobj()
     try:
         plain = opened.decompress(data, most)

@@ -1,4 +1,5 @@
-"""A crew: many minds in one process, in real time: each with a line of its own, all with one ear, and simulated bodies.
+"""A swarm on a network: many minds in one process, in real time, each with a session, all with one receiver, and with
+simulated bodies.
 
     advance  the bodies move on by one tick
     deliver  what the air has brought is received, and written down if somebody keeps it
@@ -45,7 +46,7 @@ class Member:
 
 @dataclass(slots=True)
 class NetworkSwarm:
-    """See the module. multiplexer: on which the ear and all lines have their branches. clock: for the pace of the
+    """See the module. multiplexer: on which the receiver and all sessions have their ports. clock: for the pace of the
     ticks; air: Unix time, by which they are tended. watch: how it goes. guard: of the bodies' limits. keeper: of what
     the minds know. time: of the minds, which began when their nodes say, s."""
 

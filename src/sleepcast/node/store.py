@@ -135,14 +135,14 @@ class Store:
         return DeliveryState(tuple(kept.streams), tuple(kept.windows), tuple(self._content.standing))
 
     def listen(self, delivery: ReliableDelivery) -> None:
-        """Keep from now on what a mailbox (whose epoch is its `life`) hears for all robots here; it goes on where it
+        """Keep from now on what a delivery (whose epoch is its `life`) hears for all robots here; it goes on where it
         was."""
         kept = self._remembered(delivery.name)
         delivery.restore(self._heard(kept), kept.since)
         self._listening = kept, delivery
 
     def adopt(self, node: Node, delivery: ReliableDelivery | None) -> bool:
-        """Let a robot go on where it was, and keep it from now on; whether it had been here before. Its mailbox (whose
+        """Let a robot go on where it was, and keep it from now on; whether it had been here before. Its delivery (whose
         epoch is its `life`) has heard nothing yet, if it has one, and its mind has learned nothing but what is built
         in. Raises StoreError for what no mind can be."""
         if node.name not in self._content.robots:

@@ -81,7 +81,7 @@ def state_of(simulator: Simulator) -> SimulatorParcel:
 
 
 def resume(parcel: SimulatorParcel, seed: int | None = None, threads: int | None = None) -> Simulator:
-    """A simulator that goes on from there; seed: None is the one that it had. Raises ParcelError."""
+    """A simulator that goes on from there; seed: None is the one that it had. Raises SerialError."""
     scenario = scenario_of(parcel.scenario)
     for number, low, high in ((parcel.seed, 0, MAX_SEED), (parcel.tick, 0, MAX_TICKS)):
         if not low <= number <= high:
@@ -111,7 +111,7 @@ def resume(parcel: SimulatorParcel, seed: int | None = None, threads: int | None
 
 
 def _check(simulator: Simulator) -> None:
-    """Raises ParcelError for columns that no run comes to: the next ticks count on these."""
+    """Raises SerialError for columns that no run comes to: the next ticks count on these."""
     bodies = simulator.bodies
     for name in ("x", "y", "encoder_x", "encoder_y", "target_x", "target_y"):
         within(getattr(bodies, name), -2.0 * MAX_WORLD, 2.0 * MAX_WORLD, name)
@@ -146,7 +146,7 @@ def _check_firing(firing: Firing, sonars: int) -> None:
 
 
 def scenario_of(data: bytes) -> Scenario:
-    """The scenario that was packed into `data`. Raises ParcelError for one that cannot be simulated."""
+    """The scenario that was packed into `data`. Raises SerialError for one that cannot be simulated."""
     try:
         found = unpack(Scenario, data)
     except (ValueError, RecursionError, SleepcastError) as error:

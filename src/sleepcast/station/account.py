@@ -61,14 +61,14 @@ class Command:
         return CommandState(self.message, self.addressed, expected, self.last_sent, self.answers.state(), only)
 
     @classmethod
-    def restored(cls, parcel: CommandState, names: NameIndex) -> Command:
-        """The command that was kept. Raises ParcelError."""
-        found = cls(parcel.message, names, ascending(parcel.expected, len(names)), parcel.last_sent)
-        if not 0 <= parcel.addressed <= len(names):
-            raise SerialError(f"a command to {parcel.addressed} robots, of which there are {len(names)}")
-        found.addressed = found.size = parcel.addressed  # what is kept is a swarm, of which all are on the roster
-        found.only = None if parcel.only is None else ascending(parcel.only, parcel.addressed)
-        found.answers.restore(parcel.answers)
+    def restored(cls, state: CommandState, names: NameIndex) -> Command:
+        """The command that was kept. Raises SerialError."""
+        found = cls(state.message, names, ascending(state.expected, len(names)), state.last_sent)
+        if not 0 <= state.addressed <= len(names):
+            raise SerialError(f"a command to {state.addressed} robots, of which there are {len(names)}")
+        found.addressed = found.size = state.addressed  # what is kept is a swarm, of which all are on the roster
+        found.only = None if state.only is None else ascending(state.only, state.addressed)
+        found.answers.restore(state.answers)
         return found
 
     @property
@@ -399,7 +399,7 @@ class SentCommands:
         return [command.state() for command in self.all()], self.latch.state() if self.latch is not None else None
 
     def restore(self, commands: Sequence[CommandState], latch: CommandState | None, names: NameIndex) -> None:
-        """Have what was kept. Raises ParcelError."""
+        """Have what was kept. Raises SerialError."""
         if len(commands) > MAX_COMMANDS:
             raise SerialError(f"{len(commands)} commands of a desk")
         found = [Command.restored(command, names) for command in commands]

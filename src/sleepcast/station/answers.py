@@ -160,17 +160,17 @@ class Answers(Mapping[str, Answer]):
         columns = (Array.of(self._outcome), Array.of(self._heard), Array.of(self._value))
         return AnswersState(*columns, fault, tuple(self._faults))
 
-    def restore(self, parcel: AnswersState) -> None:
-        """Be as those answers were. Raises ParcelError."""
+    def restore(self, state: AnswersState) -> None:
+        """Be as those answers were. Raises SerialError."""
         most = len(self.names)
-        self._outcome = parcel.outcome.column(np.uint8, most, "answers")
+        self._outcome = state.outcome.column(np.uint8, most, "answers")
         within(self._outcome, 0, len(OUTCOMES), "answers")
         self._count = int(np.count_nonzero(self._outcome))
-        self._heard = parcel.heard.column(np.float64, most, "when answers were heard")
-        self._value = parcel.value.column(np.float64, most, "values of answers")
-        self._fault, self._faults = None, list(parcel.faults)
-        if parcel.fault is not None:
-            self._fault = parcel.fault.made(np.int32, self._outcome.shape, "faults of answers")
+        self._heard = state.heard.column(np.float64, most, "when answers were heard")
+        self._value = state.value.column(np.float64, most, "values of answers")
+        self._fault, self._faults = None, list(state.faults)
+        if state.fault is not None:
+            self._fault = state.fault.made(np.int32, self._outcome.shape, "faults of answers")
             within(self._fault, 0, len(self._faults), "faults of answers")
         if len({len(self._heard), len(self._value), len(self._outcome) if self._count else len(self._heard)}) > 1:
             raise SerialError("answers without times or values")

@@ -106,15 +106,15 @@ class TelemetryCache:
         """Take in what another desk was told. now: s of Unix time."""
         try:
             with self.file.open("rb") as opened:
-                parcel = unpack(CachedTelemetry, opened.read(MAX_SEEN), MAX_SEEN, "what robots told")
+                state = unpack(CachedTelemetry, opened.read(MAX_SEEN), MAX_SEEN, "what robots told")
         except (OSError, SerialError):
             return
-        if parcel.version != VERSION:
+        if state.version != VERSION:
             return
-        for name, at, told in parcel.tellers[:MAX_TELLERS]:
+        for name, at, told in state.tellers[:MAX_TELLERS]:
             if 0 < len(name) <= MAX_NAME and isfinite(at) and now - at <= MAX_AGE:
                 minds.take(_said(name, msgspec.to_builtins(told, builtin_types=(bytes,))), min(at, now))
-        for text in parcel.texts[: MAX_TYPES + MAX_MINDS]:
+        for text in state.texts[: MAX_TYPES + MAX_MINDS]:
             minds.take(_said("desk", text), now)
 
     def save(self, minds: RemoteMinds, now: float) -> None:

@@ -228,7 +228,7 @@ class NetworkStation(Station):
         return self.session.delivery.next_number
 
     def _post(self, message: Message) -> None:
-        """Give a message to the mailbox; it leaves with `pump_out`, STOP and RELEASE at once."""
+        """Post a message; it is sent by `pump_out`, STOP and RELEASE at once."""
         body, kind = dict(message.body), message.kind
         named = body.get(FOR)
         within = self._within(len(named) if isinstance(named, list) else max(self._roster.size, len(self._roster)))

@@ -100,13 +100,13 @@ class Roster:
         listed = len(self.names)
         return RosterState(list(self.names[minds:]), Array.of(self.heard[:listed]), Array.of(self.told[:listed]))
 
-    def restore(self, parcel: RosterState) -> None:
-        """Know what that roster knew. Raises ParcelError."""
-        for name in parcel.others:
+    def restore(self, state: RosterState) -> None:
+        """Know what that roster knew. Raises SerialError."""
+        for name in state.others:
             self.enrol(name)
         shape = (len(self.names),)
-        self.heard = parcel.heard.made(np.float64, shape, "when robots were heard")
-        self.told = parcel.told.made(np.float64, shape, "when robots told of themselves")
+        self.heard = state.heard.made(np.float64, shape, "when robots were heard")
+        self.told = state.told.made(np.float64, shape, "when robots told of themselves")
 
     def observe(self, robots: Index | slice, now: float) -> None:
         """Note that these robots have told of themselves at `now`, which may be some time ago."""

@@ -87,7 +87,7 @@ class Station(Hearing):
         self._sequence = 0
 
     def state(self) -> bytes:
-        """Everything that it knows, but for what robots told of themselves one by one. Raises ParcelError for more than
+        """Everything that it knows, but for what robots told of themselves one by one. Raises SerialError for more than
         fits."""
         with self._lock:
             commands, latch = self._sent.state()
@@ -99,7 +99,7 @@ class Station(Hearing):
 
     def restore(self, state: bytes) -> None:
         """Know what a desk knew, of the same minds, that gave this state; a journal that is not kept in memory goes on
-        by itself. Raises ParcelError for anything else."""
+        by itself. Raises SerialError for anything else."""
         desk = unpack(StationState, state, room_for(len(self._minds)), "the part of the desk")
         parcel = desk.account
         if len(parcel.reports) > MAX_REPORTS or parcel.sequence < 0:

@@ -19,12 +19,12 @@ def dump_journal(journal: Journal) -> JournalState:
     return JournalState(journal.dropped, [_entry_parcel(entry) for entry in journal.entries()])
 
 
-def restore_journal(journal: MemoryJournal, parcel: JournalState, names: NameIndex) -> None:
-    """Have the entries that were kept. Raises ParcelError."""
-    if parcel.dropped < 0 or len(parcel.entries) > MAX_ENTRIES:
-        raise SerialError(f"a journal of {len(parcel.entries)} entries after {parcel.dropped}")
-    entries = enumerate(parcel.entries, parcel.dropped + 1)
-    journal.fill([_entry(number, entry, names) for number, entry in entries], parcel.dropped)
+def restore_journal(journal: MemoryJournal, state: JournalState, names: NameIndex) -> None:
+    """Have the entries that were kept. Raises SerialError."""
+    if state.dropped < 0 or len(state.entries) > MAX_ENTRIES:
+        raise SerialError(f"a journal of {len(state.entries)} entries after {state.dropped}")
+    entries = enumerate(state.entries, state.dropped + 1)
+    journal.fill([_entry(number, entry, names) for number, entry in entries], state.dropped)
 
 
 def _entry_parcel(entry: Entry) -> EntryState:
@@ -34,7 +34,7 @@ def _entry_parcel(entry: Entry) -> EntryState:
     return EntryState(entry.time, entry.who, entry.event, entry.subject, entry.text, details, places)
 
 
-def _entry(number: int, parcel: EntryState, names: NameIndex) -> Entry:
-    robots = {key: RobotNames(names, ascending(places, len(names))) for key, places in parcel.robots.items()}
-    details = parcel.details | robots
-    return Entry(number, parcel.time, parcel.who, parcel.event, parcel.subject, parcel.text, details)
+def _entry(number: int, state: EntryState, names: NameIndex) -> Entry:
+    robots = {key: RobotNames(names, ascending(places, len(names))) for key, places in state.robots.items()}
+    details = state.details | robots
+    return Entry(number, state.time, state.who, state.event, state.subject, state.text, details)

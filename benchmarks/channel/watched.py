@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sleepcast.channel.session
-import sleepcast.loop
+import sleepcast.loop.network_swarm
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.session import ChannelSession
 from sleepcast.cli import main as sleepcast_main
@@ -29,7 +29,7 @@ ANSWERS: list[tuple[str, str, str, float]] = []
 RESTS: list[tuple[str, float, bool]] = []
 
 
-class WatchedLine(ChannelSession):
+class WatchedSession(ChannelSession):
     """Notes what a robot answers, and when."""
 
     def send(self, message: Message) -> None:
@@ -39,7 +39,7 @@ class WatchedLine(ChannelSession):
         super().send(message)
 
 
-class WatchedCrew(NetworkSwarm):
+class WatchedSwarm(NetworkSwarm):
     """Notes when bodies come to rest after STOP, and when that is over."""
 
     _resting: NDArray[np.bool_] | None = None
@@ -58,8 +58,8 @@ class WatchedCrew(NetworkSwarm):
 def main() -> None:
     file, *arguments = sys.argv[1:]
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs would ignore it
-    sleepcast.channel.session.ChannelSession = WatchedLine  # type: ignore[misc]
-    sleepcast.loop.NetworkSwarm = WatchedCrew  # type: ignore[misc]
+    sleepcast.channel.session.ChannelSession = WatchedSession  # type: ignore[misc]
+    sleepcast.loop.network_swarm.NetworkSwarm = WatchedSwarm  # type: ignore[misc]
     try:
         sleepcast_main(arguments)
     finally:

@@ -26,9 +26,9 @@ from sleepcast.core.clock import Clock
 
 WINDOW = 4_096
 """Sequence numbers below a sender's latest that are tracked: more than arrive before a deadline passes."""
-WHOLE_WINDOW = (1 << WINDOW) - 1
+_WHOLE_WINDOW = (1 << WINDOW) - 1
 """All of them, as bits."""
-MAX_SENDERS = 16_384
+_MAX_SENDERS = 16_384
 """Senders, per epoch, whose numbers are remembered; the one that was silent longest is forgotten."""
 MAX_REASSEMBLIES = 64
 """Long messages that wait for more parts, from all senders together; at most seven megabytes."""
@@ -48,23 +48,23 @@ STOPS_AT_ONCE = 0.1
 """Seconds' worth of STOPs that may be checked at once: the start of a flood delays nothing by more than a tick."""
 SKEW = 2.0
 """Seconds by which two clocks may differ, unless another bound is given."""
-TO_ROBOTS = frozenset({Kind.COMMAND, Kind.ASK})
+_TO_ROBOTS = frozenset({Kind.COMMAND, Kind.ASK})
 """Kinds that robots evaluate."""
 ROBOT_KINDS = frozenset(Kind) - TO_OPERATOR
 """Kinds that robots receive."""
-LASTING = frozenset({Kind.COMMAND, Kind.STOP, Kind.RELEASE})
+_LASTING = frozenset({Kind.COMMAND, Kind.STOP, Kind.RELEASE})
 """Kinds that change something: a restart must not forget that they were heard."""
-COMMANDING = TO_ROBOTS | {Kind.RELEASE}
+_COMMANDING = _TO_ROBOTS | {Kind.RELEASE}
 """Kinds that a robot with a wrong clock answers by saying so."""
 UNTIMELY_A_SECOND = 8.0
 """Signatures of messages with wrong times that a robot checks in a second, to answer that its clock is wrong. Replayed
 recordings make it talk no more than that."""
-TIMELY = 60.0
+_TIMELY = 60.0
 """Seconds for which a party that was heard in time counts as having a good clock: its late messages are old ones."""
 TIMES_A_SECOND = 200.0
 """Signatures of possible answers to its time request that a robot without a clock checks in a second. Only messages
 that contain its nonce count."""
-MAX_TIMELY = 64
+_MAX_TIMELY = 64
 """Parties for which the time of their last timely message is remembered; the one that was silent longest is
 forgotten."""
 OLDEST = 3_600.0
@@ -89,7 +89,7 @@ class ReplayWindow:
         ahead = sequence - self.latest
         if ahead > 0:
             self.latest = sequence
-            self.numbers = (self.numbers << min(ahead, WINDOW) | 1) & WHOLE_WINDOW
+            self.numbers = (self.numbers << min(ahead, WINDOW) | 1) & _WHOLE_WINDOW
         elif ahead > -WINDOW:
             self.numbers |= 1 << -ahead
 
@@ -203,7 +203,7 @@ class Admission:
     def restore(self, windows: Iterable[StoredWindow]) -> None:
         """Restore replay windows."""
         for window in windows:
-            heard = ReplayWindow(window.latest, window.numbers & WHOLE_WINDOW)
+            heard = ReplayWindow(window.latest, window.numbers & _WHOLE_WINDOW)
             self._heard[window.key, window.sender, window.epoch] = heard
 
     def _both(self, which: tuple[bytes, str, int]) -> tuple[int, int]:
@@ -218,12 +218,12 @@ class Admission:
             return DropReason.REVOKED
         if part.kind not in MAY[key.role] or (part.standing and key.role is not Role.COMMANDER):
             return DropReason.NOT_ALLOWED
-        if part.kind in TO_OPERATOR if self.robot else part.kind in TO_ROBOTS and key.role is Role.ROBOT:
+        if part.kind in TO_OPERATOR if self.robot else part.kind in _TO_ROBOTS and key.role is Role.ROBOT:
             return DropReason.NOT_FOR_US
         now = self._clock.now()
         tells_time = self._tells_time(part)
         untimely = None if part.kind in self._timeless or tells_time else self._untimely(part, now)
-        tells = self.robot and part.kind in COMMANDING and key.role is not Role.ROBOT and part.parts == 1
+        tells = self.robot and part.kind in _COMMANDING and key.role is not Role.ROBOT and part.parts == 1
         if untimely is not None and not tells:
             return untimely
         if not key.owner.endswith("*") and self._knows(part, key.owner):
@@ -265,9 +265,9 @@ class Admission:
         if not ahead:
             self._timely[sender] = now
             self._timely.move_to_end(sender)
-            if len(self._timely) > MAX_TIMELY:
+            if len(self._timely) > _MAX_TIMELY:
                 self._timely.popitem(last=False)
-        if not ahead or now - self._timely.get(sender, -inf) > TIMELY:
+        if not ahead or now - self._timely.get(sender, -inf) > _TIMELY:
             self.clocks.note(sender, ahead)
 
     def forget_clocks(self) -> None:
@@ -340,7 +340,7 @@ class Admission:
         if part.kind is Kind.HEARTBEAT:
             self.offsets.note(piece.sender, part.issued, now)
         if not part.standing:
-            self.note(part.key, piece.sender, part.epoch, part.sequence, lasting=part.kind in LASTING)
+            self.note(part.key, piece.sender, part.epoch, part.sequence, lasting=part.kind in _LASTING)
         return Admitted(message, datagrams)
 
     def _make_room(self) -> None:
@@ -360,5 +360,5 @@ class Admission:
         if lasting:
             self._changed.add(which)
         self._heard.move_to_end(which)
-        if len(self._heard) > MAX_SENDERS:
+        if len(self._heard) > _MAX_SENDERS:
             self._heard.popitem(last=False)

@@ -63,9 +63,9 @@ class ClockOffsets:
         return {sender: skew for sender, skew in found.items() if skew}
 
 
-MAX_CLOCKS = 1_000_000
+_MAX_CLOCKS = 1_000_000
 """Parties whose clocks are tracked: as many as a roster takes."""
-ALIKE = 4.0
+_ALIKE = 4.0
 """Seconds by which clocks may differ and still count as equally wrong: each may be wrong by the allowed skew."""
 SHOWN = 5
 """Names listed in a sentence; more are counted."""
@@ -82,12 +82,12 @@ class WrongClocks:
 
     def note(self, name: str, ahead: float) -> None:
         """The clock of this party is `ahead` s ahead, 0 if it is right."""
-        if ahead or name in self._ahead or len(self._ahead) < MAX_CLOCKS:
+        if ahead or name in self._ahead or len(self._ahead) < _MAX_CLOCKS:
             self._ahead[name] = ahead
 
     def note_took(self, name: str, whose: str, behind: float) -> None:
         """This robot's clock was `behind` s behind, and has been set by the time of `whose`."""
-        if name in self._took or len(self._took) < MAX_CLOCKS:
+        if name in self._took or len(self._took) < _MAX_CLOCKS:
             self._took[name] = whose, behind
         self.note(name, 0.0)
 
@@ -110,7 +110,7 @@ class WrongClocks:
         found, wrong = [], sorted(self.wrong.items(), key=lambda each: each[1])
         if len(wrong) > 1:
             middle = wrong[len(wrong) // 2][1]
-            alike = [name for name, ahead in wrong if abs(ahead - middle) <= ALIKE]
+            alike = [name for name, ahead in wrong if abs(ahead - middle) <= _ALIKE]
             if 2 * len(alike) > max(2, len(self._ahead)):  # more likely one clock is wrong than so many
                 rest = "they obey nothing but your STOP; set it, and start sleepcast again"
                 found.append(
@@ -119,7 +119,7 @@ class WrongClocks:
                 wrong = [(name, ahead) for name, ahead in wrong if name not in alike]
         while wrong:
             first = wrong[0][1]
-            names = [name for name, ahead in wrong if ahead - first <= ALIKE]
+            names = [name for name, ahead in wrong if ahead - first <= _ALIKE]
             whose = "its clock is" if len(names) == 1 else "their clocks are"
             only = "" if 0.0 < first <= life else "; it obeys STOP only" if len(names) == 1 else "; they obey STOP only"
             found.append(f"{_listed(names)}: {whose} {differs(first)}{only}")

@@ -9,7 +9,7 @@ SOONEST, LATEST = 0.4, 60.0
 """Seconds of the shortest interval, while there is news, and of the longest."""
 ENOUGH = 2
 """Equal digests of others in an interval after which ours is left out."""
-STEEPNESS = 10.0
+_STEEPNESS = 10.0
 """How rarely `mostly_late` draws small numbers: enough for some ten thousand parties."""
 
 
@@ -17,7 +17,7 @@ def mostly_late(chance: Random) -> float:
     """A random back-off from [0, 1], exponentially biased towards late: of a thousand parties one or two are early, and
     the others hear them and keep quiet. Nobody needs to know how many there are (Nonnenmacher and Biersack, Scalable
     feedback for large groups, IEEE/ACM Transactions on Networking 7, 1999)."""
-    return log1p(chance.random() * (exp(STEEPNESS) - 1.0)) / STEEPNESS
+    return log1p(chance.random() * (exp(_STEEPNESS) - 1.0)) / _STEEPNESS
 
 
 class DigestTimer:

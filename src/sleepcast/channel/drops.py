@@ -16,19 +16,19 @@ from sleepcast.core.clock import Clock
 
 WINDOW = 1.0
 """Seconds over which rates are measured: long enough for a steady number, short enough to be current."""
-FIRST = 0.25
+_FIRST = 0.25
 """Seconds of the current window after which it gives a rate: one datagram is no flood."""
 MAX_STRANGERS = 64
 """Unknown keys that are counted separately, so that invented keys take no memory. Known ones are bounded."""
-MAX_NOTICES = 4
+_MAX_NOTICES = 4
 """Notices at once: those with the highest rates."""
 AGAIN = 60.0
 """Seconds after which a `NoticeLog` repeats something that goes on."""
-WORSE = 10.0
+_WORSE = 10.0
 """A rate this many times the one last told is told at once."""
-MANY_REPEATED = 500.0
+_MANY_REPEATED = 500.0
 """Repeated messages of one key in a second that are an attack: a STOP is repeated a hundred times in its first."""
-MANY_LATE = 5.0
+_MANY_LATE = 5.0
 """Late messages of one key in a second that are worth a notice: repaired ones are late now and then."""
 LEAST = 0.5
 """The same for everything else: what was seen once, a while ago, is over."""
@@ -102,7 +102,7 @@ class DropCounter:
     def rates(self) -> Mapping[tuple[bytes, DropReason], float]:
         """Datagrams dropped in a second recently, by key id and reason."""
         self._turn()
-        passed = max(self._clock.now() - self._since, FIRST)
+        passed = max(self._clock.now() - self._since, _FIRST)
         found = dict(self._rates)
         for which, count in self._window.items():
             found[which] = max(found.get(which, 0.0), count / passed)
@@ -114,7 +114,7 @@ class DropCounter:
         for (key, reason), rate in self.rates().items():
             by_key[key][reason] = rate
         found = [notice for key, rates in by_key.items() for notice in _noticed(key, rates, owners)]
-        return sorted(found, key=lambda notice: -notice.rate)[:MAX_NOTICES]
+        return sorted(found, key=lambda notice: -notice.rate)[:_MAX_NOTICES]
 
     def _turn(self) -> None:
         """Begin another window if this one is over."""
@@ -137,19 +137,19 @@ def _noticed(key: bytes, rates: Mapping[DropReason, float], owners: Owners) -> I
     elif unread:
         text = f"{_much(unread)} a second under {name} are more than can be checked, and are dropped"
         yield Notice(key, DropReason.TOO_MANY, unread, text)
-    for reason, (least, text) in SENTENCES.items():
+    for reason, (least, text) in _SENTENCES.items():
         rate = rates.get(reason, 0.0)
         if rate >= least:
             yield Notice(key, reason, rate, text.format(much=_much(rate), name=name))
 
 
-SENTENCES: Mapping[DropReason, tuple[float, str]] = {
+_SENTENCES: Mapping[DropReason, tuple[float, str]] = {
     DropReason.UNKNOWN_KEY: (LEAST, "{much} a second come under {name}, not trusted here"),
     DropReason.REVOKED: (LEAST, "{much} a second come under {name}, which is revoked"),
     DropReason.NOT_ALLOWED: (LEAST, "{much} a second come under {name}, whose role may not send them"),
     DropReason.OTHER_FLEET: (LEAST, "{much} a second under {name} are for another fleet"),
-    DropReason.REPEATED: (MANY_REPEATED, "somebody sends {much} a second of {name} again that were heard before"),
-    DropReason.LATE: (MANY_LATE, "{much} a second of {name} come too late, by our clock"),
+    DropReason.REPEATED: (_MANY_REPEATED, "somebody sends {much} a second of {name} again that were heard before"),
+    DropReason.LATE: (_MANY_LATE, "{much} a second of {name} come too late, by our clock"),
     DropReason.EARLY: (LEAST, "{much} a second of {name} come from the future, by our clock"),
     DropReason.MALFORMED: (LEAST, "{much} a second come that sleepcast cannot read"),
 }
@@ -164,8 +164,8 @@ def _much(rate: float, what: str = "") -> str:
 
 
 class NoticeLog:
-    """Notices for a log: each when it begins, when its rate has grown by `WORSE`, and every `AGAIN` s while it goes on.
-    others: gives further sentences."""
+    """Notices for a log: each when it begins, when its rate has grown by `_WORSE`, and every `AGAIN` s while it goes
+    on. others: gives further sentences."""
 
     def __init__(
         self, drops: DropCounter, owners: Owners, clock: Clock, others: Callable[[], Iterable[str]] = tuple
@@ -182,7 +182,7 @@ class NoticeLog:
         self._told = {which: told for which, told in self._told.items() if 0.0 <= now - told[0] < AGAIN}
         for key, reason, rate, text in self._drops.notices(self._owners):
             _, told = self._told.get((key, reason), (now, 0.0))
-            if rate >= WORSE * told:
+            if rate >= _WORSE * told:
                 self._told[key, reason] = now, rate
                 found.append(text)
         self._said = {text: at for text, at in self._said.items() if 0.0 <= now - at < AGAIN}

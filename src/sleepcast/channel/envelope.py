@@ -18,14 +18,14 @@ import cbor2
 from sleepcast.channel.keys import ID_BYTES, SIGNATURE_BYTES, KeyPair
 from sleepcast.channel.message import MAX_NAME, MAX_NUMBER, MAX_TEXT, Kind, Message, MessageError
 
-VERSION = 1
+_VERSION = 1
 MAX_DATAGRAM = 1_200
 """Bytes of a part. It is never fragmented: IPv6 guarantees 1,280 bytes with its headers."""
 MAX_CONTENT = 4 * MAX_TEXT + 4_096
 """Bytes of a message's content: the longest text in the widest characters, and its body."""
 NEVER = MAX_NUMBER
 """The deadline of a message that never expires."""
-MICRO = 1e6
+_MICRO = 1e6
 """Times are sent in microseconds."""
 MAX_DEPTH = 4
 """Nesting of lists and maps in a body."""
@@ -45,7 +45,7 @@ KINDS: Sequence[Kind] = (
 NUMBER = {kind: number for number, kind in enumerate(KINDS)}
 STANDING = len(KINDS)
 """The number of a standing command."""
-KIND_BY_NUMBER = (*KINDS, Kind.COMMAND)
+_KIND_BY_NUMBER = (*KINDS, Kind.COMMAND)
 
 HEAD = b"\xd2\x84\x43\xa1\x01\x27\xa1\x04\x48"
 """COSE_Sign1; protected: EdDSA; unprotected: the key's id, whose eight bytes follow."""
@@ -54,7 +54,7 @@ FIXED = Struct(">BBBBQBQBQBQBBBB")
 """An array of eleven: version, kind, epoch, sequence, issued, deadline, part and parts, each with its CBOR head."""
 KIND_AT = PAYLOAD_AT + 2
 """Offset of the kind's number."""
-ARRAY, SMALL, LONG = 0x8B, 0x18, 0x1B
+_ARRAY, _SMALL, LONG = 0x8B, 0x18, 0x1B
 SIGNATURE_HEAD = b"\x58\x40"
 TAIL = len(SIGNATURE_HEAD) + SIGNATURE_BYTES
 LEAST = PAYLOAD_AT + FIXED.size + 3 + TAIL
@@ -119,8 +119,8 @@ def encode(message: Message, fleet: str, key: KeyPair) -> list[bytes]:
     found = []
     for number, piece in enumerate(pieces):
         fixed = FIXED.pack(
-            *(ARRAY, VERSION, kind, LONG, message.epoch, LONG, message.sequence),
-            *(LONG, _micro(message.issued), LONG, deadline, SMALL, number, SMALL, len(pieces)),
+            *(_ARRAY, _VERSION, kind, LONG, message.epoch, LONG, message.sequence),
+            *(LONG, _micro(message.issued), LONG, deadline, _SMALL, number, _SMALL, len(pieces)),
         )
         payload = fixed + names + cbor2.dumps(piece)
         length = b"\x59" + len(payload).to_bytes(2, "big")
@@ -138,7 +138,7 @@ def kind_of(datagram: bytes) -> Kind | None:
     """The kind that a datagram claims, without any other check; None if it cannot be a message."""
     if len(datagram) < LEAST or not datagram.startswith(HEAD) or datagram[KIND_AT] > STANDING:
         return None
-    return KIND_BY_NUMBER[datagram[KIND_AT]]
+    return _KIND_BY_NUMBER[datagram[KIND_AT]]
 
 
 def look(datagram: bytes) -> Part:
@@ -154,23 +154,23 @@ def look(datagram: bytes) -> Part:
         raise EnvelopeError("a message whose lengths are not those that it states")
     (array, version, kind, *heads_and_numbers) = FIXED.unpack_from(datagram, PAYLOAD_AT)
     heads, numbers = heads_and_numbers[::2], heads_and_numbers[1::2]
-    if array != ARRAY or heads != [LONG, LONG, LONG, LONG, SMALL, SMALL]:
+    if array != _ARRAY or heads != [LONG, LONG, LONG, LONG, _SMALL, _SMALL]:
         raise EnvelopeError("a message whose fields are not where they belong")
-    if version != VERSION:
+    if version != _VERSION:
         raise EnvelopeError(
-            f"a message of version {version}, and this sleepcast reads {VERSION}: a newer one is needed"
+            f"a message of version {version}, and this sleepcast reads {_VERSION}: a newer one is needed"
         )
     epoch, sequence, issued, deadline, number, parts = numbers
     if kind > STANDING or max(numbers) > MAX_NUMBER or not number < parts <= MAX_PARTS:
         raise EnvelopeError("a message with numbers out of range")
     return Part(
         datagram[len(HEAD) : len(HEAD) + ID_BYTES],
-        KIND_BY_NUMBER[kind],
+        _KIND_BY_NUMBER[kind],
         kind == STANDING,
         epoch,
         sequence,
-        issued / MICRO,
-        inf if deadline == NEVER else deadline / MICRO,
+        issued / _MICRO,
+        inf if deadline == NEVER else deadline / _MICRO,
         number,
         parts,
         datagram[PAYLOAD_AT:end],
@@ -227,7 +227,7 @@ def _decoded(data: bytes) -> object:
 
 
 def _micro(time: float) -> int:
-    found = round(time * MICRO)
+    found = round(time * _MICRO)
     if not 0 <= found < NEVER:
-        raise MessageError(f"a time of {time} s cannot be sent: it must lie between 0 and {NEVER / MICRO:g} s")
+        raise MessageError(f"a time of {time} s cannot be sent: it must lie between 0 and {NEVER / _MICRO:g} s")
     return found

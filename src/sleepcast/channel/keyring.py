@@ -23,16 +23,16 @@ from sleepcast.channel.message import Role
 from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.core.files import config_folder, replace_file
 
-FORMAT = 1
+_FORMAT = 1
 MAX_BYTES = 8 * 1024 * 1024
 """Bytes of a trust file: enough for as many keys as `Trust` takes."""
 TRUST_FILE = "trust.json"
 USED_FILE = "in-use.json"
 DEVELOPMENT_TRUST = "development-trust.json"
 """Changes of trust that were received while the development keys were in use."""
-DEVELOPMENT_DESK, DEVELOPMENT_ROBOTS = "development-desk", "development-robots"
+DEVELOPMENT_DESK, _DEVELOPMENT_ROBOTS = "development-desk", "development-robots"
 """Names of the default keys, which programs of one machine use among themselves."""
-SAFE = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.")
+_SAFE = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.")
 
 
 class KeyFileError(MisuseError):
@@ -114,7 +114,7 @@ def save_trust(trust: Trust, file: Path) -> None:
     """Write a trust file. Raises KeyFileLostError; the file is unchanged then."""
     keys = [TrustedKey(key.owner, key.role, key.public.hex(), key.revoked) for key in trust.keys]
     gone, vouched = sorted(key.hex() for key in trust.gone), sorted(print_.hex() for print_ in trust.vouched)
-    _save(file, TrustFile(FORMAT, keys, gone, vouched), private=False)
+    _save(file, TrustFile(_FORMAT, keys, gone, vouched), private=False)
 
 
 def add_trust(trust: Trust, file: Path) -> None:
@@ -151,13 +151,13 @@ def load_key(file: Path) -> KeyPair:
 
 def save_key(key: KeyPair, file: Path) -> None:
     """Write the secret half of a key where only this user can read it. Raises KeyFileLostError."""
-    _save(file, SecretFile(FORMAT, key.public.owner, key.public.role, key.seed.hex()), private=True)
+    _save(file, SecretFile(_FORMAT, key.public.owner, key.public.role, key.seed.hex()), private=True)
 
 
 def key_file(folder: Path, owner: str) -> Path:
     """The file of `owner`'s key. Raises KeyFileError for a name that cannot be a file name."""
     name = owner.removesuffix("*") or "all"
-    if not set(name) <= SAFE or name.startswith("."):
+    if not set(name) <= _SAFE or name.startswith("."):
         raise KeyFileError(f"a key file has its owner's name: use letters, digits, - and _, not {owner!r}")
     return folder / f"{name}.key"
 
@@ -177,7 +177,7 @@ def find_key(folder: Path, owner: str) -> KeyPair:
 def used_keys(folder: Path) -> UsedKeys:
     """This user's default keys. Raises KeyFileError."""
     file = folder / USED_FILE
-    return _decoded(file, UsedKeys, "which keys are in use") if file.exists() else UsedKeys(FORMAT)
+    return _decoded(file, UsedKeys, "which keys are in use") if file.exists() else UsedKeys(_FORMAT)
 
 
 def use_key(folder: Path, key: PublicKey) -> None:
@@ -189,7 +189,7 @@ def use_key(folder: Path, key: PublicKey) -> None:
 
 def use_development_keys(folder: Path) -> None:
     """Make the development keys the default again. Raises KeyFileLostError."""
-    _save(folder / USED_FILE, UsedKeys(FORMAT), private=False)
+    _save(folder / USED_FILE, UsedKeys(_FORMAT), private=False)
 
 
 def retire_key(folder: Path, owner: str, new: KeyPair) -> Path:
@@ -210,7 +210,7 @@ def development_keys(folder: Path) -> tuple[KeyPair, KeyPair]:
     """
     return (
         _made(folder / f"{DEVELOPMENT_DESK}.key", "desk", Role.COMMANDER),
-        _made(folder / f"{DEVELOPMENT_ROBOTS}.key", "*", Role.ROBOT),
+        _made(folder / f"{_DEVELOPMENT_ROBOTS}.key", "*", Role.ROBOT),
     )
 
 
@@ -237,8 +237,8 @@ def _decoded(file: Path, kind: type[File], what: str, *, private: bool = False) 
         found = msgspec.json.decode(data, type=kind)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise KeyFileError(f"{file} is not {what}: {error}") from None
-    if found.format > FORMAT:
-        raise KeyFileError(f"{file} is of format {found.format}, and this sleepcast reads {FORMAT}: take a newer one")
+    if found.format > _FORMAT:
+        raise KeyFileError(f"{file} is of format {found.format}, and this sleepcast reads {_FORMAT}: take a newer one")
     return found
 
 

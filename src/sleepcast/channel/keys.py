@@ -23,7 +23,7 @@ from sleepcast.channel.message import MAX_NAME, Kind, Message, Role
 from sleepcast.channel.payload import KEYS
 from sleepcast.core.errors import MisuseError, did_you_mean
 
-SEED_BYTES = PUBLIC_BYTES = 32
+_SEED_BYTES = _PUBLIC_BYTES = 32
 SIGNATURE_BYTES = crypto_sign_BYTES
 ID_BYTES = 8
 MAX_KEYS = 16_384
@@ -36,15 +36,15 @@ FINGERPRINT_BYTES = 12
 """Bytes of the SHA-256 of a datagram: enough that nobody finds another datagram with the same."""
 
 
-ANYBODY = frozenset({Kind.STOP, Kind.REQUEST, Kind.DIGEST})
-ASKING = ANYBODY | {Kind.ASK}
-COMMANDING = ASKING | {Kind.COMMAND, Kind.RELEASE, Kind.HEARTBEAT}
+_ANYBODY = frozenset({Kind.STOP, Kind.REQUEST, Kind.DIGEST})
+_ASKING = _ANYBODY | {Kind.ASK}
+COMMANDING = _ASKING | {Kind.COMMAND, Kind.RELEASE, Kind.HEARTBEAT}
 MAY: Mapping[Role, frozenset[Kind]] = MappingProxyType(
     {
-        Role.OBSERVER: ASKING,
+        Role.OBSERVER: _ASKING,
         Role.OPERATOR: COMMANDING,
         Role.COMMANDER: COMMANDING,
-        Role.ROBOT: ANYBODY | {Kind.COMMAND, Kind.ANSWER, Kind.REPORT},
+        Role.ROBOT: _ANYBODY | {Kind.COMMAND, Kind.ANSWER, Kind.REPORT},
     }
 )
 """The kinds of messages that each role may send."""
@@ -68,8 +68,8 @@ class PublicKey:
     revoked: bool = False
 
     def __post_init__(self) -> None:
-        if len(self.public) != PUBLIC_BYTES:
-            raise KeyRefusal(f"a public key has {PUBLIC_BYTES} bytes, this one of {self.owner!r} {len(self.public)}")
+        if len(self.public) != _PUBLIC_BYTES:
+            raise KeyRefusal(f"a public key has {_PUBLIC_BYTES} bytes, this one of {self.owner!r} {len(self.public)}")
         if not 0 < len(self.owner) <= MAX_NAME:
             raise KeyRefusal(f"the owner of a key has a name of 1 to {MAX_NAME} characters, not {self.owner!r}")
         if self.owner.endswith("*") and self.role is not Role.ROBOT:
@@ -96,8 +96,8 @@ class KeyPair:
     """A key with its secret half, `seed` (32 bytes). See `PublicKey` for the rest."""
 
     def __init__(self, owner: str, role: Role, seed: bytes) -> None:
-        if len(seed) != SEED_BYTES:
-            raise KeyRefusal(f"the secret half of a key has {SEED_BYTES} bytes, this one of {owner!r} {len(seed)}")
+        if len(seed) != _SEED_BYTES:
+            raise KeyRefusal(f"the secret half of a key has {_SEED_BYTES} bytes, this one of {owner!r} {len(seed)}")
         self.seed = seed
         self._secret = SigningKey(seed)
         self.public = PublicKey(owner, role, bytes(self._secret.verify_key))
@@ -153,7 +153,7 @@ class KeyChange:
 def _trusted(written: object) -> PublicKey:
     match written:
         case [str() as owner, str() as role, public] if role in set(Role):
-            return PublicKey(owner, Role(role), _bytes(public, PUBLIC_BYTES))
+            return PublicKey(owner, Role(role), _bytes(public, _PUBLIC_BYTES))
     raise KeyRefusal("a key to trust has an owner, a role and a public half")
 
 

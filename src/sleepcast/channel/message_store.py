@@ -58,7 +58,7 @@ class DeliveryState(NamedTuple):
     standing: tuple[StandingCommand, ...] = ()
 
 
-MAX_RECENT = 512
+_MAX_RECENT = 512
 """Other commands that are stored: those of the last five seconds at a hundred a second."""
 MAX_STANDING = 20_000
 """Standing commands that are stored, of all senders: months of a busy desk, some ten megabytes."""
@@ -82,7 +82,7 @@ class MessageStore:
 
     def keep(self, stream: StreamId, number: int, standing: bool, datagrams: tuple[bytes, ...], now: float) -> None:
         """Store a command that was heard or sent at `now` (s), in place of the oldest if there are too many."""
-        stored, most = (self._standing, MAX_STANDING) if standing else (self._recent, MAX_RECENT)
+        stored, most = (self._standing, MAX_STANDING) if standing else (self._recent, _MAX_RECENT)
         if standing and (stream, number) not in stored:
             self._news.append(StandingCommand(stream, number, datagrams))
         stored[stream, number] = StoredCommand(datagrams, [now] * len(datagrams))

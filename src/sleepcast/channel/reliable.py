@@ -38,9 +38,9 @@ from sleepcast.channel.rate_limit import RateLimit, TokenBucket
 from sleepcast.channel.sequencer import MAX_STREAMS, Sequencer, Skipped, Stream
 from sleepcast.core.clock import MADE
 
-REPEATS = (0.03, 0.09, 0.21, 0.45)
+_REPEATS = (0.03, 0.09, 0.21, 0.45)
 """Seconds after which a command is sent again, unasked: at 30 % loss two in a thousand receive none of the five."""
-ASK_PARTS_AFTER = 0.21
+_ASK_PARTS_AFTER = 0.21
 """Seconds after which the missing parts of a command are asked for: three repeats later."""
 REPEATED = frozenset({Kind.COMMAND, Kind.ASK, Kind.RELEASE})
 STOP_EVERY = 0.01
@@ -170,7 +170,7 @@ class ReliableDelivery:
                 self._keep()
         self._out += datagrams
         if kind in REPEATED:
-            for wait in REPEATS:
+            for wait in _REPEATS:
                 if now + wait <= until:
                     heappush(self._later, Repeat(now + wait, next(self._tie), datagrams))
         if kind is Kind.STOP:
@@ -240,7 +240,7 @@ class ReliableDelivery:
         if entered is None:
             name = part.key, part.epoch  # nobody keeps anything but commands; their sender repeats them himself first
             if part.kind is Kind.COMMAND and self.admission.robot and self._missing(name, part.sequence):
-                self.sequencer.want_parts(name, part.sequence, part.deadline, now + ASK_PARTS_AFTER)
+                self.sequencer.want_parts(name, part.sequence, part.deadline, now + _ASK_PARTS_AFTER)
             turned_away = self.admission.turned_away()
             if turned_away and self._time_request is not None:
                 self._time_request.hurry()

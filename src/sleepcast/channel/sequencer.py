@@ -23,11 +23,11 @@ MAX_STREAMS = 64
 those without rules before others."""
 MAX_WAITING = 1_024
 """Commands of one stream that wait; beyond, the latest ones are forgotten, and asked for again in their turn."""
-MAX_SKIPPED = 1_024
+_MAX_SKIPPED = 1_024
 """Skipped commands that are remembered: the latest."""
-ASK_AFTER = (0.02, 0.08)
+_ASK_AFTER = (0.02, 0.08)
 """Seconds before a missing command is asked for, at random between these: its sender repeats it unasked, too."""
-ASK_AGAIN, ASK_SELDOM = 0.15, 2.0
+ASK_AGAIN, _ASK_SELDOM = 0.15, 2.0
 """Seconds after which it is asked for again: at first, and at most; doubled each time."""
 SLACK = 0.25
 """Seconds after a deadline for which a command may still be on its way."""
@@ -94,7 +94,7 @@ class Sequencer:
         self.since = -inf
         self._chance, self._skew = chance, skew
         self._streams: OrderedDict[StreamId, Stream] = OrderedDict()
-        self._skipped: deque[Skipped] = deque(maxlen=MAX_SKIPPED)
+        self._skipped: deque[Skipped] = deque(maxlen=_MAX_SKIPPED)
         self._changed: set[StreamId] = set()
 
     def stream(self, name: StreamId) -> Stream:
@@ -186,7 +186,7 @@ class Sequencer:
                 elif want.due <= now and most > 0:
                     found.setdefault(stream.name, []).append(number)
                     want.due = now + want.again * (1.0 + mostly_late(self._chance)) / 2.0
-                    want.again = min(2.0 * want.again, ASK_SELDOM)
+                    want.again = min(2.0 * want.again, _ASK_SELDOM)
                     most -= 1
         return found
 
@@ -194,7 +194,7 @@ class Sequencer:
         """Parts of a command have come: ask for the others from `due` to `until`, s."""
         stream = self.stream(name)
         if number > stream.done and number not in stream.wanted:
-            stream.wanted[number] = MissingCommand(due + ASK_AFTER[1] * mostly_late(self._chance), until=until + SLACK)
+            stream.wanted[number] = MissingCommand(due + _ASK_AFTER[1] * mostly_late(self._chance), until=until + SLACK)
 
     def asked(self, name: StreamId, numbers: Sequence[int], now: float) -> None:
         """Somebody else has asked for these commands, so we wait a while."""
@@ -252,5 +252,5 @@ class Sequencer:
 
     def _want(self, stream: Stream, number: int, now: float) -> None:
         if number not in stream.wanted:
-            soonest, latest = ASK_AFTER
+            soonest, latest = _ASK_AFTER
             stream.wanted[number] = MissingCommand(now + soonest + (latest - soonest) * mostly_late(self._chance))

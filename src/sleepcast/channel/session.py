@@ -36,18 +36,18 @@ from sleepcast.core.clock import Clock
 
 MAX_SPREAD = 60.0
 """Seconds over which answers may be spread."""
-MAX_ASKED = 256
+_MAX_ASKED = 256
 """Commands for which the time to answer is remembered."""
 MAX_ANSWERED = 64
 """Answers that can be sent again, as many as a robot can explain."""
-MAX_REPORTED = 8
+_MAX_REPORTED = 8
 """Ids of missed commands in one report; of more, only the number is told."""
 GATHER_FOR = 0.001
 """Seconds to wait after something was received, so that datagrams which come close together are handled together: a
 flood does not wake us for each datagram."""
-REPORT_EVERY = 1.0
+_REPORT_EVERY = 1.0
 """Seconds between two such reports."""
-MAX_HELD = 1_024
+_MAX_HELD = 1_024
 """Delayed answers; beyond, the first one is sent at once."""
 
 
@@ -124,7 +124,7 @@ class ChannelSession:
             within = _within(message)
             if within > 0.0:
                 self._asked[message.id] = within
-                if len(self._asked) > MAX_ASKED:
+                if len(self._asked) > _MAX_ASKED:
                     self._asked.popitem(last=False)
             if message.kind is Kind.COMMAND and KEYS in message.body and not message.ahead:
                 self._answer_for_keys(message)
@@ -180,7 +180,7 @@ class ChannelSession:
             return
         when = self._clock.now() + self._chance.uniform(0.0, within)
         heappush(self._delayed, DelayedAnswer(when, next(self._tie), answer))
-        if len(self._delayed) > MAX_HELD:
+        if len(self._delayed) > _MAX_HELD:
             self._post(heappop(self._delayed).message)
 
     def _say_again(self, asked: Message) -> None:
@@ -230,17 +230,17 @@ class ChannelSession:
         self._hear(freed, now)
 
     def _tell_missed(self, now: float) -> None:
-        """Report the commands that never came and are now too late, at most once in `REPORT_EVERY`."""
+        """Report the commands that never came and are now too late, at most once in `_REPORT_EVERY`."""
         self.miss(self.delivery.skipped())
         if not self._missed or now < self._report_at:
             return
         ids = []
-        for skipped in self._missed[:MAX_REPORTED]:
+        for skipped in self._missed[:_MAX_REPORTED]:
             key = self.delivery.admission.trust.find(skipped.key)
             ids.append(message_id(key.owner if key else skipped.key.hex(), skipped.epoch, skipped.sequence))
         body: dict[str, object] = {"label": "missed", "values": [float(len(self._missed))], MISSED: ids}
         self.delivery.post(Kind.REPORT, now, body=body)
-        self._missed, self._report_at = [], now + REPORT_EVERY
+        self._missed, self._report_at = [], now + _REPORT_EVERY
 
     def _hear(self, messages: list[Message], now: float) -> None:
         self.hear(to_mind_time(message, self.zero, self.delivery.admission, now) for message in messages)

@@ -138,7 +138,7 @@ MAX_WAITING = 16_000_000
 """Copies in flight at one time: sixteen messages to a million robots, in a quarter of a gigabyte. Further ones are
 refused and counted."""
 
-URGENT = frozenset({Kind.STOP, Kind.RELEASE})
+_URGENT = frozenset({Kind.STOP, Kind.RELEASE})
 """Kinds that are sent before all others that wait."""
 
 _Metres = NDArray[np.float64]
@@ -225,7 +225,7 @@ class Radio:
         """Send a message: a robot's answers and reports to the operator, any other to the robots in reach."""
         now = begin = self._clock.now()
         if self.transmit_queue:
-            begins, room = self.transmit_queue.take(np.array([transmitter]), now, urgent=message.kind in URGENT)
+            begins, room = self.transmit_queue.take(np.array([transmitter]), now, urgent=message.kind in _URGENT)
             if not room[0]:
                 self.counts.crowded += 1
                 return

@@ -153,11 +153,11 @@ def _crew(stack: ExitStack, air: AirOptions, wanted: Wanted, store: Store | None
     multiplexer, receiver, sessions = sessions_for(air, wanted.names, complain, store)
     stack.enter_context(closing(receiver))
     members = []
-    for i, (name, line) in enumerate(zip(wanted.names, sessions, strict=True)):
-        stack.enter_context(closing(line))
+    for i, (name, session) in enumerate(zip(wanted.names, sessions, strict=True)):
+        stack.enter_context(closing(session))
         body = simulator.robots[i]
         node = Node(name, vocabulary, number=first + i, seed=seed, body=body, lease=wanted.lease, on_air=True)
-        members.append(Member(node, i, line))
+        members.append(Member(node, i, session))
     receiver.zero = zero = UnixClock().now()
     for member in members:
         member.node.zero = member.session.zero = zero

@@ -18,10 +18,10 @@ def open_transport(uri: str, clock: Clock | None = None) -> Transport:
     """The transport at an address. clock: s, for the delays of `memory:`; None for this computer's. Raises AddressError
     for an address that cannot be read, and the transport's own error where it cannot be opened."""
     scheme = uri.partition(":")[0]
-    if scheme not in SCHEMES:
-        wanted = f"wanted one that begins with {', '.join(SCHEMES)}:, for instance {EXAMPLE}"
-        raise AddressError(f"{uri[:80]!r} is not a channel address{did_you_mean(scheme, SCHEMES)}: {wanted}")
-    return SCHEMES[scheme](uri, clock or UnixClock())
+    if scheme not in _SCHEMES:
+        wanted = f"wanted one that begins with {', '.join(_SCHEMES)}:, for instance {EXAMPLE}"
+        raise AddressError(f"{uri[:80]!r} is not a channel address{did_you_mean(scheme, _SCHEMES)}: {wanted}")
+    return _SCHEMES[scheme](uri, clock or UnixClock())
 
 
 def _udp(uri: str, clock: Clock) -> Transport:
@@ -42,5 +42,5 @@ def _zenoh(uri: str, clock: Clock) -> Transport:
     return ZenohTransport(uri)
 
 
-SCHEMES: dict[str, Callable[[str, Clock], Transport]] = {"udp": _udp, "memory": _memory, "zenoh": _zenoh}
+_SCHEMES: dict[str, Callable[[str, Clock], Transport]] = {"udp": _udp, "memory": _memory, "zenoh": _zenoh}
 """What opens an address, by its scheme."""

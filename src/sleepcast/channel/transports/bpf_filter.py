@@ -17,13 +17,13 @@ from collections.abc import Iterable, Sequence
 from sleepcast.channel.envelope import KIND_AT, NUMBER, STANDING
 from sleepcast.channel.message import Kind
 
-UDP_HEADER = 8
+_UDP_HEADER = 8
 """Bytes of the UDP header, which the program sees before the datagram."""
-ATTACH, DETACH = 26, 27
+_ATTACH, _DETACH = 26, 27
 """Socket options SO_ATTACH_FILTER and SO_DETACH_FILTER, which Python does not name."""
-LENGTH, BYTE, AT_LEAST, EQUAL, RETURN = 0x80, 0x30, 0x35, 0x15, 0x06
+_LENGTH, _BYTE, _AT_LEAST, _EQUAL, _RETURN = 0x80, 0x30, 0x35, 0x15, 0x06
 """Opcodes: load the length, load a byte, jump if at least, jump if equal, return the number of bytes to keep."""
-ALL, NOTHING = 0xFFFF_FFFF, 0
+_ALL, NOTHING = 0xFFFF_FFFF, 0
 
 Instruction = tuple[int, int, int, int]
 """Opcode, instructions to skip if true and if false, operand."""
@@ -38,7 +38,7 @@ def drop_kinds(receiving: socket.socket, unwanted: Iterable[Kind]) -> bool:
         if numbers:
             _attach(receiving, program(numbers))
         else:
-            receiving.setsockopt(socket.SOL_SOCKET, DETACH, 0)
+            receiving.setsockopt(socket.SOL_SOCKET, _DETACH, 0)
     except OSError:  # there was no filter, or none is allowed: the receiver drops what it does not want
         return not numbers
     return True
@@ -49,23 +49,23 @@ def keep_kinds(receiving: socket.socket, wanted: Iterable[Kind]) -> bool:
     if sys.platform != "linux":
         return False
     try:
-        _attach(receiving, program(_numbers(wanted), found=ALL, others=NOTHING))
+        _attach(receiving, program(_numbers(wanted), found=_ALL, others=NOTHING))
     except OSError:
         return False
     return True
 
 
-def program(numbers: Sequence[int], *, found: int = NOTHING, others: int = ALL) -> list[Instruction]:
+def program(numbers: Sequence[int], *, found: int = NOTHING, others: int = _ALL) -> list[Instruction]:
     """The program that keeps `found` bytes of datagrams of the kinds with these numbers, and `others` of all others."""
-    place, count = UDP_HEADER + KIND_AT, len(numbers)
-    tests = [(EQUAL, count - i, 0, number) for i, number in enumerate(numbers)]
+    place, count = _UDP_HEADER + KIND_AT, len(numbers)
+    tests = [(_EQUAL, count - i, 0, number) for i, number in enumerate(numbers)]
     return [
-        (LENGTH, 0, 0, 0),
-        (AT_LEAST, 0, count + 1, place + 1),
-        (BYTE, 0, 0, place),
+        (_LENGTH, 0, 0, 0),
+        (_AT_LEAST, 0, count + 1, place + 1),
+        (_BYTE, 0, 0, place),
         *tests,
-        (RETURN, 0, 0, others),
-        (RETURN, 0, 0, found),
+        (_RETURN, 0, 0, others),
+        (_RETURN, 0, 0, found),
     ]
 
 
@@ -78,4 +78,4 @@ def _numbers(kinds: Iterable[Kind]) -> list[int]:
 def _attach(receiving: socket.socket, instructions: Sequence[Instruction]) -> None:
     code = b"".join(struct.pack("=HBBI", *each) for each in instructions)
     room = ctypes.create_string_buffer(code, len(code))
-    receiving.setsockopt(socket.SOL_SOCKET, ATTACH, struct.pack("@HP", len(instructions), ctypes.addressof(room)))
+    receiving.setsockopt(socket.SOL_SOCKET, _ATTACH, struct.pack("@HP", len(instructions), ctypes.addressof(room)))

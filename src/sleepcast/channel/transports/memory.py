@@ -25,13 +25,13 @@ from sleepcast.core.errors import SleepcastError
 
 LATE = 0.05
 """Seconds by which a reordered datagram is late, so that others overtake it."""
-LONGEST = 3_600.0
+_LONGEST = 3_600.0
 """Seconds of the longest delay."""
 MAX_WAITING = 16_384
 """Datagrams that wait for one party; further ones are lost, as in a socket's buffer."""
 MAX_PARTIES = 4_096
 """Parties of one medium: each takes two file descriptors of this process."""
-OPTIONS = {
+_OPTIONS = {
     "loss": "0",
     "delay": "0",
     "jitter": "0",
@@ -41,7 +41,7 @@ OPTIONS = {
     "at": "0,0",
     "range": "inf",
 }
-WANTED = f"wanted memory:NAME with options of {', '.join(OPTIONS)}, for instance memory:lab?loss=0.3&seed=1"
+_WANTED = f"wanted memory:NAME with options of {', '.join(_OPTIONS)}, for instance memory:lab?loss=0.3&seed=1"
 
 
 class MediumError(SleepcastError):
@@ -65,11 +65,11 @@ class MemoryAddress:
     @staticmethod
     def read(uri: str) -> MemoryAddress:
         """The parsed address. Raises AddressError."""
-        found, options = split_address(uri, WANTED, OPTIONS)
+        found, options = split_address(uri, _WANTED, _OPTIONS)
         if found.scheme != "memory" or found.netloc or not found.path.strip("/"):
-            raise AddressError(f"{uri!r} is not a channel address: {WANTED}")
+            raise AddressError(f"{uri!r} is not a channel address: {_WANTED}")
         chances = [number_option(uri, name, options[name], 1.0) for name in ("loss", "duplicate", "reorder")]
-        delay, jitter = (number_option(uri, name, options[name], LONGEST) for name in ("delay", "jitter"))
+        delay, jitter = (number_option(uri, name, options[name], _LONGEST) for name in ("delay", "jitter"))
         loss, duplicate, reorder = chances
         seed, reach = options["seed"], number_option(uri, "range", options["range"])
         if not (seed.isascii() and seed.isdigit() and len(seed) <= 19):

@@ -27,16 +27,16 @@ from sleepcast.channel.transports.address import EXAMPLE, AddressError, split_ad
 from sleepcast.channel.transports.bpf_filter import drop_kinds, keep_kinds
 from sleepcast.core.errors import SleepcastError, did_you_mean
 
-MOST_AT_ONCE = 2_048
+_MOST_AT_ONCE = 2_048
 """Datagrams received in one call: a flood costs a tick a few milliseconds."""
 MOST_STOPS = 64
 """STOPs received in one call, before anything else: as many as are checked in ten milliseconds."""
-STOP_BUFFER = 64 * 1024
+_STOP_BUFFER = 64 * 1024
 """Receive buffer for STOPs, bytes: enough for a second without forgeries. In a flood a larger one is no use: the next
 STOP is as good as one that waited."""
-BUFFER = 4 * 1024 * 1024
+_BUFFER = 4 * 1024 * 1024
 """Receive buffer that the system is asked for, bytes; it may grant less."""
-HOPS = 1
+_HOPS = 1
 """Hops of multicast: it stays on its own network."""
 
 
@@ -48,9 +48,9 @@ class ReservedSocket(NamedTuple):
     room: int
 
 
-RESERVED = (
-    ReservedSocket(frozenset({Kind.STOP}), MOST_STOPS, STOP_BUFFER),
-    ReservedSocket(TO_OPERATOR, MOST_AT_ONCE, BUFFER),
+_RESERVED = (
+    ReservedSocket(frozenset({Kind.STOP}), MOST_STOPS, _STOP_BUFFER),
+    ReservedSocket(TO_OPERATOR, _MOST_AT_ONCE, _BUFFER),
 )
 
 
@@ -108,7 +108,7 @@ class UdpTransport:
         self._family = socket.AF_INET6 if self.address.host.version == 6 else socket.AF_INET
         with ExitStack() as opened:
             try:
-                self._receiving = self._receiving_socket(opened, link, BUFFER)
+                self._receiving = self._receiving_socket(opened, link, _BUFFER)
                 self._sending = self._sending_socket(opened, link)
                 self._readable: socket.socket | select.epoll = self._receiving
                 self._reserved = self._reserve(opened, link)
@@ -138,7 +138,7 @@ class UdpTransport:
         found = []
         for receiving, reserved in self._reserved.items():
             found += self._received(receiving, reserved.most)
-        return found + self._received(self._receiving, MOST_AT_ONCE)
+        return found + self._received(self._receiving, _MOST_AT_ONCE)
 
     def _received(self, receiving: socket.socket, most: int) -> list[bytes]:
         found = []
@@ -166,13 +166,13 @@ class UdpTransport:
         self._readable = self._receiving
 
     def _reserve(self, opened: ExitStack, link: int) -> dict[socket.socket, ReservedSocket]:
-        """A socket for each of `RESERVED`, whose kinds the main socket then drops; none where the system cannot."""
+        """A socket for each of `_RESERVED`, whose kinds the main socket then drops; none where the system cannot."""
         found = {
             self._receiving_socket(opened, link, reserved.room): reserved
-            for reserved in RESERVED
+            for reserved in _RESERVED
             if sys.platform == "linux"
         }
-        kinds = {kind for reserved in RESERVED for kind in reserved.kinds}
+        kinds = {kind for reserved in _RESERVED for kind in reserved.kinds}
         if all(keep_kinds(receiving, reserved.kinds) for receiving, reserved in found.items()) and drop_kinds(
             self._receiving, kinds
         ):
@@ -202,15 +202,15 @@ class UdpTransport:
         """A socket that sends to the address."""
         sending, host = opened.enter_context(socket.socket(self._family, socket.SOCK_DGRAM)), self.address.host
         sending.setblocking(False)
-        sending.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
+        sending.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER)
         if not host.is_multicast:
             sending.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
         elif host.version == 6:
             sending.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_MULTICAST_IF, link)
-            sending.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_MULTICAST_HOPS, HOPS)
+            sending.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_MULTICAST_HOPS, _HOPS)
         else:
             sending.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, _membership(host, link))
-            sending.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, HOPS)
+            sending.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, _HOPS)
         sending.connect(self._socket_address(link))  # gives it an address and a port of its own
         return sending
 

@@ -31,15 +31,15 @@ except ImportError:  # an optional dependency
 KEY = "sleepcast"
 MAX_WAITING = 65_536
 """Datagrams that wait to be received; beyond, the oldest are dropped."""
-MOST_AT_ONCE = 2_048
+_MOST_AT_ONCE = 2_048
 """Datagrams received in one call, as for UDP."""
 LARGEST = 65_535
 """Bytes of the largest message that a link accepts: far more than one of our datagrams."""
-BATCHES = 16
+_BATCHES = 16
 """Batches of 64 KiB that a busy link queues: a burst of some hundred datagrams. It is the library's maximum."""
 PATIENCE = 20_000
 """Microseconds to wait for a link whose queue is full before a datagram is dropped: too short to notice."""
-WANTED = "wanted zenoh://HOST:PORT/KEY, with ?listen to be the router there, for instance zenoh://127.0.0.1:7447"
+_WANTED = "wanted zenoh://HOST:PORT/KEY, with ?listen to be the router there, for instance zenoh://127.0.0.1:7447"
 
 
 class ZenohError(SleepcastError):
@@ -59,19 +59,19 @@ class ZenohAddress:
     @staticmethod
     def read(uri: str) -> ZenohAddress:
         """The parsed address. Raises AddressError."""
-        found, options = split_address(uri, WANTED, {"listen": "no", "connect": ""})
+        found, options = split_address(uri, _WANTED, {"listen": "no", "connect": ""})
         if found.scheme != "zenoh" or not found.hostname or not found.port:
-            raise AddressError(f"{uri!r} is not a channel address: {WANTED}")
+            raise AddressError(f"{uri!r} is not a channel address: {_WANTED}")
         key = found.path.strip("/") or KEY
         if any(character in "*$#?" for character in key) or "//" in key:
             raise AddressError(f"{uri!r}: a key is one or more words with / between them, without *, $, # and ?")
         listen, connect = options["listen"], options["connect"]
         if listen not in ("no", ""):
-            raise AddressError(f"{uri!r}: listen takes no value; {WANTED}")
+            raise AddressError(f"{uri!r}: listen takes no value; {_WANTED}")
         if connect:
             if listen == "no":
                 raise AddressError(
-                    f"{uri!r}: connect links our own router to another one, so it needs listen as well; {WANTED}"
+                    f"{uri!r}: connect links our own router to another one, so it needs listen as well; {_WANTED}"
                 )
             connect = ZenohAddress.read(f"zenoh://{connect}").place
         return ZenohAddress(f"{_host(uri, found.hostname)}:{found.port}", key, not listen, connect)
@@ -83,7 +83,7 @@ def _host(uri: str, name: str) -> str:
         address = ip_address(name)
     except ValueError:
         if not all(character.isalnum() or character in "-._" for character in name):
-            raise AddressError(f"{uri!r}: {name!r} is not a host; {WANTED}") from None
+            raise AddressError(f"{uri!r}: {name!r} is not a host; {_WANTED}") from None
         return name
     return f"[{address}]" if isinstance(address, IPv6Address) else str(address)
 
@@ -135,7 +135,7 @@ class ZenohTransport:
         """The datagrams received since the last call, in order; none of our own."""
         with self._taking:
             self._wakeup.clear()
-            found = [self._heard.popleft() for _ in range(min(len(self._heard), MOST_AT_ONCE))]
+            found = [self._heard.popleft() for _ in range(min(len(self._heard), _MOST_AT_ONCE))]
             if self._heard:
                 self._wakeup.set()
         return found
@@ -164,7 +164,7 @@ def _config(site: ZenohAddress) -> zenoh.Config:
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "transport/link/rx/max_message_size": LARGEST,
-        "transport/link/tx/queue/size/real_time": BATCHES,
+        "transport/link/tx/queue/size/real_time": _BATCHES,
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": PATIENCE,
     }.items():
         config.insert_json5(name, json.dumps(value))

@@ -240,7 +240,7 @@ class StatisticsTable:
                 if lost is None:
                     lost = self.lost[key] = np.zeros(self._state.count, np.bool_)
                 lost[rows.index] = True
-            else:
+            elif effect.what in ("active", "inactive"):
                 self._activate(key, rows, effect.what == "active")
 
     def _activate(self, key: str, rows: Rows, active: bool) -> None:

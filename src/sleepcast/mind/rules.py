@@ -28,6 +28,8 @@ from sleepcast.language.vocabulary import BUFFERS, MAX_GROUPS, MAX_OPERATORS, MA
 from sleepcast.mind.merging import Merging
 from sleepcast.mind.refusals import built_in, no_room, no_rule, too_late
 
+BUFFER_KEYS = tuple(f"e{number}" for number in range(1, BUFFERS))
+
 
 @dataclass(frozen=True, slots=True)
 class Rule:
@@ -48,7 +50,8 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """What a change does to each robot. what: "new", "renewed", "gone", "active", "inactive" or "moved"."""
+    """What a change does to each robot. what: "new", "renewed", "gone", "active", "inactive"; or "same",
+    where only its program or the order has changed."""
 
     what: str
     key: str
@@ -56,9 +59,7 @@ class Effect:
 
 def in_order(rules: Mapping[str, Rule]) -> Iterator[Rule]:
     """E1 upwards, then the rules in the order of their arrival."""
-    for number in range(1, BUFFERS):
-        if (rule := rules.get(f"e{number}")) is not None:
-            yield rule
+    yield from (rules[key] for key in BUFFER_KEYS if key in rules)
     yield from (rule for key, rule in rules.items() if buffer_number(key) is None)
 
 
@@ -113,6 +114,7 @@ class RuleBase:
         for name, rule in self.rules.items():
             if key in rule.program.free:
                 self.rules[name] = replace(rule, program=self.library.again(rule.program, self))
+                self.effects.append(Effect("same", name))
         for name, program in self.operators.items():
             found = self.symbols[name]
             if key in program.free and isinstance(found, Operator):
@@ -166,7 +168,7 @@ class RuleBase:
         ordered = sorted(self.rules, key=self.merging.first)
         if ordered != list(self.rules):
             self.rules = {key: self.rules[key] for key in ordered}
-            self.effects.append(Effect("moved", ""))
+            self.effects.append(Effect("same", ""))
 
     def too_late(self, name: str) -> str:
         """Why an earlier command changes nothing, which may still say when a rule was made first."""

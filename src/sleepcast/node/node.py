@@ -43,7 +43,7 @@ from sleepcast.mind.limits import (
     TELLS_TOO_OFTEN,
 )
 from sleepcast.mind.merging import enqueue, place_of
-from sleepcast.mind.rules import Rule, in_order
+from sleepcast.mind.rules import in_order
 from sleepcast.mind.views import Result, RuleView
 from sleepcast.node.acts import ACTS
 from sleepcast.node.linking import VariableTable
@@ -109,7 +109,7 @@ class Node:
             body=self.body,
         )
         self._deadman = DeadManSwitch(lease)
-        self._scheduler = Scheduler(self._memory.base, self._memory.records, self._run_rule)
+        self._scheduler = Scheduler(self._memory.records, self._run_rule)
         self._queue: deque[Message] = deque()
         self._seen: OrderedDict[str, None] = OrderedDict()
         # The fields of a Recollection, made into one only when somebody asks: this happens for every message.
@@ -395,8 +395,8 @@ class Node:
         memory.answers = None
         return value
 
-    def _run_rule(self, rule: Rule, record: RuleRecord) -> None:
-        memory = self._memory
+    def _run_rule(self, record: RuleRecord) -> None:
+        memory, rule = self._memory, record.rule
         memory.faults = []
         record.last_value = evaluate(rule.program, memory)
         record.steps = memory.steps

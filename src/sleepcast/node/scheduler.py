@@ -21,11 +21,14 @@ RuleSet = dict[str, tuple[Rule, float]]
 
 @dataclass(slots=True)
 class RuleRecord:
-    """How one rule or buffer has fared. lease: time (s) at which it is deactivated, inf for never. last_value,
-    last_fault, steps: of its last evaluation. firings: evaluations in which its test held. faults_in_row: of its last
-    evaluations, how many without a break had a fault. gone: whether the rule was forgotten."""
+    """How one rule or buffer has fared.
 
-    key: str
+    rule: as it is now. lease: time (s) at which it is deactivated, inf for never. last_value, last_fault, steps: of its
+    last evaluation. firings: evaluations in which its test held. faults_in_row: of its last evaluations, how many
+    without a break had a fault. gone: whether the rule was forgotten.
+    """
+
+    rule: Rule
     lease: float = inf
     last_value: float = nan
     last_fault: str = ""
@@ -59,7 +62,7 @@ class RuleRecords:
         for effect in self._base.effects:
             key, record = effect.key, self._records.get(effect.key)
             if effect.what == "new":
-                self._records[key] = RuleRecord(key)
+                self._records[key] = RuleRecord(self._base.rules[key])
             elif effect.what in ("active", "inactive"):
                 number = buffer_number(key)
                 if number is not None:
@@ -76,6 +79,8 @@ class RuleRecords:
     def changed(self) -> None:
         """Make the round anew."""
         self.version += 1
+        for key, rule in self._base.rules.items():
+            self._records[key].rule = rule
         self.running = [self._records[rule.key] for rule in running(self._base.rules)]
         self.leases = any(record.lease < inf for record in self.running)
 
@@ -86,10 +91,10 @@ class RuleRecords:
 
     def expire(self, now: float) -> list[Rule]:
         """Deactivate those whose lease has ended; gives them."""
-        ended = [record.key for record in self.running if record.lease <= now]
-        for key in ended:
-            self.deactivate(key)
-        return [self._base.rules[key] for key in ended]
+        ended = [record.rule for record in self.running if record.lease <= now]
+        for rule in ended:
+            self.deactivate(rule.key)
+        return ended
 
     def rule_set(self) -> RuleSet:
         """The rules as they are, to come back to."""
@@ -106,41 +111,42 @@ class RuleRecords:
 class Scheduler:
     """Rounds over one robot's rules. evaluate: evaluates one rule and notes the steps it used."""
 
-    def __init__(self, base: RuleBase, records: RuleRecords, evaluate: Callable[[Rule, RuleRecord], None]) -> None:
-        self._base, self._records, self._evaluate = base, records, evaluate
+    def __init__(self, records: RuleRecords, evaluate: Callable[[RuleRecord], None]) -> None:
+        self._records, self._evaluate = records, evaluate
         self._left_over: frozenset[str] = frozenset()
 
     def round(self) -> None:
         """Evaluate the active rules as far as the budget reaches."""
         chosen = running = self._records.running
-        if self._left_over or sum(map(self._expected, running)) > TICK_STEPS:
+        if self._left_over or sum(map(_expected, running)) > TICK_STEPS:
             chosen = self._choose(running)
-        rules, used = self._base.rules, 0
+        used = 0
         for at, record in enumerate(chosen):
-            if not record.gone and (rule := rules[record.key]).active:
-                self._evaluate(rule, record)
-                rules = self._base.rules
+            if record.rule.active and not record.gone:
+                self._evaluate(record)
                 used += record.steps
                 if used > TICK_STEPS:
-                    self._left_over |= {each.key for each in chosen} - {each.key for each in chosen[: at + 1]}
+                    done = {each.rule.key for each in chosen[: at + 1]}
+                    self._left_over |= {each.rule.key for each in chosen} - done
                     return
 
     def _choose(self, running: list[RuleRecord]) -> list[RuleRecord]:
         """Those that the budget reaches for, in the order of evaluation; the others are left over."""
-        rules, left_over = self._base.rules, self._left_over
-        urgent = sorted(running, key=lambda r: (-rules[r.key].priority, r.key not in left_over))
+        left_over = self._left_over
+        urgent = sorted(running, key=lambda r: (-r.rule.priority, r.rule.key not in left_over))
         budget = TICK_STEPS
         taken: set[str] = set()
         for record in urgent:
-            budget -= self._expected(record)
+            budget -= _expected(record)
             if budget < 0 and taken:
                 break
-            taken.add(record.key)
-        chosen = [record for record in running if record.key in taken]
-        chosen.sort(key=lambda r: (rules[r.key].priority, r.key not in left_over))
-        self._left_over = frozenset(record.key for record in running) - taken
+            taken.add(record.rule.key)
+        chosen = [record for record in running if record.rule.key in taken]
+        chosen.sort(key=lambda r: (r.rule.priority, r.rule.key not in left_over))
+        self._left_over = frozenset(record.rule.key for record in running) - taken
         return chosen
 
-    def _expected(self, record: RuleRecord) -> int:
-        """Steps that a rule will probably use: its own bound, or what it and all it enters used the last time."""
-        return max(self._base.rules[record.key].program.cost, record.steps)
+
+def _expected(record: RuleRecord) -> int:
+    """Steps that a rule will probably use: its own bound, or what it and all it enters used the last time."""
+    return max(record.rule.program.cost, record.steps)

@@ -16,22 +16,22 @@ class Knot:
 
 
 def test_garbage_waits_for_the_end_of_a_tick() -> None:
-    with PacedCollector() as sweeper:
+    with PacedCollector() as collector:
         knot = weakref.ref(Knot())
         [[each] for each in range(100_000)]  # enough for the collector to look by itself, if it did
         assert knot() is not None
-        sweeper.sweep()
+        collector.collect()
         assert knot() is None
 
 
 def test_what_lived_for_a_while_is_found_as_well() -> None:
-    with PacedCollector() as sweeper:
+    with PacedCollector() as collector:
         kept = Knot()
         knot = weakref.ref(kept)
-        sweeper.sweep()
+        collector.collect()
         del kept
         for _ in range(THOROUGH):
-            sweeper.sweep()
+            collector.collect()
         assert knot() is None
 
 

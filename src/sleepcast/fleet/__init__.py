@@ -2,7 +2,7 @@
 
 columns       one number a robot, side by side                  pure      the built-in functions over columns
 evaluation    whose it is, its budget and its faults            memory    what a program may touch, for many at once
-acts          what a program may do beyond assigning            machine   one walk over a program for many robots
+minds         what robots have learned, kept once               machine   one walk over a program for many robots
 scheduler     which rules run in a tick                         rule_statistics  how each rule has fared
 messages      what waits, and what robots say                   bodies    stopping, releasing, holding still
 evaluation_log  explanations, by evaluating again               read_set  which variables robots look at

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.fleet.acts import ACTS
 from sleepcast.fleet.columns import Column, FleetState, Mask, Rows
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory, Given
@@ -186,7 +185,7 @@ def recollect(entry: LogEntry, robot: int, vocabulary: Vocabulary, keys: NDArray
         state.unproven_since[0] = entry.unproven_since[place]
     if entry.held is not None:
         state.held[0] = entry.held[place]
-    memory = FleetMemory(state, minds, Outbox(state, ["again"]), ACTS, [None])
+    memory = FleetMemory(state, minds, Outbox(state, ["again"]), [None])
     memory.answers, memory.script = [], entry.given(robot)
     before, groups = state.row(0), state.groups_of(0)
     evaluate(memory, entry.program, alone)

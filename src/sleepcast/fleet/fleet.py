@@ -22,7 +22,6 @@ from sleepcast.channel.payload import FOR, NOT, hops_left, is_addressed
 from sleepcast.channel.stop_latch import ENDED
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.threads import ThreadPool
-from sleepcast.fleet.acts import ACTS
 from sleepcast.fleet.bodies import Bodies
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.evaluation import Noted, fault_text
@@ -301,7 +300,7 @@ class Fleet(Mapping[str, RobotView]):
         self.minds = Minds(vocabulary)
         self.outbox = Outbox(self.state, self.names)
         self.kernels = Kernels(pool=pool) if native and available() else None
-        self.memory = FleetMemory(self.state, self.minds, self.outbox, ACTS, bodies, self.kernels)
+        self.memory = FleetMemory(self.state, self.minds, self.outbox, bodies, self.kernels)
         self.evaluation_log = EvaluationLog(self.memory)
         self.scheduler = BatchScheduler(self.memory)
         self._bodies = Bodies(self.state, bodies)

@@ -1,8 +1,7 @@
-"""Speech: what robots say, kept as it was said - by many at once - and turned into messages when somebody looks.
+"""Messages of a fleet: the inbox, where they wait for the next tick, and the outbox, with everything that robots say.
 
-A command to a hundred thousand robots brings a hundred thousand answers; as columns they cost nothing until they are
-read, robot by robot.
-"""
+What many robots say at once is kept as columns, and becomes messages only when somebody reads it, robot by robot. A
+message that all robots have heard takes no memory for each robot; one that only some have heard takes a bit."""
 
 from __future__ import annotations
 
@@ -14,12 +13,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.message import Kind, Message
-from sleepcast.channel.message_batch import Answers, Contents, MessageBatch, Reports, ascending, dump_batch, load_batch
+from sleepcast.channel.message_batch import (
+    Answers,
+    Contents,
+    MessageBatch,
+    Relays,
+    Reports,
+    ascending,
+    dump_batch,
+    load_batch,
+)
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.schema import InboxState, OutboxState
 from sleepcast.language.vocabulary import TIME_SLOT
-from sleepcast.mind.limits import MAX_OUTBOX, MAX_QUEUE, MAX_SEEN, REPORTS_A_SECOND, TELL_BURST, TELLS_A_SECOND
+from sleepcast.mind.limits import (
+    MAX_OUTBOX,
+    MAX_QUEUE,
+    MAX_SEEN,
+    REPORTS_A_SECOND,
+    TELL_BURST,
+    TELL_SECONDS,
+    TELLS_A_SECOND,
+)
 
 
 class Outbox:
@@ -97,6 +113,10 @@ class Outbox:
         some = rows.take(may)
         state.telling_until[some.index] = begin[may] + 1.0 / TELLS_A_SECOND
         return may, silenced
+
+    def tell(self, rows: Rows, text: str, hops: int) -> None:
+        """TELL on each of these robots, which may."""
+        self.say(Kind.COMMAND, rows, Relays(text, hops), lasts=TELL_SECONDS)
 
     def answer(self, rows: Rows, answers: Answers) -> None:
         """Answer a message on each of these robots."""
@@ -182,9 +202,6 @@ class Outbox:
             for robot, message in zip(saying.robots.tolist(), saying.messages(), strict=True):
                 self._outboxes.setdefault(robot, []).append(message)
         self._sayings.clear()
-
-
-# The inbox: messages that wait for the next tick, and which robots have heard which message before.
 
 
 class Inbox:

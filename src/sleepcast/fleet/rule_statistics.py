@@ -1,4 +1,4 @@
-"""Tallies: how each kept expression has fared on each robot, and when its lease ends, as columns by its key."""
+"""Rule statistics: how each rule has fared on each robot, and when its lease ends, as columns by its key."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rounds: the active rules of many robots in a tick, each robot's in its own order and within its own budget.
+"""The batch scheduler: the active rules of many robots in a tick, in each robot's own order and budget.
 
 The order is that of one robot's scheduler: E1 upwards, then the rules in the order of their arrival, a higher
 priority later; if the budget does not reach for all, the higher priority is served, then those left over from the

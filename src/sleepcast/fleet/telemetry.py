@@ -1,4 +1,4 @@
-"""Told: what the robots of a fleet last told of themselves, and what a test would come to on them by that.
+"""Telemetry of a fleet: the values that its robots reported last, and what a test would give by these values.
 
 The columns are copies of the fleet's, each robot's as it was when it last told. A test is evaluated on them for all
 robots at once, and nothing it could do is done; what the columns cannot say leaves a robot undecided, with the reason.
@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from sleepcast.channel.message_batch import ascending
 from sleepcast.core.serial import Array
-from sleepcast.fleet.acts import ACTS
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows, is_true
 from sleepcast.fleet.evaluation import by_the_living
 from sleepcast.fleet.machine import evaluate
@@ -114,7 +113,7 @@ class _Asked(FleetMemory):
     """A memory to read, in which nothing can be done. reason: by robot, as in `Told.judge`."""
 
     def __init__(self, state: FleetState, minds: Minds) -> None:
-        super().__init__(state, minds, Outbox(state, ()), ACTS, ())
+        super().__init__(state, minds, Outbox(state, ()), ())
         self.reason: NDArray[np.uint8] = np.zeros(state.count, np.uint8)
         self.reasons: list[str] = []
 

@@ -1,5 +1,4 @@
-"""The loop owns time: of a simulated swarm, which can be put away between two ticks, to go on later; and of a mind with
-a real body."""
+"""The loop: the ticks of a simulated swarm, of a mind with a real body, and of a network swarm; snapshots."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING

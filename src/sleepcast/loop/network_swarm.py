@@ -1,5 +1,5 @@
-"""A swarm on a network: many minds in one process, in real time, each with a session, all with one receiver, and with
-simulated bodies.
+"""A network swarm: many minds with simulated bodies in one process, on a real channel and in real time. Each mind has a
+session of its own; all share one receiver.
 
     advance  the bodies move on by one tick
     deliver  what the air has brought is received, and written down if somebody keeps it
@@ -8,9 +8,8 @@ simulated bodies.
     act      what they want of their bodies' actuators goes there
     report   what has come of it is written down, and what they say goes on the air
 
-Between two ticks the crew listens: whatever comes is received at once, so that STOP waits for nothing. Ticks that begin
-late are counted, and what could not be kept up with is let go, never made up for. However it ends, all bodies are
-stopped first.
+Between two ticks the swarm listens: whatever comes is received at once, so that STOP waits for nothing. Ticks that
+begin late are counted, and missed ticks are not made up for. However a run ends, all bodies are stopped first.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ import gc
 import select
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from math import inf, nan
+from math import inf
 from typing import Self
 
 from sleepcast.channel.message import Message, Role
@@ -27,9 +26,8 @@ from sleepcast.channel.sequencer import Skipped
 from sleepcast.channel.session import GATHER_FOR, ChannelSession, Receiver
 from sleepcast.channel.transports.multiplexer import Multiplexer
 from sleepcast.core.clock import Clock
-from sleepcast.loop.real import Keeper, Watch
+from sleepcast.loop.real import Keeper, Watch, act
 from sleepcast.node.node import Node
-from sleepcast.robot import Setpoint
 from sleepcast.simulator import Guard, Simulator
 
 
@@ -67,14 +65,14 @@ class NetworkSwarm:
         tick = self.simulator.scenario.tick
         due = self.clock.now()
         try:
-            with PacedCollector() as sweeper:
+            with PacedCollector() as collector:
                 while going():
                     self.listen(due)
                     now = self.clock.now()
                     self.watch.begin(now - due, tick)
                     due = max(due + tick, now)
                     self.step()
-                    sweeper.sweep()
+                    collector.collect()
         finally:
             for member in self.members:
                 self.simulator.robots[member.number].stop()
@@ -164,9 +162,7 @@ class NetworkSwarm:
     def _think(self, member: Member, now: float) -> None:
         node, body = member.node, self.simulator.robots[member.number]
         node.think(self.simulator.tick, now)
-        wanted = node.actuators()
-        if wanted:
-            body.act(Setpoint(*(wanted.get(actuator.name, nan) for actuator in body.model.actuators)))
+        act(node, body)
         for caste in node.pings:
             self.simulator.ping(member.number, caste)
         node.pings.clear()
@@ -179,14 +175,14 @@ class NetworkSwarm:
         member.due = member.session.due()
 
 
-# Garbage is looked for right after a tick, when nobody waits for anything.
-
 THOROUGH = 600
-"""Ticks after which all that was made since the beginning is looked through, and not only what is new: a minute's."""
+"""Ticks after which all generations are collected, not only the young ones: a minute's."""
 
 
 class PacedCollector:
-    """Looks for garbage when it is told to, during a `with` block, and not at what was there before."""
+    """Runs the garbage collector right after a tick, when nobody waits. Left to itself, it runs whenever many objects
+    have been made, often while a message goes to many minds, and the last of them gets it milliseconds later. Objects
+    from before the `with` block are left alone."""
 
     def __init__(self) -> None:
         self._ticks = 0
@@ -203,7 +199,7 @@ class PacedCollector:
         if self._by_itself:
             gc.enable()
 
-    def sweep(self) -> None:
+    def collect(self) -> None:
         """A tick is over."""
         self._ticks += 1
         gc.collect(1 if self._ticks % THOROUGH else 2)

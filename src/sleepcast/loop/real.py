@@ -109,12 +109,17 @@ def step_robot(
         keeper.before()
         now = clock.now() - start  # writing takes its time, and nothing is evaluated after its deadline
     node.think(watch.ticks, now)
-    wanted = node.actuators()
-    if wanted:
-        robot.act(Setpoint(*(wanted.get(actuator.name, nan) for actuator in robot.model.actuators)))
+    act(node, robot)
     if keeper is not None:
         keeper.after()
     for message in node.outbox:
         channel.send(message)
     node.outbox.clear()
     node.pings.clear()  # there is nothing here that could send them
+
+
+def act(node: Node, robot: Robot) -> None:
+    """Give a body what its mind has assigned to actuators since the last time."""
+    wanted = node.actuators()
+    if wanted:
+        robot.act(Setpoint(*(wanted.get(actuator.name, nan) for actuator in robot.model.actuators)))

@@ -1,8 +1,11 @@
-"""The leases of groups: which operator alone may command the robots of a group, and until when.
+"""Leases: which operator alone may command the robots of a group, and for how long a driven robot goes on unattended.
 
-Every robot keeps the leases that it hears of, whether it is in the group or not, so that one that joins knows. A lease
-that its holder does not renew ends by itself: nobody is locked out for longer than that by a desk that has gone.
-"""
+Every robot keeps the leases of groups that it hears of, also of groups that it is not in, because it may join them. A
+lease that its holder does not renew ends by itself: a desk that has gone locks nobody out for longer than that.
+
+A robot is *driven* from when a person's one-shot command has moved its body until one of its own rules or a standing
+command moves it. Whoever drives a robot must be heard all the time, or the body comes to rest (the dead man's switch).
+A robot on a mission of its own is not driven and needs nobody."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Bounds of one robot's mind: the same on its own and among a million, as robots must not behave otherwise for being
-many."""
+"""Bounds of one robot's mind: the same for a single robot and for one of a million, because their number must not
+change what robots do."""
 
 from __future__ import annotations
 

@@ -1,11 +1,10 @@
-"""Merging what several operators command: on every robot that has heard the same, in whichever order, the same is left.
+"""Merging of several operators' commands: all robots that have heard the same commands, in any order, end up the same.
 
-All commands have one order: by the time at which they were issued, then by their sender's epoch, number and name. What
-a command changes bears its place in that order, and nothing is changed that a later command has changed already. The
+All commands have one order: by the time at which they were issued, then by their sender's epoch, number and name. A
+command's changes carry its place in that order, and it changes nothing that a later command has changed already. The
 registers are the text of each rule, buffer and operator, the flag of each rule and buffer, and each group; a rule's
 place in the round is that of the first command that made it. What rules do by themselves has no place and always
-counts.
-"""
+counts."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Refusals: why a mind does not do what an expression asks for, as the sender reads it. Whoever refuses changes
-nothing."""
+"""Refusals: the sentences that say why a mind does not do what an expression asks for. A refusal changes nothing."""
 
 from __future__ import annotations
 

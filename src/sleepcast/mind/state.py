@@ -1,9 +1,8 @@
-"""State: what robots have learned as plain data, for stores, snapshots and the air.
+"""State: what robots have learned, as plain data for stores and snapshots.
 
-Programs are texts, and are compiled again. A store holds one robot (`MindState`), whose texts mean what their names
-mean when it goes on. A snapshot holds all robots of a run (`SharedMinds`), which must go on to the last bit: each
-program comes with the meanings that its names had when it was first compiled, whatever has happened to them since.
-"""
+Programs are stored as texts and compiled again. A store holds one robot (`MindState`): its texts are compiled in the
+names that it has when it goes on. A snapshot holds all robots of a run (`SharedMinds`), which must go on to the last
+bit: each program is stored with what its names meant when it was compiled."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""Places: where one number lies in a host's own memory, and what fits there.
+"""Host memory: where one number lies in a host program's own memory, and which numbers fit there.
 
-A `Place` fetches and stores the very number that the host program uses; nothing is copied. Here are the places in an
-object (its attributes, properties and getters) and in a mapping; `records` has those in memory laid out by a type.
-A place is looked up once, when it is linked, so what cannot hold a number is refused then, and a number that does not
-fit is refused when it is stored.
-"""
+A `Place` reads and writes the very number that the host program uses; nothing is copied. It is in an object (an
+attribute, property or getter), in a mapping, in a ctypes structure or in a numpy record. A place is looked up once,
+when it is linked, so whatever cannot hold a number is refused then; a number that does not fit is refused when it is
+written. In structures and records a path names the field: `velocity`, `pose.x`, `sonar[3]`. Neither ctypes nor numpy is
+imported here: a host that has a structure or a record has imported them already."""
 
 from __future__ import annotations
 

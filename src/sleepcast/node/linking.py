@@ -1,4 +1,4 @@
-"""Variables: which names a robot has, where their values lie, and how old they may be.
+"""Linking: which names a robot has, where their values lie, and how old they may be.
 
 A host program links its own variables and functions by name, so that `velocity` in an expression *is* `velocity` in
 the host's memory: it is read when an expression asks and written when one assigns, with no copy in between. Three

@@ -15,8 +15,9 @@ from sleepcast.core.errors import SleepcastError
 from sleepcast.language.form import Form, Number, show
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.numerics import draw, stream
-from sleepcast.language.parts import Label, Part, Storing, host_of, written
+from sleepcast.language.parts import Defining, Label, Part, Storing, Template, host_of, label_of, written
 from sleepcast.language.program import Library, Program
+from sleepcast.language.reader import MAX_TEXT
 from sleepcast.language.rehearsal import FLAGS, Answer, Refusal, Rehearsal
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import (
@@ -35,12 +36,16 @@ from sleepcast.mind import rules
 from sleepcast.mind.limits import FAILED, MAX_FAULTS, PROVEN_TICKS
 from sleepcast.mind.merging import Merging
 from sleepcast.mind.refusals import (
+    UNKNOWN_CASTE,
+    UNKNOWN_LEASE,
     UNKNOWN_STORED,
+    UNKNOWN_TOLD,
     built_in,
     failed,
     no_operator,
     no_variable,
     stopped,
+    too_long,
     unknown_asked,
     unknown_assigned,
 )
@@ -63,12 +68,10 @@ class Voice:
 class RobotMemory:
     """See the module. values: the numbers by slot, NaN unknown. It is a `Memory`."""
 
-    def __init__(
-        self, variables: VariableTable, voice: Voice, acts: Mapping[str, Act], *, number: int, seed: int, body: object
-    ) -> None:
+    def __init__(self, variables: VariableTable, voice: Voice, *, number: int, seed: int, body: object) -> None:
         self.variables, self.vocabulary = variables, variables.vocabulary
         self.library = library_of(self.vocabulary)
-        self.voice, self.body, self._acts = voice, body, acts
+        self.voice, self.body = voice, body
         self.values = [0.0] * (ACTIVE0 + BUFFERS) + [nan] * (self.vocabulary.size - ACTIVE0 - BUFFERS)
         self.values[MARKING] = 1.0
         self.values[ID], self.values[TIME_SLOT], self.values[TICK] = float(number), 0.0, 0.0
@@ -295,7 +298,7 @@ class RobotMemory:
             slot, value = FLAGS[part.name]
             self.values[slot] = value
             return self._answer(1.0)
-        result = self._answer(self._acts[part.name](self, part, *arguments))
+        result = self._answer(ACTS[part.name](self, part, *arguments))
         if part.name == "rollback" and self.answers is not None:
             self.answers.extend(self.values[ACTIVE0 + 1 : ACTIVE0 + BUFFERS])
         return result
@@ -323,3 +326,96 @@ _LIBRARIES: WeakKeyDictionary[Vocabulary, Library] = WeakKeyDictionary()
 def library_of(vocabulary: Vocabulary) -> Library:
     """The programs shared by every robot of one vocabulary."""
     return _LIBRARIES.setdefault(vocabulary, Library())
+
+
+# ---- acts: what an expression may do beyond assigning and storing; what each means stands in `mind.rules`
+
+
+def _join(memory: RobotMemory, part: Part) -> float:
+    if not memory.change(part, rules.join(memory.base, label_of(part))):
+        return nan
+    memory.groups |= {label_of(part).casefold()}
+    return 1.0
+
+
+def _leave(memory: RobotMemory, part: Part) -> float:
+    if not memory.change(part, rules.leave(memory.base, label_of(part))):
+        return nan
+    memory.groups -= {label_of(part).casefold()}
+    return 1.0
+
+
+def _activate(memory: RobotMemory, part: Part) -> float:
+    wanted = part.name == "activate"
+    return 1.0 if memory.change(part, rules.activate(memory.base, label_of(part), wanted)) else nan
+
+
+def _forget(memory: RobotMemory, part: Part) -> float:
+    return 1.0 if memory.change(part, rules.forget(memory.base, label_of(part))) else nan
+
+
+def _lease(memory: RobotMemory, part: Part, seconds: float) -> float:
+    if seconds != seconds:
+        return memory.refuse(part, UNKNOWN_LEASE)
+    if not memory.change(part, rules.lease(memory.base, label_of(part))):
+        return nan
+    memory.records[label_of(part)].lease = memory.time + seconds
+    memory.records.changed()
+    return 1.0
+
+
+def _defun(memory: RobotMemory, part: Part) -> float:
+    defining = part.data
+    if not isinstance(defining, Defining):
+        raise TypeError(f"a part of op {part.op} defines nothing")
+    text = " ".join(map(show, defining.body))
+    done = memory.change(part, rules.define_operator(memory.base, written(part), defining.parameters, text))
+    return 1.0 if done else nan
+
+
+def _rollback(memory: RobotMemory, part: Part) -> float:
+    memory.base.merging.roll_back()
+    if memory.tick - memory.unproven_since < PROVEN_TICKS:
+        memory.restore(memory.proven)
+    return 1.0
+
+
+def _report(memory: RobotMemory, part: Part, *arguments: float) -> float:
+    memory.voice.report(label_of(part), arguments)
+    return arguments[-1] if arguments else 1.0
+
+
+def _tell(memory: RobotMemory, part: Part, *arguments: float) -> float:
+    if any(argument != argument for argument in arguments):
+        return memory.refuse(part, UNKNOWN_TOLD)
+    if not isinstance(part.data, Template):
+        raise TypeError(f"a part of op {part.op} tells nothing")
+    hops = min(part.data.hops, memory.hops)
+    if memory.voice.may_tell(hops):  # asked first: a text is made only for what goes out
+        text = part.data.text(arguments)
+        if len(text) > MAX_TEXT:
+            return memory.refuse(part, too_long(text))
+        memory.voice.tell(text, hops)
+    return 1.0
+
+
+def _ping(memory: RobotMemory, part: Part, caste: float = 0.0) -> float:
+    if caste != caste:
+        return memory.refuse(part, UNKNOWN_CASTE)
+    memory.voice.ping(caste)
+    return 1.0
+
+
+ACTS: Mapping[str, Act] = {
+    "join": _join,
+    "leave": _leave,
+    "activate": _activate,
+    "deactivate": _activate,
+    "forget": _forget,
+    "lease": _lease,
+    "defun": _defun,
+    "rollback": _rollback,
+    "report": _report,
+    "tell": _tell,
+    "ping": _ping,
+}

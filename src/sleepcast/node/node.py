@@ -45,7 +45,6 @@ from sleepcast.mind.limits import (
 from sleepcast.mind.merging import enqueue, place_of
 from sleepcast.mind.rules import in_order
 from sleepcast.mind.views import Result, RuleView
-from sleepcast.node.acts import ACTS
 from sleepcast.node.linking import VariableTable
 from sleepcast.node.memory import RobotMemory, Voice
 from sleepcast.node.scheduler import RuleRecord, Scheduler
@@ -103,7 +102,6 @@ class Node:
         self._memory = RobotMemory(
             table,
             Voice(self._report, self._may_tell, self._tell, self._ping),
-            ACTS,
             number=number,
             seed=seed,
             body=self.body,

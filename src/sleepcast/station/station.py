@@ -1,7 +1,7 @@
-"""The operator's desk: check a text, see who would obey, send it, and keep account of what became of it.
+"""An operator's station: check a text, see who would obey, send it, and keep account of each command's outcome.
 
-The desk knows no page, socket or body. What it sends goes to an `outbox` that it was given; what robots say is brought
-to it by `hear` and `observe` (`hearing`). Time comes from the swarm's clock.
+The station knows no page, socket or body. It sends to an `outbox` that it was given; `hear` and `observe` bring what
+robots say, one by one or many at once, and find the command that an answer is about. Time comes from the swarm's clock.
 
 Threads: every public method may be called from any thread; a lock guards the roster, the commands and the journal,
 and is never held while a text is checked or a preview is evaluated. `outbox` is called with the lock held, so that
@@ -12,27 +12,31 @@ A preview reads what robots have learned (operators, buffers) out of their minds
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import inf
+from threading import RLock
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.payload import FOR
+from sleepcast.channel.message_batch import Answers, MessageBatch
+from sleepcast.channel.payload import FOR, TOLD
 from sleepcast.core.clock import Clock
-from sleepcast.core.errors import SleepcastError
+from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.serial import SerialError, pack, room_for, unpack
 from sleepcast.language import Checked, CheckError, Explanation, check
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
-from sleepcast.station.account import Account, Command, account
+from sleepcast.station.account import Account, Command, SentCommands, account
+from sleepcast.station.answers import answer_from
 from sleepcast.station.journal.journal import Event, Journal, MemoryJournal, Report
 from sleepcast.station.journal.snapshot import dump_journal, restore_journal
-from sleepcast.station.minds import FleetNames, Minds
-from sleepcast.station.preview import NO, UNKNOWN, YES, Preview, preview
-from sleepcast.station.receiver import MAX_REPORTS, Hearing
-from sleepcast.station.roster import Index, RobotNames
+from sleepcast.station.journal.write_batch import PendingEntry, WriteBatch
+from sleepcast.station.minds import FleetNames, FleetTelemetry, ManyMinds, Mask, Minds, Telemetry
+from sleepcast.station.preview import NO, UNKNOWN, YES, Preview, Rows, preview
+from sleepcast.station.roster import Index, RobotNames, Roster
 from sleepcast.station.serialized import AccountState, ReportState, StationState
 from sleepcast.station.validation import (
     DEADLINE,
@@ -52,13 +56,17 @@ STALE_AFTER = 5.0
 """Seconds after which a robot's last news decides nothing in a preview."""
 REPEAT_AFTER = 0.5
 """Seconds between two sendings of a STOP or RELEASE while somebody is not accounted for."""
+MAX_REPORTS = 1_000
+"""Latest reports that are kept for the page."""
+MANY = "robots"
+"""Who spoke, in the journal, where many said the same sort of thing at once."""
 
 
 class NoExplanationError(SleepcastError):
     """The robot cannot say why: it did not hear the command, or has forgotten how it went."""
 
 
-class Station(Hearing):
+class Station:
     """One operator's desk; see the module for who may call what.
 
     vocabulary, minds: the names and the minds of the fleet (see `station.minds`); `minds` is looked into, never
@@ -80,11 +88,47 @@ class Station(Hearing):
         stale_after: float = STALE_AFTER,
         caution: SendPolicy | None = None,
     ) -> None:
-        super().__init__(operator, minds, clock, journal)
+        self.operator = operator
+        self.notes = WriteBatch(MemoryJournal() if journal is None else journal)
+        self.reports: deque[Report] = deque(maxlen=MAX_REPORTS)
+        """What robots reported unasked, the latest last."""
+        self._minds, self._clock = minds, clock
+        self._roster = Roster(minds.names if isinstance(minds, ManyMinds) else minds, len(minds))
+        self._rows = Rows(minds)
+        self._told: FleetTelemetry | None = minds.telemetry if isinstance(minds, ManyMinds) else None
+        self._sent = SentCommands()
+        self._lock = RLock()
         self.epoch, self.stale_after = epoch, stale_after
         self.caution = SendPolicy() if caution is None else caution
         self.vocabulary, self._outbox = vocabulary, outbox
         self._sequence = 0
+
+    @property
+    def journal(self) -> Journal:
+        """Everything that was sent, heard and decided."""
+        return self.notes.journal
+
+    @property
+    def trouble(self) -> str:
+        """What is wrong with the journal, for a person; "" while nothing is."""
+        return self.notes.trouble
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Of all robots on the roster, in its order."""
+        return self._roster.names
+
+    @property
+    def roster(self) -> dict[str, float | None]:
+        """Every robot by name, with the time at which it was last heard (s of the desk's clock), None if never."""
+        with self._lock:
+            heard = self._roster.heard.tolist()
+            return {name: at if at > -inf else None for name, at in zip(self._roster.names, heard, strict=False)}
+
+    @property
+    def fleet_size(self) -> int:
+        """How many robots there are at least, heard or not; 0 where nobody has said."""
+        return self._roster.size
 
     def state(self) -> bytes:
         """Everything that it knows, but for what robots told of themselves one by one. Raises SerialError for more than
@@ -287,6 +331,95 @@ class Station(Hearing):
         """The number of the message that goes out next."""
         self._sequence += 1
         return self._sequence
+
+    # ---- what comes in
+
+    def hear(self, message: Message) -> None:
+        """Take in what a robot says: an ANSWER to a command, a REPORT, or anything that shows that it is there."""
+        with self._lock:
+            now = self._clock.now()
+            place = self._roster.hear(message.sender, now)
+            if message.kind is Kind.REPORT:
+                self.reports.append(Report(message.sender, now, message.body))
+            elif message.kind is Kind.ANSWER:
+                command = self._sent.find(message.body.get("command"))
+                answer = answer_from(message.body, now)
+                if command is not None and answer is not None and place is not None:
+                    command.answers.add(place, answer)
+                if TOLD in message.body or (command is not None and command.is_look):
+                    return
+            else:
+                return
+            details = {"kind": message.kind.value, **message.body}
+            subject = message.body.get("command", "")
+            self._note(Event.HEARD, message.sender, subject=str(subject), details=details)
+
+    def hear_many(self, batch: MessageBatch) -> None:
+        """Take in what many robots say at once; their places are those of the roster. Reports are heard one by one, as
+        many as are kept; answers are one entry in the journal."""
+        said = batch.words
+        if not isinstance(said, Answers):
+            for message in batch.take(slice(-MAX_REPORTS, None)).messages():
+                self.hear(message)
+        with self._lock:
+            now = self._clock.now()
+            self._roster.heard[batch.robots] = now
+            if isinstance(said, Answers):
+                command = self._sent.find(said.command)
+                if command is not None:
+                    command.answers.take(batch.robots, batch.places, said, now)
+                counts = np.bincount(said.sort[batch.places], minlength=len(said.sorts)).tolist()
+                found = {word: count for word, count in zip(said.sorts, counts, strict=True) if count}
+                details = {"kind": batch.kind.value, "robots": len(batch), "outcomes": found}
+                self._note(Event.HEARD, MANY, subject=said.command, details=details)
+
+    def observe(self, now: float, rows: Iterable[Telemetry]) -> None:
+        """Take in telemetry of `now` (s of the desk's clock): what robots tell of themselves. Nodes are such rows."""
+        with self._lock:
+            told, stopped = [], []
+            for row in rows:
+                place = self._roster.enrol(row.name)
+                if place is not None:
+                    self._rows.take(place, row)
+                    told.append(place)
+                    stopped.append(row.stopped)
+            robots = np.array(told, np.intp)
+            self._roster.observe(robots, now)
+            self._update_latch(robots, np.array(stopped, np.bool_), now)
+
+    def observe_many(self, now: float, robots: Index) -> None:
+        """The same of these robots, whose minds answer for many. Raises MisuseError for minds that do not."""
+        if self._told is None:
+            raise MisuseError("these minds tell one by one: give their rows to observe")
+        with self._lock:
+            self._told.take(robots)
+            self._roster.observe(robots, now)
+            if self._sent.latch is not None:
+                self._update_latch(robots, self._told.stopped(robots), now)
+
+    def _update_latch(self, robots: Index, stopped: Mask, now: float) -> None:
+        """Robots that tell that they are stopped, or not, account for a STOP or RELEASE that was sent before."""
+        latest = self._sent.latch
+        if latest is None or now < latest.message.issued:
+            return
+        there = robots[stopped == (latest.kind is Kind.STOP)]
+        said = Answers.alike(latest.id, len(there), "stopped")
+        latest.answers.take(there, np.arange(len(there)), said, now)
+
+    def _note(
+        self,
+        event: Event,
+        who: str = "",
+        *,
+        subject: str = "",
+        text: str = "",
+        details: Mapping[str, object],
+        first: bool = False,
+    ) -> None:
+        """Write an entry. first: before what it tells happens; then it raises JournalError."""
+        with self._lock:
+            note = PendingEntry(self._clock.now(), who or self.operator, event, subject, text, details)
+            (self.notes.write_first if first else self.notes.write)(note)
 
     # ---- afterwards
 

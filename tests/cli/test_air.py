@@ -118,7 +118,7 @@ def test_keys_decide_who_is_obeyed(home: Path, served: Served, channel: str) -> 
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("send", "(ST)"), "everybody is meant (--all)"),
+        (("send", "(ST)"), "you mean all robots (--all)"),
         (("send", "(ST"), "missing at the end"),
         (("ask", "(+ 1"), "missing at the end"),
         (("send", "(WHEN (> x 1) (ST))", "--key", "desk"), "sleepcast keys new desk makes it"),
@@ -142,5 +142,5 @@ def test_a_channel_that_means_nothing_is_refused(home: Path, uri: str) -> None:
 def test_nobody_there_is_told_as_nobody(home: Path, channel: str) -> None:
     found = on_air(channel, "ask", "id", "--within", "0")
     assert found.status == 0
-    assert "nobody answered, and nobody was heard before" in found.out
+    assert "no robot answered, and none was heard before" in found.out
     assert "development keys of this machine" in found.err

@@ -117,7 +117,7 @@ def test_the_outcome_for_people(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "bravo", "--seconds", "12", "--robots", "300"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert re.match(
-        r"bravo, seed 7: 300 robots for 12\.0 s, [0-9.]+ times as fast as real time, after [0-9.]+ s to set it up$",
+        r"bravo, seed 7: 300 robots for 12\.0 s, [0-9.]+ times real time, after [0-9.]+ s of set-up$",
         lines[0],
     )
     assert lines[1].startswith("  (WHEN (AND")

@@ -96,7 +96,7 @@ def test_stop_is_one_key_and_its_account_is_true(desk: Terminal, channel: str) -
 def alone(channel: str, tmp_path: Path) -> Iterator[Terminal]:
     """A desk of 80 by 24 that hears nobody."""
     with terminal(("desk", "--channel", channel), tmp_path, size=(80, 24)) as found:
-        found.wait_to_see("nobody was heard yet")
+        found.wait_to_see("no robot heard yet")
         yield found
 
 
@@ -109,7 +109,7 @@ def test_what_is_wrong_is_shown_where_it_is(alone: Terminal) -> None:
     desk.type("\b\b" + ENTER)
     desk.wait_to_see("every robot that hears it would obey", "Shift-Tab lets it go to all", "sleep> (VM 1 1)")
     desk.type(CTRL_C)
-    desk.wait_to_see("nothing was sent yet")
+    desk.wait_to_see("no command sent yet")
     desk.type(":fly" + ENTER)
     desk.wait_to_see("unknown :fly")
     desk.type(CTRL_C + F1)
@@ -142,7 +142,7 @@ def test_it_fits_every_terminal_and_ends_in_good_order(
 def test_a_terminal_that_cannot_show_it_gets_a_sentence(channel: str, tmp_path: Path) -> None:
     with terminal(("desk", "--channel", channel), tmp_path, {"TERM": "dumb"}) as desk:
         assert desk.status() == 2
-        assert "this terminal (TERM=dumb) cannot show a desk" in desk.screen
+        assert "this terminal (TERM=dumb) cannot show the desk" in desk.screen
     refused = called("desk", "--channel", channel)
     assert (refused.status, refused.out) == (2, "")
     assert "a desk needs a terminal" in refused.err

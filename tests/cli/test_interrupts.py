@@ -72,7 +72,7 @@ def test_a_run_that_compiles_its_kernels_ends_at_any_moment(delay: float, tmp_pa
     process = begin("run", "crowd", *options, XDG_CACHE_HOME=str(tmp_path))
     time.sleep(delay)
     said = end(process)
-    assert said in ("", "ended by Ctrl-C before anything had begun") or said.startswith("ended by Ctrl-C at ")
+    assert said in ("", "ended by Ctrl-C before anything had started") or said.startswith("ended by Ctrl-C at ")
     if file.exists():
         recording = load_recording(file)
         assert recording.complete

@@ -166,10 +166,10 @@ def test_it_moves_into_an_archive_when_told(journal: SqliteJournal, file: Path) 
     [
         (["search", "--event", "shouted"], "entries tell of sent"),
         (["search", "--since", "yesterday"], "wanted 10min, 14:30"),
-        (["search"], "there is no journal"),
-        (["verify"], "there is no journal"),
+        (["search"], "no journal"),
+        (["verify"], "no journal"),
         (["verify", "--head", "zz"], "64 hexadecimal digits"),
-        (["rotate"], "there is no journal"),
+        (["rotate"], "no journal"),
     ],
 )
 def test_misuse_is_a_sentence(tmp_path: Path, arguments: list[str], complaint: str) -> None:

@@ -107,19 +107,19 @@ def test_a_change_that_no_robot_took_is_told_and_the_old_key_stays(channel: str,
     secret = (folder / "desk.key").read_bytes()
     rotated = called("keys", "rotate", "desk", "--channel", channel)
     assert (rotated.status, (folder / "desk.key").read_bytes()) == (1, secret)
-    assert "no robot has taken it" in rotated.err
+    assert "no robot has received it" in rotated.err
 
 
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("revoke", "anna"), "say with --key whose key speaks"),
-        (("revoke", "anna", "--key", "anna"), "only a commander says whom to trust"),
+        (("revoke", "anna"), "choose a key with --key"),
+        (("revoke", "anna", "--key", "anna"), "only a commander may change which keys are trusted"),
         (("revoke", "ana", "--key", "chief"), "did you mean anna"),
         (("revoke", "chief", "--key", "chief"), "cannot end its own key"),
-        (("rotate", "anna"), "say with --key whose key speaks"),
+        (("rotate", "anna"), "choose a key with --key"),
         (("rotate", "nobody"), "no key 'nobody'"),
-        (("trust", "00" * 32, "--owner", "x", "--role", "robot"), "say with --key whose key speaks"),
+        (("trust", "00" * 32, "--owner", "x", "--role", "robot"), "choose a key with --key"),
     ],
 )
 def test_what_is_refused_changes_nothing(

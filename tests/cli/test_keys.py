@@ -49,7 +49,7 @@ def test_a_key_is_made_listed_trusted_elsewhere_and_revoked(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (("new", "desk"), "exists, and a key that is replaced is lost"),
+        (("new", "desk"), "exists, and a replaced key would be lost"),
         (("new", "../desk"), "letters, digits"),
         (("new", ""), "name of 1 to 64 characters"),
         (("trust", "abc", "--owner", "anna", "--role", "operator"), "hexadecimal digits"),

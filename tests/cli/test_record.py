@@ -225,7 +225,7 @@ def rewritten(file: Path, **about: str) -> Path:
     [
         ({"format": "2"}, "format 2, which is newer than this sleepcast"),
         ({"format": "x"}, "wanted a whole number"),
-        ({}, "is no recording of sleepcast"),
+        ({}, "is not a sleepcast recording"),
     ],
 )
 def test_a_file_of_a_newer_format_or_of_somebody_else_is_refused(

@@ -55,7 +55,7 @@ def test_a_dozen_robots_are_commanded_with_care(channel: str, tmp_path: Path) ->
         assert (staged["n_matched"], staged["n_silent"], staged["n_predicted"]) == (12, 0, 12)
         halted = on_air("send", "--staged", "--count", "12", "(WHEN (> id 0) (PROGN (MARK) (/ 1 0)))")
         assert halted.status == 1
-        assert "not sent to the others" in halted.err
+        assert "not sent to the other robots" in halted.err
         only = told(on_air("send", "--only", "r3,r10", "(MARK)", "--json"))
         assert (only["matched"], only["n_silent"], only["not_matched"]) == (["r3", "r10"], 0, [])
         chance = told(on_air("send", "--count", "12", "(WHEN (PROB 0.5) (MARK))", "--json"))
@@ -112,8 +112,8 @@ def test_what_does_not_go_together(channel: str, capsys: pytest.CaptureFixture[s
         ("send", MARK, "--count", "0"): "not in the range",
         ("send", MARK, "--count", "3", "--blind"): "nothing was sent",
         ("lease", "grant", "bravo"): "--to NAME",
-        ("lease", "take", "bra vo"): "no name of a group",
-        ("lease", "take", ""): "no name of a group",
+        ("lease", "take", "bra vo"): "not a group's name",
+        ("lease", "take", ""): "not a group's name",
         ("lease", "take", "bravo", "--seconds", "nan"): "a lease is for 0 to 3600 s",
         ("lease", "give", "bravo", "--keep"): "--keep goes with",
     }

@@ -81,7 +81,7 @@ def test_a_run_that_goes_on_can_be_recorded_and_verified(world: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "why"),
     [
-        (["run"], "which scenario?"),
+        (["run"], "no scenario given"),
         (["run", "bravo", "--from", "FILE"], "leave out either bravo or --from"),
         (["demo", "bravo", "--from", "FILE"], "leave out either bravo or --from"),
         (["run", "--from", "FILE", "--robots", "5"], "a snapshot has started"),
@@ -92,7 +92,7 @@ def test_a_run_that_goes_on_can_be_recorded_and_verified(world: Path) -> None:
         (["run", "bravo", "--snapshot", "x.snap", "--snapshot-at", "soon"], "wanted a time such as 30s or 2min"),
         (["run", "bravo", "--seconds", "9", "--snapshot", "x.snap", "--snapshot-at", "10"], "goes from 0 s to 9 s"),
         (["run", "bravo", "--snapshot", "none/x.snap"], "there is no folder"),
-        (["run", "bravo", "--snapshot", "."], "--snapshot .: that is no file"),
+        (["run", "bravo", "--snapshot", "."], "--snapshot .: not a regular file"),
         (["run", "bravo", "--record", "x", "--snapshot", "./x"], "--record and --snapshot name the same file x"),
         (["run", "bravo", "--journal", "x", "--snapshot", "x"], "--snapshot and --journal name the same file x"),
         (["demo", "--journal", "x", "--record", "x"], "--record and --journal name the same file x"),

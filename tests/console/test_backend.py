@@ -144,12 +144,10 @@ class TestStop:
         stand.desk.stop()
         latched, sentence = safety(stand)
         assert latched
-        assert sentence.startswith(
-            "STOP: 0 of 20 robots say that they are stopped; silent: rover1 (last heard 0 s ago)"
-        )
+        assert sentence.startswith("STOP: 0 of 20 robots report stopped; silent: rover1 (last heard 0 s ago)")
         assert sentence.endswith("and 17 more.")
         stand.run()
-        assert safety(stand) == (True, "STOP: all 20 robots say that they are stopped.")
+        assert safety(stand) == (True, "STOP: all 20 robots report stopped.")
         assert all(node.stopped for node in stand.swarm.minds.values())
         assert stand.desk.driver.frame[1] & 2
         stand.desk.release()
@@ -160,7 +158,7 @@ class TestStop:
     def test_while_time_stands_still_it_says_that_nobody_has_heard_it(self, stand: Stand) -> None:
         stand.desk.driver.set_pace(running=False)
         stand.desk.stop()
-        assert "0 of 20 robots say that they are stopped. Time stands still" in safety(stand)[1]
+        assert "0 of 20 robots report stopped. Time stands still" in safety(stand)[1]
 
     def test_a_key_held_down_gives_one_stop_and_not_hundreds(self, stand: Stand) -> None:
         for _ in range(100):

@@ -184,7 +184,7 @@ def test_a_newcomers_first_minute(page: Page) -> None:
     assert first + sum(others) == 1000
     assert len(pixels_seen(page, "--lit", least=20 * first)) >= 20 * first  # they are lit on the map
     page.locator("#speed").select_option("1")  # from here on nobody gets far, however long this machine takes
-    expect(page.locator("#achieved")).to_have_text("1× reached")
+    expect(page.locator("#achieved")).to_have_text("running at 1×")
 
     type_in(page, SENTENCE.replace("5mi", "9mi"))
     foretold_within(page, 2 * first + 1, 1000)  # nine miles round X are more than three times the area: before Enter
@@ -269,7 +269,7 @@ def test_stop_stops_every_body_and_release_lets_go(bravo: Program, context: Brow
     page.locator("#text").focus()
     page.keyboard.press("F9")  # while the prompt has the focus
     expect(page.locator("#stopped")).to_be_visible()
-    expect(page.locator("#stopped-text")).to_have_text("STOP: all 1,000 robots say that they are stopped.")
+    expect(page.locator("#stopped-text")).to_have_text("STOP: all 1,000 robots report stopped.")
     expect(page.locator("#text")).to_have_value(SENTENCE)  # nothing was typed, sent or asked
     expect(page.locator("#commands tr.stop .matched")).to_have_text("1,000")
     until(page, lambda: clock(page) >= 2 * 60)  # time to come to rest at 0.5 m/s2
@@ -289,7 +289,7 @@ def test_stop_stops_every_body_and_release_lets_go(bravo: Program, context: Brow
 
 def test_stop_button_does_the_same_as_its_key(rovers: Page) -> None:
     rovers.locator("#stop").click()
-    expect(rovers.locator("#stopped-text")).to_have_text("STOP: all 20 robots say that they are stopped.")
+    expect(rovers.locator("#stopped-text")).to_have_text("STOP: all 20 robots report stopped.")
     rovers.locator("#release").click()
     expect(rovers.locator("#stopped")).to_be_hidden()
 
@@ -320,7 +320,7 @@ def test_errors_stand_under_the_text_with_a_caret(rovers: Page) -> None:
 def test_what_is_for_everybody_must_be_meant(rovers: Page) -> None:
     before = rovers.locator("#commands tr").count()
     type_in(rovers, "(MARK)")
-    box = rovers.get_by_label("This has no test: yes, I mean all 20 robots.")
+    box = rovers.get_by_label("This applies to all 20 robots. Send anyway?")
     expect(box).to_be_visible()
     expect(rovers.locator("#send")).to_be_disabled()
     rovers.locator("#text").press("Enter")
@@ -658,9 +658,9 @@ def test_time_pauses_steps_and_changes_its_speed(rovers: Page) -> None:
         rovers.locator("#step").click()
     expect(clock).not_to_have_text(stood)
     rovers.locator("#run").click()
-    expect(rovers.locator("#achieved")).to_have_text("5× reached")
+    expect(rovers.locator("#achieved")).to_have_text("running at 5×")
     rovers.locator("#speed").select_option("10")
-    expect(rovers.locator("#achieved")).to_have_text("10× reached")
+    expect(rovers.locator("#achieved")).to_have_text("running at 10×")
     rovers.locator("#speed").select_option("5")
 
 

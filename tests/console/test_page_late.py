@@ -132,7 +132,7 @@ def test_the_page_says_that_the_simulator_is_being_compiled(context: BrowserCont
             expect(page.locator("#preparing")).to_contain_text("is being compiled for this computer")
             expect(page.locator("#achieved")).to_have_text("compiling")
             expect(page.locator("#preparing")).to_be_hidden()
-            expect(page.locator("#achieved")).to_have_text(re.compile("reached"))
+            expect(page.locator("#achieved")).to_have_text(re.compile("running"))
             expect(page.locator("#clock")).not_to_have_text("0:00:00")
 
 
@@ -257,10 +257,10 @@ def test_a_stop_that_nobody_answers_says_so_and_goes_out_again(program: Program,
     stopped = blank.locator("#stopped-text")
     between.deaf = True
     blank.keyboard.press("F9")
-    expect(stopped).to_have_text("STOP was sent, and the station has not said that it heard it. Do not rely on it.")
+    expect(stopped).to_have_text("STOP was sent, but the station has not confirmed it. Do not rely on it.")
     between.deaf = False
     between.cut()  # what was sent on that line is lost
-    expect(stopped).to_have_text("STOP: all 20 robots say that they are stopped.")
+    expect(stopped).to_have_text("STOP: all 20 robots report stopped.")
     blank.locator("#release").click()
     expect(stopped).to_be_hidden()
     blank.wait_for_timeout(1500)
@@ -277,7 +277,7 @@ def test_a_line_on_which_nothing_is_heard_is_told(program: Program, blank: Page)
     blank.wait_for_timeout(8000)
     expect(offline).to_be_hidden(timeout=1)
     between.mute = True
-    expect(offline).to_contain_text("Nothing has been heard from the station for some seconds.")
+    expect(offline).to_contain_text("No data from the station for several seconds.")
     between.mute = False
     expect(offline).to_be_hidden()
     blank.locator("#run").click()

@@ -102,7 +102,7 @@ def test_a_length_that_nothing_can_have_is_the_end(tmp_path: Path, scenario: Sce
     data = file.read_bytes()
     at = first(data, ATTACHMENT) + 9 + 16 + 4 + len("scenario") + 4 + len("application/json")
     file.write_bytes(data[:at] + struct.pack("<Q", length) + data[at + 8 :])
-    with pytest.raises(NoRecordingError, match="is no recording of sleepcast"):
+    with pytest.raises(NoRecordingError, match="is not a sleepcast recording"):
         load_recording(file)
 
 

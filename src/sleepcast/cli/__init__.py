@@ -89,7 +89,7 @@ class Commands(click.Group):
 @click.version_option(__version__, "--version", message="%(prog)s %(version)s")
 @click.pass_context
 def program(ctx: click.Context) -> int:
-    """One broadcast expression, and every robot decides for itself whether it is meant.
+    """Broadcast one expression, and every robot decides for itself whether to obey.
 
     Without a command this is `sleepcast demo bravo`: 1,000 scouts in the browser.
 
@@ -157,7 +157,7 @@ def _lacks_files(error: BaseException | None) -> bool:
 def _tell_few_files() -> None:
     """Say so, and nothing of what libraries could not finish."""
     complain(
-        "this process may open too few files and sockets at once: allow more with `ulimit -n 1024`, and begin anew"
+        "this process may open too few files and sockets at once: allow more with `ulimit -n 1024`, and start again"
     )
     sys.unraisablehook = lambda _: None
     warnings.simplefilter("ignore")

@@ -71,7 +71,7 @@ def census(found: Account) -> dict[str, object]:
 def forecast_text(found: Forecast) -> str:
     """Who would obey, as far as the desk knows: to be said before anything is sent."""
     if not found.may + len(found.no):
-        return "nobody was heard before, so nobody knows who will obey"
+        return "no robot was heard before, so it is unknown which robots will obey"
     unheard = f", and {found.nameless} that were never heard" if found.nameless else ""
     may = f"{listed('cannot say', found.unknown)}{unheard}"
     return f"{listed('would obey', found.yes)}; {may}; would not {len(found.no)}"
@@ -83,7 +83,7 @@ def account_lines(command: Command, found: Account) -> Iterator[str]:
 
     if not found.total:
         asked = "is a node up on this channel, with these keys?"
-        yield f"{command.id}: nobody answered, and nobody was heard before: {asked}"
+        yield f"{command.id}: no robot answered, and none was heard before: {asked}"
         return
     leasing = "lease" in command.message.body
     verb = "granted in the group by" if leasing else WORDS.get(str(command.kind), "matched")

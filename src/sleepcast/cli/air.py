@@ -67,7 +67,7 @@ class AirOptions:
 expect_option = click.option(
     "--expect",
     metavar="N|FILE",
-    help="Robots that there are: their number, or a file of their names. Those that were never heard then count as "
+    help="Robots of the fleet: their number, or a file of their names. Those never heard then count as "
     "silent. Else what `roster --expect` keeps.",
 )
 
@@ -83,12 +83,14 @@ def options(command: Command) -> Command:
             "--skew",
             metavar="S",
             type=click.FloatRange(0.0, MOST_SKEW),
-            help="Seconds that others' clocks may be wrong; else 2.",
+            help="Seconds that others' clocks may be wrong (default: 2).",
         ),
-        click.option("--keys", "folder", type=click.Path(path_type=Path), help="Where keys lie."),
-        click.option("--trust", type=click.Path(path_type=Path), help="The file of keys that are believed."),
-        click.option("--key", metavar="OWNER", help="Whose key is ours; else the one of `keys use`."),
-        click.option("--fleet", default=FLEET, show_default=True, help="Messages of other fleets are not heard."),
+        click.option("--keys", "folder", type=click.Path(path_type=Path), help="Folder of the keys."),
+        click.option("--trust", type=click.Path(path_type=Path), help="The file of trusted keys."),
+        click.option("--key", metavar="OWNER", help="Key to sign with (default: that of `keys use`)."),
+        click.option(
+            "--fleet", default=FLEET, show_default=True, help="The fleet; messages of other fleets are ignored."
+        ),
     ):
         command = option(command)
     return command
@@ -104,10 +106,10 @@ def operator(command: Callable[..., int]) -> Callable[..., int]:
 def on_air(command: Callable[..., int]) -> Callable[..., int]:
     """The same without `as_json`."""
 
-    @click.option("--channel", metavar="URI", default=CHANNEL, show_default=True, help="The radio.")
+    @click.option("--channel", metavar="URI", default=CHANNEL, show_default=True, help="The channel.")
     @options
     @expect_option
-    @click.option("--within", type=Seconds(0.0, 60.0), help="Seconds for answers; else a millisecond for each robot.")
+    @click.option("--within", type=Seconds(0.0, 60.0), help="Seconds for answers (default: one millisecond per robot).")
     @journal_option
     @wraps(command)
     def placed(
@@ -308,7 +310,7 @@ def _keys(air: AirOptions, robot: bool, say: Callable[[str], None]) -> tuple[Key
     if owner is None and air.trust is None:
         file = folder / DEVELOPMENT_TRUST
         desk, robots = development_keys(folder)
-        say(f"development keys of this machine, in {folder}: to try things out; whoever reads them can command")
+        say(f"development keys of this machine, in {folder}: to try things out; anybody who can read them can command")
         pair, trust = (robots if robot else desk), load_trust(file) if file.exists() else Trust()
         trust.merge(Trust((desk.public, robots.public)))
     else:
@@ -338,7 +340,7 @@ def journal_option(command: Command) -> Command:
         "--journal",
         metavar="FILE",
         type=click.Path(path_type=Path),
-        help="The journal, if not the fleet's own in your data.",
+        help="The journal (default: the fleet's own in your data).",
     )
     return option(command)
 
@@ -365,9 +367,9 @@ store_option = click.option(
     "file",
     metavar="FILE",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="Where it lies what outlives a restart: rules, groups, STOP, what was heard and done.",
+    help="File for state that survives a restart: rules, groups, STOP, commands received.",
 )
-no_store_option = click.option("--no-store", "forgetful", is_flag=True, help="Let nothing outlive a restart.")
+no_store_option = click.option("--no-store", "forgetful", is_flag=True, help="Keep no state across restarts.")
 
 
 def open_store(file: Path, say: Callable[[str], None]) -> Store:

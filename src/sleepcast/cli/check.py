@@ -44,10 +44,10 @@ class Review:
     counts: Mapping[str, int]
 
 
-@click.command("check", cls=NegativeNumbersAllowed, short_help="Say what is wrong with expressions.")
+@click.command("check", cls=NegativeNumbersAllowed, short_help="Check expressions for errors.")
 @click.argument("sources", metavar="TEXT|FILE|-...", nargs=-1, required=True)
 @click.option("--scenario", metavar="NAME", help="Check against the names that the robots of this scenario know.")
-@click.option("--strict", is_flag=True, help="Take warnings for errors.")
+@click.option("--strict", is_flag=True, help="Treat warnings as errors.")
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as one JSON object.")
 def check(sources: tuple[str, ...], scenario: str | None, strict: bool, as_json: bool) -> int:
     """Check expressions without evaluating them: print every finding with its place, and the cost in steps.

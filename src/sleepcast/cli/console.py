@@ -10,21 +10,26 @@ from sleepcast.cli.streams import announce, complain
 
 TITLE = "Robots on the air"
 STORY = (
-    "Every robot that was heard on this channel is on the map, where it last said it was. What you type is broadcast "
-    "to all of them, and each decides for itself whether it is meant: (WHEN (> battery 50%) (JOIN bravo)). Those that "
-    "would obey are lit while you type. Click a robot to read why it obeyed or did not. Robots tell of themselves "
-    "because this page asks them; while it is paused, they are not asked."
+    "Every robot heard on this channel is on the map, at its last reported position. What you type is broadcast "
+    "to all of them, and each decides for itself whether to obey: (WHEN (> battery 50%) (JOIN bravo)). Those that "
+    "would obey are highlighted while you type. Click a robot to see why it obeyed or did not. This page asks "
+    "robots for telemetry; while it is paused, it does not."
 )
 """What a stranger reads first."""
 
 
 @click.command("console", short_help="Open the operator's page for robots on the air.")
-@click.option("--scenario", metavar="NAME|FILE", help="Draw the world of this scenario under them.")
+@click.option("--scenario", metavar="NAME|FILE", help="Draw the world of this scenario under the robots.")
 @click.option(
-    "--every", metavar="S", type=click.FloatRange(0.2, 60.0), default=1.0, show_default=True, help="Ask so often."
+    "--every",
+    metavar="S",
+    type=click.FloatRange(0.2, 60.0),
+    default=1.0,
+    show_default=True,
+    help="Seconds between two requests.",
 )
 @click.option("--host", default="127.0.0.1", show_default=True, help="The address at which the page is served.")
-@click.option("--port", type=click.IntRange(0, 65_535), help="Its port; else 8317, 0 for any free one.")
+@click.option("--port", type=click.IntRange(0, 65_535), help="Its port (default: 8317; 0 for any free one).")
 @click.option("--insecure", is_flag=True, help="Allow a host that others can reach.")
 @allow_host_option
 @click.option("--no-browser", is_flag=True, help="Only print the address of the page.")

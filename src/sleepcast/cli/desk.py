@@ -28,7 +28,7 @@ DUMB = frozenset({"", "dumb", "unknown"})
     type=click.FloatRange(0.0, 3600.0),
     default=LOOK_EVERY,
     show_default=True,
-    help="Ask robots to tell of themselves so often; 0: only when you say :look.",
+    help="Seconds between two telemetry requests; 0: only on :look.",
 )
 @on_air
 def desk(look: float, air: AirOptions) -> int:
@@ -53,7 +53,7 @@ def desk(look: float, air: AirOptions) -> int:
         try:
             asyncio.run(Screen(session, air.channel).run())
         except EOFError:
-            complain("the terminal is gone, and the desk with it")
+            complain("the terminal is gone, so the desk has ended")
         finally:
             _tell_end(session)
     return 0
@@ -63,9 +63,9 @@ def _check_terminal() -> None:
     """Raises MisuseError where there is no terminal that can show a desk."""
     instead = "use sleepcast send, watch and stop instead, which need none"
     if not all(stream is not None and stream.isatty() for stream in (sys.stdin, sys.stdout)):
-        raise MisuseError(f"a desk needs a terminal to type at and to be shown on: {instead}")
+        raise MisuseError(f"the desk needs a terminal: {instead}")
     if os.environ.get("TERM", "") in DUMB:
-        raise MisuseError(f"this terminal (TERM={os.environ.get('TERM', '')}) cannot show a desk: {instead}")
+        raise MisuseError(f"this terminal (TERM={os.environ.get('TERM', '')}) cannot show the desk: {instead}")
 
 
 def _tell_end(session: Session) -> None:

@@ -31,9 +31,9 @@ class NegativeNumbersAllowed(click.Command):
     show_default=True,
     help="Classic is the original program with its faults repaired, faithful is the original as it was.",
 )
-@click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="Give a variable a value first.")
-@click.option("--seed", type=int, default=0, show_default=True, help="What chance (PROB, DICE, ...) depends on.")
-@click.option("--explain", is_flag=True, help="Say on standard error how each value came about.")
+@click.option("--set", "settings", metavar="NAME=VALUE", multiple=True, help="Set a variable first.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Random seed (for PROB, DICE, ...).")
+@click.option("--explain", is_flag=True, help="Explain on standard error how each value was computed.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object for each expression instead.")
 def evaluate(
     expressions: tuple[str, ...], dialect: str, settings: tuple[str, ...], seed: int, explain: bool, as_json: bool

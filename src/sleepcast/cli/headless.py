@@ -1,4 +1,4 @@
-"""A run without a page: the scenario's mission, as fast as the machine goes, and what came of it."""
+"""A run without a page: the scenario's mission, as fast as the machine allows, and its results."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class Run:
         found = self.to_dict()
         lines = [
             f"{found['scenario']}, seed {found['seed']}: {found['robots']} robots for {found['seconds']} s, "
-            f"{found['realtime_factor']} times as fast as real time, after {self.setup:.1f} s to set it up"
+            f"{found['realtime_factor']} times real time, after {self.setup:.1f} s of set-up"
         ]
         for command in self.station.commands():
             lines += [f"  {line}" for line in command.text.strip().split("\n")]
@@ -201,12 +201,12 @@ class SnapshotPlan:
         file = Path(os.path.realpath(self.file))
         if not file.parent.is_dir():
             raise MisuseError(
-                f"--snapshot {self.file}: there is no folder {file.parent}; make it, or give another name"
+                f"--snapshot {self.file}: there is no folder {file.parent}; create it, or choose another name"
             )
         if file.exists() and not file.is_file():
-            raise MisuseError(f"--snapshot {self.file}: that is no file; give another name")
+            raise MisuseError(f"--snapshot {self.file}: not a regular file; choose another name")
         if not os.access(file.parent, os.W_OK):
-            raise MisuseError(f"--snapshot {self.file}: nothing can be written in {file.parent}; give another folder")
+            raise MisuseError(f"--snapshot {self.file}: cannot write in {file.parent}; choose another folder")
 
     def tick(self, first: int, ticks: int, tick: float) -> int:
         """The tick after which it is taken, in a run of so many from the `first` on. tick: s in each. Raises

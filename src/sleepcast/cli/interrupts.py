@@ -3,7 +3,7 @@
 Python raises KeyboardInterrupt wherever it stands: in an import, a finalizer or a callback from compiled code, where it
 is swallowed, or in the middle of a record for a file. So while a run is set up, when nothing is open yet, Ctrl-C ends
 the process on the spot; and while it goes on, Ctrl-C waits until a tick is over. Pressed once more there, it is raised
-at once. Whoever has told the process to ignore Ctrl-C (nohup and the like do) is obeyed.
+at once. If the process was told to ignore Ctrl-C (as nohup does), it does.
 
 SIGTERM, by which services and containers are ended, does the same: bodies are stopped, files closed, and the account is
 told. Only the exit status is another.
@@ -25,7 +25,7 @@ INTERRUPTED = 128 + signal.SIGINT
 TERMINATED = 128 + signal.SIGTERM
 """The same for SIGTERM."""
 NAMES = {signal.SIGINT: "Ctrl-C", signal.SIGTERM: "SIGTERM"}
-TOO_EARLY = "ended by {} before anything had begun"
+TOO_EARLY = "ended by {} before anything had started"
 
 
 class Terminated(SystemExit):

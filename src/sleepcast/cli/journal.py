@@ -36,11 +36,11 @@ NEVER = "never"
 HASH = re.compile("[0-9a-fA-F]{64}")
 
 
-@click.group("journal", short_help="What was sent, heard and decided.", invoke_without_command=True)
+@click.group("journal", short_help="Read what was sent, received and decided.", invoke_without_command=True)
 @click.pass_context
 def journal(context: click.Context) -> int:
-    """Every command on the air is written into a journal, with what came of it: one for each fleet, which only grows,
-    and in which each entry seals those before it. Alone this shows the last entries.
+    """Every command on the air is written into its fleet's journal, with its outcome. A journal is only appended to,
+    and each entry holds a hash of those before it. Without a subcommand, this shows the last entries.
 
     \b
     Examples:
@@ -59,7 +59,7 @@ def journal(context: click.Context) -> int:
 def _place(command: Callable[..., int]) -> Callable[..., int]:
     """The options that say which journal; the command gets its `file`."""
 
-    @click.option("--fleet", default=FLEET, show_default=True, help="Whose journal.")
+    @click.option("--fleet", default=FLEET, show_default=True, help="The fleet of the journal.")
     @journal_option
     @wraps(command)
     def placed(fleet: str, journal: Path | None, **others: object) -> int:
@@ -72,11 +72,13 @@ def _query(command: Callable[..., int]) -> Callable[..., int]:
     """The options that say which entries; the command gets a `query`."""
 
     @click.argument("text", default="")
-    @click.option("--robot", metavar="NAME", default="", help="What it said, and what it was expected to obey.")
-    @click.option("--event", metavar="SORT", default="", help="Entries of one sort, such as sent, heard or refused.")
+    @click.option("--robot", metavar="NAME", default="", help="What it reported, and what it was expected to obey.")
+    @click.option("--event", metavar="SORT", default="", help="Entries of one type, e.g. sent, heard or refused.")
     @click.option("--command", "command_", metavar="ID", default="", help="All about one command.")
-    @click.option("--since", metavar="WHEN", type=Moment(), help="Written since 10min ago, 14:30 or 2026-11-21T14:30.")
-    @click.option("--until", metavar="WHEN", type=Moment(), help="Written until then.")
+    @click.option(
+        "--since", metavar="WHEN", type=Moment(), help="Entries since 10min (ago), 14:30 or 2026-11-21T14:30."
+    )
+    @click.option("--until", metavar="WHEN", type=Moment(), help="Entries until then.")
     @wraps(command)
     def chosen(
         text: str, robot: str, event: str, command_: str, since: float | None, until: float | None, **others: object
@@ -96,7 +98,7 @@ def _query(command: Callable[..., int]) -> Callable[..., int]:
 @journal.command("search", short_help="Show entries.")
 @_query
 @click.option("--last", metavar="N", type=click.IntRange(1, MOST), default=LAST, show_default=True, help="At most.")
-@click.option("--follow", is_flag=True, help="Go on as more is written, until Ctrl-C.")
+@click.option("--follow", is_flag=True, help="Keep printing new entries until Ctrl-C.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object a line.")
 @_place
 def search(file: Path, query: Query, last: int = LAST, follow: bool = False, as_json: bool = False) -> int:
@@ -147,15 +149,15 @@ def export(file: Path, query: Query, as_table: bool) -> int:
     return 0
 
 
-@journal.command("verify", short_help="Check that nothing was changed or taken away.")
-@click.option("--head", metavar="HASH", help="A hash that was noted before: it must be there.")
+@journal.command("verify", short_help="Check that no entry was changed or removed.")
+@click.option("--head", metavar="HASH", help="A hash noted earlier, which must be in the journal.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 @_place
 def verify(file: Path, head: str | None, as_json: bool) -> int:
     """Follow the chain of hashes through the journal and its archives, and name the first entry that does not fit.
 
-    The chain shows that an entry was changed or removed by accident or in passing. Who rewrites all that follows as
-    well is found by a hash that was noted elsewhere before: give it with --head.
+    The chain shows whether an entry was changed or removed. If somebody rewrites all later entries as well, only a hash
+    that was noted elsewhere before reveals it: give it with --head.
 
     \b
     Examples:
@@ -180,15 +182,13 @@ def verify(file: Path, head: str | None, as_json: bool) -> int:
         raise BrokenChainError(f"{broken}; the {found.count} entries before it are as they were written")
     else:
         which = f", {first} to {found.last}" if found.count else ""
-        put(
-            f"{found.count} entries{which} in {files} file{'s' if files > 1 else ''}: nothing was changed or taken away"
-        )
+        put(f"{found.count} entries{which} in {files} file{'s' if files > 1 else ''}: no entry was changed or removed")
         put(f"head {found.hash.hex()}")
     return 1 if broken else 0
 
 
 @journal.command("rotate", short_help="Move the journal into an archive.")
-@click.option("--at", metavar="WHEN", help=f"Do so by itself from now on: 100MB, 24h, 100MB,24h, or {NEVER}.")
+@click.option("--at", metavar="WHEN", help=f"From now on, do so automatically: 100MB, 24h, 100MB,24h, or {NEVER}.")
 @_place
 def rotate(file: Path, at: str | None) -> int:
     """Move all entries into an archive beside the journal, which goes on with the next number; searching, exporting and

@@ -39,9 +39,9 @@ def on_air_if_asked(command: Command) -> Command:
     """The options that tell the fleet as well: the command gets `channel`, `key`, `fleet` and `as_json`."""
     for option in (
         click.option("--json", "as_json", is_flag=True, help="Print JSON instead."),
-        click.option("--fleet", default=FLEET, show_default=True, help="The fleet that is told."),
-        click.option("--key", metavar="OWNER", help="The commander's key that says so; else the one in use."),
-        click.option("--channel", metavar="URI", help="Tell the robots on this channel, too."),
+        click.option("--fleet", default=FLEET, show_default=True, help="The fleet to tell."),
+        click.option("--key", metavar="OWNER", help="The commander's key to sign with (default: the one in use)."),
+        click.option("--channel", metavar="URI", help="Also tell the robots on this channel."),
     ):
         command = option(command)
     return command
@@ -57,7 +57,9 @@ def commander(folder: Path, owner: str | None) -> KeyPair:
     if owner is not None:
         found = find_key(folder, owner)
         if found.public.role is not Role.COMMANDER:
-            raise MisuseError(f"{owner!r} is an {found.public.role}: only a commander says whom to trust")
+            raise MisuseError(
+                f"{owner!r} is an {found.public.role}: only a commander may change which keys are trusted"
+            )
         return found
     here = []
     for file in sorted(folder.glob("*.key")):
@@ -72,7 +74,7 @@ def commander(folder: Path, owner: str | None) -> KeyPair:
     here = [key for key in here if key.public.owner == used] or here
     if len(here) != 1:
         there = f"there are {', '.join(key.public.owner for key in here)}" if here else f"there is none in {folder}"
-        raise MisuseError(f"only a commander says whom to trust, and {there}: say with --key whose key speaks")
+        raise MisuseError(f"only a commander may change which keys are trusted, and {there}: choose a key with --key")
     return here[0]
 
 
@@ -99,7 +101,7 @@ def tell(
             for line in account_lines(sent, found):
                 show(line)
         if not found.n_matched:
-            complain("no robot has taken it, so none will hear of it by itself: say it again when some are on the air")
+            complain("no robot has received it, so it will not spread by itself: repeat it when robots are on the air")
         return 1 if found.n_fault or not found.n_matched else 0
 
 
@@ -128,18 +130,19 @@ def gathered(air: AirOptions, gone: Iterable[bytes]) -> list[bytes]:
 
 ROLES = ("observer", "operator", "commander", "robot")
 FOLDER = click.option(
-    "--keys", "folder", type=click.Path(path_type=Path), help="Where keys lie, if not in your settings."
+    "--keys", "folder", type=click.Path(path_type=Path), help="Folder of the keys (default: in your settings)."
 )
 TRUST = click.option(
-    "--trust", "file", type=click.Path(path_type=Path), help="The trust file, if not the one beside your keys."
+    "--trust", "file", type=click.Path(path_type=Path), help="The trust file (default: the one beside your keys)."
 )
 JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead.")
 
 
-@click.group("keys", short_help="Make keys, and say whom robots and desks believe.")
+@click.group("keys", short_help="Make keys, and choose which keys are trusted.")
 def keys() -> None:
-    """Robots obey keys that they know. A key has an owner, whose name its messages carry, and a role: an observer asks,
-    an operator commands, a commander also says whom to trust, a robot answers. Anybody who is trusted may stop.
+    """Robots obey the keys that they trust. A key has an owner, whose name its messages carry, and a role: an observer
+    asks, an operator commands, a commander also changes which keys are trusted, a robot answers. Any trusted key may
+    stop robots.
 
     \b
     Examples:
@@ -175,7 +178,7 @@ def new(owner: str, role: str, folder: Path | None, file: Path | None, as_json: 
     folder, file, trust = _opened(folder, file)
     secret = key_file(folder, owner)
     if secret.exists():
-        raise MisuseError(f"{secret} exists, and a key that is replaced is lost: move it away, or take another name")
+        raise MisuseError(f"{secret} exists, and a replaced key would be lost: move it away, or choose another name")
     pair = KeyPair.new(owner, Role(role))
     trust.add(pair.public)
     save_key(pair, secret)
@@ -190,12 +193,12 @@ def new(owner: str, role: str, folder: Path | None, file: Path | None, as_json: 
     return 0
 
 
-@keys.command("list", short_help="Whom this machine believes.")
+@keys.command("list", short_help="List the trusted keys.")
 @FOLDER
 @TRUST
 @JSON
 def list_(folder: Path | None, file: Path | None, as_json: bool) -> int:
-    """List the keys of a trust file, and for which of them the secret half lies here.
+    """List the keys of a trust file, and those whose secret half is on this machine.
 
     \b
     Example:
@@ -211,7 +214,7 @@ def list_(folder: Path | None, file: Path | None, as_json: bool) -> int:
         put(json.dumps(list(rows)))
         return 0
     if not trust.keys:
-        complain(f"nobody is trusted in {file}: sleepcast keys new makes a key, sleepcast keys trust takes one in")
+        complain(f"no trusted keys in {file}: sleepcast keys new makes a key, sleepcast keys trust adds one")
     width = max((len(key.owner) for key in trust.keys), default=0)
     for key in trust.keys:
         marks = (("yours", key.id in own), ("in use", key.id in in_use), ("REVOKED", key.revoked))
@@ -220,13 +223,13 @@ def list_(folder: Path | None, file: Path | None, as_json: bool) -> int:
     return 0
 
 
-@keys.command("use", short_help="Take a key wherever no other is named.")
+@keys.command("use", short_help="Choose the default key.")
 @click.argument("owner", required=False)
-@click.option("--development", is_flag=True, help="Take the development keys of this machine again.")
+@click.option("--development", is_flag=True, help="Use the development keys of this machine again.")
 @FOLDER
 def use(owner: str | None, development: bool, folder: Path | None) -> int:
-    """Take the key of OWNER, which lies here, wherever --key names no other: by `node` and `swarm` if it is a robot's,
-    by the commands of a desk if it is not.
+    """Use the key of OWNER, which is on this machine, unless --key names another: for `node` and `swarm` if it is a
+    robot's, else for the operator's commands.
 
     \b
     Examples:
@@ -238,7 +241,7 @@ def use(owner: str | None, development: bool, folder: Path | None) -> int:
 
     folder = folder or keys_folder()
     if development == (owner is not None):
-        raise MisuseError("say whose key is to be used, or --development")
+        raise MisuseError("name the owner of the key to use, or add --development")
     if owner is None:
         use_development_keys(folder)
         put("The development keys of this machine are in use again")
@@ -254,9 +257,9 @@ def use(owner: str | None, development: bool, folder: Path | None) -> int:
     return 0
 
 
-@keys.command("trust", short_help="Believe somebody's public key.")
+@keys.command("trust", short_help="Trust a public key.")
 @click.argument("public")
-@click.option("--owner", required=True, help="The name that its messages carry.")
+@click.option("--owner", required=True, help="Its owner: the sender's name in its messages.")
 @click.option("--role", type=click.Choice(ROLES), required=True, help="What it may do.")
 @FOLDER
 @TRUST
@@ -272,7 +275,7 @@ def trust_(
     fleet: str,
     as_json: bool,
 ) -> int:
-    """Take the PUBLIC half of a key (64 hexadecimal digits) into the trust file. With --channel a commander's key tells
+    """Add the PUBLIC half of a key (64 hexadecimal digits) to the trust file. With --channel a commander's key tells
     the fleet to do so as well.
 
     \b
@@ -298,9 +301,9 @@ def trust_(
     return tell(air, [KeyChange(trust=(added,))], as_json, _as_dict(added))
 
 
-@keys.command("revoke", short_help="Believe an owner's keys no more.")
+@keys.command("revoke", short_help="Revoke an owner's keys.")
 @click.argument("owner")
-@click.option("--forget-rules", is_flag=True, help="Robots that come later get none of its rules, if it has sent any.")
+@click.option("--forget-rules", is_flag=True, help="Robots that join later get none of the rules it sent.")
 @FOLDER
 @TRUST
 @on_air_if_asked
@@ -314,12 +317,12 @@ def revoke(
     fleet: str,
     as_json: bool,
 ) -> int:
-    """Believe no key of OWNER any more, whatever it signs; of several keys, one can be named by its id. This holds for
-    whoever reads this trust file; with --channel a commander's key tells the fleet as well. Robots that are out of
-    reach or switched off hear it when they come back: until then they obey the old key.
+    """Stop trusting the keys of OWNER; if there are several, an id selects one. This applies to this trust file; with
+    --channel a commander's key tells the fleet as well. Robots that are out of reach or switched off learn it when they
+    come back: until then they obey the old key.
 
-    Rules that were sent with the key stay where they are, and those that the robots know now still reach robots that
-    come later.
+    Rules that were sent with the key stay in force, and those that the robots know now still reach robots that join
+    later.
 
     \b
     Examples:
@@ -347,7 +350,7 @@ def revoke(
     return 0
 
 
-@keys.command("rotate", short_help="Take a new key in place of an old one.")
+@keys.command("rotate", short_help="Replace a key by a new one.")
 @click.argument("owner")
 @FOLDER
 @TRUST
@@ -361,8 +364,8 @@ def rotate(
     fleet: str,
     as_json: bool,
 ) -> int:
-    """Make a new key pair for OWNER, whose key lies here, and believe the old one no more. With --channel the fleet is
-    told: by the old key and then the new one if it is a commander's, else by a commander's key.
+    """Make a new key pair for OWNER, whose key is on this machine, and stop trusting the old one. With --channel the
+    fleet is told: by the old key and then the new one if it is a commander's, else by a commander's key.
 
     \b
     Example:
@@ -389,7 +392,7 @@ def rotate(
             changes = [KeyChange(trust=(new_pair.public,), revoke=frozenset((old.id,)))]
     aside = retire_key(folder, owner, new_pair)
     add_trust(Trust((new_pair.public,)), file)
-    complain(f"the old key of {owner} lies in {aside}, and is good for nothing any more")
+    complain(f"the old key of {owner} lies in {aside}, and is no longer valid")
     if channel is not None and speaker is not None:
         return tell(air, changes, as_json, _as_dict(new_pair.public))
     _revoked(known, [old.id])

@@ -20,23 +20,23 @@ SECONDS = 60.0
 DEEDS = ("take", "give", "request", "grant", "force")
 
 
-@click.command("lease", short_help="Have a group of robots to yourself for a while.")
+@click.command("lease", short_help="Control a group of robots exclusively for a while.")
 @click.argument("deed", type=click.Choice(DEEDS))
 @click.argument("group")
 @click.option("--seconds", metavar="S", type=float, default=SECONDS, show_default=True, help="For how long.")
-@click.option("--to", default="", metavar="NAME", help="To whom it is granted.")
+@click.option("--to", default="", metavar="NAME", help="The operator to grant it to.")
 @click.option("--keep", is_flag=True, help="Renew it until Ctrl-C, then give it back.")
 @operator
 def lease(deed: str, group: str, seconds: float, to: str, keep: bool, air: AirOptions, as_json: bool) -> int:
-    """Control a GROUP: while you have its lease, its robots refuse the commands of other operators, and tell them why.
-    STOP and questions are for everybody, always; what stands comes from commanders, and is no matter of leases.
+    """Control a GROUP exclusively: while you hold its lease, its robots refuse other operators' commands, and tell them
+    why. Everybody may always send STOP and questions. Leases do not affect commanders' standing commands.
 
     \b
-    take     have it, or have it longer; refused while somebody else has it
-    give     have it no more
-    request  the same as take; who has it is told that you ask
-    grant    let somebody else have it (--to NAME)
-    force    take it from whoever has it; for commanders
+    take     take or renew it; refused while somebody else holds it
+    give     give it back
+    request  like take, and tell its holder that you ask for it
+    grant    hand it to somebody else (--to NAME)
+    force    take it from its holder; for commanders
 
     \b
     Examples:

@@ -27,16 +27,18 @@ LONGEST_TICK = 0.5
 
 
 @click.command("node", short_help="Run one robot's mind with a real body.")
-@click.option("--name", default="r1", show_default=True, help="What the robot is called.")
+@click.option("--name", default="r1", show_default=True, help="The robot's name.")
 @click.option("--body", "uri", metavar="URI", required=True, help="The body, as nomad://HOST:PORT#1 or sim.")
 @click.option(
-    "--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions to begin with, or a mission script."
+    "--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions to start with, or a mission script."
 )
 @click.option(
-    "--golden", metavar="FILE", type=click.Path(path_type=Path), help="Rules that nobody changes over the air."
+    "--golden", metavar="FILE", type=click.Path(path_type=Path), help="Rules that cannot be changed over the air."
 )
-@click.option("--datagrams", metavar="PORT", type=click.IntRange(0, 65_535), help="Hear plain datagrams of 3 numbers.")
-@click.option("--host", default="127.0.0.1", show_default=True, help="The address at which datagrams are heard.")
+@click.option(
+    "--datagrams", metavar="PORT", type=click.IntRange(0, 65_535), help="Receive plain datagrams of 3 numbers."
+)
+@click.option("--host", default="127.0.0.1", show_default=True, help="The address on which datagrams are received.")
 @click.option(
     "--vocabulary",
     type=click.Choice([STANDARD, NOMAD]),
@@ -45,19 +47,23 @@ LONGEST_TICK = 0.5
     help="nomad: VM, PR and the like in tenths of inches.",
 )
 @click.option(
-    "--tick", type=click.FloatRange(0.01, LONGEST_TICK), default=0.1, show_default=True, help="Seconds of a tick."
+    "--tick", type=click.FloatRange(0.01, LONGEST_TICK), default=0.1, show_default=True, help="Seconds per tick."
 )
-@click.option("--lockstep", is_flag=True, help="For a server in lockstep: a tick is one of the server's.")
-@click.option("--seconds", metavar="S", type=click.FloatRange(min=0.0), help="End after so long; else at Ctrl-C.")
-@click.option("--id", "number", type=click.IntRange(0, 1_000_000), help="Its id in expressions; else as in its name.")
+@click.option("--lockstep", is_flag=True, help="For a server in lockstep: follow the server's ticks.")
 @click.option(
-    "--channel", metavar="URI", help="The radio on which commands come, for example udp://239.255.83.76:47123."
+    "--seconds", metavar="S", type=click.FloatRange(min=0.0), help="End after S seconds (default: at Ctrl-C)."
+)
+@click.option(
+    "--id", "number", type=click.IntRange(0, 1_000_000), help="Its id in expressions (default: the number in its name)."
+)
+@click.option(
+    "--channel", metavar="URI", help="The channel on which commands arrive, for example udp://239.255.83.76:47123."
 )
 @store_option
 @no_store_option
 @restraints
 @options
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="What chance depends on.")
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="Random seed.")
 def node(
     name: str,
     uri: str,
@@ -83,20 +89,20 @@ def node(
     skew: float | None,
     rate: float | None,
 ) -> int:
-    """Give the body at URI a mind of its own, until Ctrl-C, which stops the body first.
+    """Run one robot's mind with the body at URI until Ctrl-C, which stops the body first.
 
-    `sim` is a body in the simulator, with the world of the scenario bravo to itself; `sim:maze`, or the path of a
-    scenario, is one in another world.
+    `sim` is a body in the simulator, alone in the world of the scenario bravo; `sim:maze`, or the path of a scenario,
+    is one in another world.
 
-    With --channel it obeys commands from the air, by those whose keys it trusts (`sleepcast send`, `sleepcast keys`).
-    Lines on standard input are commands to it, STOP and RELEASE among them. A FILE has expressions, evaluated at the
-    start, or orders with their times (@10s ...). With --datagrams a datagram of three numbers as text sets `message` to
-    TRUE and `m0`, `m1` and `m2` to the numbers. A body that a command from the air has moved comes to rest when nobody
-    who may command was heard for the time of --lease. If this process dies, the server stops the robot; if the server
-    dies, this goes on without a body, and looks for it until it is back.
+    With --channel it obeys commands from the air, signed with keys that it trusts (`sleepcast send`, `sleepcast keys`).
+    Lines on standard input are commands, STOP and RELEASE included. A FILE has expressions, evaluated at the start, or
+    commands with their times (@10s ...). With --datagrams a datagram of three numbers as text sets `message` to TRUE
+    and `m0`, `m1` and `m2` to the numbers. A body moved by a command from the air stops when no operator was heard for
+    the time of --lease. If this process dies, the server stops the robot; if the server dies, this continues without a
+    body, and reconnects when the server is back.
 
-    A robot on a channel goes on where it was when it is started again: its rules, groups and variables, a STOP, and
-    what it has heard and done lie in its store, and outlive a kill at any moment. --rules is for its first life.
+    A robot on a channel resumes its state when it is restarted: its rules, groups and variables, a STOP, and the
+    commands it has received are in its store, and survive a kill at any moment. --rules is for the first start only.
 
     \b
     Examples:

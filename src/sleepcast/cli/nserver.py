@@ -35,15 +35,25 @@ QUICK = 3.0
 @click.command("nserver", short_help="Simulated Nomads for programs that speak their wire.")
 @click.argument("world", required=False, metavar="[WORLD]", type=click.Path(path_type=Path))
 @click.option("--setup", metavar="ROBOT", default="ideal", show_default=True, help="ideal, noisy, nomad200, or a file.")
-@click.option("--robots", metavar="N", type=click.IntRange(min=1), help="So many; else as the world says, or one.")
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="What all chance depends on; else the world's.")
-@click.option("--crosstalk/--no-crosstalk", default=None, help="Sonars hear each other's echoes; else as ROBOT says.")
-@click.option("--port", type=click.IntRange(0, 65_535), default=7019, show_default=True, help="For programs; 0 is any.")
-@click.option("--host", "hosts", metavar="ADDRESS", multiple=True, help="Listen here too; else for this machine only.")
 @click.option(
-    "--speed", metavar="X", type=click.FloatRange(SLOWEST), default=REAL_TIME, help="Times real time; inf: no wait."
+    "--robots", metavar="N", type=click.IntRange(min=1), help="Number of robots (default: the world's, or 1)."
 )
-@click.option("--lockstep", is_flag=True, help="A tick comes when every program waits for one: runs repeat.")
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Random seed (default: the world's).")
+@click.option(
+    "--crosstalk/--no-crosstalk", default=None, help="Sonars hear each other's echoes (default: as in ROBOT)."
+)
+@click.option("--port", type=click.IntRange(0, 65_535), default=7019, show_default=True, help="For programs; 0 is any.")
+@click.option(
+    "--host", "hosts", metavar="ADDRESS", multiple=True, help="Also listen here (default: this machine only)."
+)
+@click.option(
+    "--speed",
+    metavar="X",
+    type=click.FloatRange(SLOWEST),
+    default=REAL_TIME,
+    help="Speed, as a multiple of real time; inf: unlimited.",
+)
+@click.option("--lockstep", is_flag=True, help="Advance when every program waits for a tick: runs repeat.")
 @click.option(
     "--tk-order", type=click.Choice(["little", "big"]), default="little", help="Byte order of programs' texts."
 )
@@ -52,7 +62,7 @@ QUICK = 3.0
 @click.option("--headless", is_flag=True, help="Without a page: get_robot_conf() is answered at once.")
 @click.option("--page-port", type=click.IntRange(0, 65_535), default=PAGE_PORT, show_default=True, help="0 is any.")
 @click.option("--no-browser", is_flag=True, help="Print the page's address, but open no browser.")
-@click.option("--json", "as_json", is_flag=True, help="Say as JSON where the server listens.")
+@click.option("--json", "as_json", is_flag=True, help="Print as JSON where the server listens.")
 def nserver(
     world: Path | None,
     setup: str,
@@ -71,7 +81,7 @@ def nserver(
     no_browser: bool,
     as_json: bool,
 ) -> int:
-    """Simulate Nomads in WORLD (a TOML file, a list of polygons, or a map of ROS; none is an empty room) and serve them
+    """Simulate Nomads in WORLD (a TOML file, a list of polygons, or a ROS map; none is an empty room) and serve them
     to programs: C programs linked with Nclient, Python ones, SLEEP nodes. The programs of the thesis want port 7771.
 
     \b

@@ -94,13 +94,13 @@ Command = TypeVar("Command", bound=Callable[..., object])
 def restraints(command: Command) -> Command:
     """The options of a lease on being driven, and of limits: the command gets `lease` and `limits`."""
     limits = click.option(
-        "--limits", metavar="FILE", type=click.Path(path_type=Path), help="Limits of the bodies that nothing passes."
+        "--limits", metavar="FILE", type=click.Path(path_type=Path), help="Safety limits of the bodies."
     )
     lease = click.option(
         "--lease",
         metavar="TIME|off",
         default="1s",
         show_default=True,
-        help="How long a driven body goes on unattended.",
+        help="How long a driven body keeps moving without hearing an operator.",
     )
     return lease(limits(command))

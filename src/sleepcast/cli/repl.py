@@ -30,8 +30,8 @@ _COMMENT = re.compile(r";[^\n]*")
 WELCOME = f"sleepcast {__version__}: type an expression, :help for help, :quit or Ctrl-D to leave"
 
 
-@click.command("repl", short_help="Talk to one robot's mind.")
-@click.option("--seed", type=int, default=0, show_default=True, help="What chance (PROB, DICE, ...) depends on.")
+@click.command("repl", short_help="Evaluate expressions interactively.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Random seed (for PROB, DICE, ...).")
 def repl(seed: int) -> int:
     """Type expressions and see their values, all in one memory; :help says what else can be asked.
 

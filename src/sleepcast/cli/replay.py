@@ -30,8 +30,16 @@ if TYPE_CHECKING:
 @click.option("--json", "as_json", is_flag=True, help="Print it as one JSON object.")
 @click.option("--verify", is_flag=True, help="Run it again, and compare the hashes of the state.")
 @click.option("--quiet", is_flag=True, help="Show no progress on standard error.")
-@click.option("--speed", metavar="X", type=click.FloatRange(SLOWEST, FASTEST), help="Page: times real time.")
-@click.option("--port", type=click.IntRange(0, 65_535), default=PORT, show_default=True, help="Page: 0 is any.")
+@click.option(
+    "--speed", metavar="X", type=click.FloatRange(SLOWEST, FASTEST), help="Page: speed, as a multiple of real time."
+)
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65_535),
+    default=PORT,
+    show_default=True,
+    help="Page: its port; 0 for any free one.",
+)
 @click.option("--host", default=HOST, show_default=True, help="Page: the address to listen on.")
 @click.option("--insecure", is_flag=True, help="Page: allow a host that others can reach, unencrypted.")
 @allow_host_option

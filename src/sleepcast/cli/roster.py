@@ -21,24 +21,24 @@ HEARD, NONE = "heard", "none"
 
 
 @click.command("roster", short_help="List the robots that were heard on the air.")
-@click.option("--fleet", default=FLEET, show_default=True, help="Of which fleet.")
-@click.option("--channel", metavar="URI", default=CHANNEL, show_default=True, help="The radio, for --expect.")
+@click.option("--fleet", default=FLEET, show_default=True, help="The fleet.")
+@click.option("--channel", metavar="URI", default=CHANNEL, show_default=True, help="The channel, for --expect.")
 @click.option(
     "--expect",
     metavar="N|FILE|heard|none",
-    help="Robots that belong to the fleet, for every desk from now on: their number, a file of their names, those that "
+    help="Robots of the fleet, for every desk from now on: their number, a file of their names, those that "
     "were heard, or none known.",
 )
-@click.option("--forget", metavar="NAMES", help="Miss these robots no more, as r1,r2; `all` for all of them.")
+@click.option("--forget", metavar="NAMES", help="Remove these robots from the roster, e.g. r1,r2; `all` for all.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def roster(fleet: str, channel: str, expect: str | None, forget: str | None, as_json: bool) -> int:
-    """List the robots of a fleet that were ever heard from here, and when each was heard last. Whoever is on this list
-    and does not answer counts as silent: STOP is repeated for it, and every account names it. A robot that is gone for
-    good is taken off with --forget; it is on the list again as soon as it is heard.
+    """List the robots of a fleet that were ever heard from here, and when each was last heard. A robot on this list
+    that does not answer counts as silent: STOP is repeated for it, and every account names it. Remove a robot that is
+    gone for good with --forget; it returns to the list as soon as it is heard.
 
-    A robot that was never heard from here is missed by nobody, unless you say which robots there are: --expect keeps
-    that for this channel and fleet, and every desk and command then counts those that say nothing as silent. STOP goes
-    on until each of them has confirmed it.
+    A robot that was never heard from here is not counted, unless you say which robots there are: --expect keeps
+    that for this channel and fleet, and every desk and command then counts robots that do not answer as silent. STOP is
+    repeated until each of them has confirmed it.
 
     \b
     Examples:

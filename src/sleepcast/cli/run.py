@@ -64,28 +64,42 @@ _PERIOD = click.FloatRange(0.001, 86_400.0)
 """Simulated seconds, from the shortest tick to a day."""
 
 _COMMON = (
-    click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="What all chance depends on; else the scenario's."),
-    click.option("--robots", metavar="N", type=click.IntRange(min=1), help="So many robots; else the scenario's."),
-    click.option("--density", metavar="M2", type=float, help="So many square metres for each robot."),
+    click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Random seed (default: the scenario's)."),
+    click.option(
+        "--robots", metavar="N", type=click.IntRange(min=1), help="Number of robots (default: the scenario's)."
+    ),
+    click.option("--density", metavar="M2", type=float, help="Square metres per robot."),
     click.option("--no-walls", is_flag=True, help="Leave out everything solid in the scenario."),
-    click.option("--threads", metavar="N", type=click.IntRange(1, 64), help="So many; else one for each core."),
+    click.option("--threads", metavar="N", type=click.IntRange(1, 64), help="Worker threads (default: one per core)."),
     click.option("--seconds", metavar="S", type=float, help="Headless: how long to run, in simulated time."),
     click.option("--json", "as_json", is_flag=True, help="Headless: print the outcome as one JSON object."),
     click.option("--quiet", is_flag=True, help="Headless: show no progress on standard error."),
-    click.option("--speed", metavar="X", type=click.FloatRange(SLOWEST, FASTEST), help="Page: times real time."),
-    click.option("--port", type=click.IntRange(0, 65_535), default=PORT, show_default=True, help="Page: 0 is any."),
+    click.option(
+        "--speed", metavar="X", type=click.FloatRange(SLOWEST, FASTEST), help="Page: speed, as a multiple of real time."
+    ),
+    click.option(
+        "--port",
+        type=click.IntRange(0, 65_535),
+        default=PORT,
+        show_default=True,
+        help="Page: its port; 0 for any free one.",
+    ),
     click.option("--host", default=HOST, show_default=True, help="Page: the address to listen on."),
     click.option("--insecure", is_flag=True, help="Page: allow a host that others can reach, unencrypted."),
     allow_host_option,
     click.option("--no-browser", is_flag=True, help="Page: print its address, but open no browser."),
     click.option("--record", metavar="FILE", type=click.Path(path_type=Path), help="Record the run into an MCAP file."),
-    click.option("--record-pictures", metavar="S", type=_PERIOD, help="Record where robots are every S simulated s."),
-    click.option("--record-readings", metavar="S", type=_PERIOD, help="Record what robots sense every S simulated s."),
-    click.option("--record-rotate", metavar="WHEN", help="Begin another file after 100MB, 10min, or 100MB,10min."),
-    click.option("--from", "from_", metavar="FILE", type=click.Path(path_type=Path), help="Go on from this snapshot."),
-    click.option("--snapshot", metavar="FILE", type=click.Path(path_type=Path), help="Keep the swarm in a file."),
+    click.option("--record-pictures", metavar="S", type=_PERIOD, help="Record positions every S simulated seconds."),
     click.option(
-        "--snapshot-at", metavar="TIME", type=SimulatedTime(), help="Headless: when, as in 30s; else at the end."
+        "--record-readings", metavar="S", type=_PERIOD, help="Record sensor readings every S simulated seconds."
+    ),
+    click.option("--record-rotate", metavar="WHEN", help="Start a new file after 100MB, 10min, or 100MB,10min."),
+    click.option("--from", "from_", metavar="FILE", type=click.Path(path_type=Path), help="Resume from this snapshot."),
+    click.option(
+        "--snapshot", metavar="FILE", type=click.Path(path_type=Path), help="Write a snapshot of the swarm into a file."
+    ),
+    click.option(
+        "--snapshot-at", metavar="TIME", type=SimulatedTime(), help="Headless: when, e.g. 30s (default: at the end)."
     ),
     click.option("--journal", metavar="FILE", type=click.Path(path_type=Path), help="Write the journal into a file."),
 )
@@ -102,10 +116,10 @@ def _common_options(function: Function) -> Function:
 @click.option("--headless", is_flag=True, help="Run the scenario's own mission without a page.")
 @_common_options
 def demo(name: str | None, headless: bool, **options: Unpack[Options]) -> int:
-    """Bring the scenario NAME (default: bravo) to life on the operator's page, to command it live.
+    """Open the scenario NAME (default: bravo) on the operator's page and command it live.
 
-    With --headless its own mission runs as fast as it can, and the outcome is printed. With --from a swarm goes on that
-    --snapshot has kept.
+    With --headless its own mission runs as fast as it can, and the outcome is printed. With --from the swarm resumes
+    from a snapshot that --snapshot has written.
 
     \b
     Examples:
@@ -123,8 +137,8 @@ def demo(name: str | None, headless: bool, **options: Unpack[Options]) -> int:
 def run(scenario: str | None, headless: bool, **options: Unpack[Options]) -> int:
     """Run SCENARIO (a name of the gallery, or the path of one of your own) with its mission, and print the outcome.
 
-    With --from instead of a SCENARIO, a swarm goes on that --snapshot has kept: the same to the last bit, or, with
-    another --seed, a fork of it.
+    With --from instead of a SCENARIO, the swarm resumes from a snapshot that --snapshot has written: bit for bit, or,
+    with another --seed, as a fork of it.
 
     \b
     Examples:
@@ -231,7 +245,7 @@ def _beginning(name: str | None, options: Options, headless: bool) -> Callable[[
     journal = _journal(options)
     if file is None:
         if name is None:
-            raise MisuseError("which scenario? Give the name of one, its path, or --from and a snapshot")
+            raise MisuseError("no scenario given: give its name or path, or --from and a snapshot")
         from sleepcast.simulator import find_scenario
 
         scenario = find_scenario(name, _changes(options))

@@ -1,4 +1,4 @@
-"""`sleepcast send`, `ask` and `release`: one message to robots on the air, and what became of it."""
+"""`sleepcast send`, `ask` and `release`: one message to robots on the air, and its account."""
 
 from __future__ import annotations
 
@@ -33,20 +33,22 @@ MAX_HOLD = 86_400.0
 
 
 anyway_option = click.option(
-    "--anyway", is_flag=True, help="Send it although no robot has a name in it, or it is hardly meant so."
+    "--anyway", is_flag=True, help="Send it although no robot knows a name in it, or it looks like a mistake."
 )
 
 
 @click.command("send", cls=NegativeNumbersAllowed, short_help="Send an expression to robots on the air.")
 @click.argument("text")
-@click.option("--standing", is_flag=True, help="It must reach everybody in the end, also those that come later.")
-@click.option("--all", "everybody", is_flag=True, help="It is for every robot that hears it.")
-@click.option("--only", metavar="NAMES", help="It is for these robots alone, as r1,r2.")
-@click.option("--count", type=click.IntRange(1), help="So many robots may obey: asked for where they are many.")
-@click.option("--deadline", metavar="S", type=float, help="Seconds for which it is good; else 5.")
-@click.option("--staged", is_flag=True, help="To one robot, then to a tenth, then to all, while nothing goes wrong.")
-@click.option("--hold", metavar="S", type=Seconds(0.0, MAX_HOLD), help="Keep driving robots going so long.")
-@click.option("--strict", is_flag=True, help="Send nothing that is only doubtful.")
+@click.option("--standing", is_flag=True, help="Reach every robot, including robots that join later.")
+@click.option("--all", "everybody", is_flag=True, help="Send it to every robot, without a test.")
+@click.option("--only", metavar="NAMES", help="Send it to these robots only, e.g. r1,r2.")
+@click.option("--count", type=click.IntRange(1), help="How many robots may obey; asked for if there are many.")
+@click.option("--deadline", metavar="S", type=float, help="Seconds until it expires (default: 5).")
+@click.option(
+    "--staged", is_flag=True, help="Send it to one robot, then to a tenth, then to all, until something fails."
+)
+@click.option("--hold", metavar="S", type=Seconds(0.0, MAX_HOLD), help="Keep driven robots moving for S seconds.")
+@click.option("--strict", is_flag=True, help="Treat warnings as errors.")
 @click.option("--blind", is_flag=True, help="Do not ask the robots beforehand who would obey.")
 @anyway_option
 @operator
@@ -65,13 +67,13 @@ def send(
     air: AirOptions,
     as_json: bool,
 ) -> int:
-    """Broadcast an expression: every robot decides for itself whether it is meant. Then tell who matched, who did not,
-    where it went wrong, and who said nothing.
+    """Broadcast an expression: every robot decides for itself whether to obey. Then print which robots matched, which
+    did not, which had a fault, and which stayed silent.
 
-    Robots are asked first who would obey. Where more than ten may, or the expression cannot be undone, their number
-    must be typed, or said with --count. What is hardly meant as it stands (a comparison whose value goes nowhere, a
-    PROB of 50) must be confirmed, or sent with --anyway. A robot that drives stops by itself when it hears nobody for a
-    second; --hold keeps it going until so many seconds are over, or Ctrl-C.
+    Robots are asked first which of them would obey. If more than ten may, or the expression cannot be undone, type the
+    number, or give it with --count. An expression that looks like a mistake (a comparison whose value is not used, a
+    PROB of 50) must be confirmed, or sent with --anyway. A driven robot stops by itself when it hears no operator for a
+    second; --hold keeps it moving until those seconds are over, or Ctrl-C.
 
     \b
     Examples:
@@ -201,7 +203,7 @@ def _in_stages(station: NetworkStation, draft: Draft, as_json: bool) -> int:
     if as_json:
         put(json.dumps(stages_as_dict(draft.text, [(stage.command, stage.account) for stage in stages])))
     elif not stages[-1].last:
-        complain("not sent to the others, because not all went well so far")
+        complain("not sent to the other robots, because this stage had faults or silent robots")
     return 0 if whole else 1
 
 
@@ -219,8 +221,8 @@ def _typed(error: Exception) -> int:
 @anyway_option
 @operator
 def ask(text: str, anyway: bool, air: AirOptions, as_json: bool) -> int:
-    """Ask every robot for the value of an expression, which changes nothing: how many answer, the least, the mean and
-    the greatest value, and how they are spread. Robots are asked for their names first, if one in it is not known here.
+    """Ask every robot for the value of an expression; nothing changes. Prints how many answered, the minimum, the mean
+    and the maximum, and the distribution. If a name is not known here, robots are asked for their names first.
 
     \b
     Examples:
@@ -239,7 +241,7 @@ def ask(text: str, anyway: bool, air: AirOptions, as_json: bool) -> int:
 @click.command("release", short_help="End a stop.")
 @operator
 def release(air: AirOptions, as_json: bool) -> int:
-    """End `sleepcast stop`. Nothing that was asked before resumes by itself.
+    """End `sleepcast stop`. No earlier command resumes by itself.
 
     \b
     Examples:

@@ -45,15 +45,15 @@ NAMED = 3
     "seconds",
     metavar="S",
     type=Seconds(0.0),
-    help="Give up on silent robots after so long; else at Ctrl-C.",
+    help="Give up on silent robots after S seconds (default: at Ctrl-C).",
 )
 @operator
 def stop(air: AirOptions, seconds: float | None, as_json: bool) -> int:
-    """Stop every robot that hears it, and keep it stopped until `sleepcast release`. Any key that is trusted may.
+    """Stop every robot that receives it, and keep it stopped until `sleepcast release`. Any trusted key may do so.
 
-    It is sent again until every robot that is expected (--expect, `sleepcast roster --expect`) or was ever heard has
-    confirmed it. Ctrl-C gives the others up; where nobody sits at a terminal and nobody has said which robots there
-    are, ten seconds do. The exit status is 0 only if all robots say that they are stopped.
+    STOP is repeated until every robot that is expected (--expect, `sleepcast roster --expect`) or was ever heard has
+    confirmed it, or until Ctrl-C. Without a terminal, and without a list of expected robots, it gives up after ten
+    seconds. The exit status is 0 only if all robots confirm they have stopped.
 
     \b
     Examples:

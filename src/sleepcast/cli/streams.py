@@ -29,7 +29,7 @@ class OutputError(SleepcastError):
 
 
 class ReaderGone(Exception):
-    """Whoever read our output has closed it; nobody is left to tell anything."""
+    """The reader of our output has closed it."""
 
 
 def somebody_there() -> bool:

@@ -47,16 +47,26 @@ class Wanted:
 
 @click.command("swarm", short_help="Run many robots on the air in one process.")
 @click.argument("count", metavar="N", type=click.IntRange(1, MOST))
-@click.option("--channel", metavar="URI", default=CHANNEL, show_default=True, help="The radio on which commands come.")
-@click.option("--scenario", metavar="NAME|FILE", default=SCENARIO, show_default=True, help="The world of their bodies.")
-@click.option("--name-prefix", "prefix", default="r", show_default=True, help="What comes before a robot's number.")
-@click.option("--first", type=click.IntRange(0, MAX_ID), default=1, show_default=True, help="The first one's number.")
-@click.option("--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions that each begins with.")
+@click.option(
+    "--channel", metavar="URI", default=CHANNEL, show_default=True, help="The channel on which commands arrive."
+)
+@click.option(
+    "--scenario", metavar="NAME|FILE", default=SCENARIO, show_default=True, help="The world in which the robots move."
+)
+@click.option("--name-prefix", "prefix", default="r", show_default=True, help="Prefix of the robots' names.")
+@click.option(
+    "--first", type=click.IntRange(0, MAX_ID), default=1, show_default=True, help="Number of the first robot."
+)
+@click.option(
+    "--rules", metavar="FILE", type=click.Path(path_type=Path), help="Expressions that each robot starts with."
+)
 @store_option
 @restraints
 @options
-@click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="What chance depends on; else the scenario's.")
-@click.option("--seconds", metavar="S", type=click.FloatRange(min=0.0), help="End after so long; else at Ctrl-C.")
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), help="Random seed (default: the scenario's).")
+@click.option(
+    "--seconds", metavar="S", type=click.FloatRange(min=0.0), help="End after S seconds (default: at Ctrl-C)."
+)
 def swarm(
     count: int,
     channel: str,
@@ -76,8 +86,7 @@ def swarm(
     seed: int | None,
     seconds: float | None,
 ) -> int:
-    """Run N robots, r1 to rN, each with a mind and a channel session of its own, until Ctrl-C, which stops their
-    bodies first.
+    """Run N robots, r1 to rN, each with its own mind, until Ctrl-C, which stops their bodies first.
 
     Their bodies live in the world of a scenario, in real time; they obey commands from the air (`sleepcast send`). Each
     process has a world of its own: with --first, several of them, on one computer or many, make one large fleet.

@@ -37,18 +37,23 @@ PAUSE = 0.05
 
 @click.command("watch", cls=NegativeNumbersAllowed, short_help="Watch robots on the air in a table.")
 @click.argument("text", required=False)
-@click.option("--show", metavar="NAMES", help=f"Variables, as x,y,fuel; else {', '.join(USUAL)}, if there are any.")
+@click.option("--show", metavar="NAMES", help=f"Variables, e.g. x,y,fuel (default: {', '.join(USUAL)}, if known).")
 @click.option(
-    "--every", metavar="S", type=click.FloatRange(0.2, 60.0), default=1.0, show_default=True, help="Ask so often."
+    "--every",
+    metavar="S",
+    type=click.FloatRange(0.2, 60.0),
+    default=1.0,
+    show_default=True,
+    help="Seconds between two requests.",
 )
 @click.option("--once", is_flag=True, help="Print the table once.")
 @operator
 def watch(text: str | None, show: str | None, every: float, once: bool, air: AirOptions, as_json: bool) -> int:
-    """Ask robots for their numbers every second, and show them in a table until Ctrl-C: how old each one's news are,
-    whether it is stopped, its groups, and the variables that you name. With TEXT, an expression such as (IN bravo),
-    only robots for which it is true.
+    """Ask robots for telemetry every second, and show it in a table until Ctrl-C: the age of the latest data, whether
+    the robot is stopped, its groups, and the variables that you name. With TEXT, an expression such as (IN bravo), only
+    robots for which it is true.
 
-    With --json, a line each time: an object with `time`, `robots` and `notices`.
+    With --json, one line per update: an object with `time`, `robots` and `notices`.
 
     \b
     Examples:

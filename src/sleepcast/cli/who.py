@@ -84,18 +84,18 @@ class Obeyers:
             yield f"  from what they told up to {self.oldest:.1f} s ago"
 
 
-@click.command("who", cls=NegativeNumbersAllowed, short_help="Tell who would obey an expression.")
+@click.command("who", cls=NegativeNumbersAllowed, short_help="Show which robots would obey an expression.")
 @click.argument("text")
-@click.option("--poll", is_flag=True, help="Let every robot decide it itself.")
-@click.option("--told", is_flag=True, help="Ask nobody: go by what robots told before.")
+@click.option("--poll", is_flag=True, help="Let every robot evaluate it itself.")
+@click.option("--told", is_flag=True, help="Send nothing: use the telemetry received before.")
 @operator
 def who(text: str, poll: bool, told: bool, air: AirOptions, as_json: bool) -> int:
-    """Tell who would obey an expression if it were sent now; nothing is done. Of a test alone, such as (> fuel 50%), it
-    tells for whom it holds.
+    """Show which robots would obey an expression if it were sent now; nothing is done. For a test alone, such as
+    (> fuel 50%), it shows for which robots it is true.
 
-    Robots are asked for their numbers, and the test is evaluated here: certainly yes, certainly no, or unknown with the
-    reason. With --poll each robot evaluates it, with its sonars, its chance and all, and does nothing. With --told
-    nothing is sent, and what a robot told more than five seconds ago decides nothing.
+    Robots are asked for telemetry, and the test is evaluated here: certainly yes, certainly no, or unknown with the
+    reason. With --poll each robot evaluates it itself, with its sonars and its chance, and does nothing. With --told
+    nothing is sent, and telemetry older than five seconds counts as unknown.
 
     \b
     Examples:
@@ -175,8 +175,8 @@ def _polled(station: NetworkStation, text: str) -> Obeyers:
 @operator
 def why(robot: str, command: str | None, air: AirOptions, as_json: bool) -> int:
     """Ask ROBOT how it evaluated COMMAND: every part of the expression with its value at that moment, the first test
-    that did not hold, and by how much. COMMAND is the id that `sleepcast send` tells, or the name of a rule, which is
-    evaluated now without doing anything; without it, the last command that came.
+    that was false, and by how much. COMMAND is the id that `sleepcast send` prints, or the name of a rule, which is
+    evaluated now without doing anything; by default, the last command received.
 
     \b
     Examples:

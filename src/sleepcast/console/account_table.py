@@ -89,12 +89,12 @@ class AccountTable:
         found = self._station.accounting(stop.id)
         total = found.n_matched + found.n_silent
         if not total:
-            return "STOP was sent, but no robot has been heard yet: nobody says that he is stopped."
+            return "STOP was sent, but no robot has been heard yet: none has confirmed it."
         if found.complete:
-            return f"STOP: all {found.scope.removeprefix('of ')} say that they are stopped."
+            return f"STOP: all {found.scope.removeprefix('of ')} report stopped."
         if paused:
             return (
-                f"STOP is on its way: {found.n_matched:,} of {total:,} robots say that they are stopped. Time stands "
+                f"STOP is on its way: {found.n_matched:,} of {total:,} robots report stopped. Time stands "
                 "still, so nothing moves; the others hear it with the next tick."
             )
         said = f"{found.n_matched:,} {found.scope} say that they are stopped"

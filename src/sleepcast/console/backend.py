@@ -54,7 +54,7 @@ class Backend:
 
     def seek(self, time: float) -> NoReturn:
         """Refused: what lives cannot go back."""
-        raise MisuseError("Time cannot be put back while the swarm lives: record the run, and replay it.")
+        raise MisuseError("Time cannot go back in a running swarm: record the run, and replay it.")
 
     # ---- before sending
 
@@ -85,7 +85,9 @@ class Backend:
             found.everybody,
             found.oldest,
             list(found.reasons.items())[:MOST_REASONS],
-            found.codes[: len(self._swarm.scene.names)].tobytes(),  # whoever else speaks on the channel is on no map
+            found.codes[
+                : len(self._swarm.scene.names)
+            ].tobytes(),  # others that speak on the channel are not on the map
         )
 
     def names(self, serial: int) -> outgoing.Named:

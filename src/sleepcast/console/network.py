@@ -166,7 +166,7 @@ class NetworkBackend(Backend):
         until = self._clock.now() + LONGEST_WHY
         while (found := asked.answer()) is None:
             if self._clock.now() > until:
-                raise SleepcastError("The robot has not answered: nobody knows why it did what it did.")
+                raise SleepcastError("The robot has not answered the question why.")
             await asyncio.sleep(LISTEN)
         return outgoing.Explained(serial, show_why(found, self._swarm.vocabulary))
 
@@ -181,7 +181,7 @@ class NetworkBackend(Backend):
         if not found.sentence:
             stopped, size = self._fleet.stopped(since), self._station.fleet_size
             scope = of_robots(max(size, len(self._fleet.minds)), size > 0)
-            said = f"{by}{stopped:,} {scope} say that they are stopped."
+            said = f"{by}{stopped:,} {scope} report stopped."
             if standing := self._fleet.standing():
                 said += f" {standing[0].upper()}{standing[1:]}."
             found = outgoing.Safety(found.latched or stopped > 0, said)

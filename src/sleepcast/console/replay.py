@@ -197,11 +197,11 @@ class ReplayBackend:
 
     def why(self, serial: int, robot: int, command: str) -> NoReturn:
         """Refused: explanations are made by living minds."""
-        raise MisuseError("A recording holds what became of a command, but not why.")
+        raise MisuseError("A recording stores each command's outcome, not its explanation.")
 
     def outcomes(self, serial: int, command: str) -> NoReturn:
         """Refused: answers are recorded as counts."""
-        raise MisuseError("A recording holds how many robots obeyed a command, but not which.")
+        raise MisuseError("A recording stores how many robots obeyed a command, not which ones.")
 
     def stop(self) -> None:
         """Nothing moves in a recording that could be stopped, so time is."""
@@ -252,7 +252,7 @@ class ReplayBackend:
         ]
 
     def _refuse(self) -> NoReturn:
-        raise MisuseError("This is a recording: nobody is there to hear a command.")
+        raise MisuseError("This is a recording: it has no robots that could receive a command.")
 
 
 def _counted(marks: Marks) -> list[outgoing.ShownGroup]:

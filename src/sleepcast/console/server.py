@@ -233,7 +233,7 @@ def _check_host(host: str, insecure: bool) -> None:
     if not is_loopback(host) and not insecure:
         raise MisuseError(
             f"{host} can be reached by others, and what goes between the page and sleepcast is not encrypted: "
-            "whoever reads it can command the robots. Use 127.0.0.1, or say --insecure if the network is yours alone"
+            "anybody who reads it can command the robots. Use 127.0.0.1, or add --insecure on a network of your own"
         )
 
 
@@ -247,7 +247,7 @@ def is_loopback(host: str) -> bool:
 
 def hosts_of(host: str, allow: Sequence[str]) -> frozenset[str]:
     """The names by which a page that is served at `host` may be asked for, besides the address at which a request
-    arrives: whoever lets another name point here (DNS rebinding) reaches nothing. allow: names that a person adds.
+    arrives: a page that lets another name point here (DNS rebinding) reaches nothing. allow: names that a person adds.
     Raises MisuseError for what is no name."""
     for name in allow:
         if not NAME.fullmatch(name):

@@ -107,7 +107,7 @@ class Session:
             said = Refused(str(error), serial)
         if isinstance(said, Awaitable):
             if len(self._waiting) >= MOST_WAITING:
-                self._waiting.pop().cancel()  # whoever asks so much reads the last answers at most
+                self._waiting.pop().cancel()  # a page that asks this much reads only the last answers
             waiting = asyncio.ensure_future(self._reply_later(serial, said))
             self._waiting.add(waiting)
             waiting.add_done_callback(self._waiting.discard)
@@ -115,7 +115,7 @@ class Session:
             await self._line.say(said)
 
     async def _reply_later(self, serial: int, answer: Awaitable[Answer]) -> None:
-        """Whoever waits for a robot keeps nobody else waiting."""
+        """Answer later what waits for a robot, without delaying anything else."""
         try:
             said = await answer
         except SleepcastError as error:

@@ -72,7 +72,7 @@ Exponents = tuple[int, int, int]
 
 
 class TelemetryError(ValueError):
-    """A telling that says something else than it should; whoever asked for it knows whose it is."""
+    """Telemetry that is malformed; its receiver knows the sender."""
 
 
 class QuantityRecord(msgspec.Struct, array_like=True):

@@ -193,7 +193,7 @@ def _start(file: Path) -> Recording:
             return Recording(file, version, seed, scenario, part, began, first=first, snapshot=snapshot)
         elif isinstance(record, Record):
             break
-    raise NoRecordingError(f"{file} is no recording of sleepcast: make one with run SCENARIO --record FILE")
+    raise NoRecordingError(f"{file} is not a sleepcast recording: make one with run SCENARIO --record FILE")
 
 
 def _check_format(file: Path, about: dict[str, str]) -> None:

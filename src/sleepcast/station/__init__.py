@@ -1,4 +1,4 @@
-"""The operator's desk, without a page: check, preview, send, stop, and a truthful account of what became of it."""
+"""An operator's station, without a page: check, preview, send, stop, and a truthful account of each command."""
 
 from sleepcast.station.account import Account, Command, NoSuchCommandError
 from sleepcast.station.answers import FAULT, MATCHED, NOT_MATCHED, SILENT, Answer, Outcome

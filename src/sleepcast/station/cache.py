@@ -70,8 +70,8 @@ class PeerCache:
             replace_file(self.file, msgspec.json.encode(known))
         except OSError as error:
             raise CacheError(
-                f"cannot remember who was heard ({self.file}: {error.strerror or error}): silence will not be told "
-                "next time"
+                f"cannot save which robots were heard ({self.file}: {error.strerror or error}): the next desk will not "
+                "miss silent robots"
             ) from None
         self.heard = known
 
@@ -124,7 +124,7 @@ class TelemetryCache:
             self.file.parent.mkdir(parents=True, exist_ok=True)
             replace_file(self.file, pack(CachedTelemetry(VERSION, minds.texts(), tellers), MAX_SEEN))
         except (OSError, SerialError) as error:
-            raise CacheError(f"cannot remember what robots told ({self.file}: {error})") from None
+            raise CacheError(f"cannot save telemetry ({self.file}: {error})") from None
 
 
 def _said(name: str, told: object) -> Message:

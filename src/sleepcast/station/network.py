@@ -51,9 +51,9 @@ ABOVE = 10
 LEASE = 1.0
 """Seconds for which a robot that is driven goes on without hearing anything, unless it is told otherwise."""
 MAX_DRIVERS = 64
-"""Commands whose robots are kept going; whoever was set in motion before as many others is no more."""
+"""Commands whose robots are kept moving; the oldest is dropped first."""
 MAX_NEWS = 100
-"""What other operators said, kept for whoever shows it."""
+"""Messages of other operators that are kept, to be shown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class NetworkStation(Station):
     None: by the roster. holding: whether robots that are driven at our word are to go on. news: what other operators
     said, the latest last.
 
-    Whoever waits calls `pump` or `wait`; nothing happens otherwise.
+    Its owner calls `pump` or `wait`; nothing happens otherwise.
     """
 
     def __init__(
@@ -216,7 +216,7 @@ class NetworkStation(Station):
     def _changes_rules(self, text: str) -> bool:
         try:
             return rules(self._program(text).root)
-        except SleepcastError:  # whoever sends it says what is wrong with it
+        except SleepcastError:  # sending it says what is wrong with it
             return False
 
     def _begun(self, command: Command) -> None:

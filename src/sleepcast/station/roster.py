@@ -220,7 +220,7 @@ class FleetFile:
         except OSError as error:
             raise ExpectationError(f"cannot read {self.file}: {error.strerror or error}; {self._mend}") from None
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-            raise ExpectationError(f"{self.file} is no fleet file ({error}): {self._mend}") from None
+            raise ExpectationError(f"{self.file} is not a fleet file ({error}): {self._mend}") from None
         if found.format != FORMAT or len(found.names) > max(0, found.size):
             raise ExpectationError(
                 f"{self.file} has format {found.format} and {len(found.names)} names of {found.size} robots, which "
@@ -246,7 +246,7 @@ class FleetFile:
 
     @property
     def _mend(self) -> str:
-        return "say who belongs to the fleet anew with sleepcast roster --expect"
+        return "set the fleet's robots again with sleepcast roster --expect"
 
 
 def _sized(count: int) -> int:

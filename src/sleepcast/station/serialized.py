@@ -1,6 +1,6 @@
 """What a desk knows when it is kept: its account, its roster, its journal and where it was in its numbers.
 
-Robots are named by their places on the roster: those of the minds come first, then whoever else has been heard.
+Robots are named by their places on the roster: those of the minds come first, then others that were heard.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ SHARE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """One stage: what was sent, and what became of it. last: whether nothing comes after it."""
+    """One stage: the command sent and its account. last: whether no stage follows."""
 
     command: Command
     account: Account

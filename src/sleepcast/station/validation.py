@@ -18,7 +18,7 @@ from sleepcast.station.preview import is_for_everybody
 from sleepcast.station.roster import Index, Roster
 
 MAX_LISTED = 4_096
-"""Names in one message: some forty datagrams; whoever means more says it by a test."""
+"""Names in one message: some forty datagrams; for more robots, use a test."""
 
 
 class AudienceError(MisuseError):
@@ -79,7 +79,7 @@ class NobodyHeardError(MisuseError):
 
     def __init__(self) -> None:
         super().__init__(
-            "nobody was heard, so nobody can say how many may obey, and nothing was sent: is a robot up on this "
+            "no robot was heard, so the number that may obey is unknown, and nothing was sent: is a robot up on this "
             "channel, in this fleet, with these keys?"
         )
 
@@ -165,18 +165,18 @@ class Validated(NamedTuple):
 
 
 def validate_address(program: Program, everybody: bool, roster: int) -> None:
-    """Whoever means everybody says so. Raises AddressError."""
+    """A command to everybody must be confirmed. Raises AddressError."""
     if everybody or not is_for_everybody(program):
         return
     which = "has no test" if program.test is None else "has a test that is always true"
     raise AddressError(
         f"this command {which}, so every robot that hears it would obey ({roster} on the roster): confirm that "
-        "everybody is meant (--all), or put a test before it, as in (WHEN (IN bravo) ...)"
+        "you mean all robots (--all), or put a test before it, as in (WHEN (IN bravo) ...)"
     )
 
 
 def validate_count(program: Program, may: int, roster: int, count: int | None, caution: SendPolicy) -> None:
-    """Whoever means many, or what cannot be undone, says how many. may: robots that are not certain not to obey, of a
+    """A command to many robots, or one that cannot be undone, needs their number. may: robots that might obey, of a
     roster of so many. Raises CountNeededError, also for a number that was said and is not the right one, and
     NobodyHeardError where there is nobody to be counted."""
     form = irreversible(program.root) if caution.irreversible else ""
@@ -201,11 +201,11 @@ def validate_type(program: Program, standing: bool, deadline: float | None) -> f
             )
         return seconds
     if deadline is not None:
-        raise CommandTypeError("a standing command has no deadline: it is good until everybody has it")
+        raise CommandTypeError("a standing command has no deadline: it is sent until every robot has it")
     joins = any(part.op == "act" and part.name == "join" for part in walk(program.root))
     if joins and program.test is not None:
         raise CommandTypeError(
-            "a command with a test and a JOIN cannot be standing, because who matches is a matter of the moment: "
+            "a command with a test and a JOIN cannot be standing, because which robots match changes with time: "
             "send it as a one-shot command"
         )
     return inf

@@ -372,7 +372,7 @@ def test_what_is_no_journal_is_left_alone(tmp_path: Path) -> None:
         with pytest.raises(JournalError):
             SqliteJournal(file, ManualClock())
         assert file.read_bytes() == before
-    with pytest.raises(NoJournalError, match="there is no journal"):
+    with pytest.raises(NoJournalError, match="no journal"):
         JournalReader(tmp_path / "none.db").__enter__()
     with pytest.raises(JournalError, match="the journal"):
         SqliteJournal(tmp_path, ManualClock())

@@ -1,4 +1,4 @@
-"""What a session of the terminal desk speaks of: to whom a text goes, as what, what can be said of it; and its help."""
+"""Values of a session of the terminal desk: addressee, command type, findings about the text; and the help page."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class CommandType(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Addressee:
-    """To whom a text goes. label: as the prompt shows it. test: put before the text; robot: the only one that is meant;
-    everybody: nobody is excepted, and that is meant."""
+    """To whom a text goes. label: as the prompt shows it. test: put before the text; robot: the only addressee;
+    everybody: all robots, as the operator has confirmed."""
 
     label: str
     test: str = ""
@@ -28,7 +28,7 @@ class Addressee:
     everybody: bool = False
 
     def wrapped(self, text: str, sort: CommandType) -> str:
-        """The text as it is sent. Whoever is not asked knows nothing, so that he counts for nothing."""
+        """The text as it is sent. Robots that are not asked answer UNKNOWN, which no statistics count."""
         if not self.test:
             return text
         return f"(IF {self.test} {text} UNKNOWN)" if sort is CommandType.ASK else f"(WHEN {self.test} {text})"
@@ -86,25 +86,25 @@ QUESTIONS = ("to", "show", "why", "look", "hold", "help", "quit")
 
 HELP = """
 F9 or Ctrl-X  STOP every robot: at once, and again until each is accounted for
-F7 twice      RELEASE: end STOP; nothing that was asked before resumes by itself
-Enter         send what is typed, once its parentheses are closed; doubts: twice
-Tab           complete a name; with nothing typed, to whom: as it is written,
+F7 twice      RELEASE: end STOP; no earlier command resumes by itself
+Enter         send the text once its parentheses are closed; twice if doubtful
+Tab           complete a name; with no text, change the addressee: as written,
               all, each group, what :to has named (Shift-Tab at any time)
-F3            once: obeyed within 5 s or never; staged: one robot, a tenth, all,
-              as long as all goes well; standing: reaches everybody in the end;
+F3            once: expires after 5 s; staged: one robot, a tenth, all, until
+              something fails; standing: reaches every robot, even later;
               ask: for a value
-F4            robots by name, or by when they were heard, the longest ago first
-PageUp/Down   go through the robots, or through this page
-Ctrl-C        drop what is typed; with nothing typed leave, as Ctrl-Q and Ctrl-D
+F4            sort robots by name, or by when they were last heard
+PageUp/Down   scroll the robots, or this page
+Ctrl-C        clear the text; without text quit, like Ctrl-Q and Ctrl-D
 
-:to r7        the text goes to r7 alone; :to (> battery 50%) to all of which
-              that is true; :to bravo to a group; :to all
-:show x y     variables in the list of robots
+:to r7        address r7 only; :to (> battery 50%) all robots for which
+              that is true; :to bravo a group; :to all
+:show x y     show variables in the list of robots
 :why r7 [ID]  how r7 evaluated the last command, or the one with that id
-:hold off     no heartbeats: robots that are driven stop after their lease
-:look         ask all robots to tell of themselves now
-:quit         leave
+:hold off     no heartbeats: driven robots stop after their lease
+:look         ask all robots for telemetry now
+:quit         quit
 
-Robots: S stopped, o not, ? has told nothing yet; L lost: not heard of late.
-Their answer to the last command: M matched, N did not match, F fault, - silent
+Robots: S stopped, o not stopped, ? no telemetry yet; L lost: not heard lately.
+Answer to the last command: M matched, N did not match, F fault, - silent
 """

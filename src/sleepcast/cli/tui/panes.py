@@ -99,7 +99,7 @@ def robots(session: Session, width: int, height: int, first: int) -> list[Line]:
         text = f"{clipped(printable(name), room):<{room}} {code} {_age(age):>5}  {'  '.join(told)}"
         answered = "class:warned" if code in "F-" else ""
         found.append([(style, f"{letters} "), (answered, clipped(printable(text), width - 3))])
-    return found or _plain("nobody was heard yet: are robots up, on this channel, with these keys?", width)
+    return found or _plain("no robot heard yet: are robots up, on this channel, with these keys?", width)
 
 
 def robots_title(session: Session) -> str:
@@ -150,13 +150,13 @@ def _age(seconds: float) -> str:
 
 
 def commands(session: Session, width: int, height: int) -> list[Line]:
-    """What was sent, the latest first, and what became of it."""
+    """What was sent, the latest first, with its outcome."""
     found: list[Line] = []
     for command in reversed(session.station.commands()):
         if len(found) >= height:
             break
         found += _command(session, command, width)
-    return found[:height] or _plain("nothing was sent yet: type an expression below; F1 helps", width)
+    return found[:height] or _plain("no command sent yet: type an expression below; F1 for help", width)
 
 
 def _command(session: Session, command: Command, width: int) -> Iterator[Line]:
@@ -202,7 +202,7 @@ def reports(session: Session, width: int, height: int) -> list[Line]:
     for heard, text in sorted([*said_by, *news])[-height:]:
         when = time.strftime("%H:%M:%S", time.localtime(heard))
         found.append([("class:when", f"{when} "), ("", clipped(printable(" ".join(text.split())), width - 9))])
-    return found or _plain("nobody has reported anything", width)
+    return found or _plain("no reports yet", width)
 
 
 # ---- below the prompt
@@ -255,7 +255,7 @@ def notice(session: Session, width: int) -> Line:
 
 def keys(width: int) -> Line:
     """The keys, as many as fit."""
-    text = " F9 STOP  F7 RELEASE  F1 help  Tab to whom  F3 sort  F4 order  Ctrl-Q leave"
+    text = " F9 STOP  F7 RELEASE  F1 help  Tab addressee  F3 type  F4 sort by  Ctrl-Q quit"
     return [("class:keys", _filled(text, width))]
 
 

@@ -155,7 +155,9 @@ class Session:
             self.to = Addressee(" ".join(text.split()), test=text)
         else:
             names = [*self.station.roster, *known]
-            raise MisuseError(f"{text} is no robot and no group{did_you_mean(text, names)}; a test is in parentheses")
+            raise MisuseError(
+                f"{text} is neither a robot nor a group{did_you_mean(text, names)}; a test is in parentheses"
+            )
         self._own.append(self.to)
 
     def next_sort(self) -> None:

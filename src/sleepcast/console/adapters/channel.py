@@ -41,7 +41,7 @@ A_ROW = 40
 RADIUS = 0.2
 """m: a robot whose size nobody told; the page draws it large enough to be seen."""
 FARTHEST = 1e7
-"""m: whoever says that he is farther away has told no position; robots stay on the Earth."""
+"""m: positions farther away are ignored; robots stay on the Earth."""
 SHARE = 0.002
 """Seconds for each robot between two questions to all: their answers take half of that."""
 EMPTY = (0.0, 0.0, 10.0, 10.0)

@@ -1,6 +1,6 @@
 // The banner of a page that does not hear who it speaks with: what it shows may be old, and STOP may not arrive.
 
-const ANEW = "If sleepcast was started anew, open the address that it printed then.";
+const ANEW = "If sleepcast was restarted, open the address that it printed.";
 
 // other: what the page calls it, "the station".
 export function showLine(wire, banner, other) {
@@ -11,10 +11,10 @@ export function showLine(wire, banner, other) {
   wire.addEventListener("hello", () => say(""));
   wire.addEventListener("heard", () => say(""));
   wire.addEventListener("silent", () => {
-    say(`Nothing has been heard from ${other} for some seconds. What is shown may be old, and STOP may not arrive.`);
+    say(`No data from ${other} for several seconds. This data may be stale, and STOP may not arrive.`);
   });
   wire.addEventListener("lost", ({ detail }) => {
     const why = detail.reason ? ` (${detail.reason})` : "";
-    say(`No connection to ${other}${why}. What is shown is old. Trying again … ${ANEW}`);
+    say(`No connection to ${other}${why}. This data is stale. Reconnecting … ${ANEW}`);
   });
 }

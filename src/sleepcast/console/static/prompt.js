@@ -10,7 +10,7 @@ import { Refusal } from "./wire.js";
 const PAUSE = 120; // ms without a key before the text is checked
 const AGAIN = 1000; // ms after which the robots have moved enough to ask again who would obey
 const NAMES_AGE = 2000; // ms for which the ranges of values in the list of names are good enough
-const HINT = "Enter sends · Shift+Enter begins a new line · ↑ brings back earlier commands · Tab completes a name";
+const HINT = "Enter sends · Shift+Enter starts a new line · ↑ recalls earlier commands · Tab completes a name";
 const MOST_NAMES = 12; // names offered at once
 const MOST_CHARACTERS = 16384; // of a command, as console/incoming.py has it
 
@@ -186,7 +186,7 @@ export class Prompt extends EventTarget {
     }
     if (everybody) {
       const count = (answer.yes + answer.no + answer.unknown).toLocaleString("en");
-      this.find("everybody-text").textContent = `This has no test: yes, I mean all ${count} robots.`;
+      this.find("everybody-text").textContent = `This applies to all ${count} robots. Send anyway?`;
     }
   }
 
@@ -260,7 +260,7 @@ export class Prompt extends EventTarget {
     this.showFindings();
   }
 
-  // Whoever means many types how many they are; a sentence says why, an empty one that nobody has to.
+  // For many robots, their number must be typed: the sentence says why; an empty one hides the field.
   askCount(sentence) {
     this.find("meant").hidden = !sentence;
     this.find("meant-text").textContent = sentence;

@@ -46,15 +46,15 @@ export class RobotPane {
     const pane = this.find("pane-why");
     if (index < 0) return;
     if (!command) {
-      pane.replaceChildren(sentence("No command has been sent yet. Send one, and this robot says why it obeys or not."));
+      pane.replaceChildren(sentence("No command has been sent yet. Send one to see why this robot obeys it or not."));
       return;
     }
     if (command.kind === "ask") {
-      pane.replaceChildren(sentence("A question changes nothing; what the robots answered stands with it in the account."));
+      pane.replaceChildren(sentence("A question changes nothing; the answers are shown with it in the list of commands."));
       return;
     }
     if (command.kind !== "command") {
-      pane.replaceChildren(sentence("STOP and RELEASE are no matter of the language: every robot that hears them obeys."));
+      pane.replaceChildren(sentence("STOP and RELEASE are not expressions: every robot that receives them obeys."));
       return;
     }
     try {
@@ -73,20 +73,20 @@ export class RobotPane {
     state.replaceChildren();
     const style = styleOf(news.group);
     state.append(picture(style, palette().robots[style]), [...news.groups, ...news.state].join(" · "));
-    fill(this.find("pane-values"), ["Name", "Value", "Kind"], news.values, (value) => [value.name, value.shown, value.kind], "Nothing is known of it.");
+    fill(this.find("pane-values"), ["Name", "Value", "Kind"], news.values, (value) => [value.name, value.shown, value.kind], "No values yet.");
     fill(
       this.find("pane-rules"),
       ["Rule", "Active", "Last value", "Text"],
       news.rules,
       (rule) => [rule.name, rule.active ? "● yes" : "○ no", rule.fault ? `! ${rule.fault}` : rule.value, rule.text],
-      "This robot holds no rules: it only answers messages.",
+      "This robot has no rules: it only answers messages.",
     );
     fill(
       this.find("pane-said"),
       ["When", "What it reported"],
       news.said,
       (said) => [clock(said.at), said.text],
-      'It has reported nothing. (REPORT "fuel" fuel) makes robots say what they have.',
+      'No reports yet. (REPORT "fuel" fuel) makes robots report their fuel.',
     );
   }
 

@@ -39,7 +39,7 @@ export class Safety {
     if (sent && this.latched) return; // said once more, and all is known
     this.answered();
     this.pressed = true;
-    const unheard = "STOP was sent, and the station has not said that it heard it. Do not rely on it.";
+    const unheard = "STOP was sent, but the station has not confirmed it. Do not rely on it.";
     if (sent) this.timer = setTimeout(() => this.say(unheard), PATIENCE);
     else this.say("STOP could not be sent: there is no connection to the station. It goes out as soon as there is one.");
   }

@@ -73,9 +73,9 @@ export class Time {
     this.find("clock").textContent = clock(frame.time);
     const behind = frame.running && !frame.preparing && frame.wanted < FASTEST && frame.achieved < BEHIND * frame.wanted;
     const near = Math.abs(frame.achieved - frame.wanted) < NEAR * frame.wanted;
-    const reached = `${factor(near ? frame.wanted : frame.achieved)} reached`;
+    const running = `running at ${factor(near ? frame.wanted : frame.achieved)}`;
     if (this.preparing) this.preparing.hidden = !frame.preparing;
-    this.find("achieved").textContent = frame.preparing ? "compiling" : frame.running ? reached : "paused";
+    this.find("achieved").textContent = frame.preparing ? "compiling" : frame.running ? running : "paused";
     this.find("achieved").classList.toggle("behind", behind);
   }
 

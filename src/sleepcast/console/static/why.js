@@ -7,7 +7,7 @@ const MARKS = { true: "✓", false: "✗", unknown: "?", skipped: "·", fault: "
 // Show one explanation (answer of the question "why") of the command in this row of the account.
 export function drawWhy(pane, why, row) {
   const about = Object.assign(document.createElement("p"), { className: "about" });
-  about.textContent = `about the command of ${clock(row.at)}`;
+  about.textContent = `for the command sent at ${clock(row.at)}`;
   const verdict = document.createElement("div");
   verdict.className = `verdict ${why.matched ? "matched" : "not-matched"}`;
   const mark = document.createElement("b");

@@ -62,7 +62,7 @@ CREATE TABLE about (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT;
 CREATE TRIGGER entries_stay BEFORE UPDATE ON entries BEGIN SELECT RAISE(ABORT, 'a journal only grows'); END;
 """
 KEPT = "CREATE TRIGGER entries_are_kept BEFORE DELETE ON entries BEGIN SELECT RAISE(ABORT, 'a journal only grows'); END"
-"""Against accidents; whoever wants to do harm is found by the chain."""
+"""Against accidents; deliberate changes are found by the chain."""
 
 
 class NoJournalError(JournalError):
@@ -135,7 +135,7 @@ def read_line(line: str, hash: bytes) -> Written:
                 return Written(entry, float(written), line, hash)
     except (ValueError, RecursionError):
         pass
-    raise JournalError(f"this is no entry of a journal: {line[:80]!r}")
+    raise JournalError(f"this is not a journal entry: {line[:80]!r}")
 
 
 def _plain(value: object, depth: int = 0) -> object:
@@ -184,9 +184,9 @@ def open_writing(file: Path) -> sqlite3.Connection:
 
 
 def open_reading(file: Path) -> sqlite3.Connection:
-    """A journal to read, whoever writes to it meanwhile. Raises NoJournalError."""
+    """A journal to read, while others may write to it. Raises NoJournalError."""
     if not file.is_file():
-        raise NoJournalError(f"there is no journal {file}: commands on the air make it, or name another with --journal")
+        raise NoJournalError(f"no journal {file}: commands on the air create it, or choose another with --journal")
     with journal_errors(file):
         connection = _connection(file, "ro")
         try:
@@ -311,7 +311,7 @@ def _is_journal(connection: sqlite3.Connection, file: Path) -> bool:
             )
         return True
     if application or version or used:
-        raise NoJournalError(f"{file} is an SQLite file, but no journal: name another with --journal")
+        raise NoJournalError(f"{file} is an SQLite file, but not a journal: choose another with --journal")
     return False
 
 

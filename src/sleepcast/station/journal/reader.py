@@ -208,7 +208,7 @@ def _wrong(row: tuple[int, str, bytes], number: int, hash: bytes) -> str:
     if row[0] != number + 1:
         return _missing(number + 1, row[0] - 1)
     if digest(hash, row[1]) != row[2]:
-        return f"entry {row[0]} is not what was written: its hash does not fit"
+        return f"entry {row[0]} was changed: its hash does not match"
     try:
         said = read_line(row[1], row[2]).entry.number
     except JournalError as error:

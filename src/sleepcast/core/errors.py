@@ -8,6 +8,7 @@ failure at work). The rooms keep their own subclasses beside the code that raise
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 
 MAX_LINE = 100
 """Characters of a line that are shown around a caret: a line of a message may have 16,384."""
@@ -30,20 +31,24 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
 
     Of those equally near, one with the same letters in another order comes first, then one with the same first letter.
     """
+    written = {candidate.casefold(): candidate for candidate in candidates}
+    best = _nearest(name.casefold(), tuple(written))
+    if best is None:
+        return None
+    return written[best].upper() if name.isupper() else written[best]
+
+
+@lru_cache(maxsize=64)  # robots of one type are asked the same, one after the other
+def _nearest(key: str, candidates: tuple[str, ...]) -> str | None:
     import difflib  # only needed when something is wrong already
 
-    key = name.casefold()
-    written = {candidate.casefold(): candidate for candidate in candidates}
     matcher = difflib.SequenceMatcher(b=key)
 
     def likeness(other: str) -> tuple[float, bool, bool]:
         matcher.set_seq1(other)
         return matcher.ratio(), sorted(other) == sorted(key), other[:1] == key[:1]
 
-    best = max(difflib.get_close_matches(key, written, n=5, cutoff=0.7), key=likeness, default=None)
-    if best is None:
-        return None
-    return written[best].upper() if name.isupper() else written[best]
+    return max(difflib.get_close_matches(key, candidates, n=5, cutoff=0.7), key=likeness, default=None)
 
 
 def did_you_mean(name: str, candidates: Iterable[str]) -> str:

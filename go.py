@@ -1,6 +1,10 @@
-"""Start sleepcast from a clone, `python3 go.py [COMMAND ...]`, or check it, `python3 go.py test [OPTION ...]`;
-`python3 go.py test network` tries the channel on a thousand robots in networks of their own, some twenty minutes long;
-`python3 go.py audit` asks the package index what is known against the locked versions.
+"""Start sleepcast from a clone, or check it.
+
+    python3 go.py [COMMAND ...]         the command `sleepcast ...`, from this folder
+    python3 go.py test quick            before each commit: all checks but the slow tests, in about a minute
+    python3 go.py test [OPTION ...]     every check; the options go to pytest
+    python3 go.py test network          the channel on a thousand robots in networks of their own: twenty minutes
+    python3 go.py audit                 ask the package index what is known against the locked versions
 
 The plan: fill a virtual environment in `.venv` beside this file from a lock with hashes (RUN to use it,
 DEV to test it: RUN and more), keep a stamp of what was installed, so that a later start costs one comparison, let the
@@ -85,12 +89,19 @@ def prepare(lock: str) -> None:
 
 def test(*pytest_options: str) -> int:
     """Run every check, even after one has failed; pytest last, so that its closing line closes the output."""
+    if pytest_options in (("--help",), ("-h",)):
+        print(__doc__)
+        return 0
     if pytest_options[:1] == ("network",):
         large = ("--hypothesis-profile", "nightly", "-rPs")  # and what was measured is told
         return 0 if run("pytest", "tests/network", *large, *pytest_options[1:]) else 1
+    if pytest_options[:1] == ("quick",):
+        pytest_options = ("--hypothesis-profile", "quick", "-m", "not browser", *pytest_options[1:])
     failed = []
-    # Whole files go to as many processes as there are cores: a file's tests share what is dear to make.
-    everything = ("pytest", "--numprocesses=auto", "--dist=loadfile", *pytest_options)
+    # Whole files go to as many processes as there are cores, in the order of tests/conftest.py: a file's tests share
+    # what is dear to make.
+    spread = ("--numprocesses=auto", "--dist=loadfile", "--no-loadscope-reorder")
+    everything = ("pytest", *spread, *pytest_options)
     for check in (("ruff", "format", "--check"), ("ruff", "check"), ("mypy",), everything):
         print("==", *check, flush=True)
         if not run(*check):

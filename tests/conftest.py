@@ -2,15 +2,18 @@
 
 Hypothesis searches the same examples every time in an ordinary run, fresh ones and more of them at night:
 `python3 go.py test --hypothesis-profile nightly`. No deadline for an example, nor for finding one: a busy machine is no
-bug, and what must be fast is measured in a test of its own. Contracts shared by several test files say what differed,
-as tests do.
+bug, and what must be fast is measured in a test of its own. `python3 go.py test quick` searches few examples, and
+leaves out the files of `SLOW`. Contracts shared by several test files say what differed, as tests do.
 """
 
 import signal
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from slow import SLOW
 
 # Programs under test are stopped by Ctrl-C. They inherit what this process does at it, and where a shell runs the tests
 # in the background, that is nothing.
@@ -22,17 +25,33 @@ pytest.register_assert_rewrite("channel_contract", "robot_contract", "language.c
 BUSY = [HealthCheck.too_slow]
 settings.register_profile("ordinary", deadline=None, suppress_health_check=BUSY, derandomize=True, print_blob=True)
 settings.register_profile("nightly", deadline=None, suppress_health_check=BUSY, max_examples=10_000, print_blob=True)
+settings.register_profile("quick", settings.get_profile("ordinary"), max_examples=20)
 settings.load_profile("ordinary")
+
+TESTS = Path(__file__).parent
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out slow files where a quick check is asked for."""
+    quick = config.getoption("--hypothesis-profile") == "quick"
+    return True if quick and weight(collection_path) else None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave out what takes minutes, unless the nightly profile is asked for."""
+    """Begin with the slowest files, so that no process is left alone with one of them in the end. Leave out what takes
+    minutes, unless the nightly profile is asked for."""
+    items.sort(key=lambda item: -weight(item.path))
     if config.getoption("--hypothesis-profile") == "nightly":
         return
     skip = pytest.mark.skip(reason="takes minutes: --hypothesis-profile nightly runs it")
     for item in items:
         if item.get_closest_marker("nightly"):
             item.add_marker(skip)
+
+
+def weight(path: Path) -> int:
+    """Seconds that a test file takes, 0 if it is not slow."""
+    return SLOW.get(path.relative_to(TESTS).as_posix(), 0) if path.is_relative_to(TESTS) else 0
 
 
 @pytest.fixture(scope="module")

@@ -20,6 +20,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import sleepcast
+from slow import SLOW
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCE = ROOT / "src"
@@ -66,6 +67,10 @@ def test_the_locks_satisfy_the_project() -> None:
             versions = [version for name, version in pins if name == canonicalize_name(requirement.name)]
             assert versions, f"{lock} lacks {requirement}: renew it as CONTRIBUTING.md says"
             assert all(version in requirement.specifier for version in versions), f"{lock}: {requirement}"
+
+
+def test_every_slow_file_is_there() -> None:
+    assert [name for name in SLOW if not (ROOT / "tests" / name).is_file()] == []
 
 
 # --- go.py ------------------------------------------------------------------------------------------------

@@ -90,7 +90,7 @@ def in_swarm() -> Entered:
 
 def on_air() -> Entered:
     """The way over UDP."""
-    from sleepcast.cli.air import FLEET, Air, station_for
+    from sleepcast.cli.air import FLEET, AirOptions, station_for
 
     with socket(AF_INET, SOCK_DGRAM) as free, TemporaryDirectory() as home:
         free.bind(("127.0.0.1", 0))
@@ -98,7 +98,7 @@ def on_air() -> Entered:
         settings = {"HOME": home, "XDG_CONFIG_HOME": f"{home}/config", "XDG_DATA_HOME": f"{home}/data"}
         with mock.patch.dict(os.environ, settings), Robot(channel) as robot:
             tracer = Tracer()
-            with station_for(Air(channel, FLEET, None, None, None), lambda _: None) as station:
+            with station_for(AirOptions(channel, FLEET, None, None, None), lambda _: None) as station:
 
                 def trip(text: str) -> None:
                     command, reports = station.send(text), len(station.reports)

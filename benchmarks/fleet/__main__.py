@@ -204,7 +204,7 @@ def native_predicate(robots: int, turns: int, base: float) -> Row:
         return Row(name, robots, None, None)
     fleet = rules.fleet(rules.columns(robots))
     (outcome,) = fleet.evaluate(rules.BRAVO)
-    program, rows = outcome.memo.program, fleet.rows()
+    program, rows = outcome.entry.program, fleet.rows()
     kernels = Kernels(hot=0)
     taken = in_turns({name: lambda: kernels.run(fleet.memory, program, rows)}, turns)[name]
     return Row(name, robots, taken, taken / base)

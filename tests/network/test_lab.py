@@ -19,8 +19,8 @@ needs_networks = pytest.mark.skipif(bool(REASON), reason=f"no networks of our ow
 
 HEAR = """
 import sys, time
-from sleepcast.channel.transports.udp import Udp
-ears, begin, heard = Udp(sys.argv[1]), time.monotonic(), []
+from sleepcast.channel.transports.udp import UdpTransport
+ears, begin, heard = UdpTransport(sys.argv[1]), time.monotonic(), []
 print("up", flush=True)
 while not any(datagram.endswith(b"end") for datagram in heard) and time.monotonic() - begin < 20.0:
     heard += ears.receive()
@@ -29,8 +29,8 @@ print(sum(not datagram.endswith(b"end") for datagram in heard), flush=True)
 """
 SPEAK = """
 import sys, time
-from sleepcast.channel.transports.udp import Udp
-mouth, said = Udp(sys.argv[1]), bytes.fromhex(sys.argv[3])
+from sleepcast.channel.transports.udp import UdpTransport
+mouth, said = UdpTransport(sys.argv[1]), bytes.fromhex(sys.argv[3])
 for _ in range(int(sys.argv[2])):
     mouth.send(said)
     time.sleep(0.0005)

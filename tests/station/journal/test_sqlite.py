@@ -231,13 +231,13 @@ def test_it_is_searched(
         (["DELETE FROM entries WHERE number BETWEEN 2 AND 4"], "entries 2 to 4 are missing", 1),
         (["DELETE FROM entries WHERE number = 1"], "entry 1 is missing", 0),
         (["DELETE FROM entries WHERE number > 3"], "entries 4 to 5 are missing at its end", 3),
-        (["UPDATE entries SET line = replace(line, '(ST)', '(GO)') WHERE number = 4"], "entry 4 is not what", 3),
+        (["UPDATE entries SET line = replace(line, '(ST)', '(GO)') WHERE number = 4"], "entry 4 was changed", 3),
         (
             ["DELETE FROM entries WHERE number = 2", "UPDATE entries SET number = number - 1 WHERE number > 2"],
-            "entry 2 is not what",
+            "entry 2 was changed",
             1,
         ),
-        (["UPDATE entries SET hash = zeroblob(32) WHERE number = 5"], "entry 5 is not what", 4),
+        (["UPDATE entries SET hash = zeroblob(32) WHERE number = 5"], "entry 5 was changed", 4),
     ],
 )
 def test_what_was_changed_or_taken_away_is_named(

@@ -115,13 +115,17 @@ def test_kernels_that_cannot_be_kept_or_loaded_are_compiled(tmp_path: Path, hind
 
 def test_a_kernels_name_tells_of_all_modules_that_it_takes_something_from() -> None:
     """But for types, of which compiled code has nothing."""
-    from sleepcast.simulator.compiled import SOURCES
+    from sleepcast.simulator.compiled import HERE, SOURCES
 
+    assert not [pattern for pattern in SOURCES if not any(HERE.glob(pattern))], "named, but not there"
     names = [file.name for file in (SOURCE / "simulator").glob("*.py")]
     counted = {name for name in names if any(fnmatch(name, pattern) for pattern in SOURCES)}
     compiled = {name for name in counted if name.startswith("kernels")} | {"lanes.py", "vectors.py"}
     for name in sorted(compiled):
         for found in ast.walk(ast.parse((SOURCE / "simulator" / name).read_text())):
+            if isinstance(found, ast.ImportFrom) and (found.module or "") == "sleepcast.core":
+                for alias in found.names:
+                    assert f"../core/{alias.name}.py" in SOURCES, f"{name} takes something from core.{alias.name}"
             if isinstance(found, ast.ImportFrom) and (found.module or "").startswith("sleepcast.simulator"):
                 module = (found.module or "").removeprefix("sleepcast.simulator").removeprefix(".")
                 for needed in [module] if module else [alias.name for alias in found.names]:

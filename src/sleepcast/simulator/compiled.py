@@ -40,7 +40,7 @@ HERE = Path(__file__).parent
 SOURCES = (
     *("kernels*.py", "compiled.py", "lanes.py", "vectors.py"),
     *("formulas.py", "driving.py", "noise.py", "crosstalk.py", "steps.py", "walls.py", "fields.py"),
-    "../channel/chance.py",
+    "../core/counter_rng.py",
 )
 """Kernels, and where they have numbers, formulas and named tuples from."""
 CACHE = CodeCache("kernels")

@@ -404,3 +404,16 @@ def test_a_program_runs(
     exec(compile(block.text, block.where, "exec"), {"__name__": "example"})
     wanted = [line.partition("# prints: ")[2] for line in block.text.splitlines() if "# prints: " in line]
     assert capsys.readouterr().out.splitlines() == wanted
+
+
+def test_the_places_for_changes_exist() -> None:
+    """The table in CONTRIBUTING.md says where to go: a file or folder that was moved must be moved there as well."""
+    table = (ROOT / "CONTRIBUTING.md").read_text().partition("| to change or add |")[2].partition("\n\n")[0]
+    rows = [row.split("|")[2:4] for row in table.splitlines()[2:]]
+    assert len(rows) >= 25
+    for source, tests in rows:
+        for start, cell in ((ROOT / "src" / "sleepcast", source), (ROOT / "tests", tests)):
+            named = [path for path in re.findall(r"`([\w/.]+)`", cell) if "/" in path or path.endswith(".py")]
+            assert named or start.name == "sleepcast", f"no place in {cell}"
+            for path in named:
+                assert path.startswith("...") or (start / path).exists(), f"{path} is not in {start.name}/"

@@ -145,4 +145,4 @@ def test_a_terminal_that_cannot_show_it_gets_a_sentence(channel: str, tmp_path: 
         assert "this terminal (TERM=dumb) cannot show the desk" in desk.screen
     refused = called("desk", "--channel", channel)
     assert (refused.status, refused.out) == (2, "")
-    assert "a desk needs a terminal" in refused.err
+    assert "the desk needs a terminal" in refused.err

@@ -198,7 +198,7 @@ def test_a_person_sees_and_commands_them(on_air: Program, context: BrowserContex
     page.keyboard.press("ArrowRight")
     expect(page.locator("#pane-why")).to_contain_text("matched")
     page.keyboard.press("F9")
-    expect(page.locator("#stopped-text")).to_contain_text("say that they are stopped")
+    expect(page.locator("#stopped-text")).to_contain_text("report stopped")
     page.locator("#release").click()
     expect(page.locator("#stopped")).to_be_hidden()
     assert not complaints

@@ -61,7 +61,7 @@ class TestHost:
     @pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.5", "::", "robots.example", ""])
     def test_everything_else_needs_to_be_meant(self, host: str) -> None:
         assert not is_loopback(host)
-        with pytest.raises(MisuseError, match="say --insecure if the network is yours alone"):
+        with pytest.raises(MisuseError, match="add --insecure on a network of your own"):
             server._check_host(host, insecure=False)
         server._check_host(host, insecure=True)
 

@@ -97,7 +97,7 @@ class AccountTable:
                 f"STOP is on its way: {found.n_matched:,} of {total:,} robots report stopped. Time stands "
                 "still, so nothing moves; the others hear it with the next tick."
             )
-        said = f"{found.n_matched:,} {found.scope} say that they are stopped"
+        said = f"{found.n_matched:,} {found.scope} report stopped"
         return f"STOP: {said}; silent: {found.missing(NAMED)}."
 
 

@@ -61,7 +61,7 @@ class Fleet(SwarmView, Protocol):
         """What other operators said of STOP, the latest first."""
 
     def stopped(self, since: float) -> int:
-        """How many robots say that they are stopped, of those that told of themselves since then (station's clock)."""
+        """How many robots report stopped, of those that told of themselves since then (station's clock)."""
 
     def standing(self) -> str:
         """Who stands although nobody may have said STOP, and why, in a sentence; "" if nobody does."""

@@ -52,7 +52,7 @@ def safety(session: Session, width: int) -> Line:
     latch, minds = session.latch, session.telemetry.minds
     stopped = sum(mind.stopped for mind in minds.values())
     if latch is None:
-        told = f"{stopped} {_of_all(session)} say that they are stopped"
+        told = f"{stopped} {_of_all(session)} report stopped"
         if standing := minds.standing():
             told += f"; {standing}"
         if not stopped:

@@ -253,7 +253,7 @@ class FleetOnPage:
                 yield SafetyOrder(message.sender, message.kind is Kind.STOP, message.issued)
 
     def stopped(self, since: float) -> int:
-        """How many robots say that they are stopped, of those that told of themselves since then."""
+        """How many robots report stopped, of those that told of themselves since then."""
         return sum(mind.stopped for mind in self._telemetry.minds.values() if mind.told_at >= since)
 
     def standing(self) -> str:

@@ -15,7 +15,7 @@ from sleepcast.loop.real import Watch, run_robot
 from sleepcast.node.node import Node
 from sleepcast.robot import Reading
 from sleepcast.simulator import Simulator
-from sleepcast.simulator.body import Body
+from sleepcast.simulator.bodies.body import Body
 from small_worlds import simulator
 
 TICK = 0.1

@@ -13,7 +13,7 @@ import sys
 from sleepcast.core.clock import WallClock
 from sleepcast.nomad import Nserver, Pace, Windows
 from sleepcast.robot import Axes
-from sleepcast.simulator.nomad_worlds import nomad_world
+from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
 STATE = bytes.fromhex("00500031") + bytes(196)
 """As many bytes as the smallest reply with the state."""

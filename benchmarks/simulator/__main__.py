@@ -24,8 +24,8 @@ from importlib.util import find_spec
 import numpy as np
 
 from sleepcast.simulator import Changes, Machine, Simulator, choose, find_scenario
-from sleepcast.simulator.bodies import Floats, Mode
-from sleepcast.simulator.contact import Settled
+from sleepcast.simulator.bodies.bodies import Floats, Mode
+from sleepcast.simulator.bodies.contact import Settled
 
 Clock = Callable[[], float]
 """Seconds since some time or other."""

@@ -22,8 +22,8 @@ from sleepcast.nomad.client import LostError, Nomad, RefusedError
 from sleepcast.nomad.units import TENTH
 from sleepcast.robot import Limits, Setpoint
 from sleepcast.simulator.engine import NumPyMachine
-from sleepcast.simulator.nomad_worlds import nomad_world
-from sleepcast.simulator.nomads import NomadWorld
+from sleepcast.simulator.nomads.nomad_worlds import nomad_world
+from sleepcast.simulator.nomads.nomads import NomadWorld
 
 TICK = 0.1
 

@@ -18,7 +18,7 @@ from channel.test_udp import free_port
 from cli.calling import LONGEST, Called, called
 from nomad.serving import Served, serving
 from sleepcast.simulator.engine import NumPyMachine
-from sleepcast.simulator.nomad_worlds import nomad_world
+from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
 
 @pytest.fixture

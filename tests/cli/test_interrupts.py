@@ -16,7 +16,7 @@ import pytest
 from cli.calling import LONGEST
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import load, resume
-from sleepcast.simulator.recording import load_recording
+from sleepcast.simulator.recording.recording import load_recording
 from small_worlds import write
 
 START = """

@@ -21,8 +21,8 @@ from nomad.serving import Served, serving
 from sleepcast.channel.plain_datagrams import Datagrams, send
 from sleepcast.cli import main
 from sleepcast.simulator.engine import NumPyMachine
-from sleepcast.simulator.nomad_worlds import nomad_world
-from sleepcast.simulator.nomads import NomadWorld
+from sleepcast.simulator.nomads.nomad_worlds import nomad_world
+from sleepcast.simulator.nomads.nomads import NomadWorld
 
 TICK = 0.1
 

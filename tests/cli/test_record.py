@@ -23,9 +23,9 @@ from sleepcast.cli import replay
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.loop import Swarm
 from sleepcast.simulator import load
-from sleepcast.simulator.foxglove import read_poses
-from sleepcast.simulator.recorder import Recorder
-from sleepcast.simulator.recording import Recording, entries, load_recording
+from sleepcast.simulator.recording.foxglove import read_poses
+from sleepcast.simulator.recording.recorder import Recorder
+from sleepcast.simulator.recording.recording import Recording, entries, load_recording
 from small_worlds import write
 
 MISSION = """

@@ -17,9 +17,9 @@ from sleepcast.console.adapters.recording import load_timeline
 from sleepcast.console.adapters.swarm import outlines
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Changes, Circle, Wall, find_scenario, load
-from sleepcast.simulator.recorder import Recorder
-from sleepcast.simulator.recording import Recording, load_recording
-from sleepcast.simulator.rotation import Rotation, part_file, read_rotation
+from sleepcast.simulator.recording.recorder import Recorder
+from sleepcast.simulator.recording.recording import Recording, load_recording
+from sleepcast.simulator.recording.rotation import Rotation, part_file, read_rotation
 from small_worlds import SCOUTS, write
 
 MISSION = """
@@ -120,7 +120,7 @@ def test_nothing_is_replaced_by_a_part(world: Path) -> None:
 def test_a_disk_that_is_full_when_a_part_ends_leaves_no_empty_part(
     world: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sleepcast.simulator.recorder.FLUSH_PERIOD", LONGEST)  # nothing is saved in between
+    monkeypatch.setattr("sleepcast.simulator.recording.recorder.FLUSH_PERIOD", LONGEST)  # nothing is saved in between
     said: list[str] = []
     file = world / "run.mcap"
     recorder = Recorder(file, load(world), 3, version="test", complain=said.append, rotation=Rotation(age=1.0))

@@ -21,7 +21,8 @@ SONARS = {"all at once": 'noise = "3%"', "in order": 'noise = "3%"\npause = "4ms
 def test_what_a_tick_takes_is_compiled_beforehand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sonar: str) -> None:
     """Every kernel meets the same types in a warm-up as in a tick."""
     numba = pytest.importorskip("numba")
-    from sleepcast.simulator import kernels, kernels_contact, kernels_firing, kernels_motion, kernels_sonar
+    from sleepcast.simulator.bodies import kernels_contact, kernels_motion
+    from sleepcast.simulator.sonar import kernels, kernels_firing, kernels_sonar
 
     called: set[tuple[str, object]] = set()
 
@@ -55,7 +56,7 @@ from sleepcast.simulator import find_scenario
 
 warm_up(find_scenario("crowd"), 1)
 for name, module in sorted(sys.modules.items()):
-    if name.startswith("sleepcast.simulator.kernels"):
+    if name.startswith("sleepcast.simulator.sonar.kernels"):
         for kernel in vars(module).values():
             if hasattr(kernel, "stats") and kernel.__module__ == name:
                 print(name, kernel.__name__, sum(kernel.stats.cache_misses.values()))

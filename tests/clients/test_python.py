@@ -18,8 +18,8 @@ from nomad.serving import LONGEST, Served, serving
 from sleepcast.channel.plain_datagrams import Datagrams, send
 from sleepcast.nomad.client import Nomad
 from sleepcast.simulator.engine import NumPyMachine
-from sleepcast.simulator.nomad_worlds import nomad_world
-from sleepcast.simulator.nomads import NomadWorld
+from sleepcast.simulator.nomads.nomad_worlds import nomad_world
+from sleepcast.simulator.nomads.nomads import NomadWorld
 
 PROGRAMS = Path(__file__).resolve().parent.parent.parent / "clients" / "python"
 WALL = [(1.2, -1.0), (1.4, -1.0), (1.4, 1.0), (1.2, 1.0)]

@@ -17,8 +17,8 @@ from playwright.sync_api import Page as Screen
 from console.running import PATIENCE, Page, Program, number, open_page
 from console.test_page import until
 from sleepcast.console.account_table import MOST_ROWS
-from sleepcast.simulator.foxglove import read_poses
-from sleepcast.simulator.recording import entries, load_recording
+from sleepcast.simulator.recording.foxglove import read_poses
+from sleepcast.simulator.recording.recording import entries, load_recording
 from small_worlds import write
 
 MISSION = """

@@ -21,7 +21,7 @@ LONG = 10.0
 
 
 def _compiled() -> Look:
-    from sleepcast.simulator.kernels_wait import wait
+    from sleepcast.simulator.simd.kernels_wait import wait
 
     return wait
 

@@ -9,7 +9,7 @@ from sleepcast.nomad.answers import answer
 from sleepcast.nomad.session import Session, Wait
 from sleepcast.nomad.wire import HEADER, Layout, Parser, decode, encode_request
 from sleepcast.robot import SimulatedWorld
-from sleepcast.simulator.nomad_worlds import nomad_world
+from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
 PORT = 7771
 EVERYTHING = (0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x0E, 0x00)

@@ -13,7 +13,7 @@ from sleepcast.nomad.answers import answer
 from sleepcast.nomad.requests import SHAPES, Kind
 from sleepcast.nomad.units import INCH, TENTH
 from sleepcast.nomad.wire import HEADER, Layout, decode, encode_request
-from sleepcast.simulator.nomad_worlds import nomad_world
+from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
 FULL_ORDER = tuple(range(16))
 SQUARE = (4, 500, 500, 900, 500, 900, 900, 500, 900)

@@ -15,8 +15,8 @@ from nomad.serving import LONGEST, Served, serving
 from sleepcast.core.errors import MisuseError
 from sleepcast.nomad.client import LAYERS, Kind, LostError, Nomad, Pose, RefusedError, RequestError
 from sleepcast.nomad.nclient import State
-from sleepcast.simulator.nomad_worlds import nomad_world
-from sleepcast.simulator.nomads import NomadWorld
+from sleepcast.simulator.nomads.nomad_worlds import nomad_world
+from sleepcast.simulator.nomads.nomads import NomadWorld
 
 INCH = 0.0254
 SQUARE = [(1.016, 0.0), (2.032, 0.0), (2.032, 1.016)]

@@ -21,7 +21,7 @@ from sleepcast.nomad.notes import BURST, RATE
 from sleepcast.nomad.requests import Kind
 from sleepcast.nomad.server import MAX_CLIENTS, MAX_READ
 from sleepcast.nomad.wire import HEADER, MAX_WORDS, Layout, decode, encode_request
-from sleepcast.simulator.nomad_worlds import nomad_world
+from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
 LONGEST = 20.0
 """Seconds that a busy machine is given."""

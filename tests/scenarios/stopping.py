@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from sleepcast.cli.headless import assemble
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Scenario, find_scenario
-from sleepcast.simulator.robot_settings import CrosstalkModel
-from sleepcast.simulator.world import Polygon, Shape, Wall
+from sleepcast.simulator.scenario.robot_settings import CrosstalkModel
+from sleepcast.simulator.world.world import Polygon, Shape, Wall
 
 INCH = 0.0254
 CLEAR = 15 * INCH

@@ -9,7 +9,7 @@ import pytest
 
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Simulator, find_scenario
-from sleepcast.simulator.bodies import Mode
+from sleepcast.simulator.bodies.bodies import Mode
 from sleepcast.station import Station
 
 SHARE = pi * 4 / 64 * 0.5 * 0.4

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sleepcast.simulator.nomads import NomadWorld
+from sleepcast.simulator.nomads.nomads import NomadWorld
 
 
 def run(world: NomadWorld, seconds: float) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from math import acos, atan2, cos, hypot, inf, pi, remainder, sin, sqrt, tan
 
-from sleepcast.simulator.cones import Cones
+from sleepcast.simulator.sonar.cones import Cones
 
 Point = tuple[float, float]
 

@@ -12,7 +12,7 @@ import pytest
 from robot_contract import Rig, RobotContract
 from sleepcast.robot import Setpoint
 from sleepcast.simulator import Body, Saying, Simulator
-from sleepcast.simulator.body import TUMBLE
+from sleepcast.simulator.bodies.body import TUMBLE
 from small_worlds import simulator
 
 

@@ -11,9 +11,9 @@ import pytest
 from machines import ALL, MACHINES
 from simulator.sonar_reference import readings
 from sleepcast.simulator import Simulator
-from sleepcast.simulator.cones import Cones
 from sleepcast.simulator.engine import Machine, choose
-from sleepcast.simulator.world import Circle
+from sleepcast.simulator.sonar.cones import Cones
+from sleepcast.simulator.world.world import Circle
 from small_worlds import scouts
 
 ERROR = 1e-5

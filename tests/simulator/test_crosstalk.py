@@ -11,10 +11,10 @@ import pytest
 
 from simulator.test_sorts import mixed
 from sleepcast.simulator import SettingsError, Simulator, choose, load
-from sleepcast.simulator.crosstalk import SOUND, Crosstalk
 from sleepcast.simulator.engine import Machine
-from sleepcast.simulator.grid import grid_over
-from sleepcast.simulator.robot_settings import CrosstalkModel, Ring
+from sleepcast.simulator.scenario.robot_settings import CrosstalkModel, Ring
+from sleepcast.simulator.sonar.crosstalk import SOUND, Crosstalk
+from sleepcast.simulator.world.grid import grid_over
 from small_worlds import SCOUTS, scouts, write
 
 INCH = 0.0254
@@ -211,7 +211,7 @@ class TestTwoRobots:
     ) -> None:
         hashes = set()
         for most in (1 << 20, 50):
-            monkeypatch.setattr("sleepcast.simulator.crosstalk.MAX_PAIRS", most)
+            monkeypatch.setattr("sleepcast.simulator.sonar.crosstalk.MAX_PAIRS", most)
             simulator = in_order(tmp_path, "1ms", "60%", count=12)
             for _ in range(10):
                 simulator.step()

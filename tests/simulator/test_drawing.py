@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from sleepcast.simulator import Area, Circle, SettingsError, Shape, Simulator, Wall, load
-from sleepcast.simulator.drawing import MAX_DEPTH, TOLERANCE, Drawing, read_drawing
-from sleepcast.simulator.svg_paths import Arc, Bezier, PathError, read_path
-from sleepcast.simulator.world import MAX_SOLIDS, Point
+from sleepcast.simulator.world.drawing import MAX_DEPTH, TOLERANCE, Drawing, read_drawing
+from sleepcast.simulator.world.svg_paths import Arc, Bezier, PathError, read_path
+from sleepcast.simulator.world.world import MAX_SOLIDS, Point
 from small_worlds import SCOUTS, write
 
 PAGE = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 60">\n%s\n</svg>\n'

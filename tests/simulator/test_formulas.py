@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from sleepcast.simulator.formulas import arc_tangent, either, sine_cosine, wrap
+from sleepcast.simulator.simd.formulas import arc_tangent, either, sine_cosine, wrap
 
 ANGLES = np.concatenate((np.linspace(-50.0, 50.0, 40_001), np.arange(-16, 17) * (pi / 4), [0.0, -0.0, 1e-300, 3000.0]))
 WAYS = np.random.default_rng(4).normal(size=(2, 40_000)) * np.random.default_rng(5).choice(
@@ -37,7 +37,7 @@ def test_wrapped_angles_lie_within_half_a_turn_and_mean_the_same() -> None:
 
 def test_compiled_formulas_give_the_same_bits() -> None:
     numba = pytest.importorskip("numba")
-    from sleepcast.simulator import compiled  # which tells numba of them
+    from sleepcast.simulator.simd import compiled
 
     assert compiled.FASTMATH
 

@@ -8,8 +8,8 @@ from collections import defaultdict
 import numpy as np
 import pytest
 
-from sleepcast.simulator import foxglove
-from sleepcast.simulator.foxglove import Level
+from sleepcast.simulator.recording import foxglove
+from sleepcast.simulator.recording.foxglove import Level
 
 Fields = dict[int, list[bytes | int | float]]
 

@@ -16,8 +16,8 @@ from sleepcast.node.node import Node
 from sleepcast.robot import Limits, Setpoint
 from sleepcast.simulator import Guard, LoneBody, Simulator, find_scenario, limited, read_limits
 from sleepcast.simulator.engine import NumPyMachine
-from sleepcast.simulator.settings import SettingsError
-from sleepcast.simulator.world_settings import Changes
+from sleepcast.simulator.scenario.settings import SettingsError
+from sleepcast.simulator.scenario.world_settings import Changes
 from small_worlds import scouts, simulator
 
 FENCE = (480.0, 490.0, 520.0, 505.0)

@@ -10,9 +10,9 @@ import pytest
 
 pytest.importorskip("numba")
 
-from sleepcast.simulator import formulas, lanes, vectors
-from sleepcast.simulator.compiled import compiled, strict
-from sleepcast.simulator.scratch import LINE, Scratch
+from sleepcast.simulator.simd import formulas, lanes, vectors
+from sleepcast.simulator.simd.arena import LINE, Scratch
+from sleepcast.simulator.simd.compiled import compiled, strict
 
 ALL_AT_ONCE = pytest.param(True, marks=pytest.mark.skipif(not lanes.at_once(), reason="this processor cannot"))
 SOME = np.array([0.5, -1.25, 3.0, 7.5, -2.0, 1e-3, 9.0, 4.0, 0.75, -6.0, 5.0, 2.5, -0.125, 8.0, 1.0, -3.5])

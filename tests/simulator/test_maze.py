@@ -9,7 +9,7 @@ import pytest
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Changes, SettingsError, Simulator, Wall, load
-from sleepcast.simulator.maze import MAX_CELLS, maze
+from sleepcast.simulator.world.maze import MAX_CELLS, maze
 from small_worlds import SCOUTS, write
 
 Cell = tuple[int, int]

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from sleepcast.loop import Swarm
-from sleepcast.simulator import SettingsError, measures
-from sleepcast.simulator.measures import RESERVED, MeasureSpec, Measuring
+from sleepcast.simulator import SettingsError
+from sleepcast.simulator.scenario import measures
+from sleepcast.simulator.scenario.measures import RESERVED, MeasureSpec, Measuring
 from small_worlds import simulator
 
 BOTH = """

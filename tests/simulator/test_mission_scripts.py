@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from sleepcast.simulator import MissionError, parse_mission, read_mission
-from sleepcast.simulator.mission import MAX_ORDERS
+from sleepcast.simulator.scenario.mission import MAX_ORDERS
 
 
 def test_orders_with_times_and_comments() -> None:

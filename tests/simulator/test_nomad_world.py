@@ -14,8 +14,8 @@ from simulator.nomad_time import run, until_rest
 from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Axes, Pose
 from sleepcast.simulator.engine import Machine
-from sleepcast.simulator.nomad_worlds import nomad_world
-from sleepcast.simulator.nomads import NomadWorld
+from sleepcast.simulator.nomads.nomad_worlds import nomad_world
+from sleepcast.simulator.nomads.nomads import NomadWorld
 
 TENTH = 0.00254
 """m of a tenth of an inch."""

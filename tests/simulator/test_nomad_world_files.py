@@ -11,16 +11,16 @@ import pytest
 from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Corners, Pose
 from sleepcast.simulator import Area, SettingsError, find_scenario, load, scenario_names
-from sleepcast.simulator.areas import inside
 from sleepcast.simulator.engine import choose
-from sleepcast.simulator.keyholes import without_holes
-from sleepcast.simulator.nomad_worlds import nomad_world
-from sleepcast.simulator.nomads import NomadWorld
-from sleepcast.simulator.obstacles import MAX_OBSTACLES
-from sleepcast.simulator.outlines import outlines
-from sleepcast.simulator.polygons import read_polygons, write_polygons
-from sleepcast.simulator.setups import SETUPS, read_setup, setup_names
-from sleepcast.simulator.sites import ROOM, read_site
+from sleepcast.simulator.nomads.nomad_worlds import nomad_world
+from sleepcast.simulator.nomads.nomads import NomadWorld
+from sleepcast.simulator.nomads.obstacles import MAX_OBSTACLES
+from sleepcast.simulator.nomads.setups import SETUPS, read_setup, setup_names
+from sleepcast.simulator.nomads.sites import ROOM, read_site
+from sleepcast.simulator.world.areas import inside
+from sleepcast.simulator.world.contours import outlines
+from sleepcast.simulator.world.polygon_holes import without_holes
+from sleepcast.simulator.world.polygons import read_polygons, write_polygons
 from small_worlds import SCOUTS
 
 WORLD = """format = 1

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from machines import ALL
 from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Axes, Corners, Pose
-from sleepcast.simulator.grid import distance
-from sleepcast.simulator.nomad_worlds import nomad_world
-from sleepcast.simulator.nomads import NomadWorld
-from sleepcast.simulator.obstacles import MAX_OBSTACLES
-from sleepcast.simulator.paths import first_along, first_round
+from sleepcast.simulator.nomads.nomad_worlds import nomad_world
+from sleepcast.simulator.nomads.nomads import NomadWorld
+from sleepcast.simulator.nomads.obstacles import MAX_OBSTACLES
+from sleepcast.simulator.nomads.paths import first_along, first_round
+from sleepcast.simulator.world.grid import distance
 
 BOX = [(1.0, -0.5), (2.0, -0.5), (2.0, 0.5), (1.0, 0.5)]
 RADIUS = 0.17

@@ -11,9 +11,9 @@ from machines import ALL
 from simulator.nomad_time import run, until_rest
 from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Axes, Pose
-from sleepcast.simulator.nomad_worlds import nomad_world
-from sleepcast.simulator.nomads import NomadWorld
-from sleepcast.simulator.setups import SETUPS
+from sleepcast.simulator.nomads.nomad_worlds import nomad_world
+from sleepcast.simulator.nomads.nomads import NomadWorld
+from sleepcast.simulator.nomads.setups import SETUPS
 
 EAST = [(1.0, -1.0), (2.0, -1.0), (2.0, 1.0), (1.0, 1.0)]
 """A box whose west side stands 1 m east of the origin."""

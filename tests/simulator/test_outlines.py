@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sleepcast.simulator.areas import inside
-from sleepcast.simulator.outlines import Corner, outlines
-from sleepcast.simulator.world import Area, Circle, Point
+from sleepcast.simulator.world.areas import inside
+from sleepcast.simulator.world.contours import Corner, outlines
+from sleepcast.simulator.world.world import Area, Circle, Point
 from small_worlds import simulator
 
 Cells = NDArray[np.bool_]

@@ -15,9 +15,9 @@ import zstandard
 from cli.calling import called
 from sleepcast.simulator import load
 from sleepcast.simulator.packing import pack
-from sleepcast.simulator.recorder import MAX_RECORD, READINGS, RULES, STATE, Recorder
-from sleepcast.simulator.recording import NoRecordingError, RecordingError, load_recording
-from sleepcast.simulator.scenario import Scenario
+from sleepcast.simulator.recording.recorder import MAX_RECORD, READINGS, RULES, STATE, Recorder
+from sleepcast.simulator.recording.recording import NoRecordingError, RecordingError, load_recording
+from sleepcast.simulator.scenario.scenario import Scenario
 from small_worlds import write
 
 CHUNK, ATTACHMENT = 6, 9
@@ -139,7 +139,7 @@ def test_a_scenario_that_cannot_be_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     data = changed(scenario, *where, value=value)
-    monkeypatch.setattr("sleepcast.simulator.recorder.pack", lambda _: data)
+    monkeypatch.setattr("sleepcast.simulator.recording.recorder.pack", lambda _: data)
     file = recording(tmp_path, scenario)
     done = called("replay", str(file), *options)
     assert (done.status, done.out) == (2, "")

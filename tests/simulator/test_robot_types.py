@@ -9,7 +9,7 @@ import pytest
 
 from sleepcast.simulator import Changes, Scenario, SettingsError, load
 from sleepcast.simulator.packing import pack, unpack
-from sleepcast.simulator.robot_types import names_of, slices, type_names
+from sleepcast.simulator.scenario.robot_types import names_of, slices, type_names
 from small_worlds import write
 
 HEAD = """

@@ -14,7 +14,7 @@ from PIL import Image
 from sleepcast.console.adapters.swarm import scene_of
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Area, Scenario, SettingsError, Simulator, load
-from sleepcast.simulator.ros_map import MAX_PIXELS, read_map
+from sleepcast.simulator.world.ros_map import MAX_PIXELS, read_map
 from small_worlds import SCOUTS, write
 
 YAML = """# a room

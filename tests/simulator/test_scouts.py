@@ -12,11 +12,11 @@ from machines import ALL, MACHINES
 from robot_contract import Rig, RobotContract
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Simulator
-from sleepcast.simulator.body import TUMBLE
-from sleepcast.simulator.contact import SKIN
+from sleepcast.simulator.bodies.body import TUMBLE
+from sleepcast.simulator.bodies.contact import SKIN
 from sleepcast.simulator.engine import Machine
-from sleepcast.simulator.grid import distance
-from sleepcast.simulator.world import Circle, Wall
+from sleepcast.simulator.world.grid import distance
+from sleepcast.simulator.world.world import Circle, Wall
 from small_worlds import scouts
 
 OPEN = ('width = "12m"\nheight = "12m"\nedge = "wall"', 'width = "1km"\nheight = "1km"')

@@ -13,7 +13,7 @@ import pytest
 
 from sleepcast.core.counter_rng import key, uniform
 from sleepcast.simulator import Simulator, load
-from sleepcast.simulator.signals import FRONT, LIGHT_NAMES, PING_NAMES, REAR
+from sleepcast.simulator.scenario.signals import FRONT, LIGHT_NAMES, PING_NAMES, REAR
 from small_worlds import simulator, write
 
 PINGS = '\n[pings]\nreach = "100m"\n'
@@ -156,7 +156,7 @@ class TestPings:
         """Looked at in blocks, hearers hear what they would hear all together."""
         hashes = []
         for pairs in (1 << 20, 7):
-            monkeypatch.setattr("sleepcast.simulator.senses.MAX_PAIRS", pairs)
+            monkeypatch.setattr("sleepcast.simulator.bodies.senses.MAX_PAIRS", pairs)
             sim = crowd(tmp_path)
             for number in range(20):
                 sim.ping(number, float(number))

@@ -13,9 +13,10 @@ from simulator.test_events import THINGS
 from simulator.test_sorts import SORTS, mixed
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.serial import SerialError, pack, unpack
-from sleepcast.simulator import Area, Circle, Simulator, Wall, find_scenario, world
+from sleepcast.simulator import Area, Circle, Simulator, Wall, find_scenario
 from sleepcast.simulator.packing import pack as packed_scenario
 from sleepcast.simulator.snapshot import SimulatorParcel, resume, state_of
+from sleepcast.simulator.world import world
 from small_worlds import scouts, simulator
 
 MOST = 1 << 24

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.simulator.grid import grid_over, list_solids
-from sleepcast.simulator.walls import NEW_DIRECTION, NEW_LINE, ROUND, SAME_LINE, walls_of
-from sleepcast.simulator.world import Circle, Polygon, Shape, Wall, World, edge, rooms
+from sleepcast.simulator.world.grid import grid_over, list_solids
+from sleepcast.simulator.world.walls import NEW_DIRECTION, NEW_LINE, ROUND, SAME_LINE, walls_of
+from sleepcast.simulator.world.world import Circle, Polygon, Shape, Wall, World, edge, rooms
 
 SHAPES: list[Shape] = [
     edge(24.0, 18.0),

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from sleepcast.core.errors import MisuseError
-from sleepcast.simulator.grid import distance, grid_over, list_solids, pairs, sort
-from sleepcast.simulator.world import Circle, Polygon, Shape, Wall, World, edge, rooms
+from sleepcast.simulator.world.grid import distance, grid_over, list_solids, pairs, sort
+from sleepcast.simulator.world.world import Circle, Polygon, Shape, Wall, World, edge, rooms
 
 SQUARE = Polygon(((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)))
 

@@ -126,7 +126,7 @@ def _plain(text: str, name: str) -> Iterator[Expression]:
 
 
 def _mission(source: str) -> Iterator[Expression]:
-    from sleepcast.simulator.mission import parse_mission
+    from sleepcast.simulator.scenario.mission import parse_mission
 
     for order in parse_mission(read_file(Path(source)), source):
         yield Expression(order.place, order.text.strip())

@@ -36,7 +36,7 @@ from sleepcast.loop.real import Watch, run_robot
 from sleepcast.node.node import Node
 from sleepcast.node.store import Store
 from sleepcast.nomad.vocabulary import nomad_vocabulary
-from sleepcast.simulator.mission import Order, parse_mission
+from sleepcast.simulator.scenario.mission import Order, parse_mission
 
 if TYPE_CHECKING:
     from sleepcast.simulator import Order

@@ -22,7 +22,7 @@ from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.nomad import Nserver, Pace, RealRobot
-    from sleepcast.simulator.nomads import NomadWorld
+    from sleepcast.simulator.nomads.nomads import NomadWorld
 
 PAGE_PORT = 8318
 """Where the page is, unless another port is wanted: beside the other page's, so that both can be open."""
@@ -98,7 +98,7 @@ def nserver(
 
         from sleepcast.core.clock import WallClock
         from sleepcast.nomad import Nserver, Pace, Windows, listening_places
-        from sleepcast.simulator.nomad_worlds import nomad_world
+        from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
         hurry = lockstep or speed > QUICK
         with unless_soon("compiling what the simulator needs, once on this machine: this takes some ten seconds"):

@@ -51,7 +51,7 @@ def prepare(as_json: bool, quiet: bool) -> int:
         for name in names:
             tell(name)
             _compile_for(name)
-    from sleepcast.simulator.compiled import CACHE, kept_in
+    from sleepcast.simulator.simd.compiled import CACHE, kept_in
 
     folder, seconds = kept_in(), perf_counter() - began
     if folder is None:

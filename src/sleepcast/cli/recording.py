@@ -18,7 +18,7 @@ from sleepcast.console.frames import Groups, flags_of
 from sleepcast.language import format_value
 from sleepcast.loop import Swarm, snapshot
 from sleepcast.simulator import Scenario
-from sleepcast.simulator.recorder import (
+from sleepcast.simulator.recording.recorder import (
     ACCOUNTING,
     MARKS,
     READINGS,
@@ -31,7 +31,7 @@ from sleepcast.simulator.recorder import (
     RulesBody,
     WorldChange,
 )
-from sleepcast.simulator.rotation import ONE_FILE, Rotation
+from sleepcast.simulator.recording.rotation import ONE_FILE, Rotation
 from sleepcast.station import Command, Station
 
 PICTURES_PER_SECOND = 10.0

@@ -19,9 +19,9 @@ from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.loop import Swarm
-    from sleepcast.simulator.recorder import WorldChange
-    from sleepcast.simulator.recording import Recording
-    from sleepcast.simulator.world import World
+    from sleepcast.simulator.recording.recorder import WorldChange
+    from sleepcast.simulator.recording.recording import Recording
+    from sleepcast.simulator.world.world import World
 
 
 @click.command("replay", short_help="Show a recording on the page, or check it.")
@@ -69,7 +69,7 @@ def replay(
       sleepcast replay run.mcap --verify --json
     """
     with Interrupts() as interrupts:
-        from sleepcast.simulator.recording import load_recording
+        from sleepcast.simulator.recording.recording import load_recording
 
         recording = load_recording(file)
         if not (headless or as_json or verify):
@@ -121,7 +121,7 @@ def _verify(interrupts: Interrupts, recording: Recording, *, quiet: bool) -> Ver
     """Run the recording again, up to the last state that it holds."""
     from sleepcast.cli.headless import warm_up
     from sleepcast.cli.progress import steps
-    from sleepcast.simulator.recording import alive
+    from sleepcast.simulator.recording.recording import alive
 
     with alive(recording):
         warm_up(recording.scenario, None)

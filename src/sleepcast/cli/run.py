@@ -292,7 +292,7 @@ def _keeping(options: Options) -> SnapshotPlan | None:
 
 
 def _refuse_contradictions(headless: bool, options: Options) -> None:
-    from sleepcast.simulator.robot_settings import MAX_TIME
+    from sleepcast.simulator.scenario.robot_settings import MAX_TIME
 
     seconds = options["seconds"]
     if not headless and (options["as_json"] or seconds is not None):
@@ -328,7 +328,7 @@ def _wanted(options: Options) -> RecordingPlan | None:
     if options["record"] is None:
         return None
     from sleepcast.cli.recording import RecordingPlan
-    from sleepcast.simulator.rotation import ONE_FILE, read_rotation
+    from sleepcast.simulator.recording.rotation import ONE_FILE, read_rotation
 
     rotation = ONE_FILE if options["record_rotate"] is None else read_rotation(options["record_rotate"])
     return RecordingPlan(options["record"], options["record_pictures"], options["record_readings"], rotation)
@@ -338,7 +338,7 @@ def _changes(options: Options) -> Changes:
     """What the options change of the scenario's file."""
     from sleepcast.loop import MAX_MINDS
     from sleepcast.simulator import Changes
-    from sleepcast.simulator.robot_settings import LEAST, MAX_WORLD
+    from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_WORLD
 
     robots, density = options["robots"], options["density"]
     if robots is not None and robots > MAX_MINDS:

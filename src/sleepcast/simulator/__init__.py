@@ -12,20 +12,20 @@ compiled `kernels`. `simulation` puts everything together. `rehearsal` compiles 
 `setups` say.
 """
 
-from sleepcast.simulator.alone import LoneBody
-from sleepcast.simulator.bodies import Saying
-from sleepcast.simulator.body import Body
+from sleepcast.simulator.bodies.bodies import Saying
+from sleepcast.simulator.bodies.body import Body
+from sleepcast.simulator.bodies.safety_limits import Guard, limited, read_limits
+from sleepcast.simulator.bodies.single_robot import LoneBody
 from sleepcast.simulator.engine import Machine, choose
-from sleepcast.simulator.gallery import find_scenario, scenario_names
-from sleepcast.simulator.guard import Guard, limited, read_limits
-from sleepcast.simulator.mission import MissionError, Order, parse_mission, read_mission
 from sleepcast.simulator.rehearsal import rehearse
-from sleepcast.simulator.robot_settings import Store
-from sleepcast.simulator.scenario import Place, ReadyCommand, Scenario, load
-from sleepcast.simulator.settings import SettingsError
+from sleepcast.simulator.scenario.gallery import find_scenario, scenario_names
+from sleepcast.simulator.scenario.mission import MissionError, Order, parse_mission, read_mission
+from sleepcast.simulator.scenario.robot_settings import Store
+from sleepcast.simulator.scenario.scenario import Place, ReadyCommand, Scenario, load
+from sleepcast.simulator.scenario.settings import SettingsError
+from sleepcast.simulator.scenario.world_settings import Changes
 from sleepcast.simulator.simulation import Simulator
-from sleepcast.simulator.world import Area, Circle, Polygon, Shape, Wall, World
-from sleepcast.simulator.world_settings import Changes
+from sleepcast.simulator.world.world import Area, Circle, Polygon, Shape, Wall, World
 
 __all__ = [
     "Area",

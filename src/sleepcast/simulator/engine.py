@@ -16,14 +16,16 @@ import numpy as np
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.threads import ThreadPool
-from sleepcast.simulator import cones, contact, grid, noise, steps
-from sleepcast.simulator.cones import Ranges, Seen, View
-from sleepcast.simulator.contact import Settled
-from sleepcast.simulator.driving import Laws
-from sleepcast.simulator.firing import Firing, Tick, fire
-from sleepcast.simulator.grid import Floats, Grid, Listed, Sorted, Whole
-from sleepcast.simulator.noise import Ear, Noise
-from sleepcast.simulator.steps import Columns, Draws, Proposal
+from sleepcast.simulator.bodies import contact, steps
+from sleepcast.simulator.bodies.contact import Settled
+from sleepcast.simulator.bodies.driving import Laws
+from sleepcast.simulator.bodies.steps import Columns, Draws, Proposal
+from sleepcast.simulator.sonar import cones, noise
+from sleepcast.simulator.sonar.cones import Ranges, Seen, View
+from sleepcast.simulator.sonar.firing import Firing, Tick, fire
+from sleepcast.simulator.sonar.noise import Ear, Noise
+from sleepcast.simulator.world import grid
+from sleepcast.simulator.world.grid import Floats, Grid, Listed, Sorted, Whole
 
 MAX_THREADS = 64
 """Threads of one machine: more cores than this share one memory badly."""

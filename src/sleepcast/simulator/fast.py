@@ -17,19 +17,20 @@ from numpy.typing import NDArray
 
 from sleepcast.core.arrays import LINE
 from sleepcast.core.threads import FEW, SIZES, ThreadPool, borders
-from sleepcast.simulator import kernels, kernels_contact, kernels_firing, kernels_motion, kernels_sonar, steps
-from sleepcast.simulator.cones import Cones, Ranges, View
-from sleepcast.simulator.contact import SKIN, Settled, boxes_of, clear
-from sleepcast.simulator.driving import Laws
-from sleepcast.simulator.fields import Fields, Shots, beam_of, one_of_each, shots_of
-from sleepcast.simulator.firing import Firing, Tick
-from sleepcast.simulator.grid import Floats, Grid, Listed, Short, Sorted, Whole
-from sleepcast.simulator.kernels_wait import wait
-from sleepcast.simulator.noise import Ear, Noise
-from sleepcast.simulator.scratch import Scratch
-from sleepcast.simulator.steps import Columns, Draws, Proposal
-from sleepcast.simulator.vectors import LANES
-from sleepcast.simulator.walls import Walls, walls_of
+from sleepcast.simulator.bodies import kernels_contact, kernels_motion, steps
+from sleepcast.simulator.bodies.contact import SKIN, Settled, boxes_of, clear
+from sleepcast.simulator.bodies.driving import Laws
+from sleepcast.simulator.bodies.steps import Columns, Draws, Proposal
+from sleepcast.simulator.simd.arena import Scratch
+from sleepcast.simulator.simd.kernels_wait import wait
+from sleepcast.simulator.simd.vectors import LANES
+from sleepcast.simulator.sonar import kernels, kernels_firing, kernels_sonar
+from sleepcast.simulator.sonar.cones import Cones, Ranges, View
+from sleepcast.simulator.sonar.fields import Fields, Shots, beam_of, one_of_each, shots_of
+from sleepcast.simulator.sonar.firing import Firing, Tick
+from sleepcast.simulator.sonar.noise import Ear, Noise
+from sleepcast.simulator.world.grid import Floats, Grid, Listed, Short, Sorted, Whole
+from sleepcast.simulator.world.walls import Walls, walls_of
 
 Result = TypeVar("Result")
 Flags: TypeAlias = NDArray[np.bool_]

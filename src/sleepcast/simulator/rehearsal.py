@@ -18,7 +18,7 @@ from dataclasses import replace
 
 from sleepcast.simulator.engine import choose, cores
 from sleepcast.simulator.packing import pack, unpack
-from sleepcast.simulator.scenario import Scenario
+from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.simulation import Simulator
 
 OTHER = f"from {__name__} import attend; attend()"
@@ -32,7 +32,7 @@ def rehearse(scenario: Scenario) -> None:
     scenario: one with few robots."""
     if choose().name == "numpy" or not any(sort.ring for sort in scenario.each_sort):
         return
-    from sleepcast.simulator.compiled import kept_in
+    from sleepcast.simulator.simd.compiled import kept_in
 
     if kept_in():
         return

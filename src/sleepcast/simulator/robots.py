@@ -9,10 +9,10 @@ from typing import overload
 import numpy as np
 
 from sleepcast.robot import RobotModel
-from sleepcast.simulator.bodies import TURN, Bodies, Flags, Floats, Mode, Whole
-from sleepcast.simulator.body import TUMBLE, Body
-from sleepcast.simulator.echoes import Echoes
-from sleepcast.simulator.robot_settings import TENTH
+from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats, Mode, Whole
+from sleepcast.simulator.bodies.body import TUMBLE, Body
+from sleepcast.simulator.scenario.robot_settings import TENTH
+from sleepcast.simulator.sonar.sonar import Echoes
 
 
 class Robots(Sequence[Body]):

@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.threads import ThreadPool
-from sleepcast.simulator.bodies import Bodies, Floats, Saying
-from sleepcast.simulator.body import model_of
+from sleepcast.simulator.bodies.bodies import Bodies, Floats, Saying
+from sleepcast.simulator.bodies.body import model_of
+from sleepcast.simulator.bodies.motion import step
+from sleepcast.simulator.bodies.senses import Senses
 from sleepcast.simulator.engine import Machine, choose, cores
-from sleepcast.simulator.events import happen
-from sleepcast.simulator.measures import Measuring
-from sleepcast.simulator.motion import step
-from sleepcast.simulator.robot_types import names_of
 from sleepcast.simulator.robots import Robots
-from sleepcast.simulator.scenario import Scenario
-from sleepcast.simulator.senses import Senses
+from sleepcast.simulator.scenario.events import happen
+from sleepcast.simulator.scenario.measures import Measuring
+from sleepcast.simulator.scenario.robot_types import names_of
+from sleepcast.simulator.scenario.scenario import Scenario
 
 MOST_CASTE = 254
 """What a byte tells apart besides silence; a higher caste is shown as this one."""

@@ -16,10 +16,9 @@ import numpy as np
 
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.serial import Arrays, SerialError, dump_arrays, load_arrays, within
-from sleepcast.simulator.bodies import MAX_SAYINGS, Mode, Saying
-from sleepcast.simulator.firing import AT_ONCE, Firing
+from sleepcast.simulator.bodies.bodies import MAX_SAYINGS, Mode, Saying
 from sleepcast.simulator.packing import pack, unpack
-from sleepcast.simulator.robot_settings import (
+from sleepcast.simulator.scenario.robot_settings import (
     LEAST,
     MAX_BUMPERS,
     MAX_ORDER,
@@ -33,11 +32,12 @@ from sleepcast.simulator.robot_settings import (
     WIDEST_BEAM,
     RobotSpec,
 )
-from sleepcast.simulator.scenario import Scenario
-from sleepcast.simulator.signals import MAX_LIGHTS, MAX_QUEUE
+from sleepcast.simulator.scenario.scenario import Scenario
+from sleepcast.simulator.scenario.signals import MAX_LIGHTS, MAX_QUEUE
+from sleepcast.simulator.scenario.world_settings import MAX_SEED
 from sleepcast.simulator.simulation import Simulator
-from sleepcast.simulator.world import Shape
-from sleepcast.simulator.world_settings import MAX_SEED
+from sleepcast.simulator.sonar.firing import AT_ONCE, Firing
+from sleepcast.simulator.world.world import Shape
 
 MAX_WORDS = 16_384
 """Characters of one saying: what a message holds."""

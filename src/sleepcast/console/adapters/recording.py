@@ -9,9 +9,9 @@ from sleepcast.console.adapters.swarm import outlines, scene_of
 from sleepcast.console.outgoing import ShownRule
 from sleepcast.console.replay import Marks, Timeline, Track, values_of
 from sleepcast.simulator import Simulator
-from sleepcast.simulator.foxglove import read_log, read_poses
 from sleepcast.simulator.packing import unpack
-from sleepcast.simulator.recorder import (
+from sleepcast.simulator.recording.foxglove import read_log, read_poses
+from sleepcast.simulator.recording.recorder import (
     ACCOUNTING,
     LOG,
     MARKS,
@@ -27,7 +27,7 @@ from sleepcast.simulator.recorder import (
     RulesBody,
     WorldChange,
 )
-from sleepcast.simulator.recording import Entry, NoRecordingError, Recording, alive, decoded, entries
+from sleepcast.simulator.recording.recording import Entry, NoRecordingError, Recording, alive, decoded, entries
 
 MAX_FILM = 2_147_483_648
 """Bytes of poses, readings and the like that are held in memory: ten hours of `bravo` at the usual rates."""

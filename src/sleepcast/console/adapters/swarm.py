@@ -10,7 +10,7 @@ from sleepcast.console import Outline, Place, ReadyCommand, Scene
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Area, Circle, Scenario, Shape, Wall
-from sleepcast.simulator.robot_types import slices
+from sleepcast.simulator.scenario.robot_types import slices
 
 ROUND = 32
 """Corners of a circle as it is drawn."""

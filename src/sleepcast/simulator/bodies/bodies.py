@@ -1,0 +1,389 @@
+"""Bodies: the state of all simulated robots as arrays, one column for each robot.
+
+What robots sense lies in one table (`sensed`), a row for each sensor of the model, so that a reading is a column.
+What a body knows of itself without looking (`known`: where its encoders believe it to be, its speed, its stores and so
+on) lies in the same memory, unless sensors are noisy; sonars and noise are brought up to date when somebody looks
+(`sense`). A body on wheels may be wrong about its pose, so there the real one lies apart. What a body was last asked to
+do lies beside it. Everything is float64, SI, and changed in place; chance comes from the seed and the robot's number
+alone.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection, Iterable, Sequence
+from copy import copy
+from dataclasses import replace
+from enum import IntEnum
+from hashlib import sha256
+from math import pi
+from operator import attrgetter
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.core.arrays import filled
+from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
+from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.simulator.bodies.bumpers import Bumpers, least_cell, reach
+from sleepcast.simulator.bodies.driving import DRIVE, GOTO, WANDER, laws_of
+from sleepcast.simulator.bodies.neighbours import Neighbours
+from sleepcast.simulator.bodies.steps import Columns
+from sleepcast.simulator.engine import Machine
+from sleepcast.simulator.scenario.groups import value_quantities, values_of
+from sleepcast.simulator.scenario.robot_settings import RobotSpec
+from sleepcast.simulator.scenario.robot_types import slices
+from sleepcast.simulator.scenario.scenario import Scenario
+from sleepcast.simulator.scenario.sensors import sensors_of
+from sleepcast.simulator.simd.formulas import wrap
+from sleepcast.simulator.sonar.cones import Cones
+from sleepcast.simulator.sonar.multi_sonar import Ears
+from sleepcast.simulator.sonar.sonar import Echoes
+from sleepcast.simulator.world.areas import inside
+from sleepcast.simulator.world.world import Area, Circle, World
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Whole = NDArray[np.intp]
+
+MAX_REDRAWS = 200
+"""Until every robot has found a start outside of solid areas: enough where one place in ten is open."""
+MAX_SAYINGS = 1_000
+"""Latest sayings that are kept for whoever listens."""
+TURN = 2.0 * pi
+ROW = 20.0
+"""Metres from row to row, where robots are numbered along rows: those whom sonars see are in the same or the next."""
+
+
+_COLUMNS = attrgetter(*Columns._fields)
+
+
+class Mode(IntEnum):
+    """What moves a body."""
+
+    WANDER = WANDER
+    DRIVE = DRIVE
+    GOTO = GOTO
+
+
+class Saying(NamedTuple):
+    """What a robot said aloud (`TK`): when (s), which robot (its index), and the words."""
+
+    time: float
+    robot: int
+    text: str
+
+
+class Bodies:
+    """`count` bodies at the start of a scenario; see the module.
+
+    Arrays of shape (count,) unless said otherwise. x, y: m in the world's frame; heading: rad, -pi..pi,
+    counter-clockwise from the x axis: where the body really is. encoder_x, encoder_y, encoder_heading: where it
+    believes to be; the same arrays without wheels. sensed: shape (sensors, count), NaN for what was never measured.
+    known: the first rows of it, without noise. speed: m/s along the heading. left, right: of the wheels, m/s.
+    bumper: the part that touches something, from 1 in front counter-clockwise, or 0; hit_x, hit_y: from the body to
+    what it touches, m, or 0. stores: shape (stores, count). mode: a
+    `Mode`; wanted_speed, wanted_turn: what DRIVE asked for, m/s and rad/s; target_x, target_y: where GOTO
+    leads, m. stopped, held: latched by STOP, kept still. swing: rad of a tumble that are still to be turned.
+    roaming: the turn rate of a wandering body, rad/s. uses: how much of each store a metre takes, shape (stores,).
+    """
+
+    def __init__(self, scenario: Scenario, seed: int, machine: Machine) -> None:
+        robots, sorts = scenario.robots, scenario.each_sort
+        self.scenario, self.seed, self.count = scenario, seed, robots.count
+        self.of_each_sort = slices(sorts, self.count)
+        """Which bodies are of each sort."""
+        self.radii: Floats = self._each([sort.geometry.radius for sort in sorts])
+        self.limits, self.geometry = robots.limits, robots.geometry
+        self.fence = (0.0, 0.0, scenario.width, scenario.height)
+        self.world = World(scenario.shapes)
+        self.tick = 0
+        self.said: deque[Saying] = deque(maxlen=MAX_SAYINGS)
+        self.sensors = sensors_of(scenario)
+        ring = robots.ring
+        own, all_ = len(self.sensors), len(self.sensors) + (ring.count + 1 if ring else 0)
+        self.sensed: Floats = filled(np.nan, np.float64, all_, self.count)
+        self.known: Floats = filled(np.nan, np.float64, own, self.count) if scenario.noise else self.sensed[:own]
+        self.numbers = np.arange(self.count, dtype=np.uint64)
+        self.chance = mix(self.numbers * np.uint64(GOLDEN) + np.uint64(key(seed, "bodies")))
+        """A key for each robot, uint64."""
+        self.encoder_x: Floats = self.known[0]
+        self.encoder_y: Floats = self.known[1]
+        self.encoder_heading: Floats = self.known[2]
+        apart = filled(0.0, np.float64, 3, self.count) if robots.wheels else self.known
+        self.x: Floats = apart[0]
+        self.y: Floats = apart[1]
+        self.heading: Floats = apart[2]
+        self.speed: Floats = self.known[3]
+        self.stores: Floats = self.known[4 : 4 + len(robots.stores)]
+        self.store_names = tuple(store.name.casefold() for store in robots.stores)
+        self.uses = self._uses()
+        self.left, self.right, self.wanted_speed, self.wanted_turn = filled(0.0, np.float64, 4, self.count)
+        self.hit_x, self.hit_y = np.zeros(self.count), np.zeros(self.count)
+        names = [sensor.name for sensor in self.sensors]
+        self.bumper: Floats = self.known[names.index("bumper")] if robots.bumpers else np.zeros(self.count)
+        self.mode = np.zeros(self.count, np.int8)
+        self.target_x, self.target_y = np.zeros(self.count), np.zeros(self.count)
+        self.swing, self.roaming = np.zeros(self.count), np.zeros(self.count)
+        self.stopped, self.held = np.zeros(self.count, bool), np.zeros(self.count, bool)
+        self.machine, self.laws = machine, laws_of(scenario)
+        self.parts = [self._part(*each) for each in zip(sorts, self.of_each_sort, strict=True)] if sorts[1:] else [self]
+        """The bodies of each sort by themselves: views of these, with what holds for that sort."""
+        size, cones = (scenario.width, scenario.height), [self._cones(sort) for sort in sorts]
+        cell = max((each.cell for each in cones if each), default=least_cell(robots, size, scenario.tick))
+        self.near = Neighbours(size, cell, self.count, self.world, machine)
+        far = max(reach(sort, scenario.tick) for sort in sorts)
+        self.contact = Bumpers(self.radii, far, self.near, machine) if robots.bumpers else None
+        self.echoes = self._hearing(self.sensed[own:], cones)
+        self._start()
+
+    def _each(self, values: Sequence[float]) -> Floats:
+        """One value for each body, by its sort; not to be written."""
+        if len(values) == 1:
+            return np.broadcast_to(values[0], self.count)
+        found = np.empty(self.count)
+        for value, which in zip(values, self.of_each_sort, strict=True):
+            found[which] = value
+        return found
+
+    def _part(self, sort: RobotSpec, which: slice) -> Bodies:
+        """The bodies of one sort."""
+        part = copy(self)
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray):
+                setattr(part, name, value[..., which])
+        part.count, part.parts = which.stop - which.start, [part]
+        part.scenario = replace(self.scenario, robots=replace(sort, count=part.count), sorts=())
+        part.limits, part.geometry, part.laws = sort.limits, sort.geometry, laws_of(part.scenario)
+        part.uses = part._uses()
+        return part
+
+    def part_of(self, number: int) -> Bodies:
+        """The bodies of the sort of body `number`."""
+        each = zip(self.parts, self.of_each_sort, strict=True)
+        return next(part for part, which in each if which.start <= number < which.stop)
+
+    def rings_of(self, number: int) -> Echoes | None:
+        """The sonars of body `number`, if it has any."""
+        return self.echoes.of(number) if isinstance(self.echoes, Ears) else self.echoes
+
+    @property
+    def rings(self) -> Sequence[Echoes]:
+        """The sonars of each sort of bodies that has any."""
+        if self.echoes is None:
+            return ()
+        return self.echoes.rings if isinstance(self.echoes, Ears) else [self.echoes]
+
+    def _cones(self, sort: RobotSpec) -> Cones | None:
+        ring, widest = sort.ring, float(self.radii.max())
+        return (
+            Cones(ring.count, ring.beam / 2, ring.most, ring.incidence, sort.geometry.radius, widest) if ring else None
+        )
+
+    def _hearing(self, table: Floats, cones: Sequence[Cones | None]) -> Echoes | Ears | None:
+        """The sonars of all sorts, which have these cones. table: where robots find what they read."""
+        found = []
+        for cone, sort, which in zip(cones, self.scenario.each_sort, self.of_each_sort, strict=True):
+            if sort.ring and cone and len(cones) == 1:
+                return Echoes(sort.ring, cone, table, self.near, self.seed, self.machine)
+            if sort.ring and cone and which.start < which.stop:
+                apart = np.full((sort.ring.count + 1, which.stop - which.start), np.nan)
+                found.append(Echoes(sort.ring, cone, apart, self.near, self.seed, self.machine, which, self.radii))
+        return Ears(found, table) if found else None
+
+    @property
+    def time(self) -> float:
+        """Simulated time in s."""
+        return self.tick * self.scenario.tick
+
+    @property
+    def columns(self) -> Columns:
+        """The state that motion changes."""
+        return Columns(*_COLUMNS(self))
+
+    def _uses(self) -> Floats:
+        """How much of each store a metre takes."""
+        uses = {store.name.casefold(): store.full / store.reach for store in self.scenario.robots.stores}
+        return np.array([uses.get(name, 0.0) for name in self.store_names])
+
+    def forget(self) -> None:
+        """Bodies have moved: what is known of who is near whom, and what was heard, is no longer so."""
+        self.near.forget()
+        if self.echoes:
+            self.echoes.forget()
+
+    def place(self, number: int, x: float, y: float, heading: float) -> None:
+        """Put a body somewhere, at rest, and let it know: both its real and its believed pose (m, rad)."""
+        for across, up, towards in (
+            (self.x, self.y, self.heading),
+            (self.encoder_x, self.encoder_y, self.encoder_heading),
+        ):
+            across[number], up[number], towards[number] = x, y, heading
+        for still in (self.speed, self.left, self.right, self.bumper, self.hit_x, self.hit_y):
+            still[number] = 0.0
+        self.forget()
+
+    def act(self, actuator: str, which: Whole | slice, values: Floats) -> None:
+        """Let these bodies drive with `values` of one actuator and what was wanted of the other; see `Body.act`."""
+        wanted = {"drive_speed": self.wanted_speed, "drive_turn": self.wanted_turn}
+        if actuator not in wanted:
+            raise MisuseError(f'no actuator "{actuator}"{did_you_mean(actuator, wanted)}: wanted {" or ".join(wanted)}')
+        if isinstance(which, slice):
+            stopped, mode, wish = self.stopped[which], self.mode[which], wanted[actuator][which]
+            self.machine.share(values.size, lambda i, j: _drive(stopped[i:j], mode[i:j], wish[i:j], values[i:j]))
+            return
+        free, named = ~self.stopped[which], ~np.isnan(values)
+        self.mode[which[free]] = Mode.DRIVE
+        wanted[actuator][which[free & named]] = values[free & named]
+
+    def sense(self, which: Whole | None = None, echoes: bool | Collection[int] = True) -> None:
+        """Bring the table up to date for the robots with these indices (None: all): noise, and what their sonars hear
+        if `echoes`, or at least what comes into these rows of the table. Asked twice in one tick, the answer is the
+        same."""
+        if self.scenario.noise:
+            self._disturb(slice(None) if which is None else which)
+        if echoes and self.echoes:
+            rows = None if echoes is True else [row - len(self.sensors) for row in echoes]
+            self.echoes.sense(which, self.tick, (self.x, self.y, self.heading), rows)
+
+    def echo(self, numbers: Sequence[int] | None = None) -> Floats:
+        """What the sonars of these robots (None: all) read, m, shape (robots, sonars). Only for robots with sonars."""
+        assert self.echoes
+        which = None if numbers is None else np.asarray(numbers, np.int64)
+        self.echoes.sense(which, self.tick, (self.x, self.y, self.heading))
+        return self.sensed[len(self.sensors) : -1, slice(None) if which is None else which].T
+
+    def readings(self, numbers: Sequence[int] | None = None) -> list[list[float]]:
+        """What the robots with these indices (None: all) sense now: for each one value per sensor, in SI, NaN
+        where it measured nothing."""
+        which = None if numbers is None else np.asarray(numbers, np.int64)
+        self.sense(which)
+        rows: list[list[float]] = self.sensed[:, slice(None) if which is None else which].T.tolist()
+        return rows
+
+    def _disturb(self, which: Whole | slice) -> None:
+        """Put what these bodies know into the table, with noise."""
+        self.sensed[: len(self.known), which] = self.known[:, which]
+        for row, sensor in enumerate(self.sensors):
+            deviation = self.scenario.noise.get(sensor.name, 0.0)
+            if deviation:
+                noisy = self.known[row, which] + deviation * self._normal(sensor.name, self.numbers[which])
+                angle = sensor.name == "heading"  # which goes on round the circle
+                self.sensed[row, which] = wrap(noisy) if angle else np.clip(noisy, sensor.low, sensor.high)
+
+    def _normal(self, name: str, numbers: NDArray[np.uint64]) -> Floats:
+        """Standard normal noise of one sensor at this tick (Box and Muller's method)."""
+        size, angle = (self.drawn(f"noise {half} {name} {self.tick}", numbers) for half in "ab")
+        normal: Floats = np.sqrt(-2.0 * np.log(1.0 - size)) * np.cos(TURN * angle)
+        return normal
+
+    def drawn(self, purpose: str, numbers: NDArray[np.uint64] | None = None) -> Floats:
+        """For each robot (or those of `numbers`) a number from [0, 1) for `purpose`, the same in every
+        run."""
+        return uniform(key(self.seed, purpose), self.numbers if numbers is None else numbers)
+
+    def state_hash(self, more: Iterable[NDArray[np.generic]] = ()) -> str:
+        """SHA-256 of the whole state, as hexadecimal digits: equal for equal runs, whatever the process. more: state
+        that others keep."""
+        digest = sha256(str(self.tick).encode())
+        for array in (*self._state(), *more):
+            digest.update(np.ascontiguousarray(array).tobytes())
+        return digest.hexdigest()
+
+    def _state(self) -> Iterable[NDArray[np.generic]]:
+        yield self.known
+        yield from (self.wanted_speed, self.wanted_turn, self.target_x, self.target_y, self.swing, self.roaming)
+        yield from (self.mode, self.stopped, self.held)
+        if self.scenario.robots.wheels:
+            yield from (self.x, self.y, self.heading, self.left, self.right)
+        if self.contact:
+            yield from (self.hit_x, self.hit_y)
+        if self.echoes:
+            yield from self.echoes.state()
+        yield self.world.solids
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """All arrays, by name, that a run changes and that the next ticks depend on."""
+        robots = self.scenario.robots
+        names = ["sensed", "wanted_speed", "wanted_turn", "target_x", "target_y", "swing", "roaming"]
+        names += ["mode", "stopped", "held"]
+        names += ["known"] if self.scenario.noise else []
+        names += ["x", "y", "heading", "left", "right"] if robots.wheels else []
+        names += ["hit_x", "hit_y"] if self.contact else []
+        found: dict[str, NDArray[np.generic]] = {name: getattr(self, name) for name in names}
+        for number, ring in enumerate(self.rings):
+            found |= {f"{name} of ring {number}": values for name, values in ring.arrays().items()}
+        return found
+
+    def _start(self) -> None:
+        robots = self.scenario.robots
+        self.x[:], self.y[:] = self._places()
+        if self.contact:
+            self.contact.part(self.x, self.y, self._places)
+        for part in self.parts:
+            if part.scenario.robots.in_rows:
+                order = np.lexsort((part.x, part.y // ROW))
+                part.x[:], part.y[:] = part.x[order], part.y[order]
+        self.heading[:] = _spread((-pi, pi), self.drawn("heading"))
+        self.encoder_x[:], self.encoder_y[:], self.encoder_heading[:] = self.x, self.y, self.heading
+        for part in self.parts:
+            part._start_alike()
+        first = 4 + len(robots.stores)
+        for place in self.scenario.places:
+            self.known[first], self.known[first + 1] = place.x, place.y
+            first += 2
+        for quantity in value_quantities(robots.groups):
+            self.known[first] = values_of(robots.groups, self.count, quantity.name)
+            first += 1
+
+    def _start_alike(self) -> None:
+        """What holds for all bodies of one sort at the start."""
+        robots = self.scenario.robots
+        self.speed[:] = robots.wander.speed if robots.wanders else 0.0
+        self.left[:] = self.right[:] = self.speed
+        self.mode[:] = Mode.WANDER if robots.wanders else Mode.DRIVE
+        self.bumper[:] = 0.0 if robots.bumpers else np.nan
+        for store in robots.stores:
+            carried = self.drawn(f"{store.name} carried") < store.share
+            row = self.stores[self.store_names.index(store.name.casefold())]
+            row[:] = np.where(carried, _spread((store.low, store.high), self.drawn(store.name)), 0.0)
+
+    def _places(self, attempt: int | None = None) -> tuple[Floats, Floats]:
+        """Where the robots start, outside of solid areas and discs; other places for each further attempt. Raises
+        MisuseError where there is hardly any such place."""
+        again = "" if attempt is None else f" {attempt}"
+        areas = [shape for shape in self.world.shapes.values() if isinstance(shape, Area | Circle)]
+        x, y = self._anywhere(again)
+        for redraw in range(MAX_REDRAWS):
+            wrong = np.flatnonzero(np.any([inside(area, x, y) for area in areas], axis=0)) if areas else ()
+            if not len(wrong):
+                return x, y
+            other_x, other_y = self._anywhere(f"{again} redrawn {redraw}")
+            x[wrong], y[wrong] = other_x[wrong], other_y[wrong]
+        raise MisuseError("where the robots start nearly everything is solid: let them start elsewhere (x, y, disc)")
+
+    def _anywhere(self, again: str) -> tuple[Floats, Floats]:
+        """Points of the rectangles or discs in which the robots start."""
+        if self.parts[1:]:
+            places = [part._anywhere(again) for part in self.parts]
+            return np.concatenate([across for across, _ in places]), np.concatenate([up for _, up in places])
+        robots = self.scenario.robots
+        if robots.disc is None:
+            return _spread(robots.x, self.drawn(f"x{again}")), _spread(robots.y, self.drawn(f"y{again}"))
+        x, y, radius = robots.disc
+        away, angle = radius * np.sqrt(self.drawn(f"away{again}")), TURN * self.drawn(f"angle{again}")
+        return x + away * np.cos(angle), y + away * np.sin(angle)
+
+
+def _spread(ends: tuple[float, float], drawn: Floats) -> Floats:
+    return ends[0] + (ends[1] - ends[0]) * drawn
+
+
+def _drive(stopped: NDArray[np.bool_], mode: NDArray[np.int8], wanted: Floats, values: Floats) -> None:
+    """Let these bodies, but for those that are stopped, drive with the `values` that are known."""
+    if not stopped.any() and not np.isnan(values.min(initial=0.0)):
+        mode[:], wanted[:] = Mode.DRIVE.value, values  # as nearly always
+        return
+    np.putmask(mode, ~stopped, Mode.DRIVE.value)
+    np.putmask(wanted, ~(stopped | np.isnan(values)), values)

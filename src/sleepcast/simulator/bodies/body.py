@@ -1,0 +1,219 @@
+"""One simulated body: a light view of its column in the arrays, and the functions that expressions may call
+on it.
+
+A `Body` is a `Robot`. It only notes what it is asked; `motion` carries it out, within the limits, at the next
+tick.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import isnan, pi
+
+import numpy as np
+
+from sleepcast.core.errors import SleepcastError
+from sleepcast.core.units import LENGTH, NONE, RATE, SPEED, Quantity
+from sleepcast.robot import BodyFunction, Geometry, Reading, RobotModel, Setpoint
+from sleepcast.simulator.bodies.bodies import TURN, Bodies, Mode, Saying
+from sleepcast.simulator.scenario.robot_settings import TENTH
+from sleepcast.simulator.scenario.scenario import Scenario
+from sleepcast.simulator.scenario.sensors import sonar_sensors
+from sleepcast.simulator.scenario.signals import signal_constants
+from sleepcast.simulator.sonar import sector
+
+TUMBLE = 67.0 * pi / 180.0
+"""How far a tumble turns, to one side or the other: the angle of Hoskins's vehicles."""
+
+
+class LackError(SleepcastError):
+    """A robot is asked for what its sort does not have."""
+
+
+class Body:
+    """The body of the robot with index `number`."""
+
+    __slots__ = ("_bodies", "model", "number")
+
+    def __init__(self, bodies: Bodies, model: RobotModel, number: int) -> None:
+        self._bodies, self.model, self.number = bodies, model, number
+
+    @property
+    def stopped(self) -> bool:
+        return bool(self._bodies.stopped[self.number])
+
+    def sense(self) -> Reading:
+        bodies = self._bodies
+        return Reading(bodies.time, tuple(bodies.readings([self.number])[0]))
+
+    def act(self, wanted: Setpoint) -> None:
+        speed = self._bodies.wanted_speed[self.number] if isnan(wanted.speed) else wanted.speed
+        turn = self._bodies.wanted_turn[self.number] if isnan(wanted.turn_rate) else wanted.turn_rate
+        self.drive(speed, turn)
+
+    def stop(self) -> None:
+        self.halt()
+        self._bodies.stopped[self.number] = True
+
+    def release(self) -> None:
+        self._bodies.stopped[self.number] = False
+
+    def hold(self, still: bool) -> None:
+        self._bodies.held[self.number] = still
+
+    # ---- what expressions may ask; see FUNCTIONS
+
+    def drive(self, speed: float, turn_rate: float) -> None:
+        bodies, i = self._bodies, self.number
+        if not bodies.stopped[i]:
+            bodies.mode[i] = Mode.DRIVE
+            bodies.wanted_speed[i], bodies.wanted_turn[i] = speed, turn_rate
+
+    def go_to(self, x: float, y: float) -> None:
+        bodies, i = self._bodies, self.number
+        if not bodies.stopped[i]:
+            left, bottom, right, top = bodies.fence
+            bodies.mode[i] = Mode.GOTO
+            bodies.target_x[i], bodies.target_y[i] = min(max(x, left), right), min(max(y, bottom), top)
+
+    def wander(self) -> None:
+        if not self._bodies.stopped[self.number]:
+            self._bodies.mode[self.number] = Mode.WANDER
+
+    def halt(self) -> None:
+        self.drive(0.0, 0.0)
+        self._bodies.swing[self.number] = 0.0
+
+    def tumble(self) -> float:
+        """Turn by `TUMBLE` to the left (1) or right (-1), as chance has it."""
+        bodies, i = self._bodies, self.number
+        side = 1.0 if bodies.drawn(f"tumble {bodies.tick}", bodies.numbers[i : i + 1])[0] < 0.5 else -1.0
+        if not bodies.stopped[i]:
+            bodies.swing[i] = side * TUMBLE
+        return side
+
+    def say(self, text: str) -> None:
+        self._bodies.said.append(Saying(self._bodies.time, self.number, text))
+
+    def turn_wheels(self, right: float, left: float) -> None:
+        wheels = self._bodies.part_of(self.number).scenario.robots.wheels
+        if wheels is None:
+            raise LackError("this robot has no wheels")
+        self.drive((right + left) / 2.0, (right - left) / wheels.track)
+
+    def turn_wheels_nomad(self, right: float, left: float) -> None:
+        """The same in tenths of inches a second."""
+        self.turn_wheels(right * TENTH, left * TENTH)
+
+    def sonar(self, which: float) -> float:
+        echoes = self._bodies.rings_of(self.number)
+        if echoes:
+            return float(self._bodies.echo([self.number])[0, int(which) % echoes.ring.count])
+        return self.nearest(*sector.sector(self._sectors().sonars, which))
+
+    def nearest(self, first: float, last: float) -> float:
+        echoes = self._bodies.rings_of(self.number)
+        if echoes is None:
+            return sector.nearest(self._bodies, self.number, self._sectors().sonar_range, first, last)
+        there = np.mod(echoes.cones.axes - first, TURN) <= (
+            last - first if last - first >= TURN else np.mod(last - first, TURN)
+        )
+        ranges = self._bodies.echo([self.number])[0, : echoes.ring.count][there]
+        return float(ranges.min()) if ranges.size else echoes.ring.most
+
+    def _sectors(self) -> Geometry:
+        geometry = self._bodies.part_of(self.number).geometry
+        if not geometry.sonars:
+            raise LackError("this robot has no sonars")
+        return geometry
+
+
+FUNCTIONS = (
+    BodyFunction(
+        "DRIVE",
+        Body.drive,
+        (SPEED, RATE),
+        arguments="speed turn_rate",
+        doc="Drives on at this speed and turn rate.",
+        many="drive",
+    ),
+    BodyFunction(
+        "GOTO", Body.go_to, (LENGTH, LENGTH), arguments="x y", doc="Drives to a point and stays there.", many="go_to"
+    ),
+    BodyFunction("WANDER", Body.wander, doc="Roams by itself again.", many="wander"),
+    BodyFunction("ST", Body.halt, doc="Comes to rest.", many="halt"),
+    BodyFunction(
+        "TUMBLE", Body.tumble, result=NONE, doc="Turns by 67 degrees, left or right by chance.", many="tumble"
+    ),
+    BodyFunction("TK", Body.say, arguments='"text"', labelled=True, doc="Says the text aloud.", moves=False),
+)
+WHEEL_FUNCTIONS = (
+    BodyFunction(
+        "VM",
+        Body.turn_wheels,
+        (SPEED, SPEED),
+        arguments="right left",
+        doc="Turns the right and the left wheel at these speeds.",
+        many="turn_wheels",
+    ),
+)
+NOMAD_FUNCTIONS = (
+    replace(
+        WHEEL_FUNCTIONS[0],
+        call=Body.turn_wheels_nomad,
+        dimensions=(NONE, NONE),
+        doc="Turns the right and the left wheel at these speeds, in tenths of inches a second.",
+        many="turn_wheels_nomad",
+    ),
+)
+"""Those with wheels, in the vocabulary `nomad`."""
+SONAR_FUNCTIONS = (
+    BodyFunction(
+        "SONAR",
+        Body.sonar,
+        (NONE,),
+        arguments="number",
+        result=LENGTH,
+        acts=False,
+        doc="Distance to the nearest thing before this sonar; 0 is in front, then counter-clockwise.",
+        many="sonar",
+    ),
+    BodyFunction(
+        "NEAREST",
+        Body.nearest,
+        (NONE, NONE),
+        arguments="from to",
+        result=LENGTH,
+        acts=False,
+        doc="Distance to the nearest thing between two angles, counter-clockwise from the heading.",
+        many="nearest",
+    ),
+)
+
+
+def _lacking(scenario: Scenario, functions: tuple[BodyFunction, ...]) -> tuple[BodyFunction, ...]:
+    """Functions that some sorts of robots may lack are asked of one robot after the other where there are several."""
+    return tuple(replace(function, many="") for function in functions) if scenario.sorts else functions
+
+
+def model_of(scenario: Scenario, bodies: Bodies) -> RobotModel:
+    """What all robots of the scenario have in common."""
+    robots = scenario.robots
+    speed, turn = robots.limits.speed, robots.limits.turn_rate
+    wheels = NOMAD_FUNCTIONS if scenario.nomad else WHEEL_FUNCTIONS
+    return RobotModel(
+        robots.type,
+        sensors=(*bodies.sensors, *(sonar_sensors(robots.ring, scenario.length_unit) if robots.ring else ())),
+        actuators=(
+            Quantity("drive_speed", "m/s", -speed, speed, doc="drives at this speed", shown_as=robots.speed_unit),
+            Quantity("drive_turn", "rad/s", -turn, turn, doc="turns at this rate", shown_as="deg/s"),
+        ),
+        functions=(
+            *FUNCTIONS,
+            *_lacking(scenario, wheels if robots.wheels else ()),
+            *_lacking(scenario, SONAR_FUNCTIONS if robots.geometry.sonars else ()),
+        ),
+        limits=robots.limits,
+        geometry=robots.geometry,
+        constants=(*signal_constants(scenario.lights, scenario.pings), *scenario.constants),
+    )

@@ -1,0 +1,279 @@
+"""Compiled kernels of motion for bodies on wheels; see `steps` for the form in NumPy, with which they agree to the last
+bit. `fast` calls them.
+
+A block of bodies at a time: first what each wants, which takes decisions for those who do anything but drive, then the
+arcs, of LANES bodies at a time; at the end of a stretch of bodies there may be fewer (`most`, else None).
+
+Loops get arrays one by one, and look at them before any branch: numba would count references to what is taken out of a
+tuple, or used on one side only, and that costs more than all the rest.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sleepcast.simulator.bodies.driving import (
+    DRIVE,
+    GOTO,
+    approach,
+    bounded,
+    outside,
+    slipped,
+    swing_left,
+    touched_part,
+    tumbling,
+    turned_back,
+    wheels_follow,
+)
+from sleepcast.simulator.bodies.steps import UNIT, UNIT_SPREAD
+from sleepcast.simulator.simd.compiled import part, strict, woven
+from sleepcast.simulator.simd.formulas import TURN as FULL
+from sleepcast.simulator.simd.formulas import either, sine_cosine, sine_of_rest, wrap
+from sleepcast.simulator.simd.lanes import at, put, put_some, some
+from sleepcast.simulator.simd.vectors import LANES, any_of
+from sleepcast.simulator.sonar.kernels import GOLDEN, U, deviate, mixed
+
+BLOCK = 256
+"""Bodies whose numbers stay in the nearest cache."""
+SPEED, TURN = 0, BLOCK
+"""Where these lie in the scratch room of a block."""
+SMALL = 0.7
+"""rad of an angle that is nearer to 0 than to a quarter of a turn."""
+
+
+@woven
+def wrapped(angle):
+    """See `formulas.wrap`; without a division where all angles are out by less than a turn."""
+    past = angle + np.pi
+    if any_of((past < -FULL) | (past >= 2.0 * FULL)):
+        return wrap(angle)
+    return either(past < 0.0, angle + FULL, either(past >= FULL, angle - FULL, angle))
+
+
+@woven
+def short_arc(laws, left, right, heading):
+    """See `driving.arc`; without asking what quarter half a turn lies in where all are small."""
+    turn = (right - left) / laws.track
+    half = turn / 2.0
+    still, aside = half == 0.0, sine_of_rest(half)
+    if any_of(np.abs(half) > SMALL):
+        aside = sine_cosine(half)[0]
+    chord = (left + right) / 2.0 * either(still, 1.0, aside / either(still, 1.0, half))
+    sine, cosine = sine_cosine(heading + half)
+    return chord * cosine, chord * sine, turn
+
+
+@strict
+def propose(bodies, laws, roam, draw_left, draw_right, proposal, first, last):
+    """See `steps.propose`: the bodies from `first` up to `last`."""
+    mode, held, wanted_speed, wanted_turn, _, _, swing = bodies[:7]
+    numbers, x, y, heading, _, _, encoder_heading, wheel_mean, wheel_left, wheel_right, _, stores, uses = bodies[9:]
+    out_across, out_up, out_turn = proposal
+    slips = laws.slip_left != 0.0 or laws.slip_right != 0.0 or laws.slip_noise != 0.0
+    towards = heading if slips else encoder_heading
+    room = np.zeros(2 * BLOCK)
+    for begin in range(first, last, BLOCK):
+        end = min(begin + BLOCK, last)
+        others, ends = begin, end
+        if drives(mode, held, begin, end):
+            others, ends = drive(laws, wanted_speed, wanted_turn, swing, x, y, stores, uses, room, begin, end)
+        if others < ends:
+            want(bodies, laws, roam, room, begin, others, ends)
+        set_out(
+            *(laws, slips, numbers, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right),
+            *(out_across, out_up, out_turn, begin, end),
+        )
+
+
+@part
+def drives(mode, held, first, last):
+    """Whether all of these bodies do nothing but drive."""
+    others = 0
+    for i in range(first, last):
+        others += np.int64((mode[i] != DRIVE) | held[i])
+    return others == 0
+
+
+@part
+def drive(laws, wanted_speed, wanted_turn, swing, x, y, stores, uses, room, first, last):
+    """Put into `room` what bodies want that drive, and may have. Gives from where to where there are all those who may
+    want something else, or are too few at the end."""
+    whole = last - (last - first) % LANES
+    others, ends = (whole, last) if whole < last else (last, first)
+    for i in range(first, whole, LANES):
+        special = at(swing, i) != 0.0
+        if laws.margin >= 0.0:
+            special = special | outside(laws, at(x, i), at(y, i))
+        put(room, SPEED + i - first, at(wanted_speed, i))
+        put(room, TURN + i - first, at(wanted_turn, i))
+        if any_of(special):
+            others, ends = min(others, i), max(ends, i + LANES)
+    for store in range(uses.shape[0]):
+        if uses[store] != 0.0:
+            row = stores[store]
+            for i in range(first, whole, LANES):
+                empty, q = at(row, i) <= 0.0, i - first
+                put(room, SPEED + q, either(empty, 0.0, at(room, SPEED + q)))
+                put(room, TURN + q, either(empty, 0.0, at(room, TURN + q)))
+    return others, ends
+
+
+@part
+def want(bodies, laws, roam, room, begin, first, last):
+    """Put into the `room` of the block that begins there the speed and the turn rate that each of the bodies from
+    `first` up to `last` wants and may have."""
+    mode, held, wanted_speed, wanted_turn, target_x, target_y, swing, roaming, chance = bodies[:9]
+    x, y, heading, encoder_x, encoder_y, encoder_heading, _, wheel_left, wheel_right, _, stores, uses = bodies[10:]
+    for i in range(first, last):
+        speed, turn = wanted_speed[i], wanted_turn[i]
+        if mode[i] == GOTO:
+            across, up = target_x[i] - encoder_x[i], target_y[i] - encoder_y[i]
+            speed, turn = approach(laws, across, up, encoder_heading[i])
+        elif mode[i] != DRIVE:
+            drawn = float(mixed(chance[i], roam) >> U(11)) * UNIT - 0.5
+            roaming[i] = roaming[i] * laws.kept + drawn * (UNIT_SPREAD * laws.strayed)
+            speed, turn = laws.roam_speed, roaming[i]
+        moves = not held[i]
+        for store in range(uses.shape[0]):
+            if uses[store] != 0.0 and stores[store, i] <= 0.0:
+                moves = False
+        swings = swing[i] != 0.0 and moves
+        if swings:
+            turn = tumbling(laws, swing[i])
+        if laws.margin >= 0.0 and mode[i] != GOTO and speed != 0.0 and outside(laws, x[i], y[i]):
+            turn = turned_back(laws, x[i], y[i], heading[i], speed, turn)
+        if swings:
+            swing[i] = swing_left(laws, swing[i], wheel_left[i], wheel_right[i], speed, turn)
+        room[SPEED + i - begin], room[TURN + i - begin] = (speed, turn) if moves else (0.0, 0.0)
+
+
+@part
+def set_out(
+    laws, slips, numbers, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right,
+    out_across, out_up, out_turn, begin, end,
+):  # fmt: skip
+    """Let wheels follow what is wanted, and propose where they lead."""
+    whole = end - (end - begin) % LANES
+    for i in range(begin, whole, LANES):
+        some_set_out(
+            *(laws, slips, numbers, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right),
+            *(out_across, out_up, out_turn, begin, i, None),
+        )
+    if whole < end:
+        some_set_out(
+            *(laws, slips, numbers, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right),
+            *(out_across, out_up, out_turn, begin, whole, end - whole),
+        )
+
+
+@woven
+def some_set_out(
+    laws, slips, numbers, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right,
+    out_across, out_up, out_turn, begin, i, most,
+):  # fmt: skip
+    """The same for bodies from `i` on."""
+    speed, turn = at(room, SPEED + i - begin), at(room, TURN + i - begin)
+    left, right = wheels_follow(laws, some(wheel_left, i, most), some(wheel_right, i, most), speed, turn)
+    put_some(wheel_left, i, left, most)
+    put_some(wheel_right, i, right, most)
+    put_some(wheel_mean, i, (left + right) / 2.0, most)
+    left, right, multiples = left * laws.tick, right * laws.tick, some(numbers, i, most) * GOLDEN
+    if slips:
+        left = slipped(laws, left, laws.slip_left, deviate(mixed(multiples, draw_left)))
+        right = slipped(laws, right, laws.slip_right, deviate(mixed(multiples, draw_right)))
+    across, up, turned = short_arc(laws, left, right, some(towards, i, most))
+    own_x, own_y = some(x, i, most), some(y, i, most)
+    put_some(out_across, i, bounded(own_x + across, laws.left, laws.right) - own_x, most)
+    put_some(out_up, i, bounded(own_y + up, laws.bottom, laws.top) - own_y, most)
+    put_some(out_turn, i, turned, most)
+
+
+@strict
+def commit(bodies, laws, proposal, free, across, up, first, last):
+    """See `steps.commit`: the bodies from `first` up to `last`."""
+    x, y, heading, encoder_x, encoder_y, encoder_heading, speed, left, right, bumper, stores, uses = bodies[10:]
+    way_across, way_up, turn = proposal
+    for begin in range(first, last, BLOCK):
+        end = min(begin + BLOCK, last)
+        for store in range(uses.shape[0]):
+            if uses[store] != 0.0:
+                spend(laws, left, right, free, uses[store], stores[store], begin, end)
+        believe(laws, encoder_x, encoder_y, encoder_heading, left, right, free, begin, end)
+        feel(laws, heading, speed, left, right, bumper, free, across, up, begin, end)
+        arrive(x, y, heading, way_across, way_up, turn, free, begin, end)
+
+
+@part
+def spend(laws, left, right, free, use, store, first, last):
+    """Take out of a store what the way of each body takes."""
+    whole = last - (last - first) % LANES
+    for i in range(first, whole, LANES):
+        some_spend(laws, left, right, free, use, store, i, None)
+    if whole < last:
+        some_spend(laws, left, right, free, use, store, whole, last - whole)
+
+
+@woven
+def some_spend(laws, left, right, free, use, store, i, most):
+    """The same of bodies from `i` on."""
+    speed, share = (some(left, i, most) + some(right, i, most)) / 2.0, some(free, i, most)
+    rest = some(store, i, most) - np.abs(speed) * laws.tick * share * use
+    put_some(store, i, either(rest < 0.0, 0.0, rest), most)
+
+
+@part
+def believe(laws, x, y, heading, left, right, free, first, last):
+    """Let bodies believe that they get where their wheels have turned, as far as they are free to."""
+    whole = last - (last - first) % LANES
+    for i in range(first, whole, LANES):
+        some_believe(laws, x, y, heading, left, right, free, i, None)
+    if whole < last:
+        some_believe(laws, x, y, heading, left, right, free, whole, last - whole)
+
+
+@woven
+def some_believe(laws, x, y, heading, left, right, free, i, most):
+    """The same of bodies from `i` on."""
+    share, towards = some(free, i, most), some(heading, i, most)
+    wheel_left, wheel_right = some(left, i, most) * laws.tick, some(right, i, most) * laws.tick
+    across, up, turn = short_arc(laws, wheel_left, wheel_right, towards)
+    put_some(x, i, some(x, i, most) + share * across, most)
+    put_some(y, i, some(y, i, most) + share * up, most)
+    put_some(heading, i, wrapped(towards + turn), most)
+
+
+@part
+def feel(laws, heading, speed, left, right, bumper, free, across, up, first, last):
+    """Let bodies feel what stopped them, if anything did."""
+    feels = laws.parts != 0.0
+    touched = False
+    for i in range(first, last):
+        touched |= (free[i] < 1.0) | (feels & (bumper[i] != 0.0))
+    if not touched:  # as nearly always
+        return
+    for i in range(first, last):
+        if free[i] < 1.0:
+            if feels:
+                bumper[i] = touched_part(laws, across[i], up[i], heading[i])
+            speed[i], left[i], right[i] = 0.0, 0.0, 0.0
+        elif feels and bumper[i] != 0.0:
+            bumper[i] = 0.0
+
+
+@part
+def arrive(x, y, heading, across, up, turn, free, first, last):
+    """Let bodies go as far as they are free to."""
+    whole = last - (last - first) % LANES
+    for i in range(first, whole, LANES):
+        some_arrive(x, y, heading, across, up, turn, free, i, None)
+    if whole < last:
+        some_arrive(x, y, heading, across, up, turn, free, whole, last - whole)
+
+
+@woven
+def some_arrive(x, y, heading, across, up, turn, free, i, most):
+    """The same of bodies from `i` on."""
+    share = some(free, i, most)
+    put_some(x, i, some(x, i, most) + share * some(across, i, most), most)
+    put_some(y, i, some(y, i, most) + share * some(up, i, most), most)
+    put_some(heading, i, wrapped(some(heading, i, most) + some(turn, i, most)), most)

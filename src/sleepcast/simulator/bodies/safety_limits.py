@@ -1,0 +1,119 @@
+"""Limits from a file that hold for bodies whatever a scenario or an expression says, and the guard that keeps them.
+
+    speed = "0.5m/s"
+    turn_rate = "60deg/s"
+    acceleration = "1m/s2"
+    range = "10in"          # no nearer to what is in its way
+
+    [fence]
+    x = ["0m", "20m"]
+    y = ["0m", "10m"]
+
+Speed, turn rate and acceleration become those of the bodies themselves. Fence and range are watched before each tick:
+what would lead beyond, and could no longer come to rest in time, is given up, and the body waits at rest for what is
+asked of it next. All keys may be left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf, pi
+from pathlib import Path
+
+import numpy as np
+
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.units import ACCELERATION, LENGTH, RATE, SPEED
+from sleepcast.robot import Limits
+from sleepcast.simulator.bodies.bodies import TURN, Floats, Mode
+from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_WORLD, RobotSpec
+from sleepcast.simulator.scenario.scenario import Scenario
+from sleepcast.simulator.scenario.settings import Table, toml_document
+from sleepcast.simulator.simulation import Simulator
+
+
+def read_limits(file: Path) -> Limits:
+    """The limits in a file. Raises SettingsError."""
+    with toml_document(file).root() as root:
+        return Limits(
+            speed=root.number("speed", SPEED, inf, low=LEAST),
+            turn_rate=root.number("turn_rate", RATE, inf, low=LEAST),
+            acceleration=root.number("acceleration", ACCELERATION, inf, low=LEAST),
+            fence=_fence(root) if root.has("fence") else None,
+            least_range=root.number("range", LENGTH, 0.0, low=0.0, high=MAX_WORLD),
+        )
+
+
+def _fence(root: Table) -> tuple[float, float, float, float]:
+    with root.table("fence") as table:
+        x, y = (table.span(axis, LENGTH, low=-MAX_WORLD, high=MAX_WORLD) for axis in "xy")
+        for axis, (least, greatest) in (("x", x), ("y", y)):
+            if least.value == greatest.value:
+                raise table.error(axis, "there is no room between these ends")
+        return x[0].value, y[0].value, x[1].value, y[1].value
+
+
+def limited(scenario: Scenario, limits: Limits) -> Scenario:
+    """The same scenario with robots that keep these limits as well, and start within the fence. Raises MisuseError for
+    a fence outside of the world, and for a range where robots cannot measure any."""
+    sorts = (scenario.robots, *scenario.sorts)
+    if limits.least_range > 0.0 and not all(sort.geometry.sonars for sort in sorts):
+        raise MisuseError(f"the robots of {scenario.name} have no sonars, so they cannot keep a range to anything")
+    robots, *others = (_limited(sort, limits, (scenario.width, scenario.height)) for sort in sorts)
+    return replace(scenario, robots=robots, sorts=tuple(others))
+
+
+def _limited(sort: RobotSpec, limits: Limits, size: tuple[float, float]) -> RobotSpec:
+    slower = replace(sort.limits.within(limits), fence=sort.limits.fence)  # at the world's edge they turn back as usual
+    wander = replace(sort.wander, speed=min(sort.wander.speed, slower.speed))
+    found = replace(sort, limits=slower, wander=wander)
+    if limits.fence is None:
+        return found
+    left, bottom, right, top = limits.fence
+    x, y = _part(sort.x, (left, right), size[0]), _part(sort.y, (bottom, top), size[1])
+    return replace(found, x=x, y=y, disc=None)
+
+
+def _part(start: tuple[float, float], fence: tuple[float, float], size: float) -> tuple[float, float]:
+    """The part of the start within the fence, or all within the fence if there is none."""
+    within = max(fence[0], 0.0), min(fence[1], size)
+    if within[0] >= within[1]:
+        raise MisuseError(f"a fence from {fence[0]:g} m to {fence[1]:g} m is outside of a world of {size:g} m")
+    both = max(start[0], within[0]), min(start[1], within[1])
+    return both if both[0] < both[1] else within
+
+
+class Guard:
+    """Keeps the bodies of a simulator within the fence and the least range of `limits`. They begin at rest: some may
+    stand where they could not come to rest in time."""
+
+    def __init__(self, simulator: Simulator, limits: Limits) -> None:
+        self._simulator, self._limits = simulator, limits
+        self._headings = simulator.bodies.heading.copy()
+        if limits.are_watched:
+            for moving in (simulator.bodies.speed, simulator.bodies.left, simulator.bodies.right):
+                moving[:] = 0.0
+
+    def attend(self) -> None:
+        """To be called before each tick."""
+        if not self._limits.are_watched:
+            return
+        bodies, tick = self._simulator.bodies, self._simulator.scenario.tick
+        driving = np.where(bodies.mode == Mode.DRIVE, bodies.wanted_speed, bodies.limits.speed)
+        turning = np.where(bodies.mode == Mode.DRIVE, bodies.wanted_turn, bodies.limits.turn_rate)
+        turning = np.where(bodies.swing != 0.0, bodies.limits.turn_rate, turning)
+        turning = np.maximum(np.abs(turning), self._turned(tick))
+        for i in np.flatnonzero(((driving != 0.0) | (bodies.speed != 0.0)) & ~bodies.stopped).tolist():
+            body = self._simulator.robots[i]
+            limits = bodies.part_of(i).limits.within(self._limits)
+            pose = float(bodies.x[i]), float(bodies.y[i]), float(bodies.heading[i])
+            speed, wanted, turn = float(bodies.speed[i]), float(driving[i]), float(turning[i])
+            if not limits.may_go_on(pose, speed, wanted, turn, 2.0 * tick, body.nearest):
+                body.halt()
+        self._headings = bodies.heading.copy()
+
+    def _turned(self, tick: float) -> Floats:
+        """How fast each body has turned in the last tick, rad/s."""
+        change = self._simulator.bodies.heading - self._headings
+        turned: Floats = np.abs(np.mod(change + pi, TURN) - pi) / tick
+        return turned

@@ -1,0 +1,179 @@
+"""Senses: what robots see of the lights and hear of each other's pings, tick by tick.
+
+A ping sent in one tick is heard in the next one, by every robot in reach but its sender, each of which may miss it by
+chance. It is noted with its range and bearing of that moment and waits in the hearer's queue; in each tick one ping is
+taken from the queue and presented for that tick. What arrives together is queued in an order that chance draws anew
+for each hearer, from the numbers of the tick, the sender and the hearer alone: nobody is heard first for his number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.core.counter_rng import key, uniform
+from sleepcast.simulator.bodies.bodies import Bodies, Floats
+from sleepcast.simulator.scenario.groups import seeing
+from sleepcast.simulator.scenario.signals import FRONT, LIGHT_NAMES, PING_NAMES, REAR, PingModel
+from sleepcast.simulator.world.grid import Sorted, candidates, grid_over, pairs, sort
+
+MAX_PAIRS = 1 << 20
+"""Pairs of sender and hearer looked at in one go: some hundred megabytes."""
+CELLS_IN_REACH = 2.0
+"""Cells of the grid that a ping reaches across: of smaller ones there are many, in larger ones many are in vain."""
+
+
+class Senses:
+    """The eyes and ears of all robots of `bodies`; they write into its table of what is sensed."""
+
+    def __init__(self, bodies: Bodies) -> None:
+        scenario = bodies.scenario
+        self._bodies = bodies
+        names = [sensor.name for sensor in bodies.sensors]
+        if scenario.lights:
+            first = names.index(LIGHT_NAMES[0])
+            self._seen: Floats = bodies.known[first : first + len(LIGHT_NAMES)]
+            self._sees = np.flatnonzero(seeing(scenario.robots.groups, bodies.count))
+            self._look()
+        self._ears = None
+        if scenario.pings is not None:
+            first = names.index(PING_NAMES[0])
+            self._ears = _Ears(bodies, scenario.pings, bodies.known[first : first + len(PING_NAMES)])
+
+    def ping(self, robots: NDArray[np.intp], castes: Floats) -> None:
+        """The robots with these indices ping, each with its caste. A body pings once in a tick: a second time is not
+        heard."""
+        if self._ears is not None:
+            self._ears.send(robots, castes)
+
+    def step(self) -> None:
+        """Sense what there is after everything has moved."""
+        if self._bodies.scenario.lights:
+            self._look()
+        if self._ears is not None:
+            self._ears.step()
+
+    def state(self) -> Iterator[NDArray[np.generic]]:
+        """What must be the same for runs to be the same, besides what lies in the bodies' own arrays."""
+        if self._ears is not None:
+            yield from self._ears.state()
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        """The arrays, by name, that a run changes and that the next ticks depend on, besides those of the bodies."""
+        return self._ears.arrays() if self._ears is not None else {}
+
+    def _look(self) -> None:
+        """Let each robot with an eye see the nearest light in reach; those without one know nothing of lights."""
+        bodies, sees = self._bodies, self._sees
+        x, y, heading = bodies.x[sees], bodies.y[sees], bodies.heading[sees]
+        flags, ranges, bearings = np.zeros(sees.size), np.full(sees.size, np.nan), np.full(sees.size, np.nan)
+        for light in bodies.scenario.lights:
+            across, up = light.x - x, light.y - y
+            away = np.sqrt(across * across + up * up)
+            nearest = (away <= light.reach) & ~(ranges <= away)
+            flags[nearest] = 1.0
+            ranges[nearest] = away[nearest]
+            bearings[nearest] = bearing(across, up, heading)[nearest]
+        self._seen[:, sees] = flags, ranges, bearings
+
+
+class _Ears:
+    """The queues of pings. presented: the rows of PING_NAMES in the table of what is sensed, shape (4, robots)."""
+
+    def __init__(self, bodies: Bodies, model: PingModel, presented: Floats) -> None:
+        self._bodies, self._model, self._presented = bodies, model, presented
+        self._sent = np.zeros(bodies.count, bool)
+        """Who has pinged since the last step, and below with which caste."""
+        self._castes: Floats = np.zeros(bodies.count)
+        self._waiting: Floats = np.zeros((model.queue, 3, bodies.count))
+        """Range, bearing and caste of the pings that wait on each robot, the oldest first."""
+        self._length = np.zeros(bodies.count, np.int64)
+        size = bodies.scenario.width, bodies.scenario.height
+        self._reach = min(model.reach, sum(size)) * (1.0 + 1e-9)
+        """m, no farther than across the world, and a little more for rounding: who is in reach is looked at again."""
+        self._grid = grid_over(*size, self._reach / CELLS_IN_REACH, bodies.count)
+        self._presented[0] = 0.0
+
+    def send(self, robots: NDArray[np.intp], castes: Floats) -> None:
+        robots, first = np.unique(robots, return_index=True)
+        new = ~self._sent[robots]
+        self._sent[robots[new]] = True
+        self._castes[robots[new]] = castes[first[new]]
+
+    def step(self) -> None:
+        """Clear what was presented, take in what was sent, present the oldest that waits."""
+        self._presented[0] = 0.0
+        senders = np.flatnonzero(self._sent)
+        if senders.size:
+            self._hear(senders, self._castes[senders])
+            self._sent[senders] = False
+        having = np.flatnonzero(self._length)
+        if having.size:
+            self._presented[0, having] = 1.0
+            self._presented[1:, having] = self._waiting[0][:, having]
+            self._drop_oldest(having)
+
+    def state(self) -> Iterator[NDArray[np.generic]]:
+        yield self._length
+        yield np.where(np.arange(self._model.queue)[:, None, None] < self._length, self._waiting, 0.0)
+        senders = np.flatnonzero(self._sent)
+        yield np.stack((senders.astype(np.float64), self._castes[senders]), axis=-1)
+
+    def arrays(self) -> dict[str, NDArray[np.generic]]:
+        return {
+            "pings sent": self._sent,
+            "castes sent": self._castes,
+            "pings waiting": self._waiting,
+            "pings": self._length,
+        }
+
+    def _hear(self, senders: NDArray[np.intp], castes: Floats) -> None:
+        """Let all who are in reach hear what was sent, so many of them at a time that their pairs fit into memory."""
+        bodies = self._bodies
+        points = sort(self._grid, bodies.x[senders], bodies.y[senders])
+        points = Sorted(senders[points.order].astype(np.int32), points.start)
+        chances = candidates(self._grid, points, bodies.x, bodies.y, self._reach)
+        hearers = np.flatnonzero(chances)
+        block = np.cumsum(chances[hearers]) // MAX_PAIRS
+        caste = np.zeros(bodies.count)
+        caste[senders] = castes
+        for some in np.split(hearers, np.flatnonzero(np.diff(block)) + 1):
+            self._hear_block(points, caste, some)
+
+    def _hear_block(self, points: Sorted, caste: Floats, hearers: NDArray[np.intp]) -> None:
+        """Let some robots hear what was sent, each in an order of its own, and no more than fits into a queue."""
+        bodies, model = self._bodies, self._model
+        ears, sources = pairs(self._grid, points, bodies.x, bodies.y, self._reach, hearers)
+        across, up = bodies.x[sources] - bodies.x[ears], bodies.y[sources] - bodies.y[ears]
+        away = np.sqrt(across * across + up * up)
+        tokens = (sources.astype(np.uint64) << np.uint64(32)) + ears.astype(np.uint64)
+        heard = away <= model.reach
+        if model.loss:
+            heard &= uniform(key(bodies.seed, "ping lost", bodies.tick), tokens) >= model.loss
+        turn = uniform(key(bodies.seed, "ping order", bodies.tick), tokens)
+        found = np.flatnonzero(heard)
+        found = found[np.lexsort((sources[found], turn[found], ears[found]))]
+        ears = ears[found]
+        ping = np.stack((away[found], bearing(across[found], up[found], bodies.heading[ears]), caste[sources[found]]))
+        places = np.arange(len(ears))
+        rank = places - np.maximum.accumulate(np.where(np.diff(ears, prepend=-1) != 0, places, 0))
+        for number in range(min(model.queue, 1 + int(rank.max(initial=-1)))):
+            chosen = np.flatnonzero(rank == number)
+            self._queue(ears[chosen], ping[:, chosen])
+
+    def _queue(self, ears: NDArray[np.int64], ping: Floats) -> None:
+        """Put one ping into the queue of each of `ears`; ping: its range, bearing and caste, shape (3, ears)."""
+        self._drop_oldest(ears[self._length[ears] == self._model.queue])
+        self._waiting[self._length[ears], :, ears] = ping.T
+        self._length[ears] += 1
+
+    def _drop_oldest(self, ears: NDArray[np.int64]) -> None:
+        self._waiting[:-1, :, ears] = self._waiting[1:, :, ears]
+        self._length[ears] -= 1
+
+
+def bearing(across: Floats, up: Floats, heading: Floats) -> Floats:
+    """FRONT or REAR: on which side something lies that is so far to the east and north, seen along `heading`."""
+    return np.where(across * np.cos(heading) + up * np.sin(heading) > 0.0, FRONT, REAR)

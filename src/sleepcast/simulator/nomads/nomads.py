@@ -1,0 +1,351 @@
+"""Nomads: simulated robots that are driven axis by axis, as a server of such robots sees them (`robot.SimulatedWorld`).
+
+The bodies are those of the simulator, with its encoders, slip, contact and sonars; here is what it takes to drive them
+as a Nomad is driven: motors that keep speeds or travel ways, a turret, zeroing, and obstacles by their corners. At each
+tick the motors say how fast the axes are to turn; the simulator takes the bodies there as far as they are free to go.
+Wheels that steer together are driven as two that differ in speed: the body follows the same arcs.
+
+A Nomad's frame has its 0, 0 at the origin of its site; the simulator's lies in the world's corner.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite, isnan, nan, pi, remainder
+
+import numpy as np
+
+from sleepcast.core.errors import MisuseError
+from sleepcast.robot import Axes, Condition, Contact, Corners, Pose
+from sleepcast.simulator.bodies.bodies import Mode
+from sleepcast.simulator.nomads.motors import Motors
+from sleepcast.simulator.nomads.nomad_senses import NomadSenses
+from sleepcast.simulator.nomads.obstacles import Obstacles
+from sleepcast.simulator.nomads.paths import discs, first_along, first_round
+from sleepcast.simulator.nomads.room import has_room
+from sleepcast.simulator.nomads.setups import Setup
+from sleepcast.simulator.simd.formulas import wrap
+from sleepcast.simulator.simulation import Simulator
+from sleepcast.simulator.world.grid import Floats
+from sleepcast.simulator.world.world import Point
+
+EDGE = 1
+"""The number of the world's edge among its things: it is put up first."""
+HOME = 1e-6
+"""rad within which a turret is home."""
+TURN = 2.0 * pi
+
+
+class NomadWorld:
+    """See `robot.SimulatedWorld`. simulator: has the bodies, all made as `setup` says, and the world's edge as its
+    first thing; origin: where 0, 0 lies in its frame, m. `nomad_worlds.nomad_world` makes one.
+
+    Besides IndexError for a robot that there is not, MisuseError is raised for numbers that mean nothing.
+    """
+
+    def __init__(self, simulator: Simulator, setup: Setup, origin: Point) -> None:
+        self.simulator, self.setup, self.origin = simulator, setup, origin
+        self._bodies = bodies = simulator.bodies
+        self._motors = Motors(bodies.count, setup.speeds, setup.accelerations)
+        echoes = bodies.rings_of(0)
+        assert echoes  # a setup has sonars
+        self._echoes = echoes
+        self._senses = NomadSenses(bodies, echoes, setup.infrared)
+        self._obstacles = Obstacles(simulator.world, origin, EDGE)
+        self._turns_turret = not isnan(setup.speeds.third)
+        self._turret_speed = np.zeros(bodies.count)
+        # Turrets against the headings, rad: as they are, and as their encoders give them.
+        self._turret, self._believed_turret = np.zeros((2, bodies.count))
+        if self._turns_turret:
+            echoes.turret = self._turret
+        self._zeroing: set[int] = set()
+        self._conditions: list[Condition | None] = [None] * bodies.count
+        bodies.mode[:] = Mode.DRIVE
+
+    @property
+    def count(self) -> int:
+        return self._bodies.count
+
+    @property
+    def time(self) -> float:
+        return self._bodies.time
+
+    @property
+    def tick(self) -> float:
+        return self.simulator.scenario.tick
+
+    @property
+    def area(self) -> tuple[float, float, float, float]:
+        """Within the world's edge: least x and y, greatest x and y, m."""
+        (x, y), (width, height) = self.origin, self.size
+        return -x, -y, width - x, height - y
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of the world's edge, m."""
+        return self.simulator.scenario.width, self.simulator.scenario.height
+
+    def steers(self, robot: int) -> bool:
+        self._check(robot)
+        return self.setup.steers
+
+    def radius(self, robot: int) -> float:
+        self._check(robot)
+        return float(self._bodies.radii[robot])
+
+    # ---- driving
+
+    def set_speeds(self, robot: int, speeds: Axes) -> None:
+        self._command(robot)
+        self._motors.keep_speeds(robot, speeds)
+
+    def travel(self, robot: int, distances: Axes) -> None:
+        self._command(robot)
+        self._motors.travel(robot, distances)
+
+    def cruise(self, robot: int, speeds: Axes) -> None:
+        self._check(robot)
+        self._conditions[robot] = None
+        self._motors.set_cruise(robot, speeds)
+
+    def accelerate(self, robot: int, accelerations: Axes) -> None:
+        self._check(robot)
+        self._motors.set_acceleration(robot, accelerations)
+
+    def limp(self, robot: int, axes: tuple[bool, bool, bool]) -> None:
+        self._command(robot)
+        self._motors.let_go(robot, axes)
+
+    def rest(self, robot: int) -> None:
+        self._command(robot)
+        self._motors.rest(robot)
+
+    def zero(self, robot: int) -> None:
+        self._command(robot)
+        self._motors.rest(robot)
+        self._zeroing.add(robot)
+
+    def _command(self, robot: int) -> None:
+        """Somebody commands this robot: what it was asked before is over."""
+        self._check(robot)
+        self._zeroing.discard(robot)
+        self._conditions[robot] = None
+
+    # ---- time
+
+    def step(self) -> None:
+        bodies, motors, tick = self._bodies, self._motors, self.tick
+        speeds = motors.next_speeds(self._speeds(), tick)
+        if self.setup.steers:
+            bodies.wanted_speed[:], bodies.wanted_turn[:] = speeds[0], speeds[1]
+        else:
+            bodies.wanted_speed[:] = (speeds[0] + speeds[1]) / 2.0
+            bodies.wanted_turn[:] = (speeds[0] - speeds[1]) / self.setup.track
+        self._turn_turrets(speeds[2] - speeds[1] if self.setup.steers else speeds[2])
+        x, y, heading = bodies.encoder_x.copy(), bodies.encoder_y.copy(), bodies.encoder_heading.copy()
+        self.simulator.step()
+        turned = wrap(bodies.encoder_heading - heading)
+        way = _way(bodies.encoder_x - x, bodies.encoder_y - y, heading, turned)
+        aside = turned * self.setup.track / 2.0
+        first, second = (way, turned) if self.setup.steers else (way + aside, way - aside)
+        motors.count(np.stack((first, second, speeds[2] * tick)), speeds, tick)
+        self._turret_speed[:] = speeds[2]
+        if self.setup.steers:
+            self._turn_turrets(speeds[1] - turned / tick)  # what wheels did not turn that should have
+        for robot in sorted(self._zeroing):
+            self._zero_on(robot)
+        self._forget()
+
+    def _turn_turrets(self, rates: Floats) -> None:
+        """Turn them against the headings for a tick at these rates. Where wheels steer, the base does not turn with
+        them, and so a turret turns back as far as they turn."""
+        for turret in (self._turret, self._believed_turret):
+            turret[:] = wrap(turret + rates * self.tick)
+
+    def _speeds(self) -> Floats:
+        """How fast the axes turn, shape (3, count)."""
+        bodies = self._bodies
+        if self.setup.steers:
+            return np.stack((bodies.speed, (bodies.right - bodies.left) / self.setup.track, self._turret_speed))
+        return np.stack((bodies.right, bodies.left, self._turret_speed))
+
+    def _zero_on(self, robot: int) -> None:
+        """The next thing that zeroing asks for, once everything rests."""
+        if any(self._motors.moving(robot, self._speeds_of(robot))):
+            return
+        away = float(-self._believed_turret[robot])
+        if self._turns_turret and abs(away) > HOME:
+            self._motors.travel(robot, Axes(third=away))
+            if not self._motors.cruise[2, robot]:
+                self._motors.set_cruise(robot, Axes(third=self.setup.speeds.third))
+            return
+        x, y = self.origin
+        if has_room(self._bodies, x, y, robot):
+            self.place(robot, Pose(0.0, 0.0, 0.0, 0.0))
+        self.believe(robot, 0.0, 0.0, 0.0, 0.0)
+        self._zeroing.discard(robot)
+
+    # ---- where robots are, and what they sense
+
+    def observe(self, robot: int) -> Condition:
+        self._check(robot)
+        known = self._conditions[robot]
+        if known is None:
+            known = self._conditions[robot] = self._condition(robot)
+        return known
+
+    def _condition(self, robot: int) -> Condition:
+        bodies, (x, y), speeds = self._bodies, self.origin, self._speeds_of(robot)
+        believed, real = float(bodies.encoder_heading[robot]), float(bodies.heading[robot])
+        turrets = _wrap_one(believed + self._believed_turret[robot]), _wrap_one(real + self._turret[robot])
+        moving = self._motors.moving(robot, speeds)
+        if robot in self._zeroing:
+            moving = (True, True, self._turns_turret)
+        return Condition(
+            time=bodies.time,
+            believed=Pose(float(bodies.encoder_x[robot]) - x, float(bodies.encoder_y[robot]) - y, believed, turrets[0]),
+            real=Pose(float(bodies.x[robot]) - x, float(bodies.y[robot]) - y, real, turrets[1]),
+            speeds=speeds,
+            moving=moving,
+            sonars=self._senses.sonars(robot),
+            infrared=self._senses.infrared(robot),
+            touched=self._senses.touched(robot),
+            battery=self._battery(robot),
+        )
+
+    def _speeds_of(self, robot: int) -> Axes:
+        bodies, turret = self._bodies, float(self._turret_speed[robot])
+        right, left = float(bodies.right[robot]), float(bodies.left[robot])
+        if self.setup.steers:
+            return Axes((right + left) / 2.0, (right - left) / self.setup.track, turret)
+        return Axes(right, left, turret)
+
+    def _battery(self, robot: int) -> float:
+        """What is left, as a share; all of it where a setup says nothing of it."""
+        for store, row in zip(self._bodies.scenario.robots.stores, self._bodies.stores, strict=True):
+            if store.name.casefold() == "battery":
+                return float(row[robot]) / store.full
+        return 1.0
+
+    def believe(self, robot: int, x: float = nan, y: float = nan, heading: float = nan, turret: float = nan) -> None:
+        self._check(robot)
+        bodies = self._bodies
+        looks = float(bodies.encoder_heading[robot] + self._believed_turret[robot])
+        columns = (bodies.encoder_x, bodies.encoder_y, bodies.encoder_heading)
+        values = (x + self.origin[0], y + self.origin[1], _wrap_one(heading))
+        for column, value in zip(columns, values, strict=True):
+            if isfinite(value):
+                column[robot] = value
+        if self._turns_turret:
+            looks = turret if isfinite(turret) else looks
+            self._believed_turret[robot] = _wrap_one(looks - bodies.encoder_heading[robot])
+        self._conditions[robot] = None
+
+    def place(self, robot: int, pose: Pose) -> None:
+        """NaN leaves a number as it is; what lies beyond the edge of the world is put at it."""
+        self._command(robot)
+        self._motors.rest(robot)
+        bodies, radius = self._bodies, self.radius(robot)
+        spot = []
+        for value, now, shift, size in zip(pose[:2], (bodies.x, bodies.y), self.origin, self.size, strict=True):
+            wanted = float(now[robot]) if isnan(value) else value + shift
+            spot.append(max(radius, min(wanted, size - radius)))
+        heading = pose.heading if isfinite(pose.heading) else float(bodies.heading[robot])
+        turret = pose.turret if isfinite(pose.turret) else float(bodies.heading[robot] + self._turret[robot])
+        bodies.place(robot, spot[0], spot[1], _wrap_one(heading))
+        self._turret_speed[robot] = 0.0
+        if self._turns_turret:
+            self._turret[robot] = self._believed_turret[robot] = _wrap_one(turret - heading)
+        self._forget()
+
+    def fire(self, robot: int, order: Sequence[int], pause: float) -> None:
+        """Raises MisuseError for a sonar that there is not, or an odd pause."""
+        self._check(robot)
+        self._echoes.arrange(robot, order, pause)
+
+    # ---- the world
+
+    def solids(self) -> Sequence[Corners]:
+        return self._obstacles.shown()
+
+    def add(self, corners: Corners) -> bool:
+        return self._changed(self._obstacles.add(corners))
+
+    def remove(self, corners: Corners) -> bool:
+        return self._changed(self._obstacles.remove(corners))
+
+    def move(self, corners: Corners, across: float, up: float) -> bool:
+        return self._changed(self._obstacles.move(corners, across, up))
+
+    def fill(self, polygons: Sequence[Corners]) -> bool:
+        return self._changed(self._obstacles.fill(polygons))
+
+    def clear(self) -> None:
+        self._obstacles.clear()
+        self._forget()
+
+    def _changed(self, done: bool) -> bool:
+        if done:
+            self._forget()
+        return done
+
+    def predict(self, robot: int, pose: Pose) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        self._check(robot)
+        _refuse_odd("a pose", pose)
+        turret = pose.turret if self._turns_turret else pose.heading
+        return self._senses.predict(Pose(pose.x + self.origin[0], pose.y + self.origin[1], pose.heading, turret))
+
+    def along(self, robot: int, start: tuple[float, float], end: tuple[float, float]) -> Contact | None:
+        """Things are all that is solid, and the other robots where they are."""
+        things = self._things(robot)
+        _refuse_odd("a way", (*start, *end))
+        return self._own(first_along(things, self.radius(robot), self._shifted(start), self._shifted(end)))
+
+    def round(self, robot: int, centre: tuple[float, float], radius: float, begin: float, end: float) -> Contact | None:
+        """The same on a circular way."""
+        things = self._things(robot)
+        _refuse_odd("a way", (*centre, radius, begin, end))
+        return self._own(first_round(things, self.radius(robot), self._shifted(centre), radius, begin, end))
+
+    def _things(self, robot: int) -> Floats:
+        """What robot `robot` may touch, rows as in `World.solids`."""
+        self._check(robot)
+        bodies = self._bodies
+        others = np.delete(discs(bodies.x, bodies.y, bodies.radii), robot, axis=0)
+        return np.concatenate((self.simulator.world.solids, others))
+
+    def _shifted(self, point: Point) -> Point:
+        return point[0] + self.origin[0], point[1] + self.origin[1]
+
+    def _own(self, contact: Contact | None) -> Contact | None:
+        """A contact in the frame of the robots."""
+        if contact is None:
+            return None
+        return contact._replace(x=contact.x - self.origin[0], y=contact.y - self.origin[1])
+
+    def _check(self, robot: int) -> None:
+        if not 0 <= robot < self._bodies.count:
+            raise IndexError(f"no robot {robot}: there are {self._bodies.count}, from 0 on")
+
+    def _forget(self) -> None:
+        """What is known of the robots' conditions is no longer so."""
+        self._senses.forget()
+        self._conditions = [None] * self._bodies.count
+
+
+def _wrap_one(angle: float) -> float:
+    """The same angle from -pi to pi."""
+    return remainder(angle, TURN) if isfinite(angle) else nan
+
+
+def _way(across: Floats, up: Floats, heading: Floats, turned: Floats) -> Floats:
+    """How far bodies went on arcs that began with these headings and turned so much (rad), m: forwards, or less than
+    nothing."""
+    middle = heading + turned / 2.0
+    way: Floats = (across * np.cos(middle) + up * np.sin(middle)) / np.sinc(turned / TURN)
+    return way
+
+
+def _refuse_odd(what: str, numbers: Sequence[float]) -> None:
+    if not all(map(isfinite, numbers)):
+        raise MisuseError(f"{what} with a number that is not finite: {', '.join(map(str, numbers))}")

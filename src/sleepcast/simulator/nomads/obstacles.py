@@ -1,0 +1,154 @@
+"""Polygons that are put up, moved and taken away by their corners, as people without numbers for them name them.
+
+The same corners are the same polygon wherever the list of them begins and whichever way it goes round, and if they
+agree as well as whole tenths of an inch can say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import cos, isfinite, pi, sin
+
+import numpy as np
+
+from sleepcast.robot import Corners
+from sleepcast.simulator.nomads.paths import encloses
+from sleepcast.simulator.scenario.robot_settings import MAX_WORLD
+from sleepcast.simulator.world.polygon_holes import without_holes
+from sleepcast.simulator.world.world import Area, Circle, Point, Polygon, Shape, Wall, World
+
+MAX_OBSTACLES = 1_000
+"""Polygons that are put up in mid-run: all are looked through for one of them."""
+MAX_CORNERS = 1_000
+"""Of one polygon that is put up: the wire's contract is ten."""
+MAX_SIDES = 20_000
+"""Sides of all these together: a change of the world lists them anew, some ten milliseconds."""
+SAME = 0.0013
+"""m by which two corners may differ and be the same: half a tenth of an inch, and rounding."""
+FLAT = 1e-4
+"""m from a line, within which corners enclose nothing."""
+ROUND = 24
+"""Corners of a circle that is shown as a polygon."""
+
+
+class Obstacles:
+    """What stands in a world, named by corners in a frame whose 0, 0 lies at `origin` of the world's own, m. edge: the
+    number of the thing that is the world's edge and stays."""
+
+    def __init__(self, world: World, origin: Point, edge: int) -> None:
+        self._world, self._origin, self._edge = world, origin, edge
+        self._put_up: dict[int, int] = {}
+        """How many sides each polygon has that was put up in mid-run."""
+        self._shown: dict[int, tuple[Shape, list[Corners]]] = {}
+
+    def shown(self) -> list[Corners]:
+        """All that stands there but the edge, as polygons, in the order in which they were put up."""
+        things = {number: shape for number, shape in self._world.shapes.items() if number != self._edge}
+        for number in [*self._shown]:
+            if things.get(number) is not self._shown[number][0]:
+                del self._shown[number]
+        x, y = self._origin
+        for number, shape in things.items():
+            if number not in self._shown:
+                lines: list[Corners] = [tuple((at - x, up - y) for at, up in corners) for corners in _outlines(shape)]
+                self._shown[number] = shape, lines
+        return [corners for number in things for corners in self._shown[number][1]]
+
+    def add(self, corners: Corners) -> bool:
+        """Put a polygon up; False if that is none or there are too many."""
+        points = self._points(corners)
+        full = len(self._put_up) >= MAX_OBSTACLES or sum(self._put_up.values()) + len(points) > MAX_SIDES
+        if full or not _is_polygon(points):
+            return False
+        self._put_up[self._world.add(Polygon(points))] = len(points)
+        return True
+
+    def fill(self, polygons: Sequence[Corners]) -> bool:
+        """Have just these polygons beside the edge; False, and nothing changes, if one is none or they are too many."""
+        found = [self._points(corners) for corners in polygons]
+        if len(found) > MAX_OBSTACLES or sum(map(len, found)) > MAX_SIDES or not all(map(_is_polygon, found)):
+            return False
+        begin = self._world.following
+        shapes: dict[int, Shape] = {self._edge: self._world.shapes[self._edge]}
+        shapes |= {number: Polygon(points) for number, points in enumerate(found, begin)}
+        self._world.fill(shapes, begin + len(found))
+        self._put_up = {number: len(points) for number, points in enumerate(found, begin)}
+        return True
+
+    def remove(self, corners: Corners) -> bool:
+        """Take the polygon with these corners away; False if there is none."""
+        number = self._named(corners)
+        if number is None:
+            return False
+        self._world.remove(number)
+        self._put_up.pop(number, None)
+        return True
+
+    def move(self, corners: Corners, across: float, up: float) -> bool:
+        """Move the polygon with these corners by so many m; False if there is none, or nothing to move it to."""
+        number = self._named(corners)
+        if number is None or not _lies_in_bounds([(x + across, y + up) for x, y in corners]):
+            return False
+        self._world.move(number, across, up)
+        return True
+
+    def clear(self) -> None:
+        """Take everything away but the edge."""
+        self.fill(())
+
+    def _points(self, corners: Corners) -> tuple[Point, ...]:
+        """The corners in the world's frame, each once; none for what is no polygon."""
+        if not _lies_in_bounds(corners):
+            return ()
+        x, y = self._origin
+        moved = [(float(at) + x, float(up) + y) for at, up in corners]
+        return tuple(here for here, before in zip(moved, [*moved[-1:], *moved[:-1]], strict=True) if here != before)
+
+    def _named(self, corners: Corners) -> int | None:
+        """The number of the polygon with these corners, the latest one if there are several."""
+        wanted = self._points(corners)
+        if len(wanted) < 3:
+            return None
+        for number, shape in reversed([*self._world.shapes.items()]):
+            if isinstance(shape, Polygon) and len(shape.corners) == len(wanted) and _same(shape.corners, wanted):
+                return number
+        return None
+
+
+def _is_polygon(points: tuple[Point, ...]) -> bool:
+    return 3 <= len(points) <= MAX_CORNERS and encloses(np.array(points), FLAT)
+
+
+def _same(one: tuple[Point, ...], other: tuple[Point, ...]) -> bool:
+    if not _close((_middle(one),), (_middle(other),)):
+        return False
+    return any(
+        _close(one[:1], (corner,)) and _close(one, (*way[first:], *way[:first]))
+        for way in (other, other[::-1])
+        for first, corner in enumerate(way)
+    )
+
+
+def _middle(corners: tuple[Point, ...]) -> Point:
+    return sum(x for x, _ in corners) / len(corners), sum(y for _, y in corners) / len(corners)
+
+
+def _close(one: tuple[Point, ...], other: tuple[Point, ...]) -> bool:
+    return all(abs(a - c) <= SAME and abs(b - d) <= SAME for (a, b), (c, d) in zip(one, other, strict=True))
+
+
+def _lies_in_bounds(corners: Corners) -> bool:
+    return all(isfinite(value) and abs(value) <= MAX_WORLD for corner in corners for value in corner)
+
+
+def _outlines(shape: Shape) -> Iterator[tuple[Point, ...]]:
+    """The closed lines that show a shape; an open wall goes there and back."""
+    if isinstance(shape, Polygon):
+        yield shape.corners
+    elif isinstance(shape, Area):
+        yield from without_holes(shape)
+    elif isinstance(shape, Circle):
+        angles = [2.0 * pi * step / ROUND for step in range(ROUND)]
+        yield tuple((shape.x + shape.radius * cos(each), shape.y + shape.radius * sin(each)) for each in angles)
+    elif isinstance(shape, Wall):
+        yield (*shape.points, *shape.points[-2:0:-1])

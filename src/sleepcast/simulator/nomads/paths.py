@@ -1,0 +1,118 @@
+"""Where a disc that follows a path first touches something, and what a disc at rest touches.
+
+Things are stadiums, rows as in `World.solids`: all points within a radius of a line from one end to the other. The
+middle of a disc that touches one lies on its outline, widened by the radius of the disc: two sides and two circles
+round the ends. So a straight way is cut with these (see `contact.touch`), and so is a circular one: a side is met where
+the distance from the line is right, at two places of the circle, an end where two circles cross.
+"""
+
+from __future__ import annotations
+
+from math import atan2, cos, hypot, pi, sin
+
+import numpy as np
+
+from sleepcast.robot import Contact
+from sleepcast.simulator.bodies.contact import SKIN, touch
+from sleepcast.simulator.world.grid import Floats, distance, nearest_point
+from sleepcast.simulator.world.world import Point
+
+TURN = 2.0 * pi
+CLOSE = 1e-9
+"""m by which rounding may put a place on a path off the outline of what is touched there."""
+
+
+def first_along(things: Floats, radius: float, start: Point, end: Point) -> Contact | None:
+    """Where a disc of `radius` m on the straight way from `start` to `end` first touches one of the `things`; None if
+    its way is free. What it overlaps at the start it touches there."""
+    found = already(things, radius, start)
+    if found or not len(things):
+        return found
+    apart = radius + things[:, 4] + SKIN
+    across, up = np.full(len(things), end[0] - start[0]), np.full(len(things), end[1] - start[1])
+    x, y = np.full(len(things), start[0]), np.full(len(things), start[1])
+    stop, to_x, to_y = touch(x, y, across, up, things[:, :4].T, apart)
+    first = int(np.argmin(stop))
+    if stop[first] > 1.0:
+        return None
+    way = float(stop[first])
+    return Contact(
+        start[0] + way * (end[0] - start[0]),
+        start[1] + way * (end[1] - start[1]),
+        _back(float(to_x[first]), float(to_y[first])),
+    )
+
+
+def first_round(things: Floats, radius: float, centre: Point, orbit: float, begin: float, end: float) -> Contact | None:
+    """The same on the circle of radius `orbit` m round `centre`, from the angle `begin` to `end`, rad; more than once
+    round is once round."""
+    start = centre[0] + orbit * cos(begin), centre[1] + orbit * sin(begin)
+    found = already(things, radius, start)
+    if found or not len(things) or orbit <= 0.0 or begin == end:
+        return found
+    apart = radius + things[:, 4] + SKIN
+    sense = 1.0 if end > begin else -1.0
+    angles = _crossings(things, apart, centre, orbit)
+    on_the_way = np.mod((angles - begin) * sense, TURN)
+    x, y = centre[0] + orbit * np.cos(angles), centre[1] + orbit * np.sin(angles)
+    touched = np.abs(distance(x, y, *things[:, :4].T) - apart) <= CLOSE * (1.0 + orbit + apart)
+    on_the_way = np.where(touched & (on_the_way <= abs(end - begin)), on_the_way, np.inf)
+    row, first = np.unravel_index(int(np.argmin(on_the_way)), on_the_way.shape)
+    if np.isinf(on_the_way[row, first]):
+        return None
+    return _at(things[first], (float(x[row, first]), float(y[row, first])))
+
+
+def _crossings(things: Floats, apart: Floats, centre: Point, orbit: float) -> Floats:
+    """Angles at which the circle comes `apart` from the line or an end of each thing, shape (8, things), NaN for
+    places that there are not."""
+    x0, y0, x1, y1, _ = things.T
+    ex, ey = x1 - x0, y1 - y0
+    length = np.hypot(ex, ey)
+    found = []
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # Along the normal of the line, the centre lies `height` from it.
+        normal = np.arctan2(ex, -ey)
+        height = ((centre[1] - y0) * ex - (centre[0] - x0) * ey) / length
+        for side in (apart, -apart):
+            half = np.arccos((side - height) / orbit)
+            found += [normal + half, normal - half]
+        for x, y in ((x0, y0), (x1, y1)):
+            across, up = x - centre[0], y - centre[1]
+            away = np.hypot(across, up)
+            half = np.arccos((orbit * orbit + away * away - apart * apart) / (2.0 * orbit * away))
+            towards = np.arctan2(up, across)
+            found += [towards + half, towards - half]
+    return np.array(found)
+
+
+def already(things: Floats, radius: float, place: Point) -> Contact | None:
+    """What a disc at `place` overlaps, the deepest; None if it is free."""
+    if not len(things):
+        return None
+    gap = distance(np.array(place[0]), np.array(place[1]), *things[:, :4].T) - things[:, 4] - radius
+    deepest = int(np.argmin(gap))
+    return _at(things[deepest], place) if gap[deepest] < 0.0 else None
+
+
+def _at(thing: Floats, place: Point) -> Contact:
+    across, up = nearest_point(np.array(place[0]), np.array(place[1]), *thing[:4])
+    return Contact(*place, _back(float(across), float(up)))
+
+
+def _back(across: float, up: float) -> float:
+    """The direction back from what lies `across` and `up`, rad."""
+    return atan2(0.0 - up, 0.0 - across)  # with minus zero, west would be -pi
+
+
+def discs(x: Floats, y: Floats, radii: Floats) -> Floats:
+    """Discs as rows of things."""
+    return np.stack((x, y, x, y, radii), axis=1)
+
+
+def encloses(points: Floats, least: float) -> bool:
+    """Whether corners, shape (n, 2), enclose something: they do not all lie within `least` m of one line."""
+    away = points - points[0]
+    farthest = away[int(np.argmax(np.hypot(away[:, 0], away[:, 1])))]
+    length = hypot(*farthest)
+    return bool(length > least and np.abs(away @ np.array((-farthest[1], farthest[0]))).max() > least * length)

@@ -1,0 +1,134 @@
+"""Sites: the worlds that robots of a Nomad's kind are put into, read from files.
+
+A world is a scenario (of which the robots and everything else are left out), a TOML file with a scenario's table
+[world] alone, a map of ROS, or a text with one polygon a line, `n x1 y1 ... xn yn` in tenths of an inch. One point of
+it is the origin, which robots call 0, 0: of polygons and maps their own one, otherwise the middle, or what the table
+[nomad] of the file says. Where robots start may stand there, too:
+
+    [nomad]
+    origin = ["3m", "3m"]
+
+    [[nomad.starts]]
+    x = "4m"
+    y = "5m"
+    heading = "90deg"
+
+All lengths in a file are in the file's own frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, pi
+from pathlib import Path
+
+from sleepcast.core.units import LENGTH
+from sleepcast.simulator.scenario.robot_settings import INCH, MAX_WORLD
+from sleepcast.simulator.scenario.scenario import FILE
+from sleepcast.simulator.scenario.settings import SettingsError, Table, read_text, toml_document
+from sleepcast.simulator.scenario.world_settings import MAX_SEED, Changes, read_world
+from sleepcast.simulator.world.polygons import read_polygons
+from sleepcast.simulator.world.ros_map import read_map
+from sleepcast.simulator.world.world import Point, Polygon, Shape, shifted
+
+FORMAT = 1
+"""The version of the format of worlds; a file of a newer one is refused."""
+MAX_NOMADS = 1_000
+"""Robots behind one server: each is asked, and answers, by itself."""
+CELL = 24 * INCH
+"""m of the grid by which a Nomad's worlds are drawn."""
+ROOM = 30 * CELL
+"""m of a side of an empty room: from its middle, no wall is in reach of a sonar."""
+BEYOND = 2 * CELL
+"""m that a world of polygons is open beyond the farthest corner at least."""
+FULL_TURN = 2.0 * pi
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Where a robot begins, m and rad in the world's frame. no_room: what to raise if it does not fit there."""
+
+    x: float
+    y: float
+    heading: float
+    no_room: SettingsError
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """A world to put robots into, of `width` by `height` m, without its edge. origin: the point that they call 0, 0;
+    starts: where they begin, none if the world does not say; seed: what chance depends on."""
+
+    path: Path
+    width: float
+    height: float
+    shapes: tuple[Shape, ...]
+    origin: Point
+    starts: tuple[Start, ...] = ()
+    seed: int = 0
+
+
+def read_site(world: Path | None, robots: int | None = None, seed: int | None = None) -> Site:
+    """The world of a file, or an empty room. robots: how many there will be, for a world that grows with them; seed:
+    replaces the file's own. Raises SettingsError for what is wrong in the file."""
+    if world is None:
+        return Site(Path("an empty room"), ROOM, ROOM, (), (ROOM / 2, ROOM / 2), seed=seed or 0)
+    file = world / FILE if world.is_dir() else world
+    if file.suffix == ".toml":
+        return _of_toml(file, robots, seed)
+    if file.suffix in (".yaml", ".yml"):
+        return _of_map(file, seed or 0)
+    return _of_polygons(file, seed or 0)
+
+
+def _of_toml(file: Path, robots: int | None, seed: int | None) -> Site:
+    with toml_document(file).root() as root:
+        version = root.whole("format", low=1, high=MAX_SEED)
+        if version > FORMAT:
+            raise root.error("format", f"format {version} is newer than this sleepcast, which reads format {FORMAT}")
+        written = root.whole("seed", 0, low=0, high=MAX_SEED)
+        chosen = written if seed is None else seed
+        count = robots or max(1, len(root.table("nomad").array("starts", most=MAX_NOMADS)))
+        world = read_world(root, lambda: count, Changes(robots=robots), chosen)
+        size = world.width, world.height
+        origin, starts = _nomad(root, size)
+        known = root.names() if root.has("robots") else ("title", "about")
+        for key in known:  # of a scenario, the other keys are not for us
+            root.has(key)
+    # The edge, which comes last where it is a wall, is put up round every world.
+    shapes = world.shapes if world.fenced else world.shapes[:-1]
+    return Site(file, *size, shapes, origin, starts, chosen)
+
+
+def _nomad(root: Table, size: Point) -> tuple[Point, tuple[Start, ...]]:
+    """The origin and the starts of the table [nomad]."""
+    with root.table("nomad") as table:
+        far = (-MAX_WORLD, -MAX_WORLD), (MAX_WORLD, MAX_WORLD)
+        origin = table.point("origin", *far) if table.has("origin") else (size[0] / 2.0, size[1] / 2.0)
+        starts = []
+        for each in table.array("starts", most=MAX_NOMADS):
+            with each:
+                x = each.number("x", LENGTH, low=0.0, high=size[0])
+                y = each.number("y", LENGTH, low=0.0, high=size[1])
+                heading = each.number("heading", default=0.0, low=-FULL_TURN, high=FULL_TURN)
+                no_room = each.document.error(each.where, "no robot fits here: something else is in the way")
+                starts.append(Start(x, y, heading, no_room))
+    return origin, tuple(starts)
+
+
+def _of_map(file: Path, seed: int) -> Site:
+    """A map of ROS, whose own 0, 0 is the origin."""
+    area, low, high = read_map(file).area((0.0, 0.0), unknown_is_solid=False)
+    origin = -low[0], -low[1]
+    shapes = (shifted(area, *origin),) if area.outlines else ()
+    return Site(file, high[0] - low[0], high[1] - low[1], shapes, origin, seed=seed)
+
+
+def _of_polygons(file: Path, seed: int) -> Site:
+    """A text of polygons, with the origin in the middle of a square of whole cells round them."""
+    polygons = tuple(Polygon(tuple(corners)) for corners in read_polygons(str(file), read_text(file)))
+    farthest = max((abs(value) for each in polygons for corner in each.corners for value in corner), default=0.0)
+    half = max(ROOM / 2.0, CELL * ceil((farthest + BEYOND) / CELL))
+    return Site(
+        file, 2.0 * half, 2.0 * half, tuple(shifted(each, half, half) for each in polygons), (half, half), seed=seed
+    )

@@ -1,0 +1,347 @@
+"""Recording: a run written to an MCAP file while it goes on.
+
+    /poses                foxglove.PosesInFrame   where every robot is; viewers draw it as it stands
+    /points               foxglove.PointCloud     the same as points, for Rerun, which draws no poses
+    /log                  foxglove.Log            for people: commands, what became of them, what robots say, rules
+    /readings             JSON                    what every robot senses: for each sensor a list in the robots' order
+    /accounting           JSON                    what became of a command, as counts
+    /rules                JSON                    the expressions that a robot keeps, whenever they have changed
+    /sleepcast/marks      JSON                    groups and flags of the robots, whenever they may have changed
+    /sleepcast/posted     JSON                    every message of the operator, and in which tick it went on the air
+    /sleepcast/state      JSON                    the hash of the state, with its tick
+    /sleepcast/obstacles  JSON                    solid things that came, moved or went, and before which tick
+
+The metadata `sleepcast` says in which version of this format the file is and from which run; the attachment `scenario`
+is the scenario as `packing` writes it. With the posted messages that is all that a run depends on, so it can be
+repeated to the last bit. If the run went on from a snapshot, the attachment `snapshot` is the swarm as it was then. All
+times in the file are simulated ones, from 0.
+
+A long recording may be kept in parts (`rotation`). Each can be read by itself: its metadata say which part it is and
+from which time on, and it begins with all that went before as far as it still counts: every message that was posted,
+the solid things, accounts, rules, marks, a picture and readings. The metadata `following` at its end name the next.
+
+What is written gathers in memory and goes to the file in whole chunks: when `CHUNK` bytes have come together, and every
+`FLUSH_PERIOD` of real time, for which a thread sees. A process that is killed loses no more than that; a file that
+cannot be written any more (a full disk) keeps all whole chunks, the recording ends, and the run goes on.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from io import BytesIO, FileIO
+from pathlib import Path
+from threading import Event, RLock, Thread
+from types import TracebackType
+
+import msgspec
+import numpy as np
+from mcap.well_known import MessageEncoding, SchemaEncoding
+from mcap.writer import CompressionType, Writer
+from numpy.typing import NDArray
+
+from sleepcast.channel import Message
+from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.simulator.packing import pack
+from sleepcast.simulator.recording import foxglove
+from sleepcast.simulator.recording.foxglove import Level
+from sleepcast.simulator.recording.rotation import MOST_PARTS, ONE_FILE, Rotation, part_file
+from sleepcast.simulator.scenario.scenario import Scenario
+from sleepcast.simulator.world.world import Shape
+
+FORMAT = 1
+"""The version of this format; a file of a newer one is refused."""
+CHUNK = 1_048_576
+"""Bytes of messages that go to the file together; big enough to compress well, small enough to hold in memory."""
+FLUSH_PERIOD = 0.5
+"""Seconds of real time after which everything lies in the file."""
+CHUNKS_PER_PART = 8
+"""At least, so that a part ends about where it should."""
+NANO = 1_000_000_000
+
+POSES, POINTS, LOG, READINGS, ACCOUNTING, RULES = "/poses", "/points", "/log", "/readings", "/accounting", "/rules"
+MARKS, POSTED, STATE = "/sleepcast/marks", "/sleepcast/posted", "/sleepcast/state"
+OBSTACLES = "/sleepcast/obstacles"
+ABOUT, FOLLOWING, SCENARIO, SNAPSHOT = "sleepcast", "following", "scenario", "snapshot"
+"""The names of the metadata at the start, of those at the end of a part that is not the last, and of attachments."""
+MAX_RECORD = 64 * 1_048_576
+"""Bytes of one record: a chunk with the readings of the largest swarm is a tenth of it."""
+MAX_START = MAX_RECORD // 2
+"""Bytes of a snapshot that is recorded: that of a hundred thousand robots."""
+_OBJECT = b'{"type":"object"}'
+
+
+class RecordingError(SleepcastError):
+    """A recording that cannot be written or read."""
+
+
+class MarksBody(msgspec.Struct):
+    """Groups and flags after a tick: a byte for each robot; names: of the groups by code, from 1."""
+
+    tick: int
+    groups: bytes
+    flags: bytes
+    names: list[str]
+
+
+class AccountBody(msgspec.Struct, omit_defaults=True):
+    """What had become of a command, in counts of robots. predicted: to obey, when it was sent. values: what was said to
+    a question, in words."""
+
+    command: str
+    text: str
+    matched: int
+    not_matched: int
+    fault: int
+    silent: int
+    predicted: int
+    values: str = ""
+
+
+class RuleBody(msgspec.Struct):
+    """An expression that a robot keeps."""
+
+    name: str
+    text: str
+    active: bool
+
+
+class RulesBody(msgspec.Struct):
+    """All that a robot keeps."""
+
+    robot: str
+    rules: list[RuleBody]
+
+
+@dataclass(frozen=True, slots=True)
+class WorldChange:
+    """What became of the solid things, by their numbers in the world, before anything moved in the tick of this number.
+    put: those that came or moved; gone: those that went. own: whether the scenario itself let it happen, so that it
+    happens again when the run is repeated."""
+
+    tick: int
+    put: dict[str, Shape]
+    gone: tuple[int, ...]
+    own: bool = False
+
+
+class Recorder:
+    """A run's recording in `file`, which must not be there yet; see the module for what is in it.
+
+    version: of the program. first: the tick that the run goes on from, and the swarm as it was then, unless it is too
+    large for a record. complain: is told in a sentence when nothing more can be written, or no further part be begun;
+    may be called from another thread. rotation: when a part is full. Raises MisuseError for a file that is there
+    already, RecordingError where none can be made.
+    """
+
+    def __init__(
+        self,
+        file: Path,
+        scenario: Scenario,
+        seed: int,
+        *,
+        version: str,
+        complain: Callable[[str], None],
+        rotation: Rotation = ONE_FILE,
+        first: tuple[int, bytes] = (0, b""),
+    ) -> None:
+        self.file, self.part, self.failed = file, 1, False
+        self._first, self._rotation, self._complain = file, rotation, complain
+        tick, self._start = first
+        self._about = {"format": str(FORMAT), "version": version, "seed": str(seed), "from_tick": str(tick)}
+        self._scenario = pack(scenario)
+        self._lock = RLock()
+        self._closing = Event()
+        self._poses = foxglove.pose_frame(scenario.robots.count)
+        if rotation != ONE_FILE:
+            _refuse(part_file(file, 2))
+        self._begin(_create(file), 0.0)
+        self._saver = Thread(target=self._keep_saving, name="recording", daemon=True)
+        self._saver.start()
+
+    def poses(self, time: float, x: NDArray[np.float64], y: NDArray[np.float64], heading: NDArray[np.float64]) -> None:
+        """Where all robots are at `time` (s): m and rad in the world's frame, float64, shape (robots,)."""
+        stamp = round(time * NANO)
+        self._write(POSES, stamp, foxglove.poses(stamp, self._poses, x, y, heading))
+        self._write(POINTS, stamp, foxglove.points(stamp, x, y))
+
+    def log(self, time: float, who: str, text: str, level: Level = Level.INFO) -> None:
+        """A line for people."""
+        stamp = round(time * NANO)
+        self._write(LOG, stamp, foxglove.log(stamp, level, who, text))
+
+    def posted(self, time: float, tick: int, message: Message) -> None:
+        """The operator's `message` goes on the air in the tick with this number."""
+        body = {"tick": tick, "message": msgspec.to_builtins(message)}
+        # Python's own JSON has infinity, which is the deadline of many messages.
+        self._write(POSTED, round(time * NANO), json.dumps(body).encode())
+
+    def note(self, topic: str, time: float, body: object) -> None:
+        """Anything for one of the JSON channels, as msgspec writes it: bytes as base64, NaN as null."""
+        self._write(topic, round(time * NANO), msgspec.json.encode(body))
+
+    def obstacles(self, time: float, change: WorldChange) -> None:
+        """Solid things have come, moved or gone."""
+        self._write(OBSTACLES, round(time * NANO), pack(change))
+
+    def full(self, time: float) -> bool:
+        """Whether it is time to turn to the next part."""
+        aged = time - self._began >= self._rotation.age
+        return (aged or self._buffer.tell() >= self._rotation.size) and self.part < MOST_PARTS and not self.failed
+
+    def turn(self, time: float) -> bool:
+        """End this part and begin the next one at `time`; whether there is one. If not, this one goes on to the end."""
+        file = part_file(self._first, self.part + 1)
+        try:
+            output = _create(file)
+        except SleepcastError as error:
+            self._rotation = ONE_FILE
+            self._complain(f"{error}. The recording goes on in {self.file}")
+            return False
+        with self._lock:
+            self._writer.add_metadata(FOLLOWING, {"file": file.name})
+            self._end()
+            if self.failed:
+                output.close()
+                file.unlink()
+                return False
+            self.file, self.part = file, self.part + 1
+            self._begin(output, time)
+        return True
+
+    def close(self) -> None:
+        """Write the rest and the index. Afterwards nothing can be recorded."""
+        self._closing.set()
+        self._saver.join()
+        with self._lock:
+            self._end()
+
+    def __enter__(self) -> Recorder:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        self.close()
+
+    # ---- down to the file
+
+    def _begin(self, output: FileIO, time: float) -> None:
+        """Write what every part begins with."""
+        self._output, self._buffer, self._began = output, _Buffer(), time
+        chunk = int(min(CHUNK, self._rotation.size / CHUNKS_PER_PART))
+        self._writer = Writer(self._buffer, chunk, CompressionType.LZ4)
+        self._writer.start("", f"sleepcast {self._about['version']}")
+        self._writer.add_metadata(ABOUT, self._about | {"part": str(self.part), "began": repr(time)})
+        if 0 < len(self._start) <= MAX_START:
+            self._writer.add_attachment(0, 0, SNAPSHOT, "application/msgpack", self._start)
+        self._writer.add_attachment(0, 0, SCENARIO, "application/json", self._scenario)
+        self._channels = {
+            POSES: self._standard(POSES, foxglove.POSES, foxglove.POSES_SCHEMA),
+            POINTS: self._standard(POINTS, foxglove.POINTS, foxglove.POINTS_SCHEMA),
+            LOG: self._standard(LOG, foxglove.LOG, foxglove.LOG_SCHEMA),
+        }
+        for topic in (READINGS, ACCOUNTING, RULES, MARKS, POSTED, STATE, OBSTACLES):
+            self._channels[topic] = self._own(topic)
+        self._save()
+
+    def _end(self) -> None:
+        if not self.failed:
+            self._writer.finish()  # type: ignore[no-untyped-call]  # the library forgot to say `-> None`
+            self._store()
+        self._output_closed()
+
+    def _standard(self, topic: str, name: str, schema: bytes) -> int:
+        number = self._writer.register_schema(name, SchemaEncoding.Protobuf, schema)
+        return self._writer.register_channel(topic, MessageEncoding.Protobuf, number)
+
+    def _own(self, topic: str) -> int:
+        number = self._writer.register_schema(f"sleepcast{topic}", SchemaEncoding.JSONSchema, _OBJECT)
+        return self._writer.register_channel(topic, MessageEncoding.JSON, number)
+
+    def _write(self, topic: str, stamp: int, data: bytes) -> None:
+        with self._lock:
+            if self.failed:
+                return
+            self._writer.add_message(self._channels[topic], stamp, data, stamp)
+            if self._buffer.waiting:
+                self._store()
+
+    def _keep_saving(self) -> None:
+        while not self._closing.wait(FLUSH_PERIOD):
+            with self._lock:
+                if not self.failed:
+                    self._save()
+
+    def _save(self) -> None:
+        """Bring everything that was recorded so far into the file."""
+        self._writer.flush()  # type: ignore[no-untyped-call]  # the library forgot to say `-> None`
+        self._store()
+
+    def _store(self) -> None:
+        """Append the buffer, which holds whole chunks, to the file; if that fails, the recording ends here."""
+        data = self._buffer.take()
+        start = self._output.tell()
+        try:
+            while data:
+                data = data[self._output.write(data) :]
+        except OSError as error:
+            self.failed = True
+            self._cut(start)
+            reason = error.strerror or str(error)
+            self._complain(
+                f"cannot record any further to {self.file}: {reason}. "
+                "The run goes on; the recording holds what came before"
+            )
+
+    def _cut(self, end: int) -> None:
+        """Take half a chunk off the file's end. Where that cannot be done either, readers skip it."""
+        try:
+            os.ftruncate(self._output.fileno(), end)
+        except OSError:
+            return
+
+    def _output_closed(self) -> None:
+        try:
+            self._output.close()
+        except OSError as error:  # some disks find out here that they are full
+            if not self.failed:
+                self.failed = True
+                self._complain(f"the end of the recording {self.file} may be missing: {error.strerror or error}")
+
+
+class _Buffer(BytesIO):
+    """What the writer has finished and the file does not hold yet; it counts on where it was taken from."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._stored = 0
+
+    @property
+    def waiting(self) -> bool:
+        return super().tell() > 0
+
+    def tell(self) -> int:
+        return self._stored + super().tell()
+
+    def take(self) -> memoryview:
+        data = self.getvalue()
+        self._stored += len(data)
+        self.seek(0)
+        self.truncate()
+        return memoryview(data)
+
+
+def _refuse(file: Path) -> None:
+    """Say no if `file` is there already."""
+    if file.exists():
+        raise MisuseError(f"{file} is there already, and a recording replaces nothing: give another name")
+
+
+def _create(file: Path) -> FileIO:
+    try:
+        return open(file, "xb", buffering=0)
+    except FileExistsError:
+        raise MisuseError(f"{file} is there already, and a recording replaces nothing: give another name") from None
+    except OSError as error:
+        raise RecordingError(f"cannot record to {file}: {error.strerror or error}") from None

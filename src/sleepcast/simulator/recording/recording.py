@@ -1,0 +1,306 @@
+"""Recordings read: what `recorder` wrote, also where the writing process was killed or the disk was full.
+
+A file that ends early is read up to its last whole chunk. Recordings come from anywhere, so everything in them is
+bounded and checked before it is used.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from io import BufferedReader
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+from lz4.frame import LZ4FrameDecompressor
+from mcap.exceptions import McapError
+from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Metadata
+from mcap.records import Message as Record
+from mcap.stream_reader import StreamReader, breakup_chunk
+from zstandard import ZstdDecompressor, ZstdError
+
+from sleepcast.channel import Message
+from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.files import open_file
+from sleepcast.core.serial import SerialError
+from sleepcast.simulator.packing import unpack
+from sleepcast.simulator.recording.recorder import (
+    ABOUT,
+    ACCOUNTING,
+    FOLLOWING,
+    FORMAT,
+    MAX_RECORD,
+    NANO,
+    OBSTACLES,
+    POSTED,
+    SCENARIO,
+    SNAPSHOT,
+    STATE,
+    RecordingError,
+    WorldChange,
+)
+from sleepcast.simulator.scenario.robot_settings import MAX_TICKS
+from sleepcast.simulator.scenario.scenario import Scenario
+from sleepcast.simulator.snapshot import scenario_of
+
+MAX_MESSAGES = 1_000_000
+"""Messages of an operator, repeats included: one in every second of eleven days."""
+
+LEAST_RECORDS = 10_000
+"""Records that any chunk may have; a larger one may have as many as it has compressed bytes, since each has a time of
+its own, which takes more than a byte. So the time that a file takes grows with its size, whatever it unpacks to."""
+RECORD_HEAD = 9
+"""Bytes of a record's sort and length."""
+
+_BROKEN = (McapError, struct.error, ValueError, RuntimeError, EOFError, OverflowError, ZstdError)
+"""What reading a file that ends in the middle, or holds anything, may raise."""
+
+
+class NoRecordingError(MisuseError):
+    """A file that is no recording, or one that this version cannot read."""
+
+
+@dataclass(frozen=True, slots=True)
+class Posted:
+    """A message of the operator, and the tick in which it went on the air."""
+
+    tick: int
+    message: Message
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One message of the file. time: simulated s."""
+
+    topic: str
+    time: float
+    data: bytes
+
+
+@dataclass(slots=True)
+class Recording:
+    """What a run depended on and what it came to.
+
+    version: of the program that recorded it. part, began: which part of a recording the file is, from 1, and the
+    simulated time at which it begins, s; following: the name of the next part's file, "" if this is the last. first:
+    the tick that the run went on from; snapshot: of the swarm in that tick, empty if it began with the scenario, or was
+    too large to be recorded. posted: in order, those of earlier parts too; obstacles: likewise. states: hash of the
+    state by tick. accounting: the last account of each command by its id. counts: messages by topic. seconds: simulated
+    time of the last message. complete: whether the file was finished in good order.
+    """
+
+    file: Path
+    version: str
+    seed: int
+    scenario: Scenario
+    part: int = 1
+    began: float = 0.0
+    following: str = ""
+    first: int = 0
+    snapshot: bytes = b""
+    posted: list[Posted] = field(default_factory=list)
+    obstacles: list[WorldChange] = field(default_factory=list)
+    states: dict[int, str] = field(default_factory=dict)
+    accounting: dict[str, dict[str, object]] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)
+    seconds: float = 0.0
+    complete: bool = False
+
+
+Body = TypeVar("Body")
+
+
+def decoded(kind: type[Body], data: bytes) -> Body:
+    """The body of an entry. Raises ValueError if it is no such one."""
+    return msgspec.json.decode(data, type=kind)
+
+
+def load_recording(file: Path) -> Recording:
+    """What is in `file`, without poses and readings. Raises NoRecordingError, RecordingError."""
+    found = _start(file)
+    for entry in entries(file, found):
+        try:
+            _take(found, entry)
+        except (ValueError, KeyError, TypeError, RecursionError) as error:  # msgspec's ValidationError is a ValueError
+            raise NoRecordingError(f"{file}: {entry.topic} at {entry.time:g} s holds something else: {error}") from None
+        kept = (found.posted, found.states, found.accounting, found.obstacles)
+        if max(len(each) for each in kept) > MAX_MESSAGES:
+            raise NoRecordingError(f"{file} holds more than {MAX_MESSAGES} messages of an operator, or states")
+    return found
+
+
+def _take(found: Recording, entry: Entry) -> None:
+    """Keep what an entry says, if it is of a kind that is kept."""
+    if entry.topic == OBSTACLES:
+        change = unpack(WorldChange, entry.data)
+        if not all(name.isascii() and name.isdigit() and len(name) < 20 for name in change.put):
+            raise ValueError("a solid thing without a number")
+        found.obstacles.append(change)
+    if entry.topic == ACCOUNTING:
+        account = decoded(dict[str, object], entry.data)
+        found.accounting[str(account["command"])] = account
+    if entry.topic not in (POSTED, STATE):
+        return
+    body = json.loads(entry.data)
+    if entry.topic == POSTED:
+        found.posted.append(Posted(_tick(body), msgspec.convert(body["message"], Message)))
+    else:
+        found.states[_tick(body)] = str(body["hash"])
+
+
+def _tick(body: dict[str, object]) -> int:
+    tick = body["tick"]
+    if not (isinstance(tick, int) and 0 <= tick <= MAX_TICKS):
+        raise ValueError(f"tick {str(tick)[:40]} does not lie in 0..{MAX_TICKS}")
+    return tick
+
+
+def entries(file: Path, found: Recording) -> Iterator[Entry]:
+    """Every message of `file` in order, up to its end or to where it breaks off; what is seen is counted in `found`."""
+    topics: dict[int, str] = {}
+    found.counts, found.complete = {}, False
+    for record in _records(file):
+        if isinstance(record, Channel):
+            topics[record.id] = record.topic
+        elif isinstance(record, Metadata) and record.name == FOLLOWING:
+            found.following = record.metadata.get("file", "")
+        elif isinstance(record, Footer):
+            found.complete = True
+        elif isinstance(record, Record) and (topic := topics.get(record.channel_id)) is not None:
+            found.counts[topic] = found.counts.get(topic, 0) + 1
+            found.seconds = max(found.seconds, record.log_time / NANO)
+            yield Entry(topic, record.log_time / NANO, record.data)
+
+
+def _start(file: Path) -> Recording:
+    """What the file says of itself before its first message."""
+    about: dict[str, str] | None = None
+    snapshot = b""
+    for record in _records(file):
+        if isinstance(record, Metadata) and record.name == ABOUT:
+            about = record.metadata
+            _check_format(file, about)
+        elif isinstance(record, Attachment) and record.name == SNAPSHOT:
+            snapshot = record.data
+        elif isinstance(record, Attachment) and record.name == SCENARIO and about is not None:
+            first = _whole(about, "from_tick") if "from_tick" in about else 0
+            scenario, version, seed = _scenario(file, record.data), about.get("version", "?"), _whole(about, "seed")
+            part, began = _whole(about, "part"), _time(about, "began")
+            return Recording(file, version, seed, scenario, part, began, first=first, snapshot=snapshot)
+        elif isinstance(record, Record):
+            break
+    raise NoRecordingError(f"{file} is not a sleepcast recording: make one with run SCENARIO --record FILE")
+
+
+def _check_format(file: Path, about: dict[str, str]) -> None:
+    version = _whole(about, "format")
+    if version > FORMAT:
+        by = about.get("version", "a newer one")
+        raise NoRecordingError(
+            f"{file} has format {version}, which is newer than this sleepcast, which reads format {FORMAT}: "
+            f"update sleepcast (the file was recorded by version {by})"
+        )
+
+
+def _whole(about: dict[str, str], name: str) -> int:
+    text = about.get(name, "")
+    if not (text.isascii() and text.isdigit() and len(text) < 20):
+        raise NoRecordingError(f'the recording says {name} "{text[:40]}", wanted a whole number')
+    return int(text)
+
+
+def _time(about: dict[str, str], name: str) -> float:
+    text = about.get(name, "")
+    try:
+        found = float(text)
+    except ValueError:
+        found = -1.0
+    if not 0.0 <= found < float("inf"):
+        raise NoRecordingError(f'the recording says {name} "{text[:40]}", wanted seconds')
+    return found
+
+
+def _scenario(file: Path, data: bytes) -> Scenario:
+    try:
+        return scenario_of(data)
+    except SerialError as error:
+        raise NoRecordingError(f"{file}: {error}") from None
+
+
+@contextmanager
+def alive(recording: Recording) -> Iterator[None]:
+    """For the making of the recorded swarm. Raises NoRecordingError where that goes wrong: what is in the file may fit
+    together only in part."""
+    try:
+        yield
+    except SleepcastError:
+        raise
+    except (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RecursionError, MemoryError) as error:
+        reason = str(error).split("\n")[0][:300] or type(error).__name__
+        raise NoRecordingError(f"{recording.file}: the scenario in it cannot be simulated: {reason}") from error
+
+
+def _records(file: Path) -> Iterator[McapRecord]:
+    """Every record, those in chunks included, up to the end or to where the file breaks off."""
+    try:
+        with _Bounded(open_file(file)) as stream:
+            yield from _whole_records(stream)
+    except OSError as error:
+        raise RecordingError(f"cannot read {file}: {error.strerror or error}") from None
+
+
+class _Bounded(BufferedReader):
+    """A file that gives no more at once than a record may have, whatever the lengths in it say."""
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        if size is None or not 0 <= size <= MAX_RECORD:
+            raise EOFError(f"a length of {size}")
+        return super().read(size)
+
+
+def _whole_records(stream: _Bounded) -> Iterator[McapRecord]:
+    reader = iter(StreamReader(stream, emit_chunks=True, record_size_limit=MAX_RECORD).records)
+    while True:
+        try:
+            record = next(reader, None)
+            parts = breakup_chunk(_opened(record), validate_crc=True) if isinstance(record, Chunk) else [record]
+        except _BROKEN:
+            return
+        for part in parts:
+            if part is None:
+                return
+            yield part
+
+
+def _check_count(data: bytes, most: int) -> None:
+    """Raises ValueError for more records than so many: a few kB of zeros could become millions."""
+    at = 0
+    for _ in range(most):
+        if at >= len(data):
+            return
+        at += RECORD_HEAD + int.from_bytes(data[at + 1 : at + RECORD_HEAD], "little")
+    if at < len(data):
+        raise ValueError(f"a chunk of more than {most} records")
+
+
+def _opened(chunk: Chunk) -> Chunk:
+    """The chunk uncompressed. Raises ValueError where it is larger or smaller than it says: a few bytes of zeros could
+    become gigabytes."""
+    size = chunk.uncompressed_size
+    if size > MAX_RECORD:
+        raise ValueError(f"a chunk of {size} bytes, at most {MAX_RECORD} are read")
+    if chunk.compression == "lz4":
+        data = LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+    elif chunk.compression == "zstd":
+        with ZstdDecompressor().stream_reader(chunk.data) as stream:
+            data = stream.read(size + 1)
+    else:
+        data = chunk.data
+    if len(data) != size:
+        raise ValueError(f"a chunk that says {size} bytes and has others")
+    _check_count(data, max(LEAST_RECORDS, len(chunk.data)))
+    return replace(chunk, compression="", data=data)

@@ -1,0 +1,1 @@
+"""What a scenario file says: the world, its robots, events, measures and missions, read and checked."""

@@ -1,0 +1,95 @@
+"""Events: what a scenario lets happen to the things of its world, by name, and when.
+
+    [[events]]
+    at = "20s"
+    remove = "gate"
+
+    [[events]]
+    at = "30s"
+    move = "box"
+    by = ["2m", "0m"]
+
+    [[events]]
+    at = "40s"
+    add = "gate"
+
+A name may stand for several things. What is added is what the file has under that name, where it has it; a thing that
+is `absent` is not there before. An event happens in the first tick that ends at its time or later, before anything
+moves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from sleepcast.core.errors import did_you_mean
+from sleepcast.core.units import TIME
+from sleepcast.simulator.scenario.settings import Table
+from sleepcast.simulator.world.world import Point, Shape, World
+
+MAX_EVENTS = 1_000
+"""Of one scenario: one in every second of a quarter of an hour."""
+SORTS = ("add", "remove", "move")
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """At `time` (s) the things called `name` are added, removed or moved `by` so much (m)."""
+
+    time: float
+    sort: str
+    name: str
+    by: Point = (0.0, 0.0)
+
+
+def read_events(
+    root: Table, there: Sequence[Shape], absent: Sequence[Shape], size: Point, most: float
+) -> tuple[Event, ...]:
+    """The tables `[[events]]` in the order of their times. there, absent: the things that are in the world at the
+    start, and those that are not; size: of the world, m; most: of a time, s."""
+    found: list[tuple[Event, Table]] = []
+    for table in root.array("events", most=MAX_EVENTS):
+        with table:
+            said = [sort for sort in SORTS if table.has(sort)]
+            if len(said) != 1:
+                raise table.error((said or ["add"])[-1], "wanted one of add, remove and move in each event")
+            by = table.point("by", (-size[0], -size[1]), size) if said == ["move"] else (0.0, 0.0)
+            event = Event(table.number("at", TIME, low=0.0, high=most), said[0], table.text(said[0], most=64), by)
+            found.append((event, table))
+    found.sort(key=lambda each: each[0].time)
+    _check(found, {shape.name for shape in there if shape.name}, {shape.name for shape in absent})
+    return tuple(event for event, _ in found)
+
+
+def _check(events: Sequence[tuple[Event, Table]], there: set[str], absent: set[str]) -> None:
+    """Raise SettingsError for an event that nothing is there for."""
+    known = there | absent
+    present = set(there)
+    for event, table in events:
+        if event.name not in known:
+            raise table.error(event.sort, f'there is no thing called "{event.name}"{did_you_mean(event.name, known)}')
+        if (event.name in present) == (event.sort == "add"):
+            is_there = "there already" if event.sort == "add" else "not there"
+            raise table.error(event.sort, f'"{event.name}" is {is_there} at that time')
+        if event.sort == "add":
+            present.add(event.name)
+        elif event.sort == "remove":
+            present.discard(event.name)
+
+
+def happen(world: World, events: Sequence[Event], things: Sequence[Shape], after: float, until: float) -> None:
+    """Let happen to `world` what is due after the one time and up to the other, s; a run begins after 0. things: all
+    that may be added."""
+    for event in events:
+        if after < event.time <= until or event.time <= 0.0 == after:
+            numbers = [number for number, shape in world.shapes.items() if shape.name == event.name]
+            if event.sort == "add":
+                for shape in things:
+                    if shape.name == event.name and not numbers:
+                        world.add(shape)
+            for number in numbers:
+                if event.sort == "remove":
+                    world.remove(number)
+                elif event.sort == "move":
+                    world.move(number, *event.by)

@@ -1,0 +1,162 @@
+"""Groups: several sorts of robots in one world, each with values of its own, and the names that rules give to numbers.
+
+    [constants]
+    EYES = 4
+    FAR = "6m"
+
+    [robots.groups.eyes]
+    count = 20
+    values = { myCaste = "EYES" }
+
+A constant is known by name to every robot. A value is a sensor variable of every robot, a number of its group; on the
+robots of a group that does not say it, it is unknown. Robots are numbered through the groups in the file's order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import nan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.core.errors import did_you_mean
+from sleepcast.core.units import UNITS, Quantity
+from sleepcast.robot import BodyConstant
+from sleepcast.simulator.scenario.settings import Measure, Table, checked_name
+
+MAX_CONSTANTS = 64
+"""Names that the people who write the rules can still tell apart."""
+MAX_GROUPS = 16
+"""Sorts of robots in one world: more are a table of data, not a scenario that is told."""
+MAX_VALUES = 16
+"""Each is one variable on every robot."""
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Some of the robots. count: how many, or their share where the run has another number of robots than the file.
+
+    values: what they have of their own, by name, in SI with the unit that was written. sees_light: whether they have
+    an eye for lights.
+    """
+
+    name: str
+    count: int
+    values: dict[str, Measure]
+    sees_light: bool = True
+
+
+def read_constants(root: Table) -> tuple[BodyConstant, ...]:
+    """The table `[constants]`: a number, plain or with its unit, for each name."""
+    with root.table("constants") as table:
+        if len(table.values) > MAX_CONSTANTS:
+            raise root.error("constants", f"{len(table.values)} of them; at most {MAX_CONSTANTS} fit")
+        measures = {checked_name(table, name): table.measure(name, None) for name in table.values}
+    return tuple(BodyConstant(name, found.value, found.unit, "of this scenario") for name, found in measures.items())
+
+
+def read_groups(robots: Table, constants: Sequence[BodyConstant], most: int) -> tuple[Group, ...]:
+    """The tables `[robots.groups.NAME]`, none if all robots are alike; `most` robots in each."""
+    found = []
+    for name, table in robots.tables("groups", most=MAX_GROUPS).items():
+        checked_name(robots.table("groups"), name)
+        with table:
+            count = table.whole("count", low=1, high=most)
+            found.append(Group(name, count, _values(table, constants), table.flag("sees_light", True)))
+    return tuple(found)
+
+
+def _values(group: Table, constants: Sequence[BodyConstant]) -> dict[str, Measure]:
+    known = {constant.name.casefold(): constant for constant in constants}
+    with group.table("values") as table:
+        if len(table.values) > MAX_VALUES:
+            raise group.error("values", f"{len(table.values)} of them; at most {MAX_VALUES} fit")
+        found = {}
+        for name, written in table.values.items():
+            checked_name(table, name)
+            if isinstance(written, str) and written[:1].isalpha():
+                constant = known.get(table.text(name).casefold())
+                if constant is None:
+                    near = did_you_mean(written, (each.name for each in constants))
+                    raise table.error(name, f'there is no constant "{written[:40]}"{near} under [constants]')
+                found[name] = Measure(constant.value, constant.unit)
+            else:
+                found[name] = table.measure(name, None)
+        return found
+
+
+def _refuse_unlike_units(groups: Iterable[tuple[Table, Group]]) -> None:
+    """One name has one meaning: the same spelling and dimension in every group, each with its table of robots."""
+    first: dict[str, tuple[str, Measure]] = {}
+    for robots, group in groups:
+        for name, value in group.values.items():
+            spelling, other = first.setdefault(name.casefold(), (name, value))
+            place = robots.table("groups").table(group.name).table("values")
+            if name != spelling:
+                raise place.error(name, f"another group spells it {spelling}; use one spelling")
+            if _dimension(value.unit) != _dimension(other.unit):
+                raise place.error(
+                    name, f'another group gives it in "{other.unit or "plain numbers"}"; use one dimension'
+                )
+
+
+def _dimension(unit: str) -> object:
+    return UNITS[unit].dimension if unit else UNITS["rad"].dimension
+
+
+def value_quantities(groups: Sequence[Group]) -> tuple[Quantity, ...]:
+    """The sensors that the groups' values are, each with the range that the values span."""
+    names = dict.fromkeys(name for group in groups for name in group.values)
+    found = []
+    for name in names:
+        values = [group.values[name] for group in groups if name in group.values]
+        low, high = min(value.value for value in values), max(value.value for value in values)
+        unit = next((value.unit for value in values if value.unit), "")
+        found.append(Quantity(name, unit, low, high, doc="a value of the robot's group", shown_as=unit))
+    return tuple(found)
+
+
+def group_indices(groups: Sequence[Group], count: int) -> NDArray[np.intp]:
+    """The index of each robot's group, shape (count,): as many of each as the file says, or in that proportion."""
+    ends = np.cumsum([group.count for group in groups])
+    bounds = np.rint(ends * (count / ends[-1])).astype(np.intp)
+    return np.searchsorted(bounds, np.arange(count), side="right")
+
+
+def values_of(groups: Sequence[Group], count: int, name: str) -> NDArray[np.float64]:
+    """The value called `name` of each robot, in SI, NaN where its group has none; shape (count,)."""
+    each = [group.values[name].value if name in group.values else nan for group in groups]
+    return np.array(each, np.float64)[group_indices(groups, count)]
+
+
+def seeing(groups: Sequence[Group], count: int) -> NDArray[np.bool_]:
+    """Whether each robot has an eye for lights, shape (count,)."""
+    if not groups:
+        return np.ones(count, bool)
+    return np.array([group.sees_light for group in groups], bool)[group_indices(groups, count)]
+
+
+def refuse_clashes(
+    root: Table,
+    robots: Sequence[Table],
+    taken: Iterable[str],
+    constants: Sequence[BodyConstant],
+    groups: Sequence[Sequence[Group]],
+) -> None:
+    """Raise SettingsError where a constant or a value has the name of something else that robots know (`taken`).
+    groups: those in each of the tables `robots`."""
+    known = {name.casefold() for name in taken}
+    for constant in constants:
+        if constant.name.casefold() in known:
+            table = root.table("constants")
+            raise table.error(constant.name, "robots know something of this name already; choose another")
+        known.add(constant.name.casefold())
+    for sort, table in enumerate(robots):
+        for group in groups[sort]:
+            for name in group.values:
+                if name.casefold() in known:
+                    place = table.table("groups").table(group.name).table("values")
+                    raise place.error(name, "robots know something of this name already; choose another")
+    _refuse_unlike_units([(table, group) for table, some in zip(robots, groups, strict=True) for group in some])

@@ -1,0 +1,104 @@
+"""Measures: what a scenario itself wants to know of a run, as series of numbers over time.
+
+    [measures.distance_to_light]
+    of = "distance"
+    to = "light"
+    every = "10s"
+
+A series is a list of [seconds, metres], from the start on. It is bounded: when it is full, every second sample is let
+go and from then on half as many are taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.core.serial import SerialError
+from sleepcast.core.units import TIME
+from sleepcast.simulator.scenario.settings import Table, checked_name
+
+MAX_MEASURES = 16
+MAX_SAMPLES = 10_000
+"""Of one series: finer than any plot of it."""
+RESERVED = ("awake", "groups", "stopped", "said", "radio")
+"""What is measured of every run."""
+KINDS = ("distance", "gyration")
+
+Point = tuple[float, float]
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class MeasureSpec:
+    """One series. of: a kind of `KINDS`: how far the robots' centre is from the point `to` (m), or their radius of
+    gyration, the root mean square of their distances from that centre (m). every: s between two samples."""
+
+    name: str
+    of: str
+    to: Point | None
+    every: float
+
+
+def read_measures(root: Table, points: Mapping[str, Point], longest: float) -> tuple[MeasureSpec, ...]:
+    """The tables `[measures.NAME]`. points: what a distance may lead to, by name; longest: time between samples, s."""
+    found = []
+    for name, table in root.tables("measures", most=MAX_MEASURES).items():
+        around = root.table("measures")
+        if checked_name(around, name) in RESERVED:
+            raise around.error(name, f"{name} is measured of every run already; choose another name")
+        with table:
+            kind = table.text("of", choices=KINDS)
+            if kind == "distance" and not points:
+                raise table.error("to", "there is no place and no light to which a distance could lead")
+            to = points[table.text("to", choices=tuple(points))] if kind == "distance" else None
+            every = table.number("every", TIME, 1.0, low=0.001, high=longest)
+            found.append(MeasureSpec(name, kind, to, every))
+    return tuple(found)
+
+
+class Measuring:
+    """The series of one run. tick: s of simulated time in a tick; x, y: where the robots are, m, shape (robots,)."""
+
+    def __init__(self, specs: Sequence[MeasureSpec], tick: float, x: Floats, y: Floats) -> None:
+        self._specs, self._x, self._y = specs, x, y
+        self._ticks = [max(1, round(spec.every / tick)) for spec in specs]
+        self._series: list[list[list[float]]] = [[] for _ in specs]
+        self.observe(0, 0.0)
+
+    def observe(self, tick: int, time: float) -> None:
+        """Take the samples that are due at the tick of this number; time: of the run, in s."""
+        for index, spec in enumerate(self._specs):
+            if tick % self._ticks[index] == 0:
+                series = self._series[index]
+                series.append([round(time, 6), self._measure(spec)])
+                if len(series) >= MAX_SAMPLES:
+                    del series[1::2]
+                    self._ticks[index] *= 2
+
+    def series(self) -> dict[str, list[list[float]]]:
+        """What was measured so far: for each measure its samples [seconds, metres]."""
+        return {spec.name: list(series) for spec, series in zip(self._specs, self._series, strict=True)}
+
+    def state(self) -> list[tuple[int, list[list[float]]]]:
+        """For each series the ticks between two samples, and the samples."""
+        return [(ticks, list(series)) for ticks, series in zip(self._ticks, self._series, strict=True)]
+
+    def restore(self, state: list[tuple[int, list[list[float]]]]) -> None:
+        """Be as that was. Raises SerialError."""
+        if len(state) != len(self._specs):
+            raise SerialError(f"{len(state)} measures, wanted {len(self._specs)}")
+        for ticks, series in state:
+            if ticks < 1 or len(series) >= MAX_SAMPLES or not all(len(sample) == 2 for sample in series):
+                raise SerialError(f"a measure with {len(series)} samples, {ticks} ticks apart")
+        self._ticks = [ticks for ticks, _ in state]
+        self._series = [list(series) for _, series in state]
+
+    def _measure(self, spec: MeasureSpec) -> float:
+        x, y = float(self._x.mean()), float(self._y.mean())
+        if spec.to is not None:
+            return float(np.hypot(spec.to[0] - x, spec.to[1] - y))
+        return float(np.sqrt(((self._x - x) ** 2 + (self._y - y) ** 2).mean()))

@@ -1,0 +1,310 @@
+"""The robots of a scenario: what the table [robots] of its file says, as plain frozen dataclasses in SI."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from math import inf, pi
+
+from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, UNITS, Dimension
+from sleepcast.robot import Geometry, Limits
+from sleepcast.simulator.scenario.groups import Group
+from sleepcast.simulator.scenario.settings import Measure, Table, checked_name
+from sleepcast.simulator.scenario.signals import LIGHT_NAMES, PING_NAMES
+
+MAX_ROBOTS = 1_000_000
+"""Bodies in one world: a tick of so many is about real time on two cores. Minds have a bound of their own."""
+MAX_STORES = 16
+"""Each store is a variable on every robot."""
+MAX_SONARS = 64
+"""Range sensors of one robot, each of them a variable."""
+MAX_BUMPERS = 24
+"""Parts of a bumper that can tell of a contact apart: as many as fit into the bits of the Nomad's wire."""
+MAX_ORDER = 256
+"""Sonars in a firing order."""
+MAX_PAUSE = 60.0
+"""s between an echo and the next ping: the Nomads' longest is one."""
+MAX_TIME = 10_000_000.0
+"""Seconds of one run: four months."""
+MAX_TICKS = 10_000_000_000
+"""Ticks of one run: as long, in the shortest tick."""
+MAX_WORLD = 10_000_000.0
+"""Metres, a quarter of the way round the earth: beyond, a flat world means nothing."""
+LEAST = 1e-6
+"""What must be more than nothing is at least this, in SI."""
+WIDEST_BEAM = pi / 2
+"""Of a sonar: wider ones would look behind themselves."""
+INCH = 0.0254
+TENTH = INCH / 10
+"""m in the unit of a Nomad's commands."""
+
+BODY_NAMES = (
+    *("x", "y", "heading", "speed", "drive_speed", "drive_turn", "bumper", "front_range"),
+    *(f"sonar{number}" for number in range(MAX_SONARS)),
+)
+"""Variables that every simulated body has, or may have."""
+SIGNAL_NAMES = (*LIGHT_NAMES, *PING_NAMES, "FRONT", "REAR")
+"""What it knows besides where there are lights or pings."""
+
+
+@dataclass(frozen=True, slots=True)
+class Store:
+    """Something that robots carry: a variable `name` in SI, shown in `unit`.
+
+    low, high: at the start, drawn evenly for the `share` of the robots that carry any. full: what a robot
+    carries at most. reach: m that a full store drives a body; inf where driving uses none of it.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    full: float
+    share: float = 1.0
+    reach: float = inf
+    about: str = ""
+
+    @property
+    def dimension(self) -> Dimension:
+        return UNITS[self.unit].dimension if self.unit else NONE
+
+
+@dataclass(frozen=True, slots=True)
+class Wander:
+    """How bodies roam by themselves: at `speed` (m/s), their turn rate wandering slowly round 0 with the
+    standard deviation `turn_rate` (rad/s), each turn lasting about `steadiness` s."""
+
+    speed: float
+    turn_rate: float
+    steadiness: float
+
+
+@dataclass(frozen=True, slots=True)
+class Wheels:
+    """A differential drive: two wheels `track` m apart. The limits of speed and acceleration hold for each wheel.
+
+    A wheel that turns by w m takes the body w * (1 + slip) m, with `slip_left` and `slip_right`, and by chance a
+    little more or less: the standard deviation of what gathers is `slip_noise` m after 1 m and grows with the root of
+    the way. The encoders see w.
+    """
+
+    track: float
+    slip_left: float = 0.0
+    slip_right: float = 0.0
+    slip_noise: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class CrosstalkModel:
+    """How sonars mistake other pings for their own. chance: that a sound which can be heard is; spread: rad between the
+    axes of the sonars that send and hear it, at most; robots: whether robots hear each other, too."""
+
+    chance: float
+    spread: float
+    robots: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Ring:
+    """Sonars evenly round the rim, number 0 in front, then counter-clockwise.
+
+    beam: rad, the whole opening of each cone. least, most: m; what is nearer or farther reads as these. noise:
+    standard deviation as a share of the range. dropout: the chance that an echo is missed. incidence: rad from the
+    perpendicular beyond which a surface throws nothing back. pause: s between one sonar's echo and the next one's
+    ping; None where all of them fire in every tick. order: in which they fire. crosstalk: None without.
+    """
+
+    count: int
+    beam: float
+    least: float
+    most: float
+    noise: float
+    dropout: float
+    incidence: float
+    pause: float | None
+    order: tuple[int, ...]
+    crosstalk: CrosstalkModel | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RobotSpec:
+    """The robots: how many of which type, where they start (evenly in x and y, m), and how they are made.
+
+    wanders: whether they roam from the start; otherwise they lie still until they are told to move. wheels: None for
+    a craft that turns and drives without them. ring: None without sonars. bumpers: parts of the bumper, 0 for bodies
+    that nothing stops. speed_unit: in which people read their speed. disc: x, y and radius (m) of the disc in which
+    they start instead, if there is one. in_rows: whether their numbers go along rows of the world, so that neighbours
+    have numbers near each other. groups: the sorts of robots, none if all are alike.
+    """
+
+    type: str
+    count: int
+    x: tuple[float, float]
+    y: tuple[float, float]
+    limits: Limits
+    geometry: Geometry
+    wander: Wander
+    wanders: bool
+    stores: tuple[Store, ...]
+    speed_unit: str
+    wheels: Wheels | None = None
+    ring: Ring | None = None
+    bumpers: int = 0
+    disc: tuple[float, float, float] | None = None
+    in_rows: bool = False
+    groups: tuple[Group, ...] = ()
+
+
+def read_count(robots: Table, groups: tuple[Group, ...]) -> int:
+    """How many robots the table `robots` has; if they are in groups, that follows from them."""
+    if not groups:
+        return robots.whole("count", low=1, high=MAX_ROBOTS)
+    total = sum(group.count for group in groups)
+    if total > MAX_ROBOTS:
+        raise robots.error("groups", f"{total} robots in all; at most {MAX_ROBOTS} fit")
+    if robots.whole("count", total, low=1, high=MAX_ROBOTS) != total:
+        raise robots.error("count", f"the groups add up to {total}: leave this out, or say the same")
+    return total
+
+
+def read_robots(
+    table: Table, count: int, groups: tuple[Group, ...], size: tuple[float, float], taken: Iterable[str]
+) -> RobotSpec:
+    """A table of robots, all but `count` and `groups` of it. count: of robots, which may be another one than that of
+    the groups; size: of the world, m; taken: names that mean something already."""
+    whole_x, whole_y = ((Measure(0.0), Measure(end)) for end in size)
+    with table:
+        table.has("count"), table.has("groups")
+        kind = checked_name(table, table.text("type", most=32), "type")
+        limits, speed_unit = _limits(table, size)
+        x = table.span("x", LENGTH, whole_x, low=0.0, high=size[0])
+        y = table.span("y", LENGTH, whole_y, low=0.0, high=size[1])
+        geometry, bumpers = _body(table)
+        ring = _ring(table) if table.has("sonar") else None
+        if ring and geometry.sonars:
+            raise table.error("sonar", "a robot has either sonars of [robots.body] or those of [robots.sonar]")
+        return RobotSpec(
+            type=kind,
+            count=count,
+            x=(x[0].value, x[1].value),
+            y=(y[0].value, y[1].value),
+            limits=limits,
+            geometry=Geometry(geometry.radius, ring.count, ring.most) if ring else geometry,
+            wander=_wander(table, limits),
+            wanders=table.text("motion", "wander", choices=("wander", "still")) == "wander",
+            stores=_stores(table, taken),
+            speed_unit=speed_unit,
+            wheels=_wheels(table) if table.has("wheels") else None,
+            ring=ring,
+            bumpers=bumpers,
+            disc=_disc(table, size),
+            in_rows=table.text("numbers", "by chance", choices=("by chance", "along rows")) == "along rows",
+            groups=groups,
+        )
+
+
+def _disc(robots: Table, size: tuple[float, float]) -> tuple[float, float, float] | None:
+    if not robots.has("disc"):
+        return None
+    for key in ("x", "y"):
+        if robots.has(key):
+            raise robots.error(key, f"the robots start within a disc, [robots.disc]: leave {key} out, or the disc")
+    with robots.table("disc") as table:
+        x = table.number("x", LENGTH, low=0.0, high=size[0])
+        y = table.number("y", LENGTH, low=0.0, high=size[1])
+        room = min(x, size[0] - x, y, size[1] - y)
+        return x, y, table.number("radius", LENGTH, low=0.0, high=room)
+
+
+def _limits(robots: Table, size: tuple[float, float]) -> tuple[Limits, str]:
+    with robots.table("limits") as table:
+        speed = table.measure("speed", SPEED, low=LEAST, high=10_000.0)
+        turn_rate = table.number("turn_rate", RATE, low=LEAST, high=100.0)
+        acceleration = table.number("acceleration", ACCELERATION, low=LEAST, high=10_000.0)
+        return Limits(speed.value, turn_rate, acceleration, (0.0, 0.0, *size)), speed.unit or "m/s"
+
+
+def _body(robots: Table) -> tuple[Geometry, int]:
+    with robots.table("body") as table:
+        radius = table.number("radius", LENGTH, low=LEAST, high=MAX_WORLD)
+        sonars = table.whole("sonars", 0, low=0, high=360)
+        reach = table.number("sonar_range", LENGTH, None if sonars else 0.0, low=0.0, high=MAX_WORLD)
+        return Geometry(radius, sonars, reach), table.whole("bumpers", 0, low=0, high=MAX_BUMPERS)
+
+
+def _wheels(robots: Table) -> Wheels:
+    with robots.table("wheels") as table:
+        return Wheels(
+            track=table.number("track", LENGTH, low=LEAST, high=MAX_WORLD),
+            slip_left=table.number("slip_left", default=0.0, low=-0.5, high=0.5),
+            slip_right=table.number("slip_right", default=0.0, low=-0.5, high=0.5),
+            slip_noise=table.number("slip_noise", LENGTH, 0.0, low=0.0, high=1.0),
+        )
+
+
+def _ring(robots: Table) -> Ring:
+    with robots.table("sonar") as table:
+        count = table.whole("count", 16, low=1, high=MAX_SONARS)
+        least = table.number("least", LENGTH, 6 * INCH, low=0.0, high=MAX_WORLD)
+        return Ring(
+            count=count,
+            beam=table.number("beam", default=25.0 * pi / 180.0, low=LEAST, high=WIDEST_BEAM),
+            least=least,
+            most=table.number("range", LENGTH, 255 * INCH, low=max(least, LEAST), high=MAX_WORLD),
+            noise=table.number("noise", default=0.0, low=0.0, high=1.0),
+            dropout=table.number("dropout", default=0.0, low=0.0, high=1.0),
+            incidence=table.number("incidence", default=pi / 2, low=LEAST, high=pi / 2),
+            pause=table.number("pause", TIME, low=0.0, high=MAX_PAUSE) if table.has("pause") else None,
+            order=table.wholes("order", tuple(range(count)), low=0, high=count - 1, most=MAX_ORDER),
+            crosstalk=_crosstalk(table) if table.has("crosstalk") else None,
+        )
+
+
+def _crosstalk(sonar: Table) -> CrosstalkModel:
+    if not sonar.has("pause"):
+        raise sonar.error("crosstalk", "needs sonars that fire one after the other: say their pause, such as 4ms")
+    with sonar.table("crosstalk") as table:
+        return CrosstalkModel(
+            chance=table.number("chance", default=1.0, low=0.0, high=1.0),
+            spread=table.number("spread", default=30.0 * pi / 180.0, low=0.0, high=pi),
+            robots=table.flag("robots", True),
+        )
+
+
+def _wander(robots: Table, limits: Limits) -> Wander:
+    with robots.table("wander") as table:
+        return Wander(
+            speed=table.number("speed", SPEED, limits.speed, low=0.0, high=limits.speed),
+            turn_rate=table.number("turn_rate", RATE, limits.turn_rate / 4, low=0.0, high=limits.turn_rate),
+            steadiness=table.number("steadiness", TIME, 30.0, low=LEAST, high=MAX_TIME),
+        )
+
+
+def _stores(robots: Table, others: Iterable[str]) -> tuple[Store, ...]:
+    taken = {name.casefold() for name in others}
+    found = []
+    for name, table in robots.tables("stores", most=MAX_STORES).items():
+        around = robots.table("stores")
+        folded = checked_name(around, name).casefold()
+        if folded in taken:
+            raise around.error(name, "every robot has a variable of this name already; choose another")
+        taken.add(folded)
+        with table:
+            found.append(_store(table, name))
+    return tuple(found)
+
+
+def _store(table: Table, name: str) -> Store:
+    low, high = table.span("start", None, low=0.0)
+    least = max(high.value, LEAST)
+    store = Store(
+        name=name,
+        unit=high.unit,
+        low=low.value,
+        high=high.value,
+        full=least,
+        share=table.number("share", default=1.0, low=0.0, high=1.0),
+        reach=table.number("reach", LENGTH, inf, low=LEAST),
+        about=table.text("about", ""),
+    )
+    return replace(store, full=table.number("full", store.dimension, least, low=least))

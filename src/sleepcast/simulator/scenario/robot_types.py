@@ -1,0 +1,161 @@
+"""Robot types: how robots are made, as TOML files, and several sorts of robots in one world.
+
+A table [robots], or each of several [[robots]], may say what its robots are like: a type that comes along, or a file.
+What the table does not say itself holds as the type says it.
+
+Robots of several sorts have one vocabulary, all names of all of them: what a sort lacks is unknown on its robots, and a
+function that it lacks is a fault where it is reached. They are numbered sort by sort.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from sleepcast.channel.name_index import NameIndex
+from sleepcast.core.errors import did_you_mean
+from sleepcast.robot import Geometry, Limits
+from sleepcast.simulator.scenario.groups import Group
+from sleepcast.simulator.scenario.robot_settings import Ring, RobotSpec, Store
+from sleepcast.simulator.scenario.settings import Table, toml_document
+
+FORMAT = 1
+"""The version of the format of types; a file of a newer one is refused."""
+TYPES = Path(__file__).parent.parent / "types"
+MAX_SORTS = 8
+"""Of robots in one world: each sort is moved and looked around for by itself."""
+MADE = ("limits", "body", "wheels", "sonar", "stores", "wander")
+"""What a type says; how many there are, and where, is for the scenario."""
+
+
+def type_names() -> list[str]:
+    """The types that come along, sorted."""
+    return sorted(file.stem for file in TYPES.glob("*.toml"))
+
+
+def robot_tables(root: Table) -> list[Table]:
+    """The table [robots], or each of [[robots]], on top of the type that it is like. Raises SettingsError."""
+    if isinstance(root.values.get("robots"), list):
+        tables = root.array("robots", most=MAX_SORTS)
+        if not tables:
+            raise root.error("robots", "no robots at all; wanted at least one [[robots]]")
+    else:
+        tables = [root.table("robots")]
+    return [_on_its_type(table) for table in tables]
+
+
+def _on_its_type(robots: Table) -> Table:
+    if not robots.has("like"):
+        return robots
+    name = robots.text("like", most=200)
+    known = type_names()
+    if name in known:
+        file = TYPES / f"{name}.toml"
+    elif name.endswith(".toml"):
+        file = robots.file("like")
+    else:
+        near = did_you_mean(name, known)
+        raise robots.error("like", f'no type "{name}"{near}: wanted one of {", ".join(known)}, or a file *.toml')
+    below = toml_document(file).root()
+    with below:
+        version = below.whole("format", low=1, high=1_000_000)
+        if version > FORMAT:
+            raise below.error("format", f"format {version} is newer than this sleepcast, which reads format {FORMAT}")
+        below.text("about", "", most=500)
+        for part in MADE:
+            below.has(part)
+    made = {part: below.values[part] for part in MADE if part in below.values} | {"type": file.stem}
+    found = Table(robots.document, robots.values, robots.where, Table(below.document, made, ()))
+    found.has("like")
+    return found
+
+
+def together(tables: Sequence[Table], sorts: Sequence[RobotSpec]) -> RobotSpec:
+    """What robots of several sorts, as they stand in these tables, have together: every name and the widest ranges.
+    Raises SettingsError where two of them mean different things by one name."""
+    if len(sorts) == 1:
+        return sorts[0]
+    kinds = {sort.type for sort in sorts}
+    for table, sort in zip(tables, sorts, strict=True):
+        for other in kinds:
+            if other.startswith(sort.type) and other[len(sort.type) :].isdigit():
+                raise table.error("type", f"{sort.type} with a number may mean a {other}, too: call it something else")
+    rings = [sort.ring for sort in sorts if sort.ring]
+    wheels = [sort.wheels for sort in sorts if sort.wheels]
+    return replace(
+        sorts[0],
+        type=sorts[0].type if len(kinds) == 1 else "robot",
+        count=sum(sort.count for sort in sorts),
+        limits=_widest([sort.limits for sort in sorts]),
+        geometry=Geometry(
+            max(sort.geometry.radius for sort in sorts),
+            max(sort.geometry.sonars for sort in sorts),
+            max(sort.geometry.sonar_range for sort in sorts),
+        ),
+        stores=_stores(tables, sorts),
+        wheels=wheels[0] if wheels else None,
+        ring=_ring(rings) if rings else None,
+        bumpers=max(sort.bumpers for sort in sorts),
+        groups=tuple(group for sort in sorts for group in sort.groups or (Group(sort.type, sort.count, {}),)),
+    )
+
+
+def _widest(limits: Sequence[Limits]) -> Limits:
+    return replace(
+        limits[0],
+        speed=max(each.speed for each in limits),
+        turn_rate=max(each.turn_rate for each in limits),
+        acceleration=max(each.acceleration for each in limits),
+    )
+
+
+def _ring(rings: Sequence[Ring]) -> Ring:
+    count = max(ring.count for ring in rings)
+    return replace(
+        rings[0],
+        count=count,
+        least=min(ring.least for ring in rings),
+        most=max(ring.most for ring in rings),
+        pause=None,
+        order=tuple(range(count)),
+        crosstalk=None,
+    )
+
+
+def _stores(tables: Sequence[Table], sorts: Sequence[RobotSpec]) -> tuple[Store, ...]:
+    found: dict[str, Store] = {}
+    for table, sort in zip(tables, sorts, strict=True):
+        for store in sort.stores:
+            other = found.setdefault(store.name.casefold(), store)
+            if other.name != store.name:
+                raise table.table("stores").error(store.name, f"other robots spell it {other.name}; use one spelling")
+            if other.dimension != store.dimension:
+                raise table.table("stores").error(
+                    store.name, f'other robots have it in "{other.unit or "plain numbers"}"; use one dimension'
+                )
+            found[store.name.casefold()] = replace(other, full=max(other.full, store.full))
+    return tuple(found.values())
+
+
+def slices(sorts: Sequence[RobotSpec], count: int) -> list[slice]:
+    """Which of `count` robots are of each sort: as many as the file says, or in that proportion, in its order."""
+    ends = np.cumsum([sort.count for sort in sorts])
+    bounds = np.rint(ends * (count / ends[-1])).astype(np.int64).tolist()
+    return [slice(begin, end) for begin, end in pairwise([0, *bounds])]
+
+
+def names_of(sorts: Sequence[RobotSpec], count: int) -> NameIndex:
+    """What the robots are called: their type, and a number within it."""
+    if len({sort.type for sort in sorts}) == 1:
+        return NameIndex(prefix=sorts[0].type, count=count)
+    used: dict[str, int] = {}
+    names = []
+    for sort, part in zip(sorts, slices(sorts, count), strict=True):
+        first = used.get(sort.type, 0)
+        used[sort.type] = first + part.stop - part.start
+        names += [f"{sort.type}{number + 1}" for number in range(first, used[sort.type])]
+    return NameIndex(names)

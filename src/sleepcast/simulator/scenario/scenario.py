@@ -1,0 +1,257 @@
+"""Scenarios: what a world is like at the start, as data in a TOML file.
+
+`load` reads a scenario's folder (or its scenario.toml) into plain frozen dataclasses in SI; nothing is
+simulated here. Whatever is wrong in the file is told with its line and key. The keys are explained in
+docs/scenarios.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import inf, pi
+from pathlib import Path
+
+from sleepcast.channel.simulated_radio import RadioModel
+from sleepcast.core.units import LENGTH, SPEED, TIME
+from sleepcast.robot import BodyConstant
+from sleepcast.simulator.scenario.events import Event, read_events
+from sleepcast.simulator.scenario.groups import read_constants, read_groups, refuse_clashes
+from sleepcast.simulator.scenario.measures import MeasureSpec, read_measures
+from sleepcast.simulator.scenario.mission import Order, read_mission
+from sleepcast.simulator.scenario.robot_settings import (
+    BODY_NAMES,
+    LEAST,
+    MAX_ROBOTS,
+    MAX_TIME,
+    SIGNAL_NAMES,
+    RobotSpec,
+    read_count,
+    read_robots,
+)
+from sleepcast.simulator.scenario.robot_types import robot_tables, together
+from sleepcast.simulator.scenario.settings import Table, checked_name, toml_document
+from sleepcast.simulator.scenario.signals import Light, PingModel, read_lights, read_pings
+from sleepcast.simulator.scenario.world_settings import MAX_SEED, Changes, WorldSpec, read_world
+from sleepcast.simulator.world.world import Shape
+
+FORMAT = 1
+"""The version of the format; a file of a newer one is refused."""
+FILE = "scenario.toml"
+MAX_QUEUED = 10_000
+"""Messages that wait for one transmitter: at one a second, three hours."""
+MAX_PLACES = 32
+"""Each place is two variables on every robot."""
+MAX_COMMANDS = 32
+"""Ready-made commands that a page can offer without scrolling for ever."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A point in the world that every robot knows, as the variables `<name>_x` and `<name>_y` (m)."""
+
+    name: str
+    title: str
+    x: float
+    y: float
+    about: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ReadyCommand:
+    """A command that the scenario offers, with the words that a person would say."""
+
+    title: str
+    text: str
+    about: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """A world at its start. Lengths in m, times in s of simulated time.
+
+    speed_up: simulated seconds in a second of a person's time. seconds: how long a headless run lasts by
+    default. telemetry: time between two samples of each robot. noise: standard deviation of each sensor that
+    has any, by its name. length_unit: in which people read lengths. shapes: what is solid in the world at the start;
+    absent: what may be added to it; events: when. fenced: whether robots turn back at its edge by themselves.
+    constants: numbers that rules know by name. pings: how they are heard, None where nobody hears any. measures: what
+    is to be measured of a run. robots: all of them together; sorts: each sort of them by itself, with its count or its
+    share, none where all robots are alike. nomad: whether VM takes tenths of inches, as a Nomad's programs do.
+    """
+
+    name: str
+    path: Path
+    title: str
+    about: str
+    seed: int
+    tick: float
+    speed_up: float
+    seconds: float
+    width: float
+    height: float
+    length_unit: str
+    shapes: tuple[Shape, ...]
+    fenced: bool
+    robots: RobotSpec
+    places: tuple[Place, ...]
+    noise: dict[str, float]
+    radio: RadioModel
+    telemetry: float
+    commands: tuple[ReadyCommand, ...]
+    mission: tuple[Order, ...]
+    constants: tuple[BodyConstant, ...] = ()
+    lights: tuple[Light, ...] = ()
+    pings: PingModel | None = None
+    measures: tuple[MeasureSpec, ...] = ()
+    absent: tuple[Shape, ...] = ()
+    events: tuple[Event, ...] = ()
+    sorts: tuple[RobotSpec, ...] = ()
+    nomad: bool = False
+
+    @property
+    def each_sort(self) -> tuple[RobotSpec, ...]:
+        """The sorts of robots, also where there is only one."""
+        return self.sorts or (self.robots,)
+
+
+def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  # frozen: nobody can change it
+    """The scenario in the folder or file `path`, with what a run changes of it. Raises SettingsError, and MissionError
+    for its mission script."""
+    file = path / FILE if path.is_dir() else path
+    document = toml_document(file)
+    with document.root() as root:
+        _check_format(root)
+        root.has("nomad")  # for `sites`
+        constants = read_constants(root)
+        tables = robot_tables(root)
+        groups = [read_groups(table, constants, MAX_ROBOTS) for table in tables]
+
+        def counts() -> list[int]:
+            if changes.robots and len(tables) == 1:
+                return [changes.robots]
+            return [read_count(*each) for each in zip(tables, groups, strict=True)]
+
+        def count() -> int:
+            return changes.robots or sum(counts())
+
+        seed = root.whole("seed", 0, low=0, high=MAX_SEED)
+        seed = seed if changes.seed is None else changes.seed
+        world = read_world(root, count, changes, seed)
+        size = (world.width, world.height)
+        places = _places(root, size)
+        lights = read_lights(root, size, [place.name for place in places])
+        taken = [*BODY_NAMES, *SIGNAL_NAMES, *(f"{place.name}_{axis}" for place in places for axis in "xy")]
+        sorts = tuple(read_robots(*each, size, taken) for each in zip(tables, counts(), groups, strict=True))
+        robots = replace(together(tables, sorts), count=count())
+        if robots.count > MAX_ROBOTS:
+            raise root.error("robots", f"{robots.count} robots in all; at most {MAX_ROBOTS} fit")
+        refuse_clashes(root, tables, [*taken, *(store.name for store in robots.stores)], constants, groups)
+        radio, telemetry = _radio(root, size)
+        return Scenario(
+            name=file.resolve().parent.name,
+            path=file,
+            title=root.text("title"),
+            about=root.text("about", "", most=2_000),
+            seed=seed,
+            tick=root.number("tick", TIME, 0.1, low=0.001, high=60.0),
+            speed_up=root.number("speed_up", default=1.0, low=0.001, high=1e6),
+            seconds=root.number("seconds", TIME, low=LEAST, high=MAX_TIME),
+            width=world.width,
+            height=world.height,
+            length_unit=world.unit,
+            shapes=world.shapes,
+            fenced=world.fenced,
+            robots=robots,
+            absent=world.absent,
+            events=_events(root, world, changes),
+            sorts=sorts if len(sorts) > 1 else (),
+            places=places,
+            noise=_noise(root, robots),
+            radio=radio,
+            telemetry=telemetry,
+            commands=_commands(root),
+            mission=read_mission(root.file("mission")) if root.has("mission") else (),
+            constants=constants,
+            lights=lights,
+            pings=read_pings(root),
+            measures=read_measures(root, _points(places, lights), MAX_TIME),
+            nomad=root.text("vocabulary", "standard", choices=("standard", "nomad")) == "nomad",
+        )
+
+
+def _check_format(root: Table) -> None:
+    version = root.whole("format", low=1, high=MAX_SEED)
+    if version > FORMAT:
+        raise root.error(
+            "format", f"format {version} is newer than this sleepcast, which reads format {FORMAT}: update sleepcast"
+        )
+
+
+def _places(root: Table, size: tuple[float, float]) -> tuple[Place, ...]:
+    found, taken = [], dict[str, str]()
+    for name, table in root.tables("places", most=MAX_PLACES).items():
+        with table:
+            around = root.table("places")
+            folded = checked_name(around, name).casefold()
+            if folded in taken:
+                raise around.error(name, f"a place is called {taken[folded]} already; choose another name")
+            taken[folded] = name
+            x = table.number("x", LENGTH, low=0.0, high=size[0])
+            y = table.number("y", LENGTH, low=0.0, high=size[1])
+            title = table.text("title", name, most=60)
+            found.append(Place(name, title, x, y, table.text("about", "")))
+    return tuple(found)
+
+
+def _events(root: Table, world: WorldSpec, changes: Changes) -> tuple[Event, ...]:
+    """What happens in the world; nothing where a run leaves out everything solid."""
+    if root.has("events") and changes.walls:
+        return read_events(root, world.shapes, world.absent, (world.width, world.height), MAX_TIME)
+    return ()
+
+
+def _points(places: tuple[Place, ...], lights: tuple[Light, ...]) -> dict[str, tuple[float, float]]:
+    """Every point with a name."""
+    return {place.name: (place.x, place.y) for place in places} | {light.name: (light.x, light.y) for light in lights}
+
+
+def _radio(root: Table, size: tuple[float, float]) -> tuple[RadioModel, float]:
+    """The radio, and the time between two samples."""
+    usual = RadioModel()
+    with root.table("radio") as table:
+        seated = table.has("operator")
+        radio = RadioModel(
+            reach=table.number("reach", LENGTH, usual.reach, low=0.0),
+            operator=table.point("operator", (0.0, 0.0), size) if seated else None,
+            operator_reach=table.number("operator_reach", LENGTH, None if seated else inf, low=0.0),
+            loss=table.number("loss", default=usual.loss, low=0.0, high=1.0),
+            delay=table.number("delay", TIME, usual.delay, low=0.0, high=MAX_TIME),
+            jitter=table.number("jitter", TIME, usual.jitter, low=0.0, high=MAX_TIME),
+            duplication=table.number("duplication", default=usual.duplication, low=0.0, high=1.0),
+            reordering=table.number("reordering", default=usual.reordering, low=0.0, high=1.0),
+            held_back=table.number("held_back", TIME, usual.held_back, low=0.0, high=MAX_TIME),
+            rate=table.number("rate", default=usual.rate, low=1e-3),
+            queue=table.whole("queue", usual.queue, low=0, high=MAX_QUEUED),
+        )
+        return radio, table.number("telemetry", TIME, 1.0, low=LEAST, high=MAX_TIME)
+
+
+def _noise(root: Table, robots: RobotSpec) -> dict[str, float]:
+    with root.table("noise") as table:
+        found = {
+            "x": table.number("x", LENGTH, 0.0, low=0.0),
+            "y": table.number("y", LENGTH, 0.0, low=0.0),
+            "heading": table.number("heading", default=0.0, low=0.0, high=2 * pi),
+            "speed": table.number("speed", SPEED, 0.0, low=0.0),
+        }
+        for store in robots.stores:
+            found[store.name] = table.number(store.name, store.dimension, 0.0, low=0.0)
+    return {name: deviation for name, deviation in found.items() if deviation}
+
+
+def _commands(root: Table) -> tuple[ReadyCommand, ...]:
+    found = []
+    for table in root.array("commands", most=MAX_COMMANDS):
+        with table:
+            text = table.text("text", most=16_384)
+            found.append(ReadyCommand(table.text("title", most=80), text, table.text("about", "")))
+    return tuple(found)

@@ -1,0 +1,55 @@
+"""What robots can sense: the names, units and ranges of their sensors, in the order of a reading's values."""
+
+from __future__ import annotations
+
+from math import inf, pi
+
+from sleepcast.core.units import Quantity
+from sleepcast.simulator.scenario.groups import value_quantities
+from sleepcast.simulator.scenario.robot_settings import Ring, Store
+from sleepcast.simulator.scenario.scenario import Scenario
+from sleepcast.simulator.scenario.signals import signal_sensors
+
+
+def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:
+    """The sensors of the scenario's robots, in the order of the rows of `Bodies.sensed`; sonars come after them."""
+    length, robots = scenario.length_unit, scenario.robots
+    speed = robots.limits.speed
+    # Encoders may believe to be outside of the world.
+    low, right, top = (-inf, inf, inf) if robots.wheels else (0.0, scenario.width, scenario.height)
+    return (
+        Quantity("x", "m", low, right, doc="where the robot is, to the east", shown_as=length),
+        Quantity("y", "m", low, top, doc="where the robot is, to the north", shown_as=length),
+        Quantity("heading", "rad", -pi, pi, doc="counter-clockwise from east", shown_as="deg"),
+        Quantity("speed", "m/s", -speed, speed, doc="along the heading", shown_as=robots.speed_unit),
+        *(_of_store(store) for store in robots.stores),
+        *(
+            Quantity(f"{place.name}_{axis}", "m", 0.0, size, doc=f"where {place.title} is, {way}", shown_as=length)
+            for place in scenario.places
+            for axis, size, way in (("x", scenario.width, "to the east"), ("y", scenario.height, "to the north"))
+        ),
+        *value_quantities(robots.groups),
+        *(_bumper_sensor(robots.bumpers) if robots.bumpers else ()),
+        *signal_sensors(scenario.lights, scenario.pings, length),
+    )
+
+
+def sonar_sensors(ring: Ring, length: str) -> tuple[Quantity, ...]:
+    """One for each sonar, and the nearest of those in front. length: the unit in which people read them."""
+    unit = length if length in ("in", "ft", "cm", "m") else "m"
+    return (
+        *(
+            Quantity(f"sonar{i}", "m", ring.least, ring.most, doc=f"range of sonar {i}", shown_as=unit)
+            for i in range(ring.count)
+        ),
+        Quantity("front_range", "m", ring.least, ring.most, doc="least range of the sonars in front", shown_as=unit),
+    )
+
+
+def _bumper_sensor(parts: int) -> tuple[Quantity]:
+    said = "the part of the bumper that touches something, from 1 in front, counter-clockwise; 0 for none"
+    return (Quantity("bumper", "", 0.0, float(parts), doc=said),)
+
+
+def _of_store(store: Store) -> Quantity:
+    return Quantity(store.name, store.unit, 0.0, store.full, doc=store.about, shown_as=store.unit)

@@ -1,0 +1,130 @@
+"""How kernels are compiled, and how their code is kept: under a name that tells all that it depends on, wherever the
+package is installed. (numba's own way goes by the path, the time and the text of one file.)
+
+Contractions to fused multiply-adds are not allowed (they would differ between processors), nor, but for `strict` ones,
+may numbers be infinite or unknown. Each function says which it is, as one that did not would take it from whoever
+happened to be the first to call it. Compiled functions let other threads run.
+
+Only kernels make arrays, not their parts: then numba need not count, at every call, who holds which array. It does that
+with instructions that lock memory, and a part may be called some times for each robot.
+"""
+
+from __future__ import annotations
+
+import pickle
+import sys
+from collections.abc import Callable
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import llvmlite
+import numba
+from numba.core import serialize, types
+from numba.core.caching import NullCache
+from numba.core.compiler import CompileResult
+from numba.core.registry import cpu_target
+from numba.core.runtime.nrt import rtsys
+from numba.extending import overload, register_jitable
+
+from sleepcast.core.code_cache import CodeCache
+from sleepcast.simulator.bodies import driving
+from sleepcast.simulator.simd import formulas
+
+Kernel = TypeVar("Kernel", bound=Callable[..., Any])
+
+FASTMATH = {"nnan", "ninf", "nsz"}
+PART: dict[str, Any] = {"no_cpython_wrapper": True, "_nrt": False}
+"""Of functions that only kernels call: Python cannot, and who holds arrays is not counted."""
+ROOM = Path(__file__).resolve().parent.parent
+SOURCES = (
+    *("*/kernels*.py", "simd/*.py"),
+    *("bodies/driving.py", "bodies/steps.py", "world/walls.py"),
+    *("sonar/noise.py", "sonar/crosstalk.py", "sonar/fields.py"),
+    "../core/counter_rng.py",
+)
+"""Kernels, and where they have numbers, formulas and named tuples from."""
+CACHE = CodeCache("kernels")
+
+
+@cache
+def _identity() -> str:
+    """What all kernels depend on: their sources, what compiles them, and the processor."""
+    sources = sorted(source for names in SOURCES for source in ROOM.glob(names))
+    compilers = f"{sys.implementation.cache_tag} {numba.__version__} {llvmlite.__version__}"
+    states = [compilers.encode(), repr(cpu_target.target_context.codegen().magic_tuple()).encode()]
+    return sha256(b"\0".join([*states, *(source.read_bytes() for source in sources)])).hexdigest()[:16]
+
+
+class KernelCache(NullCache):
+    """What numba keeps of one function, by the types of its arguments."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The code for these types, None if there is none."""
+        kept = CACHE.load(self._name(sig))
+        if kept is None:
+            return None
+        rtsys.initialize(target_context)  # and no more: all that compiling takes would take four times as long
+        types_kept, payload = pickle.loads(kept)
+        rebuild: Any = CompileResult._rebuild
+        return rebuild(target_context, *payload) if types_kept == sig else None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the code for these types, unless it has addresses of this process in it."""
+        pickled: Any = serialize.dumps
+        if not data.library.has_dynamic_globals:
+            CACHE.save(self._name(sig), pickled((sig, data._reduce())))
+
+    def _name(self, sig: Any) -> str:
+        return f"{_identity()}-{self._function}-{sha256(repr(sig).encode()).hexdigest()[:16]}"
+
+
+def kept_in() -> Path | None:
+    """The folder with kernels of these sources for this processor; None if none has ever been compiled."""
+    return CACHE.holding(f"{_identity()}-")
+
+
+def compiled(function: Kernel) -> Kernel:
+    """A kernel; compiled when it is first called, and kept."""
+    return _made(function, fastmath=FASTMATH)
+
+
+def strict(function: Kernel) -> Kernel:
+    """A kernel that computes the same bits as NumPy, infinite and signed numbers included."""
+    return _made(function, fastmath=False)
+
+
+def inlined(function: Kernel) -> Kernel:
+    """A small function that becomes part of the kernels that call it, and can be called by nobody else."""
+    return _made(function, fastmath=FASTMATH, forceinline=True, **PART)
+
+
+def part(function: Kernel) -> Kernel:
+    """A part of kernels, as `strict` as these, that is compiled by itself and can be called by nobody else."""
+    return _made(function, fastmath=False, **PART)
+
+
+def woven(function: Kernel) -> Kernel:
+    """A part of `strict` kernels that becomes part of those that call it."""
+    return _made(function, fastmath=False, forceinline=True, **PART)
+
+
+def _made(function: Kernel, **options: Any) -> Kernel:
+    options |= {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+    made = numba.njit(**options)(function)
+    if Path(function.__code__.co_filename).resolve().is_relative_to(ROOM) and "<locals>" not in function.__qualname__:
+        made._cache = KernelCache(function)  # the names of others would not tell all that they depend on
+    return cast(Kernel, made)
+
+
+@overload(formulas.either)
+def _either_of_numbers(condition, yes, no):  # type: ignore[no-untyped-def]  # numba wants it without types
+    return (lambda condition, yes, no: yes if condition else no) if condition == types.boolean else None
+
+
+for formula in (formulas.sine_of_rest, formulas.sine_cosine, formulas.arc_tangent, formulas.wrap, *driving.FORMULAS):
+    register_jitable(forceinline=True, fastmath=False, error_model="numpy")(formula)

@@ -1,0 +1,242 @@
+"""Sixteen numbers at a time from memory and into it: side by side, packed, and past the caches.
+
+Numbers are packed with one vector instruction where the processor has it (AVX-512) and LLVM knows how to say it, else
+one by one; the outcome is the same.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import binding, ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+
+from sleepcast.simulator.simd.vectors import LANES, LONG, REALS, Lanes, called, filled, vector_of
+
+COMPRESS = "llvm.experimental.vector.compress"
+KNOWN_BY = (19, 22)
+"""Versions of LLVM, first and last tried, that know COMPRESS."""
+
+
+def _place(context, build, its, array, index, vector):
+    """Where numbers of an array begin, for a vector of them."""
+    data = context.make_array(its)(context, build, array).data
+    return build.bitcast(build.gep(data, [index]), vector.as_pointer())
+
+
+@intrinsic
+def at(typing, array, first):
+    """The LANES numbers of a row of numbers from `first` on."""
+
+    def generate(context, build, signature, given):
+        vector = vector_of(array.dtype)
+        return build.load(_place(context, build, array, *given, vector), align=array.dtype.bitwidth // 8)
+
+    return Lanes(array.dtype)(array, LONG), generate
+
+
+@intrinsic
+def put(typing, array, first, values):
+    """Write `values` into a row of numbers from `first` on."""
+
+    def generate(context, build, signature, given):
+        into, first, values = given
+        build.store(values, _place(context, build, array, into, first, values.type), align=array.dtype.bitwidth // 8)
+        return context.get_dummy_value()
+
+    return types.void(array, LONG, values), generate
+
+
+@intrinsic
+def some(typing, array, first, most):
+    """The numbers of a row of numbers from `first` on, at most so many (None: LANES), and 0 for others."""
+
+    def generate(context, build, signature, given):
+        vector, size = vector_of(array.dtype), array.dtype.bitwidth // 8
+        place = _place(context, build, array, *given[:2], vector)
+        if most == types.none:
+            return build.load(place, align=size)
+        room = cgutils.alloca_once_value(build, ir.Constant(vector, [0] * LANES))
+        cgutils.raw_memcpy(build, room, place, given[2], size)
+        return build.load(room)
+
+    return Lanes(array.dtype)(array, LONG, most), generate
+
+
+@intrinsic
+def put_some(typing, array, first, values, most):
+    """Write `values`, at most so many (None: all), into a row of numbers from `first` on."""
+
+    def generate(context, build, signature, given):
+        into, first, values, _ = given
+        place, size = _place(context, build, array, into, first, values.type), array.dtype.bitwidth // 8
+        if most == types.none:
+            build.store(values, place, align=size)
+        else:
+            cgutils.raw_memcpy(build, place, cgutils.alloca_once_value(build, values), given[3], size)
+        return context.get_dummy_value()
+
+    return types.void(array, LONG, values, most), generate
+
+
+@intrinsic
+def put_pairs(typing, array, first, evens, odds):
+    """Write pairs of each of `evens` and the one of `odds` beside it into a row of numbers from `first` on."""
+
+    def generate(context, build, signature, given):
+        into, first, evens, odds = given
+        order = [number for lane in range(LANES) for number in (lane, LANES + lane)]
+        pairs = build.shuffle_vector(evens, odds, ir.Constant(ir.VectorType(ir.IntType(32), 2 * LANES), order))
+        build.store(pairs, _place(context, build, array, into, first, pairs.type), align=array.dtype.bitwidth // 8)
+        return context.get_dummy_value()
+
+    return types.void(array, LONG, evens, odds), generate
+
+
+@intrinsic
+def pair_at(typing, array, first):
+    """The two numbers of a row of numbers (float32) from `first` on, again and again."""
+
+    def generate(context, build, signature, given):
+        data = context.make_array(array)(context, build, given[0]).data
+        both = ir.DoubleType().as_pointer()
+        pair = build.load(build.bitcast(build.gep(data, [given[1]]), both), align=4)
+        half = ir.VectorType(pair.type, LANES // 2)
+        return build.bitcast(filled(build, pair, half), vector_of(types.float32))
+
+    return Lanes(types.float32)(array, LONG), generate
+
+
+@intrinsic
+def put_turned(typing, table, row, column, last, into, first, step):
+    """Write LANES rows of LANES numbers each of a table into a row of numbers, columns as rows: the first column from
+    `first` on, each other one `step` further. Behind the `last` row of the table that one comes again."""
+
+    def generate(context, build, signature, given):
+        table_, row, column, last, into_, first, step = given
+        read, lanes = context.make_array(table)(context, build, table_), list(map(row.type, range(LANES)))
+        way, vector, size = build.extract_value(read.strides, 0), vector_of(table.dtype), table.dtype.bitwidth // 8
+        begin = build.gep(build.bitcast(read.data, ir.IntType(8).as_pointer()), [build.mul(row, way)])
+        rest, rows = build.sub(last, row), []
+        for lane in lanes:
+            there = build.icmp_signed("<", lane, rest)
+            place = build.gep(begin, [build.select(there, build.mul(lane, way), build.mul(rest, way))])
+            place = build.gep(build.bitcast(place, read.data.type), [column])
+            rows.append(build.load(build.bitcast(place, vector.as_pointer()), align=size))
+        for lane, values in zip(lanes, _turned_over(build, rows), strict=True):
+            place = _place(context, build, into, into_, build.add(first, build.mul(lane, step)), vector)
+            build.store(values, place, align=size)
+        return context.get_dummy_value()
+
+    whole = types.int64
+    return types.void(table, whole, whole, whole, into, whole, whole), generate
+
+
+def _turned_over(build, rows):
+    """The columns of LANES rows: first within quarters of vectors, which every processor can, then whole quarters."""
+
+    def shuffled(one, other, order):
+        return build.shuffle_vector(one, other, ir.Constant(ir.VectorType(ir.IntType(32), LANES), order))
+
+    def picked(one, other, pattern):
+        """In each quarter the numbers of this pattern, from 4 on those of the other one's quarter."""
+        return shuffled(one, other, [4 * q + n % 4 + LANES * (n // 4) for q in range(4) for n in pattern])
+
+    def quarters(one, other, pattern):
+        """The quarters of this pattern, from 4 on those of the other one."""
+        return shuffled(one, other, [4 * q + n for q in pattern for n in range(4)])
+
+    low, high, pairs = (0, 4, 1, 5), (2, 6, 3, 7), ((0, 1, 4, 5), (2, 3, 6, 7))
+    fours = []  # for each four rows: in the q-th quarter of the j-th vector their column 4 q + j
+    for a, b, c, d in zip(*(rows[n::4] for n in range(4)), strict=True):
+        halves = [(picked(a, b, half), picked(c, d, half)) for half in (low, high)]
+        fours.append([picked(*half, pattern) for half in halves for pattern in pairs])
+    columns = [None] * LANES
+    for j in range(4):
+        a, b, c, d = (four[j] for four in fours)
+        for part, pattern in enumerate(pairs):
+            left, right = quarters(a, b, pattern), quarters(c, d, pattern)
+            columns[8 * part + j] = quarters(left, right, (0, 2, 4, 6))
+            columns[8 * part + 4 + j] = quarters(left, right, (1, 3, 5, 7))
+    return columns
+
+
+def at_once() -> bool:
+    """Whether this processor and this LLVM can."""
+    known = KNOWN_BY[0] <= binding.llvm_version_info[0] <= KNOWN_BY[1]
+    return known and bool(binding.get_host_cpu_features().get("avx512f"))
+
+
+def packing(whole: bool) -> Any:
+    """The function `pack`, for all at once or one by one."""
+
+    def pack(typing, array, n, values, truths):
+        kind = values.kind
+
+        def one_by_one(context, build, signature, given):
+            into, n, values, truths = given
+            data = context.make_array(array)(context, build, into).data
+            for lane in map(ir.IntType(32), range(LANES)):
+                build.store(build.extract_element(values, lane), build.gep(data, [n]))
+                n = build.add(n, build.zext(build.extract_element(truths, lane), n.type))
+            return context.get_dummy_value()
+
+        def all_at_once(context, build, signature, given):
+            into, n, values, truths = given
+            name = f"{COMPRESS}.v{LANES}{'f' if kind in REALS else 'i'}{kind.bitwidth}"
+            packed = called(build, name, values.type, [values, truths, ir.Constant(values.type, ir.Undefined)])
+            build.store(packed, _place(context, build, array, into, n, values.type), align=kind.bitwidth // 8)
+            return context.get_dummy_value()
+
+        return types.void(array, LONG, values, truths), all_at_once if whole else one_by_one
+
+    return intrinsic(pack)
+
+
+pack = packing(at_once())
+"""Write those of `values` that are true in `truths`, one after the other, into a row of numbers from `n` on. Room for
+LANES more must be there."""
+
+
+@intrinsic
+def put_by(typing, array, row, column, values):
+    """Write `values` into a row of `array` from `column` on, past the caches, which would have to read from memory what
+    is overwritten. A line of theirs must begin there."""
+
+    def generate(context, build, signature, given):
+        its, row, column, values = given
+        found = context.make_array(array)(context, build, its)
+        way = build.mul(row, build.extract_value(found.strides, 0))
+        place = build.gep(build.bitcast(found.data, ir.IntType(8).as_pointer()), [way])
+        place = build.gep(build.bitcast(place, found.data.type), [column])
+        store = build.store(values, build.bitcast(place, values.type.as_pointer()), align=64)
+        store.set_metadata("nontemporal", build.module.add_metadata([ir.IntType(32)(1)]))
+        return context.get_dummy_value()
+
+    return types.void(array, types.int64, types.int64, values), generate
+
+
+@intrinsic
+def all_passed(typing):
+    """Everything that was written past the caches has come to memory before anything that is done from here on."""
+
+    def generate(context, build, signature, arguments):
+        build.fence("seq_cst")
+        return context.get_dummy_value()
+
+    return types.void(), generate
+
+
+@intrinsic
+def forecast(typing, array, place):
+    """Have this number of an array brought into the nearest cache, without waiting for it."""
+
+    def generate(context, build, signature, given):
+        data = context.make_array(array)(context, build, given[0]).data
+        byte = build.bitcast(build.gep(data, [given[1]]), ir.IntType(8).as_pointer())
+        reading, all_caches, its_data = (ir.IntType(32)(number) for number in (0, 3, 1))
+        called(build, "llvm.prefetch.p0", ir.VoidType(), [byte, reading, all_caches, its_data])
+        return context.get_dummy_value()
+
+    return types.void(array, LONG), generate

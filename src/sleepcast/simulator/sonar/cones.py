@@ -1,0 +1,262 @@
+"""Sonar cones, exactly: the nearest point of any body or solid that lies within a cone, for all cones of a ring.
+
+A cone opens from the transducer's face, on the rim of the body. No rays are cast; both sorts of thing have a closed
+form. For a disc, the nearest point lies on the line to its middle if that is within the cone, else on the edge of the
+cone that is nearer to the middle, if that edge meets the disc. For a line, the cone cuts out an interval (and so does
+the greatest angle of incidence, measured from the perpendicular, at which the surface still throws an echo back): the
+nearest point is the foot of the perpendicular, moved into the interval.
+
+Here is the form for NumPy, in double precision. `kernels_sonar` has `ranges` for numba, the same to some micrometres,
+and `kernels_firing` has `look`, the same to the last bit.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import cos, hypot, inf, pi, sin, tan
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.simulator.simd.formulas import sine_cosine
+from sleepcast.simulator.world.grid import Floats, Grid, Listed, Sorted, Whole, nearest_point, pairs, spread
+from sleepcast.simulator.world.walls import Walls
+
+AT_ONCE = 500
+"""Robots looked at together: their pairs with everything in reach then stay in a cache of some megabytes."""
+
+Ranges = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class Cones:
+    """A ring of `count` cones, number 0 in front, then counter-clockwise, on the rim of a disc of `radius` m.
+
+    half: half of a cone's opening, rad. most: m from the rim, what is farther is not seen. incidence: rad from the
+    perpendicular, beyond which a surface throws nothing back. widest: the greatest radius of any body, m, if others
+    have another one than those who look.
+    """
+
+    count: int
+    half: float
+    most: float
+    incidence: float
+    radius: float
+    widest: float = 0.0
+
+    @property
+    def reach(self) -> float:
+        """How far the middle of another body may be that is still seen, m."""
+        return self.radius + self.most + max(self.radius, self.widest)
+
+    @property
+    def cell(self) -> float:
+        """The side of a cell of a grid that suits them: the reach, and a little more for rounding, m. Smaller ones let
+        in fewer bodies that are out of reach, but who may be in reach has to be gathered for each cell anew."""
+        return 1.0000001 * self.reach
+
+    @property
+    def axes(self) -> Floats:
+        """Angles of the cones from the heading, rad, shape (count,)."""
+        return np.arange(self.count, dtype=np.float64) * (2.0 * pi / self.count)
+
+    @property
+    def grazing(self) -> float:
+        """The tangent of the greatest incidence; large but finite where every echo comes back."""
+        return min(tan(self.incidence), 1e9) if self.incidence < pi / 2 else 1e9
+
+    @lru_cache(maxsize=16)  # noqa: B019  # a few rings exist in a process, and all are equal again and again
+    def lone(self, angle: float) -> float:
+        """The distance between middles, m, beyond which a body is only seen by cones whose axis is less than `angle`
+        (rad) from the line to it; inf where there is none."""
+        if angle <= self.half:
+            return inf
+        # The last such place has the body touch the cone's edge from outside, t m along the edge.
+        most = 0.0
+        for step in range(2_001):
+            t = self.most * step / 2_000
+            across = self.radius + t * cos(self.half) - self.radius * sin(self.half)
+            up = t * sin(self.half) + self.radius * cos(self.half)
+            if np.arctan2(up, across) >= angle:
+                most = max(most, hypot(across, up))
+        return max(most, 2.0 * self.radius) + self.most / 1_000
+
+
+Seen = Listed | Walls
+
+
+class View(NamedTuple):
+    """What there is to see. pose: x, y in m and heading in rad of all robots; points: these positions, sorted in
+    `grid`; listed: the `solids` that come within `radius` + `most` of each of its cells, as they are (for `look`)
+    or as a machine likes them (for `ranges`). radii: of all bodies, m; None where all are alike."""
+
+    cones: Cones
+    grid: Grid
+    points: Sorted
+    listed: Seen
+    solids: Floats
+    pose: tuple[Floats, Floats, Floats]
+    radii: Floats | None = None
+
+
+def ranges(view: View, which: Whole) -> Ranges:
+    """What the cones of the robots with indices `which` see: m from the rim, shape (len(which), count), float32;
+    `most` where there is nothing."""
+    cones, grid, points, listed, solids, pose, radii = view
+    assert isinstance(listed, Listed)
+    found = np.full((len(which), cones.count), cones.most, np.float32)
+    place = np.empty(len(pose[0]), np.int64)
+    for begin in range(0, len(which), AT_ONCE):
+        some = which[begin : begin + AT_ONCE]
+        rows = found[begin : begin + AT_ONCE]
+        place[some] = np.arange(len(some))
+        _see_bodies(cones, grid, points, pose, some, rows, place, radii)
+        if len(listed.items):
+            _see_solids(cones, grid, listed, solids, pose, some, rows, place)
+    return found
+
+
+def _see_bodies(
+    cones: Cones,
+    grid: Grid,
+    points: Sorted,
+    pose: tuple[Floats, Floats, Floats],
+    some: Whole,
+    rows: Ranges,
+    place: Whole,
+    radii: Floats | None,
+) -> None:
+    x, y, heading = pose
+    i, j = pairs(grid, points, x, y, cones.reach, some)
+    across, up = x[j] - x[i], y[j] - y[i]
+    cosine, sine = np.cos(heading)[i], np.sin(heading)[i]
+    ahead, left = across * cosine + up * sine, up * cosine - across * sine
+    apart = 2.0 * pi / cones.count
+    bearing, row = np.arctan2(left, ahead) / apart, place[i]
+    wide = np.full(len(j), cones.radius) if radii is None else radii[j]
+    # Only the two cones that a body lies between see it when it is far.
+    far = ahead * ahead + left * left > (cones.lone(apart) ** 2 if radii is None else inf)
+    close = np.flatnonzero(~far)
+    first = np.floor(bearing[far]).astype(np.int64)
+    beside = np.stack((first, first + 1), axis=1) % cones.count
+    axis_cos, axis_sin = np.cos(cones.axes), np.sin(cones.axes)
+    for chosen, number in ((far, beside), (close, np.arange(cones.count))):
+        axes = axis_cos[number], axis_sin[number]
+        seen = disc_range(cones, wide[chosen, None], ahead[chosen, None], left[chosen, None], *axes)
+        np.minimum.at(rows, (row[chosen, None], number), seen.astype(np.float32))
+
+
+def look(view: View, which: Whole, sonars: Whole) -> Ranges:
+    """What one cone of each of the robots with indices `which` sees: m from the rim, shape (len(which),), float32;
+    `most` where there is nothing. sonars: the cones' numbers."""
+    found = np.full(len(which), view.cones.most)
+    for begin in range(0, len(which), AT_ONCE):
+        some = slice(begin, begin + AT_ONCE)
+        _look_at(view, which[some], sonars[some], found[some])
+    return found.astype(np.float32)
+
+
+def _look_at(view: View, which: Whole, sonars: Whole, found: Floats) -> None:
+    """The same for some robots, into `found`."""
+    cones, grid, points, listed, solids, (x, y, heading), radii = view
+    assert isinstance(listed, Listed)
+    sine, cosine = sine_cosine(heading[which])
+    axis_sin, axis_cos = (each[sonars] for each in sine_cosine(cones.axes))
+    ahead, aside = axis_cos * cosine - axis_sin * sine, axis_sin * cosine + axis_cos * sine
+    place = np.empty(len(x), np.int64)
+    place[which] = np.arange(len(which))
+    i, j = pairs(grid, points, x, y, cones.reach, which)
+    row = place[i]
+    wide = cones.radius if radii is None else radii[j]
+    np.minimum.at(found, row, disc_range(cones, wide, x[j] - x[i], y[j] - y[i], ahead[row], aside[row]))
+    cell = grid.cells_of(x[which], y[which])
+    row, item = spread(np.arange(len(which)), listed.start[cell], listed.start[cell + 1])
+    item = listed.items[item].astype(np.int64)
+    round_ = solids[item, 4] > 0.0
+    disc, at = solids[item[round_]], row[round_]
+    across, up = disc[:, 0] - x[which[at]], disc[:, 1] - y[which[at]]
+    np.minimum.at(found, at, disc_range(cones, disc[:, 4], across, up, ahead[at], aside[at]))
+    lines, at = solids[item[~round_]], row[~round_]
+    seen = line_range(cones, ahead[at, None], aside[at, None], lines, x[which[at]], y[which[at]])
+    np.minimum.at(found, at, seen[:, 0])
+
+
+def disc_range(
+    cones: Cones, radius: float | Floats, across: Floats, up: Floats, axis_cos: Floats, axis_sin: Floats
+) -> Floats:
+    """Range of a disc of `radius` m whose middle is at `across`, `up` (m, from the robot's middle) in a cone whose axis
+    has this cosine and sine in the same frame; inf where it is not seen. All arrays broadcast."""
+    along = across * axis_cos + up * axis_sin - cones.radius
+    aside = np.abs(up * axis_cos - across * axis_sin)
+    outside = aside * cos(cones.half) - along * sin(cones.half)
+    forward = along * cos(cones.half) + aside * sin(cones.half)
+    within = outside <= 0.0
+    cut = np.sqrt(np.maximum(radius * radius - outside * outside, 0.0))
+    seen = np.where(within, np.sqrt(along * along + aside * aside) - radius, forward - cut)
+    amid = along * along + aside * aside < radius * radius  # the transducer itself is in the disc
+    met = within | amid | ((outside < radius * sin(cones.incidence)) & (forward > 0.0))
+    found: Floats = np.where(met, np.maximum(seen, 0.0), inf)
+    return found
+
+
+def _see_solids(
+    cones: Cones,
+    grid: Grid,
+    listed: Listed,
+    solids: Floats,
+    pose: tuple[Floats, Floats, Floats],
+    some: Whole,
+    rows: Ranges,
+    place: Whole,
+) -> None:
+    x, y, heading = pose
+    cell = grid.cells_of(x[some], y[some])
+    i, item = spread(some, listed.start[cell], listed.start[cell + 1])
+    item = listed.items[item].astype(np.int64)
+    far = cones.radius + cones.most + solids[item, 4]
+    across, up = nearest_point(x[i], y[i], *solids[item, :4].T)
+    near = across * across + up * up <= far * far
+    i, item = i[near], item[near]
+    round_ = solids[item, 4] > 0.0
+    axes = heading[some, None] + cones.axes
+    cosines, sines = np.cos(axes), np.sin(axes)
+    seen = np.empty((len(i), cones.count))
+    lines, robot = item[~round_], i[~round_]
+    which = place[robot]
+    seen[~round_] = line_range(cones, cosines[which], sines[which], solids[lines], x[robot], y[robot])
+    middle = solids[item[round_]]
+    across, up = middle[:, 0] - x[i[round_]], middle[:, 1] - y[i[round_]]
+    turned = heading[i[round_]]
+    ahead = across * np.cos(turned) + up * np.sin(turned)
+    left = up * np.cos(turned) - across * np.sin(turned)
+    along = np.cos(cones.axes), np.sin(cones.axes)
+    seen[round_] = disc_range(cones, middle[:, 4, None], ahead[:, None], left[:, None], *along)
+    np.minimum.at(rows, place[i], seen.astype(np.float32))
+
+
+def line_range(cones: Cones, axis_cos: Floats, axis_sin: Floats, solids: Floats, x: Floats, y: Floats) -> Floats:
+    """Range of lines in cones: cosine and sine of their axes (world's frame), shape (n, count), of robots at x, y; row
+    by row with the lines `solids`. inf where one is not seen."""
+    ex, ey = solids[:, 2] - solids[:, 0], solids[:, 3] - solids[:, 1]
+    length = np.sqrt(ex * ex + ey * ey)
+    ex, ey = ex / length, ey / length
+    across, up = solids[:, 0] - x, solids[:, 1] - y
+    height, begin = (up * ex - across * ey)[:, None], (across * ex + up * ey)[:, None]
+    normal, tangent = axis_sin * ex[:, None] - axis_cos * ey[:, None], axis_cos * ex[:, None] + axis_sin * ey[:, None]
+    away = height - cones.radius * normal  # from the transducer to the line
+    normal = np.where(away < 0.0, -normal, normal)
+    away = np.abs(away)
+    cosine, sine = cos(cones.half), sin(cones.half)
+    first, last = normal * cosine + tangent * sine, normal * cosine - tangent * sine
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low = np.where(first > 0.0, away * (tangent * cosine - normal * sine) / first, -inf)
+        high = np.where(last > 0.0, away * (tangent * cosine + normal * sine) / last, inf)
+    begin = begin - cones.radius * tangent
+    low = np.maximum(np.maximum(low, -away * cones.grazing), begin)
+    high = np.minimum(np.minimum(high, away * cones.grazing), begin + length[:, None])
+    foot = np.minimum(np.maximum(0.0, low), high)
+    met = (low <= high) & ((first > 0.0) | (last > 0.0))
+    found: Floats = np.where(met, np.sqrt(away * away + foot * foot), inf)
+    return found

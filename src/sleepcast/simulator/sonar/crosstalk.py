@@ -1,0 +1,237 @@
+"""Cross-talk: sonars that take late echoes of another ping for their own, and so read too short a range.
+
+A sonar listens from its own ping to the first sound that it takes for an echo, and blanks the time of the least
+range. What may come in between, with path lengths in m and times through the speed of sound:
+
+- of an earlier ping of the same ring, the echo of something farther away that lies before the sonar which listens now:
+  it sees this at the range d itself, so the path is 2 d, on its way since the earlier ping;
+- of an earlier ping, its echo once more, thrown back by the robot and by what it met: twice its path;
+- the ping of another robot, straight from one to the other, of the same sort or another one with cross-talk.
+
+No sound is heard after more than twice the greatest range, nor by a sonar whose axis lies farther than `spread` from
+that of the one that sent it, and each of them is heard with the model's chance. So a pause of twice the greatest range
+between one echo and the next ping cures a ring of its own cross-talk.
+
+Bodies stand still for a tick, as in `echoes`, and what another robot sends after its end is not heard in it. A reading
+shortened by another robot does not make the next ping earlier: so no robot waits for another one's answer, and the
+order in which they are worked out says nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from math import ceil, pi
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.core.counter_rng import key, uniform
+from sleepcast.simulator.scenario.robot_settings import CrosstalkModel, Ring
+from sleepcast.simulator.sonar.cones import Ranges
+from sleepcast.simulator.world.grid import Floats, Grid, Whole, pairs, sort, spread
+
+SOUND = 343.0
+"""m/s, in air at 20 degrees."""
+QUICKEST = 1e-3
+"""s between two pings of a ring at least."""
+MAX_PAIRS = 1 << 20
+"""Pairs of pings looked at in one go: some hundred megabytes."""
+CLEAR = 0.05
+"""Share by which a range may fall short of a robot that is heard all the same, for noise: what is nearer than that
+stands in the way of sound."""
+
+
+class Pings(NamedTuple):
+    """Pings of one tick, arrays of the same length. robot, sonar: who sent it; axis: of the sonar, rad from the
+    heading; sent: when, s; seen: the range of what the sonar sees, and read: the range that it took for this, m (of
+    earlier ticks, the same)."""
+
+    robot: Whole
+    sonar: Whole
+    axis: Floats
+    sent: Floats
+    seen: Floats
+    read: Floats
+
+    def of(self, which: NDArray[np.bool_] | Whole) -> Pings:
+        return Pings._make(column[which] for column in self)
+
+    @staticmethod
+    def joined(parts: Iterable[Pings]) -> Pings:
+        return Pings._make(np.concatenate(columns) for columns in zip(NONE, *parts, strict=True))
+
+
+NONE = Pings(np.empty(0, np.int64), np.empty(0, np.int64), *np.empty((4, 0)))
+
+
+class Scene(NamedTuple):
+    """All bodies at the end of a tick: x, y (m), heading of their rings (rad), radii (m)."""
+
+    x: Floats
+    y: Floats
+    heading: Floats
+    radii: Floats
+
+
+class Crosstalk:
+    """What the sonars of `count` robots have sent of late, whose first one has the index `first` among all. axes: of
+    the sonars, rad; radius: of the bodies, m; grid: over the world."""
+
+    def __init__(
+        self,
+        model: CrosstalkModel,
+        ring: Ring,
+        axes: Floats,
+        radius: float,
+        count: int,
+        grid: Grid,
+        seed: int,
+        first: int = 0,
+    ) -> None:
+        self._model, self._ring, self._axes, self._radius, self._seed = model, ring, axes, radius, seed
+        self._longest = 2.0 * ring.most / SOUND
+        """s for which a ping is heard."""
+        under_way = self._most_under_way(ring.pause or 0.0)
+        self._sent: Floats = np.full((count, under_way), -np.inf)
+        """When each robot's latest pings were sent, s; by which sonar, and what it saw, m."""
+        self._by: Whole = np.zeros((count, under_way), np.int64)
+        self._seen: Floats = np.zeros((count, under_way))
+        self._next: Whole = np.zeros(count, np.int64)
+        self._now: list[Pings] = []
+        self._before = NONE
+        self._draws = 0
+        self._grid, self._first = grid, first
+
+    def make_room(self) -> None:
+        """From now on a ring may have any pause: keep as many pings as there may be under way with none."""
+        more = self._most_under_way(0.0) - self._sent.shape[1]
+        oldest_first = (self._next[:, None] + np.arange(self._sent.shape[1])) % self._sent.shape[1]
+        self._next[:] = self._sent.shape[1] if more else 0
+        for name, empty in (("_sent", -np.inf), ("_by", 0), ("_seen", 0.0)):
+            kept = np.take_along_axis(getattr(self, name), oldest_first, axis=1)
+            setattr(self, name, np.pad(kept, ((0, 0), (0, more)), constant_values=empty))
+
+    def _most_under_way(self, pause: float) -> int:
+        """How many pings of one ring may be heard at a time, with this pause (s)."""
+        shortest = max(pause + 2.0 * self._ring.least / SOUND, QUICKEST)
+        return max(1, ceil(self._longest / shortest))
+
+    def columns(self) -> dict[str, NDArray[np.generic]]:
+        """The arrays that a run changes and that the next ticks depend on, by name."""
+        return {"ping_sent": self._sent, "ping_by": self._by, "ping_seen": self._seen, "ping_next": self._next}
+
+    def hear(self, tick: int, robots: Whole, sonar: Whole, sent: Floats, own: Ranges) -> Ranges:
+        """What these robots' sonars read, one of each robot, that ping at the times `sent` (s) and of themselves would
+        read `own` (m)."""
+        ring, seen = self._ring, own.astype(np.float64)
+        if self._model.robots and not self._now:
+            self._before = self._under_way()
+        on_its_way = SOUND * (sent[:, None] - self._sent[robots]) / 2.0
+        beside = self._near(self._axes[self._by[robots]], self._axes[sonar][:, None])
+        farther, again = seen[:, None], 2.0 * self._seen[robots]
+        read = seen.copy()
+        for path, there in ((farther, farther < ring.most), (again, again <= ring.most)):
+            taken = path - on_its_way
+            heard = beside & there & (taken >= ring.least) & self._by_chance("own", tick, taken.shape)
+            read = np.minimum(read, np.where(heard, taken, np.inf).min(axis=1))
+        slot = self._next[robots]
+        self._sent[robots, slot], self._by[robots, slot], self._seen[robots, slot] = sent, sonar, seen
+        self._next[robots] = (slot + 1) % self._sent.shape[1]
+        if self._model.robots:
+            self._now.append(Pings(robots + self._first, sonar, self._axes[sonar], sent, seen, read))
+        shortened: Ranges = read.astype(np.float32)
+        return shortened
+
+    def sent(self) -> tuple[Pings, Pings]:
+        """The pings of this tick, and those of before that may still be heard; by the robots' indices among all."""
+        before = self._before if self._now else self._under_way() if self._model.robots else NONE
+        return Pings.joined(self._now), before
+
+    def end(self) -> None:
+        """The tick is over."""
+        self._now = []
+        self._draws = 0  # each tick's chance is its own
+
+    def _under_way(self) -> Pings:
+        """The pings that may still be heard."""
+        robot, slot = np.nonzero(self._sent > self._sent.max() - self._longest)
+        seen, sonar = self._seen[robot, slot], self._by[robot, slot]
+        return Pings(robot + self._first, sonar, self._axes[sonar], self._sent[robot, slot], seen, seen)
+
+    def hear_others(self, tick: int, scene: Scene, mine: Pings, theirs: Pings, readings: Ranges) -> None:
+        """Shorten what was read in this tick by pings of other robots. mine: of this tick, by these robots; theirs: by
+        all; readings: shape (robots, sonars), changed in place."""
+        if not len(mine.robot):
+            return
+        mine = by_robot(mine)
+        x, y, _, radii = scene
+        reach = self._ring.most + self._radius + float(radii.max())
+        i, j = pairs(self._grid, sort(self._grid, x, y), x, y, reach, np.unique(mine.robot))
+        chances = [np.subtract(*_between(pings.robot, each)[::-1]) for pings, each in ((mine, i), (theirs, j))]
+        block = np.cumsum(chances[0] * chances[1]) // MAX_PAIRS
+        read = mine.read.copy()
+        for some in np.split(np.arange(len(i)), np.flatnonzero(np.diff(block)) + 1):
+            self._hear_some(tick, scene, mine, theirs, i[some], j[some], read)
+        # A sonar may have sent twice in a tick: its last reading stays.
+        changed, row = np.flatnonzero(read < mine.read), mine.robot - self._first
+        latest = np.full(readings.shape, -1)
+        np.maximum.at(latest, (row, mine.sonar), np.arange(len(read)))
+        changed = changed[latest[row[changed], mine.sonar[changed]] == changed]
+        readings[row[changed], mine.sonar[changed]] = read[changed]
+
+    def _hear_some(self, tick: int, scene: Scene, mine: Pings, theirs: Pings, i: Whole, j: Whole, read: Floats) -> None:
+        """Shorten what was `read` of `mine` where the robots `i` hear the robots `j`, one beside the other."""
+        x, y, heading, radii = scene
+        apart = np.hypot(x[j] - x[i], y[j] - y[i]) - (radii[i] + radii[j])
+        there = np.arctan2(y[j] - y[i], x[j] - x[i])
+        # Each pair beside each ping of the one, then those beside each ping of the other one.
+        pair, ping = spread(np.arange(len(i)), *_between(mine.robot, i))
+        faces = self._faces(mine, ping, heading[i][pair], there[pair], apart[pair])
+        pair, ping = pair[faces], ping[faces]
+        place, other = spread(np.arange(len(pair)), *_between(theirs.robot, j[pair]))
+        pair, ping = pair[place], ping[place]
+        faces = self._faces(theirs, other, heading[j][pair], there[pair] + pi, apart[pair])
+        pair, ping, other = pair[faces], ping[faces], other[faces]
+        taken = (apart[pair] + SOUND * (theirs.sent[other] - mine.sent[ping])) / 2.0
+        heard = (taken >= self._ring.least) & (taken < mine.read[ping])
+        heard &= self._by_chance("others", tick, taken.shape)
+        np.minimum.at(read, ping[heard], taken[heard])
+
+    def _faces(self, pings: Pings, which: Whole, heading: Floats, way: Floats, apart: Floats) -> NDArray[np.bool_]:
+        """Whether the sonars of these pings look the `way` (rad) to a robot `apart` m away, and nothing is nearer."""
+        clear = pings.seen[which] >= (1.0 - CLEAR) * apart
+        return self._near(pings.axis[which] + heading, way) & clear
+
+    def _near(self, one: Floats, other: Floats) -> NDArray[np.bool_]:
+        near: NDArray[np.bool_] = np.abs((one - other + pi) % (2.0 * pi) - pi) <= self._model.spread
+        return near
+
+    def _by_chance(self, what: str, tick: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+        """Whether each sound is loud enough."""
+        if self._model.chance >= 1.0:
+            return np.ones(shape, bool)
+        numbers = np.arange(self._draws, self._draws + int(np.prod(shape)), dtype=np.uint64)
+        self._draws += len(numbers)
+        sort = (self._first,) if self._first else ()  # each sort of robots has chance of its own
+        return (uniform(key(self._seed, "crosstalk", what, tick, *sort), numbers) < self._model.chance).reshape(shape)
+
+
+def hear_each_other(tick: int, scene: Scene, talks: Sequence[tuple[Crosstalk, Ranges]]) -> None:
+    """The tick ends: shorten what was read in it by pings of other robots. talks: of each sort, and what its sonars
+    read, changed in place."""
+    sent = [talk.sent() for talk, _ in talks]
+    theirs = by_robot(Pings.joined([*(before for _, before in sent), *(now for now, _ in sent)]))
+    for (talk, readings), (mine, _) in zip(talks, sent, strict=True):
+        talk.hear_others(tick, scene, mine, theirs, readings)
+        talk.end()
+
+
+def by_robot(pings: Pings) -> Pings:
+    """The same in the order of their robots, those of one in the order of time."""
+    return pings.of(np.lexsort((pings.sent, pings.robot)))
+
+
+def _between(robots: Whole, which: Whole) -> tuple[Whole, Whole]:
+    """Where the entries of each of these robots begin and end in a sorted list of robots."""
+    return np.searchsorted(robots, which), np.searchsorted(robots, which, side="right")

@@ -1,0 +1,165 @@
+"""What sonars that fire one after the other look at, and with, as `kernels_firing` wants it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import cos, pi, sin, tan
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.simulator.simd.arena import Scratch
+from sleepcast.simulator.simd.formulas import sine_cosine
+from sleepcast.simulator.simd.vectors import LANES
+from sleepcast.simulator.sonar.cones import Cones, Ranges, View
+from sleepcast.simulator.sonar.firing import Firing, Tick
+from sleepcast.simulator.sonar.kernels import arrange
+from sleepcast.simulator.sonar.kernels_firing import AWAY
+from sleepcast.simulator.sonar.noise import Noise
+from sleepcast.simulator.world.grid import Floats, Listed, Short, Whole
+
+
+class Field(NamedTuple):
+    """What lies around, as the kernel wants it. x, y, cosines, sines: of all bodies, in the order of their cells;
+    short_x, short_y: x and y in single precision, with LANES more at the end, far away; order: their indices; radii: of
+    all in that order, shape (count,), or (1,) where all are alike. start: where the bodies of each cell begin; listed,
+    items: the solids that can be seen from each cell; solids: see `solid_columns`. size: of a cell, m; across, up:
+    cells."""
+
+    x: Floats
+    y: Floats
+    cosines: Floats
+    sines: Floats
+    short_x: Ranges
+    short_y: Ranges
+    order: Short
+    radii: Floats
+    start: Short
+    listed: Short
+    items: Short
+    solids: Floats
+    size: float
+    across: int
+    up: int
+
+
+class Beam(NamedTuple):
+    """The cones of one ring. own: m, from the robot's middle to their transducers; cosine, sine, tangent: of half their
+    opening; most: m, how far they see; widest: the greatest radius of any body, m;
+    graze: sine of the greatest angle of incidence; grazing: its tangent; axis_cos, axis_sin: of their axes, shape
+    (sonars,)."""
+
+    own: float
+    cosine: float
+    sine: float
+    tangent: float
+    most: float
+    widest: float
+    graze: float
+    grazing: float
+    axis_cos: Floats
+    axis_sin: Floats
+
+
+class Shots(NamedTuple):
+    """What pings of one tick change and need; see `firing.Firing` and `firing.Tick`. first: index of the robot in row
+    0; least: m; noisy: whether there is noise: share, dropout and their keys."""
+
+    due: Floats
+    turn: Whole
+    order: NDArray[np.int8]
+    length: Whole
+    pause: Floats
+    readings: NDArray[np.float32]
+    first: int
+    until: float
+    least: float
+    noisy: bool
+    share: float
+    dropout: float
+    key: np.uint64
+    dropout_key: np.uint64
+
+
+def solid_columns(solids: Floats) -> Floats:
+    """The solids (see `world.World.solids`) as rows of x, y, unit vector along the line (two numbers), length, and 0;
+    round ones as x, y, 0, 0, 0, radius. Shape (n, 6)."""
+    x0, y0, x1, y1, radius = solids.T
+    ex, ey = x1 - x0, y1 - y0
+    length = np.sqrt(ex * ex + ey * ey)
+    apart = np.where(radius > 0.0, 1.0, length)
+    return np.ascontiguousarray(np.stack((x0, y0, ex / apart, ey / apart, length, radius), axis=1))
+
+
+class Fields:
+    """Makes the field of a view; what depends on the solids alone is kept until they change."""
+
+    def __init__(self, scratch: Scratch) -> None:
+        self._scratch = scratch
+        self._known: Floats | None = None
+        self._solids: Floats = np.empty((0, 6))
+
+    def of(self, view: View, share: Callable[[int, Callable[[int, int], None]], object]) -> Field:
+        """What lies around, for all cones. view: with what is `inside` the cells. share: lets threads share so much
+        work."""
+        assert isinstance(view.listed, Listed)
+        if self._known is not view.solids:
+            self._known, self._solids = view.solids, solid_columns(view.solids)
+        order, start = view.points
+        self._scratch.begin()
+        places = self._scratch.take(np.float64, 4, len(order))
+        short = self._scratch.take(np.float32, 2, len(order) + LANES)
+        short[:, len(order) :] = AWAY
+
+        def work(first: int, last: int) -> None:
+            arrange(order, *view.pose, first, last, places)
+            short[:, first:last] = places[:2, first:last]
+
+        share(len(order), work)
+        radii = np.array([view.cones.radius]) if view.radii is None else view.radii[order]
+        listed, grid = view.listed, view.grid
+        x, y, cosines, sines = places
+        return Field(
+            *(x, y, cosines, sines, short[0], short[1], order, radii, start),
+            *(listed.start, listed.items, self._solids, grid.size, grid.across, grid.up),
+        )
+
+
+def beam_of(cones: Cones) -> Beam:
+    """The cones of a ring."""
+    sine, cosine = sine_cosine(cones.axes)
+    return Beam(
+        own=cones.radius,
+        cosine=cos(cones.half),
+        sine=sin(cones.half),
+        tangent=tan(cones.half),
+        most=cones.most,
+        widest=max(cones.radius, cones.widest),
+        graze=sin(cones.incidence) if cones.incidence < pi / 2 else 1.0,
+        grazing=cones.grazing,
+        axis_cos=cosine,
+        axis_sin=sine,
+    )
+
+
+def shots_of(firing: Firing, tick: Tick) -> Shots:
+    """The pings of a tick."""
+    noise = tick.noise or Noise(0.0, 0.0, 0.0, 0, 0)
+    return Shots(
+        *(firing.due, firing.turn, firing.order, firing.length, firing.pause, tick.readings),
+        *(tick.first, tick.until, tick.least, tick.noise is not None),
+        *(noise.share, noise.dropout, np.uint64(noise.key), np.uint64(noise.dropout_key)),
+    )
+
+
+def one_of_each(view: View, which: Whole, sonars: Whole) -> tuple[Shots, Ranges]:
+    """Pings of one sonar each of the robots `which`, and the ranges that they will find, shape (robots, sonars)."""
+    count = len(view.pose[0])
+    due, order = np.ones(count), np.zeros((count, 1), np.int8)
+    due[which], order[which, 0] = 0.0, sonars
+    found = np.empty((count, view.cones.count), np.float32)
+    turn, length = np.zeros(count, np.int64), np.ones(count, np.int64)
+    nothing = np.uint64(0)
+    shots = Shots(*(due, turn, order, length, np.ones(count), found, 0, 1.0, 0.0, False, 0.0, 0.0, nothing, nothing))
+    return shots, found

@@ -1,0 +1,235 @@
+"""Compiled kernels, with numba, that bring many bodies into order and make readings of ranges; `fast` calls them."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from sleepcast.core import counter_rng
+from sleepcast.simulator.simd.compiled import compiled, inlined, strict, woven
+from sleepcast.simulator.simd.formulas import either, sine_cosine
+from sleepcast.simulator.simd.lanes import all_passed, at, put, put_by, put_some, put_turned, some
+from sleepcast.simulator.simd.vectors import LANES, counted, doubles, every, least_of, most_of, root_of, shorts, singles
+from sleepcast.simulator.sonar.noise import MIDDLE, SCALE
+
+F = np.float32
+I = np.int32  # noqa: E741  # as short as F
+U = np.uint64
+GOLDEN = U(counter_rng.GOLDEN)
+
+BLOCK = 64
+"""Robots whose readings are turned from rows to columns at a time: they stay in the nearest cache."""
+LINE = 8
+"""Numbers of a reading in a line of the caches."""
+
+
+@compiled
+def count(x, y, size, across, up, first, last, cells, counts):
+    """The first step of a counting sort by cell, see `grid.sort`: the cells of the points from `first` up to `last`,
+    and in `counts`, which is 0, how many of them lie in each."""
+    whole = last - (last - first) % LANES
+    for i in range(first, whole, LANES):
+        count_some(x, y, size, across, up, i, None, cells, counts)
+    if whole < last:
+        count_some(x, y, size, across, up, whole, last - whole, cells, counts)
+
+
+@inlined
+def count_some(x, y, size, across, up, first, most, cells, counts):
+    """The same for LANES points, or at most so many."""
+    columns = most_of(least_of(some(x, first, most) / size, across - 1.0), 0.0)
+    rows = most_of(least_of(some(y, first, most) / size, up - 1.0), 0.0)
+    put_some(cells, first, shorts(rows) * I(across) + shorts(columns), most)
+    for i in range(first, first + (LANES if most is None else most)):
+        counts[U(cells[i])] += 1
+
+
+@compiled
+def begin(counts, start):
+    """The second step: where each cell begins, and in it the points of each stretch, where `counts` has said how
+    many."""
+    total = 0
+    for cell in range(counts.shape[1]):
+        start[cell] = total
+        for stretch in range(counts.shape[0]):
+            these = counts[stretch, cell]
+            counts[stretch, cell] = total
+            total += these
+    start[counts.shape[1]] = total
+
+
+@compiled
+def place(cells, first, last, places, order):
+    """The third step: the order. places: where the points of this stretch begin in each cell; changed."""
+    for i in range(first, last):
+        cell = U(cells[i])
+        order[U(places[cell])] = i
+        places[cell] += 1
+
+
+@compiled
+def arrange(order, x, y, heading, first, last, into):
+    """Put positions, and cosine and sine of the headings, into the rows of `into`, in the order of the cells."""
+    for i in range(first, last):
+        o = U(order[i])
+        into[0, i], into[1, i], into[2, i] = x[o], y[o], heading[o]
+    for i in range(first, last):
+        into[3, i], into[2, i] = sine_cosine(into[2, i])
+
+
+@compiled
+def fix(order, x, y, units, first, last, fixed_x, fixed_y):
+    """Put positions (m) in the order of the cells, as whole numbers of `units` in a metre, into `fixed_x` and `fixed_y`
+    (int32); beyond 32 bits they begin anew, which does not matter to their differences."""
+    for i in range(first, last):
+        o = U(order[i])
+        fixed_x[i], fixed_y[i] = np.int32(np.int64(x[o] * units)), np.int32(np.int64(y[o] * units))
+
+
+@compiled
+def enlist(order, place, rows):
+    """The `place` of each robot among those who are asked (-1: not asked), in the order of the cells."""
+    for i in range(order.shape[0]):
+        rows[i] = place[order[i]]
+
+
+@woven
+def mixed(multiple, key):
+    """See `counter_rng.mix`. multiple: of the counter, by `GOLDEN`. Of one or of LANES."""
+    bits = multiple + key
+    bits = (bits ^ (bits >> U(30))) * U(0xBF58476D1CE4E5B9)
+    bits = (bits ^ (bits >> U(27))) * U(0x94D049BB133111EB)
+    return bits ^ (bits >> U(31))
+
+
+@woven
+def deviate(bits):
+    """See `noise.deviates`."""
+    pairs = (bits & U(0xFFFF0000FFFF)) + ((bits >> U(16)) & U(0xFFFF0000FFFF))
+    return (counted((pairs & U(0xFFFFFFFF)) + (pairs >> U(32))) - float(MIDDLE)) * SCALE
+
+
+@woven
+def disturbed(seen, multiple, share, dropout, most, key, dropout_key):
+    """Ranges with noise, one or LANES; see `noise.disturb`."""
+    lost = seen >= most
+    if share > 0.0:
+        seen = seen * singles(1.0 + share * deviate(mixed(multiple, key)))
+    if dropout > 0.0:
+        lost = lost | (counted(mixed(multiple, dropout_key) >> U(11)) * 2.0**-53 < dropout)
+    return either(lost, most, seen)
+
+
+@compiled
+def disturb(seen, which, share, dropout, most, key, dropout_key):
+    """See `noise.disturb`."""
+    sonars = U(seen.shape[1])
+    for row in range(seen.shape[0]):
+        multiple = U(which[row]) * sonars * GOLDEN
+        for k in range(seen.shape[1]):
+            seen[row, k] = disturbed(seen[row, k], multiple + U(k) * GOLDEN, share, dropout, most, key, dropout_key)
+
+
+@compiled
+def collect(squares, seen):
+    """Ranges from their squares, of which there may be more in a row."""
+    for q in range(seen.shape[0]):
+        for k in range(seen.shape[1]):
+            seen[q, k] = sqrt(squares[q, k])
+
+
+@strict
+def tell(seen, which, least, most, front, wanted, sensed):
+    """See `noise.tell`, without noise. front: numbers of the sonars in front; wanted: which rows of `sensed` are."""
+    sonars, shortest = seen.shape[1], F(least)
+    told = np.empty(sonars)
+    for q in range(which.shape[0]):
+        for k in range(sonars):
+            value = float(seen[q, k])
+            value = most if value > most else value
+            told[k] = least if seen[q, k] <= shortest else value
+        o, nearest = which[q], told[front[0]]
+        for k in range(sonars):
+            if wanted[k]:
+                sensed[k, o] = told[k]
+        if not wanted[sonars]:
+            continue
+        for k in front:
+            nearest = told[k] if (told[k] < nearest) | (told[k] != told[k]) else nearest
+        sensed[sonars, o] = nearest
+
+
+@compiled
+def hear(squares, which, noise, least, most, front, wanted, sensed, edge):
+    """Make readings of squared ranges, which are known: `collect`, `disturb`, `tell`, sonar by sonar for a block of
+    robots. noise: share, dropout and their keys. edge: for which robot, of LINE, a line of the caches begins in all
+    rows of `sensed`, or -1."""
+    (share, dropout, key, dropout_key), sonars, count = noise, sensed.shape[0] - 1, which.shape[0]
+    room, multiples = np.empty(squares.shape[1] * BLOCK + 2 * LINE, F), np.zeros(BLOCK, U)
+    turned = room[-room.ctypes.data % 64 // 4 :]
+    told, nearest = np.empty(LANES), np.full(LANES, most)
+    ahead = np.zeros(sonars, np.bool_)
+    for k in front:
+        ahead[k] = wanted[sonars]
+    begin, end = 0, BLOCK if edge < 0 or count == 0 else (edge - which[0]) % LINE
+    while begin < count:
+        end = min(end, count)
+        some = which[begin:end]
+        streams = edge >= 0 and end - begin == BLOCK and side_by_side(some)
+        for q in range(end - begin):
+            multiples[q] = U(some[q]) * U(sonars) * GOLDEN
+        turn_over(squares, begin, end, turned)
+        for q in range(0, end - begin, LANES):
+            for k in range(sonars):
+                if not (wanted[k] or ahead[k]):
+                    continue
+                more = U(k) * GOLDEN
+                value = listen(
+                    *(at(turned, k * BLOCK + q), at(multiples, q), share, dropout, key + more, dropout_key + more),
+                    *(least, most),
+                )
+                if ahead[k]:
+                    put(nearest, 0, least_of(at(nearest, 0), value))
+                if wanted[k]:
+                    spread(value, some, q, sensed, k, streams, told)
+            if wanted[sonars]:
+                spread(at(nearest, 0), some, q, sensed, sonars, streams, told)
+                put(nearest, 0, every(most))
+        begin, end = end, end + BLOCK
+    all_passed()
+
+
+@inlined
+def turn_over(squares, begin, end, turned):
+    """Bring squared ranges of a block of robots into an order by sonars, LANES at a time."""
+    for q in range(0, end - begin, LANES):
+        for k in range(0, squares.shape[1], LANES):
+            put_turned(squares, begin + q, k, end - 1, turned, k * BLOCK + q, BLOCK)
+
+
+@inlined
+def side_by_side(which):
+    """Whether these are neighbours, one after the other."""
+    apart = 0
+    for q in range(which.shape[0]):
+        apart |= which[q] - which[0] - q
+    return apart == 0
+
+
+@inlined
+def listen(squared, multiple, share, dropout, key, dropout_key, least, most):
+    """What robots read of one sonar, of LANES robots."""
+    value = disturbed(root_of(squared), multiple, share, dropout, F(most), key, dropout_key)
+    return either(value <= F(least), least, least_of(doubles(value), most))
+
+
+@inlined
+def spread(values, which, first, sensed, row, streams, told):
+    """Put what robots, from the `first` of these on, are told where they look for it."""
+    if streams:
+        put_by(sensed, row, which[0] + first, values)
+        return
+    put(told, 0, values)
+    for q in range(min(which.shape[0] - first, LANES)):
+        sensed[row, which[first + q]] = told[q]

@@ -1,0 +1,327 @@
+"""Compiled kernels of the sonars: what all cones of a ring see; `fast` calls them.
+
+Most bodies are looked at in single precision, sixteen at a time, and only by the two cones of a ring of sixteen that
+their bearing falls between; the few *doubtful* ones (near enough for more cones, or barely met by the edge of one)
+again by all cones in double precision. So no decision and no range hangs on the last bit of a short number. Positions
+are whole numbers of a unit that is a tiny share of a cell: their differences are exact in any world. For walls
+and for the doubtful ones see `kernels_cones`.
+
+Robots come in the order of their cells, each with a row of squared ranges of its own. What lies round a cell is put
+into one list for all its robots; the bodies in reach of several robots are put into one list before they are looked at,
+so that vectors are full even where there are few. Each call does a stretch of rows of cells, so that threads can share
+the work; every robot's numbers come out the same whoever does them.
+"""
+
+from __future__ import annotations
+
+from math import cos, pi, sin, sqrt
+
+import numpy as np
+
+from sleepcast.simulator.simd.compiled import compiled, inlined
+from sleepcast.simulator.simd.formulas import sine_cosine
+from sleepcast.simulator.simd.lanes import all_passed, at, forecast, pack, pair_at, put, put_by, put_pairs
+from sleepcast.simulator.simd.vectors import (
+    LANES,
+    either,
+    every,
+    how_many,
+    least_of,
+    most_of,
+    places,
+    reals,
+    root_of,
+    singles,
+    size_of,
+    truths_of,
+)
+from sleepcast.simulator.sonar.kernels_cones import PAST, axes, list_pieces, look_at_solids, look_closely
+from sleepcast.simulator.world.walls import ROUND
+
+F = np.float32
+I = np.int32  # noqa: E741  # as short as F
+U = np.uint64
+GRAZING = F(6e-3)
+"""Metres before a body's rim within which an edge of a cone counts as barely meeting it: the range then changes by up
+to four times the error of the place."""
+AWAY = F(1e9)
+"""Metres, or units, to a body that is none."""
+FARTHEST = F(1e17)
+"""More than any two bodies are apart, squared; less than AWAY is."""
+SPAN = 28
+"""Units of a position in a cell, as a power of two: bodies may be some cells apart, and the unit is finer than what
+single precision tells of their distance."""
+ACROSS_THE_WORLD = I(-(2**31))
+"""Units that are as far away as any may be."""
+BATCH = 16
+"""Robots whose bodies in reach are looked at together: what they need stays in the nearest cache."""
+BLOCK = 64
+"""Robots whose headings are turned into cosines and sines together: a few vectors."""
+OWNER, OTHER = 26, (1 << 26) - 1
+"""In the lists of bodies in reach: the bits from which on the robot's place in its batch is written, and those of the
+body's number."""
+COS_225, SIN_225 = F(cos(pi / 8)), F(sin(pi / 8))
+ROOT_HALF = F(sqrt(0.5))
+
+
+@inlined
+def edge(outside, forward, radius, least, most, nothing):
+    """Discs in one cone each, in single precision: their squared ranges, and whether those are doubtful."""
+    within = outside <= F(0)
+    aside = outside * outside
+    root = root_of(most_of(either(within, forward * forward + aside, radius * radius - aside), F(0)))
+    seen = either(within, root - radius, forward - root)
+    return either(outside < least, seen * seen, nothing), (outside > least) & (outside < most)
+
+
+@inlined
+def look_around(
+    list_ahead, list_aside, number, n, lone2, cos_0, sin_0, cos_1, sin_1, off_out, off_ahead, radius, barely, past,
+    nothing, pairs, whose, doubtful,
+):  # fmt: skip
+    """Let the two cones beside each of `n` bodies look at it in single precision, and put the places of those that are
+    doubtful into `doubtful`; gives how many. For each body, into `pairs` what the even and the odd one see, squared,
+    and into `whose` which two they are, as bits, and above these whose."""
+    found = U(0)
+    for j0 in range(U(0), n, U(LANES)):
+        ahead, aside = at(list_ahead, j0), at(list_aside, j0)
+        # The bearing is folded into 0 to 22.5 degrees; each fold mirrors the numbers of the sectors.
+        sector = either(aside < F(0), every(I(15)), I(0)) ^ either(ahead < F(0), every(I(7)), I(0))
+        ahead, aside = size_of(ahead), size_of(aside)
+        sector = sector ^ either(aside > ahead, every(I(3)), I(0))
+        a, b = most_of(ahead, aside), least_of(ahead, aside)
+        mirrored = b * COS_225 > a * SIN_225
+        sector = sector ^ either(mirrored, every(I(1)), I(0))
+        alone = a * a + b * b > lone2
+        a, b = either(mirrored, (a + b) * ROOT_HALF, a), either(mirrored, (a - b) * ROOT_HALF, b)
+        seen0, doubt0 = edge(
+            b * cos_0 - a * sin_0 + off_out, a * cos_0 + b * sin_0 - off_ahead, radius, barely, past, nothing
+        )
+        seen1, doubt1 = edge(
+            a * sin_1 - b * cos_1 + off_out, a * cos_1 + b * sin_1 - off_ahead, radius, barely, past, nothing
+        )
+        put_pairs(pairs, U(2) * j0, either(alone, seen0, nothing), either(alone, seen1, nothing))
+        beside = (every(I(1)) << ((sector + I(1)) & I(14))) | (every(I(1)) << (sector | I(1)))
+        put(whose, j0, beside | (at(number, j0) >> I(OWNER) << I(LANES)))
+        doubt = (either(alone, every(I(0)), I(1)) > I(0)) | doubt0 | doubt1
+        pack(doubtful, found, places() + I(j0), doubt)
+        found += how_many(doubt)
+    return found
+
+
+@inlined
+def put_together(pairs, whose, n, nothing, least):
+    """Keep the least of what the cones of each robot see of `n` bodies. They are taken from sixteen places in turn, so
+    that the same robot's seldom follow each other, for whom one would have to wait for the other."""
+    vectors = (n + U(LANES - 1)) // U(LANES)
+    for step in range(vectors):
+        for place in range(LANES):
+            j = U(place) * vectors + U(step)
+            its = whose[j]
+            row = U(its >> I(LANES)) * U(LANES)
+            put(least, row, least_of(at(least, row), either(truths_of(its), pair_at(pairs, U(2) * j), nothing)))
+
+
+@inlined
+def stop_list(ahead, aside, number, n, radii, common, mixed):
+    """Put bodies that are none after the last one of a list; make those doubtful that have another radius than most."""
+    put(ahead, n, every(AWAY))
+    put(aside, n, every(F(0)))
+    put(number, n, every(I(0)))
+    if mixed:
+        for j in range(n):
+            if radii[number[j] & OTHER] != common:
+                ahead[j], aside[j] = F(0), F(0)
+
+
+@inlined
+def copy(values, used, into):
+    """Put the first `used` ones of some values where there is more room."""
+    for j in range(used):
+        into[j] = values[j]
+
+
+@inlined
+def turn(values, order, first, last, into):
+    """Put those of `values` that robots `first` up to `last` have where they are looked for, and foresee what as many
+    of the next ones have."""
+    for i in range(first, last):
+        into[i - first] = values[order[i]]
+    for i in range(last, min(last + BLOCK, order.shape[0])):
+        forecast(values, order[i])
+
+
+@inlined
+def list_near(fixed_x, fixed_y, start, across, below, above, left, right, near_x, near_y, near_number):
+    """List the bodies in the cells from `left` up to `right` of the rows from `below` to `above`; gives how many. A few
+    that are none follow."""
+    n = U(0)
+    for row in range(below, above + 1):
+        begin, end = U(start[row * across + left]), U(start[row * across + right])
+        for j0 in range(begin, end, U(LANES)):
+            at_n = n + (j0 - begin)
+            put(near_x, at_n, at(fixed_x, j0))
+            put(near_y, at_n, at(fixed_y, j0))
+            put(near_number, at_n, places() + I(j0))
+        n += end - begin
+    return n
+
+
+@inlined
+def keep_near(
+    near_x, near_y, near_number, near, me, own_x, own_y, co, si, limit, behind, mark, ahead, aside, number, n
+):  # fmt: skip
+    """Put those of the `near` listed bodies that are in reach, and not too far behind, into the list of a batch, from
+    `n` on: how far ahead and aside they are, and who with whose `mark`; gives the new n. co, si: of the heading, times
+    the unit that is wanted."""
+    for j0 in range(U(0), near, U(LANES)):
+        dx, dy = reals(at(near_x, j0) - own_x), reals(at(near_y, j0) - own_y)
+        its = at(near_number, j0)
+        along, across = dx * co + dy * si, dy * co - dx * si
+        kept = (dx * dx + dy * dy < limit) & (along > behind) & (its != me)
+        pack(ahead, n, along, kept)
+        pack(aside, n, across, kept)
+        pack(number, n, its + mark, kept)
+        n += how_many(kept)
+    return n
+
+
+@compiled
+def see(
+    x, y, heading, order, fixed_x, fixed_y, radii, rows, start, size, across, up, solids, listed, items, news,
+    own, common, reach, most, cosine, sine, graze, grazing, lone, unit, mixed, forward, axis_cos, axis_sin,
+    first_row, last_row, beside, close, out,
+):  # fmt: skip
+    """What robots in the rows of cells from `first_row` up to `last_row` see, squared; see `cones.ranges`.
+
+    x, y, heading: of all robots, whose `order` is that of their cells; all else is sorted. fixed_x, fixed_y: x and y in
+    units of `unit` m, with LANES more at the end. rows: for each its row in `out`, or -1 if nobody asks. size: of a
+    cell, at least the reach. solids, listed, items, news: see `walls.Walls`. own: radius of those who look; common: the
+    usual radius (bodies of others cost more; if there are none, `mixed` says so, and radii is not read); reach: how far
+    a middle may be. lone: beyond this distance a body of the common radius is seen by the two nearest of sixteen sonars
+    only; negative where all are looked at closely: there are not sixteen, or units are coarse. forward: whether nobody
+    asks for cones that look behind. axis_cos, axis_sin: of the cones, as many as a row of `out` is long: a multiple of
+    LANES. close: is made False for those who find nobody within `beside` m, which is at most `lone`.
+    """
+    count = axis_cos.shape[0]
+    nothing = F(most * most)
+    reach2, lone2 = F(((reach + 1e-4) / unit + 2.0) ** 2), F(lone * lone) if lone >= 0.0 else FARTHEST
+    half = np.arctan2(sine, cosine)
+    # What a cone that looks aside or ahead meets is at most so far behind, and those who are close count anyhow.
+    behind = -F(max(common + reach * sine, lone) + 0.01) if forward else -AWAY
+    cos_0, sin_0, cos_1, sin_1 = F(cosine), F(sine), F(cos(pi / 8 - half)), F(sin(pi / 8 - half))
+    off_out, off_ahead, radius = F(own * sine), F(own * cosine), F(common)
+    barely, past = F(common * graze) - GRAZING, F(common * graze) + PAST
+    room, near_room, pieces_room = 1024, 256, 4 * LANES
+    ahead, aside, number, doubtful = np.empty(room, F), np.empty(room, F), np.empty(room, I), np.empty(room, I)
+    far_x, far_y = np.empty(room), np.empty(room)
+    near_x, near_y, near_number = np.empty(near_room, I), np.empty(near_room, I), np.empty(near_room, I)
+    least, pairs, whose = np.empty(BATCH * count, F), np.empty(2 * room, F), np.empty(room, I)
+    pieces, told, again = np.zeros(6 * pieces_room), np.empty(2 * pieces_room, F), np.empty(2 * pieces_room)
+    batch = np.empty(BATCH, np.int64)
+    cosines, sines, turned = np.empty(BLOCK), np.empty(BLOCK), np.empty(2 * BATCH)
+    own_x, own_y = np.empty(BLOCK), np.empty(BLOCK)
+    held, n, last = 0, U(0), start[last_row * across] - 1
+    ready = block = start[first_row * across]
+    walled = items.shape[0] > 0
+    for row in range(first_row, last_row):
+        below, above = max(row - 1, 0), min(row + 1, up - 1)
+        for column in range(across):
+            cell = row * across + column
+            if start[cell] == start[cell + 1]:
+                continue
+            left, right = max(column - 1, 0), min(column + 1, across - 1) + 1
+            total, near, walls_from, walls_to = 0, U(0), U(listed[cell]), U(listed[cell + 1])
+            for r in range(below, above + 1):
+                total += start[r * across + right] - start[r * across + left]
+            if total + 2 * LANES > near_room:
+                near_room = 2 * total + 2 * LANES
+                near_x, near_y, near_number = np.empty(near_room, I), np.empty(near_room, I), np.empty(near_room, I)
+            if np.int64(n) + BATCH * total + 2 * LANES > room:
+                room = 2 * (np.int64(n) + BATCH * total + LANES)
+                narrow = ahead, aside, number
+                ahead, aside, number = np.empty(room, F), np.empty(room, F), np.empty(room, I)
+                copy(narrow[0], n, ahead)
+                copy(narrow[1], n, aside)
+                copy(narrow[2], n, number)
+                doubtful, far_x, far_y = np.empty(room, I), np.empty(room), np.empty(room)
+                pairs, whose = np.empty(2 * room, F), np.empty(room, I)
+            if walls_from < walls_to:
+                first_wall = walls_from
+                while first_wall < walls_to and news[first_wall] == ROUND:
+                    first_wall += U(1)
+                if walls_to - first_wall > U(pieces_room):
+                    pieces_room = (np.int64(walls_to - first_wall) // LANES + 1) * 2 * LANES
+                    pieces, told, again = (
+                        np.zeros(6 * pieces_room),
+                        np.empty(2 * pieces_room, F),
+                        np.empty(2 * pieces_room),
+                    )
+                list_pieces(solids, items, first_wall, walls_to, U(pieces_room), pieces)
+            for i in range(start[cell], start[cell + 1]):
+                if i == ready:
+                    block, ready = ready, min(ready + BLOCK, last + 1)
+                    turn(heading, order, block, ready, cosines)
+                    for k in range(ready - block):
+                        sines[k], cosines[k] = sine_cosine(cosines[k])
+                    if walled:
+                        turn(x, order, block, ready, own_x)
+                        turn(y, order, block, ready, own_y)
+                if rows[i] >= 0:
+                    co, si = cosines[i - block], sines[i - block]
+                    for k in range(0, count, LANES):
+                        place = U(held * count + k)
+                        if walls_from < walls_to:
+                            look_at_solids(
+                                axis_cos, axis_sin, k, co, si, solids, items, pieces, told, again,
+                                U(pieces_room), news, walls_from, walls_to, own_x[i - block], own_y[i - block],
+                                own, cosine, sine, graze, grazing, most, least, place,
+                            )  # fmt: skip
+                        else:
+                            put(least, place, every(nothing))
+                    if near == U(0):
+                        near = list_near(
+                            fixed_x, fixed_y, start, across, below, above, left, right, near_x, near_y, near_number
+                        )
+                        put(near_x, near, every(fixed_x[i]) + ACROSS_THE_WORLD)
+                        put(near_y, near, every(fixed_y[i]))
+                    n = keep_near(
+                        near_x, near_y, near_number, near, I(i), fixed_x[i], fixed_y[i], F(co) * F(unit),
+                        F(si) * F(unit), reach2, behind, I(held << OWNER), ahead, aside, number, n,
+                    )  # fmt: skip
+                    batch[held] = i
+                    turned[held], turned[BATCH + held] = co, si
+                    held += 1
+                if held < BATCH and i < last:
+                    continue
+                stop_list(ahead, aside, number, n, radii, common, mixed)
+                doubts = look_around(
+                    ahead, aside, number, n, lone2, cos_0, sin_0, cos_1, sin_1, off_out, off_ahead,
+                    radius, barely, past, nothing, pairs, whose, doubtful,
+                )  # fmt: skip
+                for d in range(doubts):
+                    its = number[doubtful[d]]
+                    for place in (order[batch[its >> OWNER]], order[its & OTHER]):
+                        forecast(x, place)
+                        forecast(y, place)
+                put_together(pairs, whose, n, nothing, least)
+                for b in range(held):
+                    close[batch[b]] = False
+                for d in range(doubts):
+                    its = number[doubtful[d]]
+                    o, other = order[batch[its >> OWNER]], order[its & OTHER]
+                    far_x[d], far_y[d] = x[other] - x[o], y[other] - y[o]
+                for d in range(doubts):
+                    its = number[doubtful[d]]
+                    b, wide = its >> OWNER, radii[its & OTHER] if mixed else common
+                    close[batch[b]] |= far_x[d] * far_x[d] + far_y[d] * far_y[d] < beside * beside
+                    for k in range(0, count, LANES):
+                        axis_x, axis_y = axes(axis_cos, axis_sin, k, turned[b], turned[BATCH + b])
+                        found = look_closely(axis_x, axis_y, far_x[d], far_y[d], wide, own, cosine, sine, graze)
+                        place = U(b * count + k)
+                        put(least, place, least_of(at(least, place), singles(found)))
+                for b in range(held):
+                    for k in range(0, count, LANES):
+                        put_by(out, rows[batch[b]], k, at(least, U(b * count + k)))
+                held, n = 0, U(0)
+    all_passed()

@@ -1,0 +1,87 @@
+"""From ranges to readings: noise, losses and limits, the same from every machine, for a robot whoever else is asked.
+
+A draw hashes a key and a counter (robot and sonar) to 64 bits. Noise is the sum of their four quarters, less its mean:
+Irwin and Hall's distribution, close to normal up to two deviations and never beyond three and a half, and whole
+numbers to the last step.
+`kernels` has the fast form of the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.core.counter_rng import GOLDEN, mix
+from sleepcast.simulator.world.grid import Floats, Whole
+
+QUARTER = 65_536
+MIDDLE = 2 * QUARTER - 2
+"""The mean of the sum of four numbers from 0 to 65,535."""
+SCALE = sqrt(3.0) / QUARTER
+"""Makes the sum one of standard deviation 1."""
+
+
+class Noise(NamedTuple):
+    """What disturbs ranges. share: standard deviation as a share of the range; dropout: the chance that an echo is
+    missed; most: m, what is read where there is nothing; key, dropout_key: 64 bits, other ones at each tick."""
+
+    share: float
+    dropout: float
+    most: float
+    key: int
+    dropout_key: int
+
+
+@dataclass(frozen=True, slots=True)
+class Ear:
+    """How ranges become readings. least, most: m, what is nearer or farther reads as these. front: numbers of the
+    sonars in front. noise: None where readings are undisturbed, or disturbed already. wanted: for each sonar, and at
+    last for the least of those in front, whether anybody asks for it."""
+
+    least: float
+    most: float
+    front: Whole
+    noise: Noise | None
+    wanted: NDArray[np.bool_]
+
+
+def deviates(bits: NDArray[np.uint64]) -> Floats:
+    """Numbers with mean 0 and standard deviation 1 from 64 random bits each."""
+    total = sum((bits >> np.uint64(shift)) & np.uint64(QUARTER - 1) for shift in (0, 16, 32, 48))
+    return (np.asarray(total).astype(np.int64) - MIDDLE).astype(np.float64) * SCALE
+
+
+def disturb(seen: NDArray[np.float32], which: Whole, noise: Noise) -> None:
+    """Disturb the ranges `seen` (m, shape (robots, sonars)) of the robots with these indices, in place."""
+    sonars = np.arange(seen.shape[1], dtype=np.uint64)
+    disturb_each(seen, which.astype(np.uint64)[:, None] * np.uint64(seen.shape[1]) + sonars, noise)
+
+
+def disturb_each(seen: NDArray[np.float32], counters: NDArray[np.uint64], noise: Noise) -> None:
+    """The same with a counter for each range."""
+    nothing = seen >= np.float32(noise.most)
+    if noise.share:
+        bits = mix(counters * np.uint64(GOLDEN) + np.uint64(noise.key))
+        seen *= (1.0 + noise.share * deviates(bits)).astype(np.float32)
+    if noise.dropout:
+        bits = mix(counters * np.uint64(GOLDEN) + np.uint64(noise.dropout_key))
+        nothing |= (bits >> np.uint64(11)).astype(np.float64) * 2.0**-53 < noise.dropout
+    seen[nothing] = np.float32(noise.most)
+
+
+def tell(seen: NDArray[np.float32], which: Whole, ear: Ear, sensed: Floats) -> None:
+    """Put what the ranges `seen` (changed on the way) of the robots with these indices read as into their columns of
+    those rows of `sensed`, shape (sonars + 1, robots), that are wanted: m, and in the last row the least of those in
+    front; NaN stays NaN. The limits are as they were written, whatever became of them in single precision."""
+    if ear.noise is not None:
+        disturb(seen, which, ear.noise)
+    read = seen.T
+    told = np.where(read <= np.float32(ear.least), ear.least, np.minimum(read.astype(np.float64), ear.most))
+    for sonar in np.flatnonzero(ear.wanted[:-1]):
+        sensed[sonar, which] = told[sonar]
+    if ear.wanted[-1]:
+        sensed[-1, which] = told[ear.front].min(axis=0)

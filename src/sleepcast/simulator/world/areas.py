@@ -1,0 +1,62 @@
+"""Which points lie inside a disc or a solid area.
+
+A point is inside an area if a line from it to the east crosses the outlines an odd number of times. The sides of an
+area are listed by level strips of it, so that a point looks at the sides of its own strip only.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.simulator.world.grid import Floats, Whole, spread
+from sleepcast.simulator.world.world import Area, Circle, rows_of
+
+LISTED_PER_SIDE = 4
+"""In how many strips a side is listed, on average: what bounds the list of an area whose sides are long."""
+MAX_STRIPS = 16_384
+MAX_PAIRS = 4_194_304
+"""Points and sides looked at in one go: some hundred megabytes of arrays."""
+
+
+def inside(area: Area | Circle, x: Floats, y: Floats) -> NDArray[np.bool_]:
+    """Whether each point x, y (m, shape (n,)) lies inside the area; on a lower or left side it does, on others not."""
+    if isinstance(area, Circle):
+        within: NDArray[np.bool_] = (x - area.x) ** 2 + (y - area.y) ** 2 < area.radius**2
+        return within
+    found = np.zeros(len(x), bool)
+    sides = np.array(rows_of(area), np.float64).reshape(-1, 5)[:, :4]
+    sides = sides[sides[:, 1] != sides[:, 3]]
+    if not len(sides):
+        return found
+    low, high = sides[:, [1, 3]].min(), sides[:, [1, 3]].max()
+    left, right = sides[:, [0, 2]].min(), sides[:, [0, 2]].max()
+    near = np.flatnonzero((x >= left) & (x <= right) & (y >= low) & (y < high))
+    long = np.abs(sides[:, 3] - sides[:, 1]).sum() / (high - low)
+    strips = int(np.clip(LISTED_PER_SIDE * len(sides) / max(long, 1.0), 1, MAX_STRIPS))
+
+    def strip_of(level: Floats) -> Whole:
+        strip: Whole = np.clip((level - low) / (high - low) * strips, 0, strips - 1).astype(np.int64)
+        return strip
+
+    bottom, top = strip_of(sides[:, [1, 3]].min(axis=1)), strip_of(sides[:, [1, 3]].max(axis=1))
+    side, strip = spread(np.arange(len(sides)), bottom, top + 1)
+    order = np.argsort(strip, kind="stable")
+    side = side[order]
+    start = np.searchsorted(strip[order], np.arange(strips + 1))
+    step = max(1, MAX_PAIRS // int(np.diff(start).max()))
+    for first in range(0, len(near), step):
+        some = near[first : first + step]
+        mine = strip_of(y[some])
+        point, place = spread(np.arange(len(some)), start[mine], start[mine + 1])
+        crossed = _crosses(sides[side[place]], x[some][point], y[some][point])
+        found[some] = np.bincount(point[crossed], minlength=len(some)) % 2 == 1
+    return found
+
+
+def _crosses(sides: Floats, x: Floats, y: Floats) -> NDArray[np.bool_]:
+    """Whether each side, shape (n, 4), is met on the way from its point x, y to the east."""
+    x0, y0, x1, y1 = sides.T
+    between = (y0 <= y) != (y1 <= y)
+    met: NDArray[np.bool_] = between & (x < x0 + (y - y0) / (y1 - y0) * (x1 - x0))
+    return met

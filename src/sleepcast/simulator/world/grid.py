@@ -1,0 +1,166 @@
+"""A uniform grid: which points lie near each other, and which solids lie near a cell.
+
+Points are sorted by their cell, so that those of neighbouring cells of one row lie side by side in memory. Solids are
+listed for each cell that they come near. Everything here is NumPy; `kernels` has the fast form of the same sorting.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.simulator.world.world import World
+
+Floats = NDArray[np.float64]
+Whole = NDArray[np.int64]
+Short = NDArray[np.int32]
+"""Indices that are kept: of robots, solids and cells, of which there are some millions at most."""
+
+CELLS_PER_POINT = 4
+AT_ONCE = 8_192
+"""Solids, or cells, worked on together: what is needed for a moment stays small beside what is kept."""
+LEAST_CELLS = 4_096
+"""Cells that a grid may have beside `CELLS_PER_POINT` for each point: more would only be walked over empty."""
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Square cells of `size` m over a rectangle that begins at 0, 0: `across` of them in each of `up` rows. What lies
+    outside belongs to the cell at the edge."""
+
+    size: float
+    across: int
+    up: int
+
+    @property
+    def cells(self) -> int:
+        return self.across * self.up
+
+    def columns(self, x: Floats) -> Whole:
+        return np.clip((x / self.size).astype(np.int64), 0, self.across - 1)
+
+    def rows(self, y: Floats) -> Whole:
+        return np.clip((y / self.size).astype(np.int64), 0, self.up - 1)
+
+    def cells_of(self, x: Floats, y: Floats) -> Whole:
+        return self.rows(y) * self.across + self.columns(x)
+
+
+class Sorted(NamedTuple):
+    """Points in the order of their cells. order: their indices; start: where each cell begins, shape (cells + 1,)."""
+
+    order: Short
+    start: Short
+
+
+class Listed(NamedTuple):
+    """Solids by cell. start: where each cell's begin, shape (cells + 1,); items: rows of the world's solids."""
+
+    start: Short
+    items: Short
+
+
+def grid_over(width: float, height: float, size: float, points: int) -> Grid:
+    """A grid with cells of at least `size` m, larger where so many cells would be more than `points` deserve."""
+    most = max(LEAST_CELLS, CELLS_PER_POINT * points)
+    size = max(size, sqrt(width * height / most), max(width, height) / most)
+    return Grid(size, max(1, ceil(width / size)), max(1, ceil(height / size)))
+
+
+def sort(grid: Grid, x: Floats, y: Floats) -> Sorted:
+    """The points x, y (m) by cell, those of one cell in the order of their indices."""
+    cells = grid.cells_of(x, y)
+    return Sorted(np.argsort(cells, kind="stable").astype(np.int32), starts(cells, grid.cells))
+
+
+def starts(cells: Whole | Short, count: int) -> Short:
+    """Where the entries of each of `count` cells begin among all, sorted by cell. cells: of each entry."""
+    start = np.zeros(count + 1, np.int32)
+    np.cumsum(np.bincount(cells, minlength=count), dtype=np.int32, out=start[1:])
+    return start
+
+
+def pairs(grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float, first: Whole) -> tuple[Whole, Whole]:
+    """All ordered pairs of different points at most `reach` m apart: two arrays of indices. points: x and y, sorted.
+    first: the indices that the first of a pair may have."""
+    order, start = points
+    row, cells = grid.rows(y[first]), ceil(reach / grid.size)
+    left, right = grid.columns(x[first] - reach), grid.columns(x[first] + reach)
+    found_first, found_second = [], []
+    for step in range(-cells, cells + 1):
+        there = np.flatnonzero((row + step >= 0) & (row + step < grid.up))
+        base = (row[there] + step) * grid.across
+        i, place = spread(first[there], start[base + left[there]], start[base + right[there] + 1])
+        j = order[place].astype(np.int64)
+        near = (x[i] - x[j]) ** 2 + (y[i] - y[j]) ** 2 <= reach * reach
+        near &= i != j
+        found_first.append(i[near])
+        found_second.append(j[near])
+    return np.concatenate(found_first), np.concatenate(found_second)
+
+
+def candidates(grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float) -> Whole:
+    """How many of the `points` lie in cells within `reach` m of each place x, y: at least as many as are in reach."""
+    row, cells = grid.rows(y), ceil(reach / grid.size)
+    left, right = grid.columns(x - reach), grid.columns(x + reach)
+    found = np.zeros(len(x), np.int64)
+    for step in range(-cells, cells + 1):
+        there = np.flatnonzero((row + step >= 0) & (row + step < grid.up))
+        base = (row[there] + step) * grid.across
+        found[there] += points.start[base + right[there] + 1] - points.start[base + left[there]]
+    return found
+
+
+def spread(items: Whole, begin: Whole | Short, end: Whole | Short) -> tuple[Whole, Whole]:
+    """Each of `items` beside every number from its `begin` up to, not with, its `end`: two arrays."""
+    counts = (end - begin).astype(np.int64)
+    total = int(counts.sum())
+    skipped = np.repeat(np.cumsum(counts) - counts, counts)
+    return np.repeat(items, counts), np.arange(total) - skipped + np.repeat(begin, counts)
+
+
+def list_solids(grid: Grid, world: World, reach: float) -> Listed:
+    """The solids that come within `reach` m of any point of each cell, in the order of their rows."""
+    solids = world.solids
+    pieces = [_cells_near(grid, solids, reach, at, at + AT_ONCE) for at in range(0, len(solids), AT_ONCE)]
+    cells, item = (np.concatenate([np.empty(0, np.int32), *(each[i] for each in pieces)]) for i in (0, 1))
+    return Listed(starts(cells, grid.cells), item[np.argsort(cells, kind="stable")])
+
+
+def _cells_near(grid: Grid, solids: Floats, reach: float, first: int, last: int) -> tuple[Short, Short]:
+    """The solids in these rows, each beside the number of every cell that it comes near to."""
+    x0, y0, x1, y1, radius = solids[first:last].T
+    far = reach + radius
+    left, right = grid.columns(np.minimum(x0, x1) - far), grid.columns(np.maximum(x0, x1) + far)
+    bottom, top = grid.rows(np.minimum(y0, y1) - far), grid.rows(np.maximum(y0, y1) + far)
+    # Each solid beside each row, then beside each cell of the box round it, then without the cells that it passes by.
+    item, row = spread(np.arange(len(far)), bottom, top + 1)
+    place, column = spread(np.arange(len(item)), left[item], right[item] + 1)
+    item, row = item[place], row[place]
+    middle_x = (column.astype(np.float64) + 0.5) * grid.size
+    middle_y = (row.astype(np.float64) + 0.5) * grid.size
+    away = distance(middle_x, middle_y, x0[item], y0[item], x1[item], y1[item])
+    edge = (column == 0) | (row == 0) | (column == grid.across - 1) | (row == grid.up - 1)
+    near = edge | (away <= far[item] + grid.size * sqrt(0.5))
+    cells = (row * grid.across + column)[near]
+    return cells.astype(np.int32), (item[near] + first).astype(np.int32)
+
+
+def distance(x: Floats, y: Floats, x0: Floats, y0: Floats, x1: Floats, y1: Floats) -> Floats:
+    """From each point x, y to the line from x0, y0 to x1, y1, m."""
+    across, up = nearest_point(x, y, x0, y0, x1, y1)
+    away: Floats = np.sqrt(across * across + up * up)
+    return away
+
+
+def nearest_point(x: Floats, y: Floats, x0: Floats, y0: Floats, x1: Floats, y1: Floats) -> tuple[Floats, Floats]:
+    """From each point x, y to the nearest point of a line: how far across and up, m."""
+    ex, ey = x1 - x0, y1 - y0
+    length2 = ex * ex + ey * ey
+    share = ((x - x0) * ex + (y - y0) * ey) / np.where(length2 > 0.0, length2, 1.0)
+    share = np.clip(share, 0.0, 1.0)
+    return x0 + share * ex - x, y0 + share * ey - y

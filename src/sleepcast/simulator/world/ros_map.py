@@ -1,0 +1,188 @@
+"""Maps of ROS: a YAML file and the picture it names, read as ROS does, to areas along the borders of cells.
+
+A pixel is a cell of `resolution` m; the lower left corner of the picture lies at `origin` (x, y, yaw) of the map's own
+frame. A black pixel is occupied (`negate`: a white one); with p, how occupied it is from 0 to 1,
+
+    trinary   p > occupied_thresh is solid, p < free_thresh is open, the rest unknown
+    scale     the same, but what lies between is open, and what is not quite opaque is unknown
+    raw       a pixel's value is percent: more than occupied_thresh is solid, more than 100 is unknown
+
+YAML is read by PyYAML and the picture by Pillow, where they are installed; nothing else is opened.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from math import cos, sin
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.units import LENGTH
+from sleepcast.simulator.scenario.settings import Document, Path_, SettingsError, Table, read_text
+from sleepcast.simulator.world.contours import outlines
+from sleepcast.simulator.world.world import MAX_SOLIDS, Area, Point
+
+MAX_YAML = 65_536
+"""Bytes of a map's YAML file: people's have three hundred."""
+MAX_PIXELS = 16_777_216
+"""Of a map's picture: 4096 by 4096, a square of 200 m at 5 cm a pixel."""
+MODES = ("trinary", "scale", "raw")
+FINEST, COARSEST = 1e-4, 1e4
+"""m of a pixel."""
+
+Cells = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class RosMap:
+    """Which cells are solid and which unknown, both of shape (rows, columns), the row at the bottom first.
+
+    resolution: m of a cell. x, y, yaw: where the lower left corner lies in the map's own frame, m and rad.
+    """
+
+    solid: Cells
+    unknown: Cells
+    resolution: float
+    x: float
+    y: float
+    yaw: float
+
+    def area(self, at: tuple[float, float] | None, *, unknown_is_solid: bool) -> tuple[Area, Point, Point]:
+        """What is solid, in the frame of a world; and the lower left and upper right corner of the box round the whole
+        picture there. at: where the map's own (0, 0) lies in the world, m; None lays that box's lower left corner on
+        the world's. Raises MisuseError for more sides than fit."""
+        rows, columns = self.solid.shape
+        box = [self._turned(column, row) for column in (0, columns) for row in (0, rows)]
+        low = min(x for x, _ in box), min(y for _, y in box)
+        high = max(x for x, _ in box), max(y for _, y in box)
+        move = (-low[0], -low[1]) if at is None else (at[0] + self.x, at[1] + self.y)
+        lines = outlines(self.solid | self.unknown if unknown_is_solid else self.solid)
+        sides = sum(map(len, lines))
+        if sides > MAX_SOLIDS:
+            raise MisuseError(f"the map's walls have {sides} sides; at most {MAX_SOLIDS} fit: take a coarser map")
+        area = Area(tuple(tuple(_moved(self._turned(*corner), move) for corner in line) for line in lines))
+        return area, _moved(low, move), _moved(high, move)
+
+    def _turned(self, column: int, row: int) -> Point:
+        """From the picture's lower left corner to a corner of a cell, m."""
+        x, y = column * self.resolution, row * self.resolution
+        if not self.yaw:
+            return x, y
+        return x * cos(self.yaw) - y * sin(self.yaw), x * sin(self.yaw) + y * cos(self.yaw)
+
+
+def _moved(point: Point, move: Point) -> Point:
+    return point[0] + move[0], point[1] + move[1]
+
+
+def read_map(path: Path) -> RosMap:
+    """The map described by the YAML file at `path`. Raises SettingsError with the file, and the line where there is
+    one; MisuseError where a library is missing."""
+    table = _document(path).root()
+    resolution = table.number("resolution", LENGTH, low=FINEST, high=COARSEST)
+    x, y, yaw = table.numbers("origin", ("x", "y", "yaw"))
+    mode = table.text("mode", "trinary", choices=MODES)
+    negate = _flag(table, "negate")
+    occupied = table.number("occupied_thresh", low=0.0, high=1.0)
+    free = table.number("free_thresh", low=0.0, high=1.0)
+    if free > occupied:
+        raise table.error("free_thresh", f"{free:g} is more than occupied_thresh, {occupied:g}")
+    solid, unknown = _judged(*_picture(table.file("image")), mode, negate, occupied, free)
+    return RosMap(solid[::-1], unknown[::-1], resolution, x, y, yaw)
+
+
+def _document(path: Path) -> Document:
+    """The values of a YAML file that is one table, and the lines of its keys."""
+    try:
+        import yaml
+    except ImportError:
+        raise _missing("PyYAML") from None
+    text = read_text(path, MAX_YAML)
+    try:
+        for token in yaml.scan(text, yaml.SafeLoader):
+            if isinstance(token, yaml.AliasToken):
+                raise SettingsError(f"{path}:{token.start_mark.line + 1}: a map needs no aliases: write the value out")
+        loader = yaml.SafeLoader(text)
+        node = loader.get_single_node()
+        if not isinstance(node, yaml.MappingNode):
+            raise SettingsError(f"{path}:1: no map: wanted lines such as resolution: 0.05")
+        lines: dict[Path_, int] = {(str(key.value),): key.start_mark.line + 1 for key, _ in node.value}
+        found = loader.construct_document(node)
+        if not isinstance(found, dict):  # a set, say
+            raise SettingsError(f"{path}:1: no map: wanted lines such as resolution: 0.05")
+        values: dict[str, object] = {str(key): value for key, value in found.items()}
+    except yaml.MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 1
+        raise SettingsError(f"{path}:{line}: not YAML: {error.problem or error.context}") from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # odd characters, dates of no month, depth
+        raise SettingsError(f"{path}:1: not YAML: {str(error).splitlines()[0]}") from None
+    except (LookupError, AttributeError):  # !!bool before a word that is none, !!timestamp before no time
+        raise SettingsError(f"{path}:1: not YAML: a tag (!!) before a value that it does not fit") from None
+    return Document(path, values, lines)
+
+
+def _flag(table: Table, key: str) -> bool:
+    """Yes or no, as 0 or 1 or as YAML says it."""
+    if isinstance(table.values.get(key), bool):
+        return table.flag(key, False)
+    return table.whole(key, low=0, high=1) == 1
+
+
+def _picture(path: Path) -> tuple[NDArray[np.uint32], int, int]:
+    """The channels of a PGM or PNG picture, shape (rows, columns, channels), the row on top first; the value of white;
+    and how many of the channels are colours."""
+    try:
+        from PIL import Image
+    except ImportError:
+        raise _missing("Pillow") from None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # the bound below is far lower
+            with Image.open(path, formats=("PPM", "PNG")) as image:
+                columns, rows = image.size
+                if columns * rows > MAX_PIXELS:
+                    raise SettingsError(f"{path}: {columns} by {rows} pixels; at most {MAX_PIXELS} fit")
+                if image.mode == "F":
+                    raise SettingsError(f"{path}: a picture of fractions; wanted a PGM or PNG with whole numbers")
+                deep = image.mode.startswith("I")  # one channel of 16 bits
+                colour = "L" if image.mode in ("1", "L", "LA") else "RGB"
+                alpha = "A" if "transparency" in image.info or image.mode in ("LA", "PA", "RGBA") else ""
+                plain = image if deep else image.convert(colour + alpha)
+                values = np.asarray(plain).astype(np.uint32).reshape(rows, columns, -1)
+    except Image.DecompressionBombError:
+        raise SettingsError(f"{path}: far too many pixels; at most {MAX_PIXELS} fit") from None
+    except (OSError, ValueError, SyntaxError, EOFError) as error:  # what Pillow raises for a broken picture
+        raise SettingsError(f"{path}: no PGM or PNG picture that can be read: {error}") from None
+    channels = values.shape[2]
+    return values, 65_535 if deep else 255, channels - 1 if channels in (2, 4) else channels
+
+
+def _judged(
+    channels: NDArray[np.uint32], white: int, colours: int, mode: str, negate: bool, occupied: float, free: float
+) -> tuple[Cells, Cells]:
+    """Which pixels are solid and which unknown."""
+    # In trinary maps what is transparent counts as white in part, as in ROS.
+    looked_at = channels if mode == "trinary" else channels[:, :, :colours]
+    total = looked_at.sum(axis=2, dtype=np.uint32)
+    most = white * looked_at.shape[2]
+    light = np.arange(most + 1) / most
+    if mode == "raw":
+        percent = np.rint(255.0 * light)
+        return (percent / 100.0 > occupied)[total] & (percent <= 100.0)[total], (percent > 100.0)[total]
+    dark = light if negate else light[::-1]
+    solid = (dark > occupied)[total]
+    if mode == "scale":
+        clear = np.zeros_like(solid) if colours == channels.shape[2] else channels[:, :, -1] != white
+        return solid & ~clear, clear
+    return solid, ((dark <= occupied) & (dark >= free))[total]
+
+
+def _missing(library: str) -> MisuseError:
+    return MisuseError(
+        f"a map is read with {library}, which is not here: install sleepcast[maps] "
+        "(in a clone: .venv/bin/pip install pyyaml pillow)"
+    )

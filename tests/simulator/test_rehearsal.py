@@ -16,7 +16,7 @@ from dataclasses import replace
 from sleepcast.simulator import Simulator, find_scenario, rehearsal
 
 def known():
-    modules = [module for name, module in sys.modules.items() if name.startswith("sleepcast.simulator.sonar.kernels")]
+    modules = [each for name, each in sys.modules.items() if name.startswith("sleepcast.sim") and ".kernels" in name]
     functions = {each for module in modules for each in vars(module).values() if hasattr(each, "signatures")}
     kernels = [each for each in functions if not each.targetoptions.get("no_cpython_wrapper")]
     return {(each.__name__, str(signature)) for each in kernels for signature in each.signatures}

@@ -28,7 +28,7 @@ for name in scenario_names():
     for _ in range(3):
         swarm.step()
 for name, module in sys.modules.items():
-    if name.startswith("sleepcast.simulator.sonar.kernels"):
+    if name.startswith("sleepcast.simulator") and ".kernels" in name:
         for kernel in vars(module).values():
             if hasattr(kernel, "stats") and sum(kernel.stats.cache_misses.values()):
                 print(name, kernel.__name__, dict(kernel.stats.cache_misses))

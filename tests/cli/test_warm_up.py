@@ -56,7 +56,7 @@ from sleepcast.simulator import find_scenario
 
 warm_up(find_scenario("crowd"), 1)
 for name, module in sorted(sys.modules.items()):
-    if name.startswith("sleepcast.simulator.sonar.kernels"):
+    if name.startswith("sleepcast.simulator") and ".kernels" in name:
         for kernel in vars(module).values():
             if hasattr(kernel, "stats") and kernel.__module__ == name:
                 print(name, kernel.__name__, sum(kernel.stats.cache_misses.values()))

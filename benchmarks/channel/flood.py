@@ -26,8 +26,8 @@ from tempfile import TemporaryDirectory
 from benchmarks.channel.desk import Ordered
 from benchmarks.channel.proofs import YARD, Proof, seconds
 from benchmarks.report import Bar, number
+from sleepcast.api.progress import steps
 from sleepcast.channel.keyring import development_keys
-from sleepcast.cli.progress import steps
 
 RATE = 80_000
 """Datagrams a second of the attacker."""

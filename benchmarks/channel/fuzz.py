@@ -22,13 +22,13 @@ from random import Random
 
 from benchmarks.channel.attacker import Attacker
 from benchmarks.report import Bar, Json, described, machine, table
+from sleepcast.api.progress import steps
 from sleepcast.channel import Kind
 from sleepcast.channel.admission import Admission
 from sleepcast.channel.drops import DropReason
 from sleepcast.channel.keys import KeyPair, Trust
 from sleepcast.channel.message import Role
 from sleepcast.channel.reliable import ReliableDelivery
-from sleepcast.cli.progress import steps
 from sleepcast.core.clock import ManualClock
 from sleepcast.language import Vocabulary
 from sleepcast.node.node import Node

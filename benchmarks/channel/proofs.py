@@ -21,7 +21,7 @@ from pathlib import Path
 from benchmarks.channel.experiment import Experiment
 from benchmarks.channel.lab import Traffic
 from benchmarks.report import Bar, number
-from sleepcast.cli.progress import steps
+from sleepcast.api.progress import steps
 
 YARD = ("--scenario", str(Path(__file__).parent / "yard"))
 QUIET_AFTER = 4.0

@@ -28,7 +28,7 @@ from benchmarks.language.contenders import (
     states,
 )
 from benchmarks.language.timing import Ratio, Timing, in_turns, nothing
-from sleepcast import __version__
+from sleepcast.core.version import VERSION
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def _below(name: str, seconds: float, limit: float, unit: str) -> Bar:
 
 def _machine() -> dict[str, str]:
     return {
-        "sleepcast": __version__,
+        "sleepcast": VERSION,
         "python": f"{platform.python_implementation()} {platform.python_version()}",
         "system": f"{platform.system()} {platform.machine()}, {os.cpu_count()} processors",
         "load": " ".join(f"{each:.2f}" for each in os.getloadavg()),

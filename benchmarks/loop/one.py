@@ -58,7 +58,7 @@ class Memory:
 def crowd(robots: int, area: float, walls: bool, threads: int, in_order: bool = False) -> Swarm:
     """A crowd whose operator broadcasts the ten rules at its first tick. in_order: its sonars fire one after another,
     about two in a tick."""
-    from sleepcast.cli.headless import assemble
+    from sleepcast.api.assembly import assemble
     from sleepcast.simulator import Changes, find_scenario
 
     scenario = find_scenario("crowd", Changes(robots, area, walls))

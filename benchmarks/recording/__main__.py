@@ -18,7 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from benchmarks.language.timing import Batch, in_turns
-from sleepcast.cli.headless import assemble
+from sleepcast.api.assembly import assemble
 from sleepcast.cli.recording import RecordingPlan, recorded
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Order, Scenario, find_scenario

@@ -8,8 +8,8 @@ import numpy as np
 
 from benchmarks.report import installed
 from benchmarks.rivals import job
-from sleepcast import __version__
-from sleepcast.cli.headless import assemble
+from sleepcast.api.assembly import assemble
+from sleepcast.core.version import VERSION
 from sleepcast.simulator import Changes, Order, Scenario, find_scenario
 
 RULES = """
@@ -47,5 +47,5 @@ def _ready(scenario: Scenario, words: str) -> job.Job:
         step=swarm.step,
         places=lambda: np.stack([simulator.x, simulator.y], axis=1),
         ranges=lambda: np.asarray(simulator.readings(None))[:, sonars],
-        setting=f"sleepcast {__version__}, {machine}: {words}; 16 exact cones with noise, wheels that slip, contact",
+        setting=f"sleepcast {VERSION}, {machine}: {words}; 16 exact cones with noise, wheels that slip, contact",
     )

@@ -1,6 +1,40 @@
 """sleepcast: one broadcast expression, and every robot decides for itself whether it is meant.
 
-Nothing is imported here, so that `import sleepcast.language` stays light: ask for each room by its name.
+    import sleepcast as sc
+
+    fleet = sc.open("bravo", seed=7)
+
+The names of the front door (`sleepcast.api`) are loaded when they are first used, so that `import sleepcast.language`
+stays light.
 """
 
-__version__ = "0.1.0"
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from sleepcast.core.version import VERSION
+
+if TYPE_CHECKING:
+    from sleepcast.api.fleet import CommandResult, SimulatedFleet, open, resume
+    from sleepcast.api.history import History
+    from sleepcast.api.table import DataTable
+    from sleepcast.core import errors
+
+__version__ = VERSION
+__all__ = ["CommandResult", "DataTable", "History", "SimulatedFleet", "errors", "open", "resume"]
+
+_MODULES = {
+    **dict.fromkeys(("CommandResult", "SimulatedFleet", "open", "resume"), "sleepcast.api.fleet"),
+    "DataTable": "sleepcast.api.table",
+    "History": "sleepcast.api.history",
+}
+"""Where each name is."""
+
+
+def __getattr__(name: str) -> object:
+    if name == "errors":
+        return import_module("sleepcast.core.errors")
+    if name in _MODULES:
+        return getattr(import_module(_MODULES[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

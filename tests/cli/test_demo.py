@@ -20,8 +20,9 @@ import pytest
 
 from cli.calling import LONGEST, called
 from cli.terminal import terminal
-from sleepcast.cli import main, progress, run
-from sleepcast.cli.headless import assemble
+from sleepcast.api import progress
+from sleepcast.api.assembly import assemble
+from sleepcast.cli import main, run
 from sleepcast.console import DEFAULT_PORT
 from sleepcast.console.adapters.swarm import SwarmOnPage
 from sleepcast.console.incoming import MAX_FACTOR, MIN_FACTOR

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from cli.calling import LONGEST
-from sleepcast import __version__
 from sleepcast.cli import COMMANDS, main
+from sleepcast.core.version import VERSION
 
 QUICK = 0.150
 """Seconds of work for the smallest job, the start of Python included, on a machine that has little else to do."""
@@ -22,7 +22,7 @@ SLEEPCAST = [sys.executable, "-m", "sleepcast"]
 
 def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--version"]) == 0
-    assert capsys.readouterr().out == f"sleepcast {__version__}\n"
+    assert capsys.readouterr().out == f"sleepcast {VERSION}\n"
 
 
 def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,7 +17,7 @@ from sleepcast.cli.prepare import WITHOUT
 
 MISSES = """
 import sys
-from sleepcast.cli.headless import assemble, warm_up
+from sleepcast.api.assembly import assemble, warm_up
 from sleepcast.simulator import Changes, find_scenario, scenario_names
 
 changes = {"crowd": Changes(robots=6_000), "stop": Changes(), "calibrate": Changes()}

@@ -11,7 +11,7 @@ import pytest
 
 from cli.calling import LONGEST, called
 from console.running import Program, open_page
-from sleepcast.cli.headless import assemble
+from sleepcast.api.assembly import assemble
 from sleepcast.cli.recording import RecordingPlan, recorded
 from sleepcast.console.adapters.recording import load_timeline
 from sleepcast.console.adapters.swarm import outlines

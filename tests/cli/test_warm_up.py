@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from sleepcast.cli.headless import warm_up
+from sleepcast.api.assembly import warm_up
 from sleepcast.simulator.engine import choose, cores
 from small_worlds import scouts
 
@@ -51,7 +51,7 @@ def test_what_a_tick_takes_is_compiled_beforehand(tmp_path: Path, monkeypatch: p
 
 COLD = """
 import sys
-from sleepcast.cli.headless import warm_up
+from sleepcast.api.assembly import warm_up
 from sleepcast.simulator import find_scenario
 
 warm_up(find_scenario("crowd"), 1)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.cli.headless import assemble
+from sleepcast.api.assembly import assemble
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Scenario, find_scenario
 from sleepcast.simulator.scenario.robot_settings import CrosstalkModel

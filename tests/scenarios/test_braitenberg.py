@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from cli.calling import called
-from sleepcast.cli.headless import assemble
+from sleepcast.api.assembly import assemble
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Order, find_scenario
 from sleepcast.station import Station

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from scenarios.stopping import INCH, RADIUS, Floats, ruler
-from sleepcast.cli.headless import assemble
+from sleepcast.api.assembly import assemble
 from sleepcast.simulator import Simulator, find_scenario
 
 SCENARIO = find_scenario("calibrate")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scenarios.stopping import INCH, ORDER, SCENARIO, Outcome, Trial, distance, laboratory, poses_of, ruler
-from sleepcast.cli.headless import assemble
+from sleepcast.api.assembly import assemble
 from sleepcast.loop import Swarm
 
 NEAR, FAR = 8 * INCH, 10 * INCH

@@ -16,10 +16,10 @@ from importlib import import_module
 
 import click
 
-from sleepcast import __version__
 from sleepcast.cli.interrupts import INTERRUPTED
 from sleepcast.cli.streams import ReaderGone, complain, open_streams
 from sleepcast.core.errors import SleepcastError, did_you_mean
+from sleepcast.core.version import VERSION
 
 NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO})
 """What goes wrong with an output that a person sent to a file: a full disk, a quota, a broken device."""
@@ -86,7 +86,7 @@ class Commands(click.Group):
     invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
-@click.version_option(__version__, "--version", message="%(prog)s %(version)s")
+@click.version_option(VERSION, "--version", message="%(prog)s %(version)s")
 @click.pass_context
 def program(ctx: click.Context) -> int:
     """Broadcast one expression, and every robot decides for itself whether to obey.

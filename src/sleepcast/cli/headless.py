@@ -5,73 +5,21 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
+from sleepcast.api.progress import steps
 from sleepcast.cli.interrupts import Interrupts, Terminated
-from sleepcast.cli.progress import steps
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
-from sleepcast.loop import Swarm, load, resume, save, snapshot
+from sleepcast.loop import Swarm, save, snapshot
 from sleepcast.loop.snapshots import SnapshotLostError
-from sleepcast.simulator import Scenario, Simulator, rehearse
-from sleepcast.station import Journal, SendPolicy, Station
+from sleepcast.station import Station
 
 if TYPE_CHECKING:
     from sleepcast.cli.recording import RecordingPlan
-
-
-FEW, WARM_TICKS = 12, 3
-"""Robots and ticks of a warm-up: some of each group, and all that happens only when something has moved."""
-
-
-def assemble(
-    scenario: Scenario,
-    seed: int | None,
-    *,
-    mission: bool,
-    threads: int | None = None,
-    journal: Journal | None = None,
-) -> tuple[Swarm, Station]:
-    """A swarm in its scenario and the operator's desk. mission: whether the desk sends the scenario's own orders.
-    threads: None is one for each core. journal: None is one in memory."""
-    simulator = Simulator(scenario, seed, threads=threads)
-    swarm = Swarm(simulator, scenario.mission if mission else ())
-    station = station_of(swarm, journal)
-    swarm.desk = station
-    return swarm, station
-
-
-def assemble_from(
-    file: Path, seed: int | None, threads: int | None = None, journal: Journal | None = None
-) -> tuple[Swarm, Station]:
-    """A swarm that goes on from the snapshot in `file`, and its desk. seed: another one makes a fork. Raises
-    SnapshotError."""
-    swarm = resume(load(file), seed=seed, threads=threads, desk=partial(station_of, journal=journal), name=str(file))
-    return swarm, cast(Station, swarm.desk)
-
-
-def station_of(swarm: Swarm, journal: Journal | None = None) -> Station:
-    """The operator's desk for a swarm."""
-    return Station(swarm.vocabulary, swarm.minds, swarm.post, swarm, journal=journal, caution=SendPolicy(doubts=True))
-
-
-def warm_up(scenario: Scenario, threads: int | None) -> None:
-    """Load and compile all that a tick of `scenario` needs, by letting a few robots live in it for a moment."""
-    few = few_of(scenario)
-    rehearse(few)
-    swarm, _ = assemble(few, None, mission=False, threads=threads)
-    for _ in range(WARM_TICKS):
-        swarm.step()
-        swarm.simulator.readings()
-
-
-def few_of(scenario: Scenario) -> Scenario:
-    """The scenario with a few robots."""
-    return replace(scenario, robots=replace(scenario.robots, count=min(scenario.robots.count, FEW)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -79,7 +79,7 @@ def advise() -> None:
 
 def _compile_for(name: str) -> None:
     """Compile what a scenario needs: its bodies, many of them, and the rules of its mission."""
-    from sleepcast.cli.headless import assemble, few_of, warm_up
+    from sleepcast.api.assembly import assemble, few_of, warm_up
     from sleepcast.simulator import choose, find_scenario
 
     scenario = find_scenario(name)

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from sleepcast import __version__
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.cli.streams import complain
 from sleepcast.console.account_table import values_in_words
 from sleepcast.console.frames import Groups, flags_of
+from sleepcast.core.version import VERSION
 from sleepcast.language import format_value
 from sleepcast.loop import Swarm, snapshot
 from sleepcast.simulator import Scenario
@@ -231,7 +231,7 @@ def recorded(swarm: Swarm, station: Station, wanted: RecordingPlan) -> Iterator[
         wanted.file,
         simulator.scenario,
         simulator.seed,
-        version=__version__,
+        version=VERSION,
         complain=complain,
         rotation=wanted.rotation,
         first=first,

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast import __version__
 from sleepcast.cli.streams import announce, complain, incoming_lines, still_open
 from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
+from sleepcast.core.version import VERSION
 
 if TYPE_CHECKING:
     from sleepcast.cli.standard_memory import StandardMemory
@@ -27,7 +27,7 @@ MAX_TICKS = 10_000
 """Ticks of one `:tick`, about a second of work with a few rules."""
 
 _COMMENT = re.compile(r";[^\n]*")
-WELCOME = f"sleepcast {__version__}: type an expression, :help for help, :quit or Ctrl-D to leave"
+WELCOME = f"sleepcast {VERSION}: type an expression, :help for help, :quit or Ctrl-D to leave"
 
 
 @click.command("repl", short_help="Evaluate expressions interactively.")

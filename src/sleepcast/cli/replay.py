@@ -104,23 +104,22 @@ class Verdict:
 
     def sentence(self, recording: Recording) -> str:
         """The verdict for a person."""
-        from sleepcast import __version__
+        from sleepcast.core.version import VERSION
 
         if not self.compared:
             return "not verified: the recording holds no state to compare with, it was broken off too early"
         if self.differs is None:
             return f"verified: run again, the state is the same to the last bit ({self.compared} times compared)"
-        other = f"; recorded by version {recording.version}, run again by version {__version__}"
+        other = f"; recorded by version {recording.version}, run again by version {VERSION}"
         return (
-            f"run again, the state differs from tick {self.differs} on"
-            f"{other if recording.version != __version__ else ''}"
+            f"run again, the state differs from tick {self.differs} on{other if recording.version != VERSION else ''}"
         )
 
 
 def _verify(interrupts: Interrupts, recording: Recording, *, quiet: bool) -> Verdict:
     """Run the recording again, up to the last state that it holds."""
-    from sleepcast.cli.headless import warm_up
-    from sleepcast.cli.progress import steps
+    from sleepcast.api.assembly import warm_up
+    from sleepcast.api.progress import steps
     from sleepcast.simulator.recording.recording import alive
 
     with alive(recording):
@@ -159,7 +158,7 @@ def _change(world: World, change: WorldChange) -> None:
 def _beginning(recording: Recording) -> Swarm:
     """The swarm of a recording at its start, which nobody commands but the recording. Raises MisuseError."""
     if not recording.first:
-        from sleepcast.cli.headless import assemble
+        from sleepcast.api.assembly import assemble
 
         swarm, _ = assemble(recording.scenario, recording.seed, mission=False)
         return swarm

@@ -192,7 +192,7 @@ def _show(
     page is served already. Raises what the console raises for the address, and what Recorder raises."""
     from threading import Event
 
-    from sleepcast.cli.headless import warm_up
+    from sleepcast.api.assembly import warm_up
     from sleepcast.console import serve
     from sleepcast.console.adapters.swarm import SwarmOnPage
     from sleepcast.core.clock import WallClock
@@ -239,7 +239,8 @@ def _beginning(name: str | None, options: Options, headless: bool) -> Callable[[
     """What assembles the swarm: of a scenario from its start, or from a snapshot. headless: whether it warms up before,
     which a page does while it is served, and whether the scenario's own orders are given; those that are left in a
     snapshot are."""
-    from sleepcast.cli.headless import assemble, assemble_from, warm_up
+    from sleepcast.api.assembly import assemble, assemble_from, warm_up
+    from sleepcast.loop import load
 
     seed, threads, file = options["seed"], options["threads"], options["from_"]
     journal = _journal(options)
@@ -262,7 +263,7 @@ def _beginning(name: str | None, options: Options, headless: bool) -> Callable[[
         raise MisuseError("--robots, --density and --no-walls change how a scenario starts: a snapshot has started")
 
     def go_on() -> tuple[Swarm, Station]:
-        swarm, station = assemble_from(file, seed, threads, journal)
+        swarm, station = assemble_from(load(file), seed, threads, journal, name=str(file))
         if headless:
             warm_up(swarm.simulator.scenario, threads)
         return swarm, station

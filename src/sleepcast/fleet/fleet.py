@@ -33,7 +33,7 @@ from sleepcast.fleet.minds import Mind, Minds, Named
 from sleepcast.fleet.native.kernels import Kernels, available
 from sleepcast.fleet.read_set import ReadSet
 from sleepcast.fleet.scheduler import BatchScheduler, expired
-from sleepcast.fleet.telemetry import FleetTelemetry
+from sleepcast.fleet.telemetry import FleetTelemetry, QuietMemory
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
 from sleepcast.language.form import show
 from sleepcast.language.functions import MAX_HOPS
@@ -545,6 +545,21 @@ class Fleet(Mapping[str, RobotView]):
             return self.minds.library.program(text, lambda: [read(text)], Named(self.vocabulary, self.minds[number]))
 
         return [self.run(found, rows) for found, rows, _ in self.memory.divide(self.rows(robots), program)]
+
+    def values_of(self, text: str, robots: Some = None) -> Column:
+        """What an expression comes to on each of these robots now, NaN for unknown; nothing is done. Raises ReadError,
+        CheckError, and FleetError for one that would do something, or that needs chance or a body's own function."""
+        rows = self.rows(robots)
+        found, memory = np.full(rows.size, nan), QuietMemory(self.state, self.minds)
+
+        def program(number: int) -> Program:
+            return self.minds.library.program(text, lambda: [read(text)], Named(self.vocabulary, self.minds[number]))
+
+        for checked, some, mask in memory.divide(rows, program):
+            found[... if mask is None else mask] = evaluate(memory, checked, some)
+        if memory.reasons:
+            raise FleetError(f"cannot say what {text} comes to without doing it: {memory.reasons[0]}")
+        return found
 
     def run(self, program: Program, rows: Rows, command: str = "") -> Outcome:
         """Evaluate a program on these robots, and remember how to explain it."""

@@ -88,7 +88,7 @@ class FleetTelemetry:
         """What a test says of these robots: where it holds; where that cannot be said, which of the reasons, listed
         last, is why (from 1; 0 where it can be said)."""
         rows = Rows.of(robots)
-        memory = _Asked(self._then, self._minds)
+        memory = QuietMemory(self._then, self._minds)
         if self._large:
             memory.know(rows, self._ask(test, rows))
         values = evaluate(memory, test, rows)
@@ -109,7 +109,7 @@ class FleetTelemetry:
         return told
 
 
-class _Asked(FleetMemory):
+class QuietMemory(FleetMemory):
     """A memory to read, in which nothing can be done. reason: by robot, as in `Told.judge`."""
 
     def __init__(self, state: FleetState, minds: Minds) -> None:

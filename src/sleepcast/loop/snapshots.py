@@ -16,12 +16,12 @@ from pathlib import Path
 
 import msgspec
 
-from sleepcast import __version__
 from sleepcast.channel import Message
 from sleepcast.channel.simulated_radio import RadioState
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.files import open_file, replace_file
 from sleepcast.core.serial import UNREADABLE, SerialError, pack, room_for, unpack
+from sleepcast.core.version import VERSION
 from sleepcast.fleet import snapshot as fleets
 from sleepcast.fleet.schema import FleetSnapshot
 from sleepcast.loop.swarm import MAX_MINDS, Desk, Swarm
@@ -102,7 +102,7 @@ def snapshot(swarm: Swarm) -> bytes:
     except SerialError as error:
         raise SnapshotLostError(f"the swarm does not fit into a snapshot: {error}") from None
     return msgspec.msgpack.encode(
-        Document(KIND, FORMAT, __version__, robots, simulator, fleet, radio, rest, desk),
+        Document(KIND, FORMAT, VERSION, robots, simulator, fleet, radio, rest, desk),
     )
 
 

@@ -21,7 +21,7 @@ from sleepcast.simulator.rehearsal import rehearse
 from sleepcast.simulator.scenario.gallery import find_scenario, scenario_names
 from sleepcast.simulator.scenario.mission import MissionError, Order, parse_mission, read_mission
 from sleepcast.simulator.scenario.robot_settings import Store
-from sleepcast.simulator.scenario.scenario import Place, ReadyCommand, Scenario, load
+from sleepcast.simulator.scenario.scenario import Place, ReadyCommand, Scenario, load, read_scenario
 from sleepcast.simulator.scenario.settings import SettingsError
 from sleepcast.simulator.scenario.world_settings import Changes
 from sleepcast.simulator.simulation import Simulator
@@ -55,6 +55,7 @@ __all__ = [
     "parse_mission",
     "read_limits",
     "read_mission",
+    "read_scenario",
     "rehearse",
     "scenario_names",
 ]

@@ -117,7 +117,16 @@ def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  #
     """The scenario in the folder or file `path`, with what a run changes of it. Raises SettingsError, and MissionError
     for its mission script."""
     file = path / FILE if path.is_dir() else path
-    document = toml_document(file)
+    return _read(file, file.resolve().parent.name, changes)
+
+
+def read_scenario(text: str, changes: Changes = Changes()) -> Scenario:  # noqa: B008  # frozen: nobody can change it
+    """The scenario of a TOML text, in which paths begin at the working folder. Raises what `load` raises."""
+    return _read(Path(FILE), "scenario", changes, text)
+
+
+def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> Scenario:
+    document = toml_document(file, text)
     with document.root() as root:
         _check_format(root)
         root.has("nomad")  # for `sites`
@@ -147,7 +156,7 @@ def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  #
         refuse_clashes(root, tables, [*taken, *(store.name for store in robots.stores)], constants, groups)
         radio, telemetry = _radio(root, size)
         return Scenario(
-            name=file.resolve().parent.name,
+            name=name,
             path=file,
             title=root.text("title"),
             about=root.text("about", "", most=2_000),

@@ -78,9 +78,12 @@ def read_text(path: Path, most: int = MAX_BYTES, what: str = "such a file") -> s
         raise SettingsError(f"{path}:{line}: not UTF-8 text: {error.reason}") from error
 
 
-def toml_document(path: Path) -> Document:
-    """The TOML file at `path`. Raises SettingsError if there is none."""
-    text = read_text(path)
+def toml_document(path: Path, text: str | None = None) -> Document:
+    """The TOML file at `path`. text: what would stand in it, None to read it. Raises SettingsError."""
+    if text is None:
+        text = read_text(path)
+    elif len(text) > MAX_BYTES:
+        raise SettingsError(f"{path}: too long for such a file: at most {MAX_BYTES} characters")
     try:
         return Document(path, tomllib.loads(text), key_lines(text))
     except (ValueError, RecursionError) as error:  # numbers of thousands of digits, and lists in lists in lists

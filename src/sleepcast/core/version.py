@@ -1,0 +1,3 @@
+"""Which sleepcast this is."""
+
+VERSION = "0.1.0"

@@ -1,0 +1,252 @@
+"""The front door: what a script or a notebook does with a simulated fleet."""
+
+from __future__ import annotations
+
+import asyncio
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sleepcast as sc
+from sleepcast.api.fleet import SimulatedFleet
+from sleepcast.loop.snapshots import SnapshotError
+from sleepcast.simulator import SettingsError, find_scenario
+from sleepcast.station import AddressError
+
+NEAR = "(WHEN (AND (< (DIST x y vessel_x vessel_y) 5mi) (> fuel 50%)) (JOIN bravo))"
+
+
+def bravo(**changes: int) -> SimulatedFleet:
+    return sc.open("bravo", **{"robots": 100, "seed": 7, **changes})
+
+
+class TestCommands:
+    def test_a_preview_and_what_becomes_of_the_command_agree(self) -> None:
+        fleet = bravo().run(2)
+        before = fleet.preview(NEAR)
+        sent = fleet.send(NEAR)
+        assert sent.matched == before.yes
+        assert sent.matched
+        assert len(sent.matched) + len(sent.not_matched) == len(fleet) == 100
+        assert sent.silent == sent.fault == ()
+        assert fleet.groups == {"bravo": sent.matched}
+
+    def test_what_does_nothing_is_previewed_as_a_test(self) -> None:
+        fleet = bravo().run(2)
+        full = fleet.preview("(> fuel 50%)")
+        assert full.yes == tuple(np.array(fleet.names)[fleet["fuel"] > 0.5])
+        assert 0 < len(full.yes) < 100
+
+    def test_time_passes_only_until_all_have_answered(self) -> None:
+        fleet = bravo()
+        fleet.send("(JOIN a)", everybody=True)
+        assert 0.0 < fleet.time < 2.0
+
+    def test_several_commands_leave_at_the_same_moment(self) -> None:
+        fleet = bravo()
+        first, second = (fleet.send(text, everybody=True, wait=0.0) for text in ("(JOIN a)", "(JOIN b)"))
+        assert fleet.time == 0.0
+        assert len(first.silent) == len(second.silent) == 100
+        fleet.run(1)
+        assert len(first.matched) == len(second.matched) == 100
+        assert fleet.groups.keys() == {"a", "b"}
+
+    def test_a_question_is_answered_with_values(self) -> None:
+        fleet = bravo()
+        asked = fleet.ask("(* 2 fuel)", only=["scout2", "scout3"])
+        assert asked.values == pytest.approx(
+            dict(zip(("scout2", "scout3"), 2.0 * fleet["fuel"][1:3], strict=True)), 1e-3
+        )
+
+    def test_stop_and_release(self) -> None:
+        fleet = bravo()
+        fleet.send("(GOTO vessel_x vessel_y)", everybody=True)
+        assert len(fleet.stop().matched) == 100
+        assert fleet.stopped.all()
+        x = fleet.run(60).x.copy()  # it takes a boat some time to lose its way
+        assert (fleet.run(5).x == x).all()
+        fleet.release()
+        assert not fleet.stopped.any()
+
+    def test_it_says_why(self) -> None:
+        fleet = bravo()
+        sent = fleet.send("(WHEN (> fuel 101%) (JOIN b))")
+        assert fleet.why("scout1").reason == sent.why("scout1").reason
+        assert "needed > 101 %" in sent.why("scout1").reason
+
+    def test_the_outcome_is_a_table(self) -> None:
+        table = bravo().send("(JOIN a)", everybody=True).table()
+        assert len(table) == 100
+        assert set(table["outcome"]) == {"matched"}
+
+    def test_an_accident_is_refused(self) -> None:
+        with pytest.raises(AddressError):
+            bravo().send("(ST)")
+
+
+class TestReading:
+    def test_expressions_are_read_without_a_radio_and_change_nothing(self) -> None:
+        fleet = bravo().run(1)
+        before = fleet.hash
+        away = fleet["(DIST x y 0 0)"]
+        assert away == pytest.approx(np.hypot(fleet.x, fleet.y), rel=0.01)
+        assert fleet.hash == before
+        assert fleet.time == 1.0
+
+    def test_robots_that_have_learned_different_things(self) -> None:
+        fleet = bravo()
+        fleet.send("(IF (> fuel 50%) (DEFVAR mine 2) (DEFVAR mine (+ 1 2)))", sure=True)
+        assert set(fleet["mine"]) == {2.0, 3.0}
+
+    def test_arrays_cannot_be_written(self) -> None:
+        fleet = bravo()
+        for array in (fleet.x, fleet.y, fleet.heading, fleet["fuel"], fleet.stopped):
+            with pytest.raises(ValueError, match="read-only"):
+                array[0] = 1
+
+    @pytest.mark.parametrize(
+        ("text", "complaint"),
+        [
+            ("fule", "fuel"),
+            ("(", "missing"),
+            ("(JOIN a)", "without doing it"),
+            ("(RANDOM 0 1)", "without doing it"),
+        ],
+    )
+    def test_what_cannot_be_read_is_refused(self, text: str, complaint: str) -> None:
+        with pytest.raises(sc.errors.SleepcastError, match=complaint):
+            bravo()[text]
+
+    def test_history_is_sampled_while_it_runs(self) -> None:
+        fleet = bravo()
+        history = fleet.history("fuel", "x", every=0.5)
+        fleet.run(2)
+        assert history.times.tolist() == pytest.approx([0.0, 0.5, 1.0, 1.5, 2.0])
+        assert history["fuel"].shape == (5, 100)
+        assert (history["fuel"][-1] == fleet["fuel"]).all()
+        assert len(history.table()) == 500
+        with pytest.raises(sc.errors.MisuseError, match="did you mean fuel"):
+            history["fule"]
+
+    @pytest.mark.parametrize("every", [0.0, -1.0, float("nan"), 1e-9])
+    def test_a_time_that_is_no_tick_is_refused(self, every: float) -> None:
+        with pytest.raises(sc.errors.MisuseError, match="a tick"):
+            bravo().history("fuel", every=every)
+
+    def test_a_history_that_is_full_says_so(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("sleepcast.api.history.MAX_VALUES", 250)
+        fleet = bravo()
+        history = fleet.history("fuel")
+        with pytest.raises(sc.errors.MisuseError, match="the history is full: it holds 200 values"):
+            fleet.run(5)
+        assert len(history) == 2
+
+
+class TestRuns:
+    def test_equal_seeds_make_equal_runs(self) -> None:
+        first, second, other = (bravo(seed=seed).run(2).hash for seed in (3, 3, 4))
+        assert first == second != other
+
+    def test_a_fork_has_the_same_past(self) -> None:
+        fleet = bravo().run(1)
+        fleet.send("(RULE roam (WHEN (PROB 50%) (DRIVE 5m/s (RANDOM -0.1 0.1))))", everybody=True)
+        same, other = fleet.fork(), fleet.fork(seed=8)
+        assert fleet.hash == same.hash
+        hashes = [each.run(2).hash for each in (fleet, same, other)]
+        assert hashes[0] == hashes[1] != hashes[2]
+
+    def test_a_run_goes_on_from_a_file(self, tmp_path: Path) -> None:
+        fleet = bravo().run(1)
+        fleet.save(tmp_path / "kept.snap")
+        assert (
+            sc.resume(tmp_path / "kept.snap").run(1).hash
+            == sc.resume(fleet.snapshot()).run(1).hash
+            == fleet.run(1).hash
+        )
+        (tmp_path / "kept.snap").write_bytes(b"")
+        with pytest.raises(SnapshotError, match=r"kept\.snap"):
+            sc.resume(tmp_path / "kept.snap")
+
+    def test_it_runs_beside_other_work(self) -> None:
+        async def both() -> tuple[float, float]:
+            first, second = await asyncio.gather(bravo().arun(1), bravo().arun(2))
+            return first.time, second.time
+
+        assert asyncio.run(both()) == pytest.approx((1.0, 2.0))
+
+    def test_a_scenario_may_be_an_object_a_path_or_a_text(self) -> None:
+        scenario = find_scenario("flood")
+        text = scenario.path.read_text()
+        found = [sc.open(each).hash for each in ("flood", scenario, scenario.path.parent, str(scenario.path))]
+        assert len(set(found)) == 1
+        assert len(sc.open(text.replace("mission =", "# mission ="), robots=5)) == 5
+
+    def test_the_mission_is_sent_where_it_is_wanted(self) -> None:
+        assert sc.open("bravo", robots=20, mission=True).run(60).station.commands()
+        assert not bravo().run(60).station.commands()
+
+    @pytest.mark.parametrize("seconds", [-1.0, float("nan"), float("inf")])
+    def test_a_time_that_is_none_is_refused(self, seconds: float) -> None:
+        with pytest.raises(sc.errors.MisuseError, match="cannot run for"):
+            bravo().run(seconds)
+
+    def test_what_is_no_scenario_is_refused(self, tmp_path: Path) -> None:
+        with pytest.raises(sc.errors.MisuseError, match="did you mean bravo"):
+            sc.open("brvao")
+        with pytest.raises(SettingsError, match=r"scenario.toml:\d+"):
+            sc.open("format = 1\ntitle = 5\n")
+        with pytest.raises(SettingsError, match="too long"):
+            sc.open("\n" * 10_000_000)
+        with pytest.raises(sc.errors.MisuseError, match="taken as it is"):
+            sc.open(find_scenario("bravo"), robots=5)
+
+
+class TestShown:
+    def test_in_words(self) -> None:
+        fleet = bravo()
+        fleet.send("(JOIN a)", everybody=True)
+        assert repr(fleet).startswith("bravo: 100 robots after 0.")
+        assert repr(fleet).endswith("seed 7; groups: a 100")
+        assert repr(fleet.ask("fuel")).startswith("fuel: matched 100")
+
+    def test_in_a_notebook(self) -> None:
+        fleet = sc.open("flood", seed=1)
+        fleet.send("(WHEN (PROB 50%) (JOIN a))")
+        html = fleet._repr_html_()
+        counts = count_tags(html)
+        assert counts["svg"] == 2, "the swarm and one entry of the legend"
+        assert html.count("Z") - 1 >= len(fleet), "every robot is drawn"
+
+    def test_names_are_no_markup(self) -> None:
+        fleet = sc.open("bravo", robots=3)
+        text = find_scenario("bravo").path.read_text().replace('title = "', 'title = "<b>&')
+        fleet = sc.open(text.replace("mission =", "# mission ="), robots=3)
+        assert "<b>" not in fleet._repr_html_()
+
+    def test_the_package_names_what_it_has(self) -> None:
+        assert all(getattr(sc, name) for name in sc.__all__)
+        with pytest.raises(AttributeError, match="no attribute 'fleets'"):
+            sc.fleets  # noqa: B018
+
+
+def count_tags(html: str) -> dict[str, int]:
+    """How often each tag is opened; every one is closed."""
+    found: dict[str, int] = {}
+    opened: list[str] = []
+
+    class Parser(HTMLParser):
+        def handle_starttag(self, tag: str, attrs: object) -> None:
+            found[tag] = found.get(tag, 0) + 1
+            opened.append(tag)
+
+        def handle_endtag(self, tag: str) -> None:
+            assert opened.pop() == tag
+
+        def handle_startendtag(self, tag: str, attrs: object) -> None:
+            found[tag] = found.get(tag, 0) + 1
+
+    Parser().feed(html)
+    assert not opened
+    return found

@@ -41,8 +41,8 @@ from sleepcast.cli import program
 from sleepcast.core.units import UNITS
 from sleepcast.language import List, ReadError, check, read
 from sleepcast.language.classic import ClassicError, ClassicMachine
-from sleepcast.language.form import walk
 from sleepcast.language.functions import FUNCTIONS
+from sleepcast.language.reader import walk
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Simulator, find_scenario
 from sleepcast.station import Station

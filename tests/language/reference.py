@@ -31,9 +31,8 @@ from language.reference_forms import (
     unquoted,
 )
 from language.reference_numbers import PURE, Undefined, truth
-from sleepcast.language.form import QUASIQUOTE, QUOTE, UNQUOTE, Form, List, Number, Symbol, Text, show, walk
 from sleepcast.language.numerics import draw, normal, stream
-from sleepcast.language.reader import read
+from sleepcast.language.reader import QUASIQUOTE, QUOTE, UNQUOTE, Form, List, Number, Symbol, Text, read, show, walk
 from sleepcast.language.vocabulary import Constant, HostFunction, Kind, Variable, Vocabulary, buffer_number
 
 UNKNOWN = math.nan

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Container, Iterator
 from itertools import takewhile
 
-from sleepcast.language.form import QUOTE, UNQUOTE, Form, List, Number, Symbol, Text
 from sleepcast.language.functions import FUNCTIONS
+from sleepcast.language.reader import QUOTE, UNQUOTE, Form, List, Number, Symbol, Text
 from sleepcast.language.vocabulary import HostFunction, Vocabulary, buffer_number
 
 NAMING = {"setqq", "rule", "defun", "activate", "deactivate", "forget", "join", "leave", "in", QUOTE}

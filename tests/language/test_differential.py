@@ -19,8 +19,8 @@ from language.authors import OPERATORS, Author
 from language.cases import MACHINES, Machine, NodeMachine, Outcome, Setting, within
 from language.reference_forms import cost
 from sleepcast.language import check, read
-from sleepcast.language.form import QUASIQUOTE, UNQUOTE
 from sleepcast.language.functions import FUNCTIONS
+from sleepcast.language.reader import QUASIQUOTE, UNQUOTE
 from sleepcast.mind.limits import MAX_FAULTS
 from sleepcast.node.node import Node
 

@@ -13,19 +13,25 @@ from hypothesis import strategies as st
 from language.authors import Author
 from sleepcast.core.errors import line_and_column
 from sleepcast.core.units import LENGTH, NONE, RATE, SPEED, TIME, UNITS, Dimension
-from sleepcast.language.form import (
+from sleepcast.language.reader import (
+    MAX_NAME,
+    MAX_NESTING,
+    MAX_TEXT,
     PREFIXES,
     Form,
     List,
     Number,
+    ReadError,
     Symbol,
     Text,
     format_literal,
     format_value,
+    is_name,
+    read,
+    read_all,
     show,
     walk,
 )
-from sleepcast.language.reader import MAX_NAME, MAX_NESTING, MAX_TEXT, ReadError, is_name, read, read_all
 
 SLOWEST = 0.5
 """Seconds for the worst text of the greatest length: a hundred times what an honest one of that length takes."""

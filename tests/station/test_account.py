@@ -10,8 +10,7 @@ import pytest
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.name_index import NameIndex
 from sleepcast.station import Outcome
-from sleepcast.station.account import Command, account
-from sleepcast.station.answers import LATE, answer_from
+from sleepcast.station.account import LATE, Command, account, answer_from
 from station.fleet import Fleet
 
 HALF = "(WHEN (> fuel 50%) (JOIN bravo))"

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.minds import Mind, Minds
 from sleepcast.fleet.rule_statistics import StatisticsTable
-from sleepcast.language.form import show
 from sleepcast.language.parts import Part
 from sleepcast.language.program import MAX_STEPS, Program
+from sleepcast.language.reader import show
 from sleepcast.language.rehearsal import Answer, Refusal
 from sleepcast.language.vocabulary import TICK
 from sleepcast.mind.limits import MAX_FAULTS, PROVEN_TICKS

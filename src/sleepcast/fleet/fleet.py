@@ -35,12 +35,11 @@ from sleepcast.fleet.read_set import ReadSet
 from sleepcast.fleet.scheduler import BatchScheduler, expired
 from sleepcast.fleet.telemetry import FleetTelemetry, QuietMemory
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
-from sleepcast.language.form import show
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.lint import Checked, check
 from sleepcast.language.parts import Part
 from sleepcast.language.program import Program
-from sleepcast.language.reader import read
+from sleepcast.language.reader import read, show
 from sleepcast.language.symbols import Declared, UserVariable
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Variable, Vocabulary, buffer_number
 from sleepcast.mind.rules import in_order

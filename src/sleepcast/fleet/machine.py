@@ -18,8 +18,8 @@ import numpy as np
 from sleepcast.fleet import pure
 from sleepcast.fleet.columns import Column, Index, Mask, Rows, is_true
 from sleepcast.fleet.memory import FleetMemory, Found
+from sleepcast.language.evaluate import too_deep
 from sleepcast.language.numerics import normal
-from sleepcast.language.operations import too_deep
 from sleepcast.language.parts import Part, walk
 from sleepcast.language.program import Program
 

@@ -18,11 +18,10 @@ from sleepcast.fleet.evaluation import Evaluation, by_the_living
 from sleepcast.fleet.messages import Outbox
 from sleepcast.fleet.minds import Minds
 from sleepcast.fleet.native.kernels import Kernels
-from sleepcast.language.form import Form, Number, show
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.parts import Defining, Label, Part, Storing, Template, host_of, label_of, written
 from sleepcast.language.program import Program
-from sleepcast.language.reader import MAX_TEXT
+from sleepcast.language.reader import MAX_TEXT, Form, Number, show
 from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, TIME_SLOT, HostFunction, Kind, Variable, buffer_number

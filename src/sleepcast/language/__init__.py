@@ -4,12 +4,11 @@ Standard library only; it knows nothing of robots, channels or pages.
 """
 
 from sleepcast.language.checker import CheckError, Finding
+from sleepcast.language.evaluate import Memory
 from sleepcast.language.explain import Explanation, Recollection, Step, explain, rehearse
-from sleepcast.language.form import Form, List, Number, Symbol, Text, format_value, show
 from sleepcast.language.lint import Checked, check
-from sleepcast.language.operations import Memory
 from sleepcast.language.program import MAX_STEPS, Library, Program, evaluate
-from sleepcast.language.reader import ReadError, read, read_all
+from sleepcast.language.reader import Form, List, Number, ReadError, Symbol, Text, format_value, read, read_all, show
 from sleepcast.language.rehearsal import Rehearsal
 from sleepcast.language.symbols import FreshNames, Names
 from sleepcast.language.vocabulary import Constant, HostFunction, Kind, Variable, Vocabulary

@@ -17,10 +17,9 @@ from re import compile as pattern
 
 from sleepcast.core.errors import MisuseError, and_more, did_you_mean, placed, with_caret
 from sleepcast.core.units import UNITS
-from sleepcast.language.form import Form, List, Number, Symbol, Text, walk
 from sleepcast.language.functions import FUNCTIONS, MANY, Function
-from sleepcast.language.infix import ALIASES, rows, written
 from sleepcast.language.parts import Defining, Label, Part, Storing
+from sleepcast.language.reader import ALIASES, Form, List, Number, Symbol, Text, rows, walk, written
 from sleepcast.language.symbols import Group, Names, Operator, Stored, UserVariable, circle, uses_in
 from sleepcast.language.vocabulary import (
     Constant,

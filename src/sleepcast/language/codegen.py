@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from math import inf, nan, sqrt
 from typing import NamedTuple
 
-from sleepcast.language.operations import apply, between, enter, gauss, prob
+from sleepcast.language.evaluate import apply, between, enter, gauss, prob
 from sleepcast.language.parts import Part
 
 # ---- the emitter: lines, blocks, temporaries, and operands in their order

@@ -11,11 +11,10 @@ from dataclasses import dataclass, field
 from math import isnan, nan
 
 from sleepcast.core.units import shown
-from sleepcast.language.evaluate import Walker, is_true
-from sleepcast.language.form import List, Number, format_value, show
-from sleepcast.language.operations import Entered, Memory, too_deep
+from sleepcast.language.evaluate import Entered, Memory, Walker, is_true, too_deep
 from sleepcast.language.parts import Part, deciding
 from sleepcast.language.program import MAX_STEPS, OutOfSteps, Program
+from sleepcast.language.reader import List, Number, format_value, show
 from sleepcast.language.rehearsal import Answer, Rehearsal, Replay
 from sleepcast.language.vocabulary import Variable
 

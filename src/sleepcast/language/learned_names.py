@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from sleepcast.language import Form, List, Symbol, Vocabulary
-from sleepcast.language.form import walk
 from sleepcast.language.program import build
+from sleepcast.language.reader import walk
 from sleepcast.language.symbols import Declared, Group, Operator, Stored, UserVariable
 from sleepcast.language.vocabulary import buffer_number
 

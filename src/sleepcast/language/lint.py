@@ -13,11 +13,9 @@ from math import inf, isfinite
 
 from sleepcast.core.units import LENGTH, NONE, Dimension, Quantity, shown, to_si
 from sleepcast.language.checker import Checker, CheckError, Finding, Findings
-from sleepcast.language.form import Form, Number, format_literal
-from sleepcast.language.infix import brief
 from sleepcast.language.parts import ACTING, Part, host_of, walk
 from sleepcast.language.program import Program, build
-from sleepcast.language.reader import read
+from sleepcast.language.reader import Form, Number, brief, format_literal, read
 from sleepcast.language.symbols import Names
 from sleepcast.language.vocabulary import Constant, HostFunction, Kind, Variable
 

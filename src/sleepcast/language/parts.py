@@ -20,8 +20,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from sleepcast.language.form import Form, List, Symbol, format_literal, replaced, show
 from sleepcast.language.functions import Function
+from sleepcast.language.reader import Form, List, Symbol, format_literal, replaced, show
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, HostFunction, Variable
 
 ACTING = frozenset({"set_user", "write", "defvar", "store", "act"})

@@ -17,11 +17,9 @@ from sleepcast.core.errors import SleepcastError
 from sleepcast.language import special_forms
 from sleepcast.language.checker import MAX_COST, Checker, CheckError, cost
 from sleepcast.language.codegen import Code, generate
-from sleepcast.language.evaluate import Walker
-from sleepcast.language.form import Form, height
-from sleepcast.language.operations import Memory
+from sleepcast.language.evaluate import Memory, Walker
 from sleepcast.language.parts import CHANCY, Part, acts, deciding, is_acting, walk
-from sleepcast.language.reader import read_all
+from sleepcast.language.reader import Form, height, read_all
 from sleepcast.language.symbols import Names, Operator, reaches, uses_in
 
 MAX_STEPS = MAX_COST

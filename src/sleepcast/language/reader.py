@@ -1,18 +1,262 @@
-"""The reader: text in, forms with exact positions out, or one error with a caret.
+"""The reader: text in, forms with exact positions out, or one error with a caret; and how a form or a value prints.
+
+A form is a `Number`, a `Symbol`, a `Text` or a `List` of forms. Each remembers where it stood in the text it was read
+from (character offsets), which is what carets under errors need; two forms are equal if they say the same thing,
+wherever they stood. `show` prints a form so that reading it again gives an equal form.
 
 One regular expression cuts the text into tokens; a stack builds the lists. Nothing is evaluated and no name is looked
-up here. Texts come over the air, so the length, the nesting and the length of a name are bounded.
+up here. Texts come over the air, so the length, the nesting and the length of a name are bounded. Operators in the
+middle, as in `(fuel > 50% && ordnance > 70%)`, are only found, for the error that shows how the same is written here.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
 
 from sleepcast.core.errors import MisuseError, did_you_mean, placed, printable, with_caret
-from sleepcast.core.units import UNITS, to_si
-from sleepcast.language.form import PREFIXES, Form, List, Number, Symbol, Text
-from sleepcast.language.infix import brief
+from sleepcast.core.units import UNITS, Dimension, to_si
+
+# ---- forms
+
+
+QUOTE, QUASIQUOTE, UNQUOTE = "quote", "quasiquote", "unquote"
+PREFIXES = {QUOTE: "'", QUASIQUOTE: "`", UNQUOTE: ","}
+
+
+class Form:
+    """A piece of read text from offset `start` up to, not including, `end`."""
+
+    __slots__ = ("end", "start")
+    start: int
+    end: int
+
+    def _same(self) -> object:
+        raise TypeError("a Form is one of Number, Symbol, Text and List")
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and self._same() == other._same()
+
+    def __hash__(self) -> int:
+        return hash(self._same())
+
+    def __repr__(self) -> str:
+        return f"<{show(self)}>"
+
+
+class Number(Form):
+    """A literal. value: in SI, finite. unit: its suffix, a key of `UNITS`, "" for a bare number. text: as written."""
+
+    __slots__ = ("text", "unit", "value")
+
+    def __init__(self, value: float, unit: str = "", text: str = "", start: int = 0, end: int = 0) -> None:
+        self.value, self.unit, self.text = value, unit, text or format_literal(value)
+        self.start, self.end = start, end
+
+    @property
+    def dimension(self) -> Dimension | None:
+        """Of its unit; None for a bare number, which takes the unit of what it meets."""
+        return UNITS[self.unit].dimension if self.unit else None
+
+    def _same(self) -> object:
+        return self.value, math.copysign(1.0, self.value), self.dimension
+
+
+class Symbol(Form):
+    """A name. text: as written. key: case-folded, what names are compared by."""
+
+    __slots__ = ("key", "text")
+
+    def __init__(self, text: str, start: int = 0, end: int = 0) -> None:
+        self.text, self.key, self.start, self.end = text, text.casefold(), start, end
+
+    def _same(self) -> object:
+        return self.key
+
+
+class Text(Form):
+    """A label in double quotes. value: without the quotes."""
+
+    __slots__ = ("value",)
+
+    def __init__(self, value: str, start: int = 0, end: int = 0) -> None:
+        self.value, self.start, self.end = value, start, end
+
+    def _same(self) -> object:
+        return (self.value,)
+
+
+class List(Form):
+    """`(item ...)`. items: a tuple of forms, possibly empty."""
+
+    __slots__ = ("items",)
+
+    def __init__(self, items: tuple[Form, ...], start: int = 0, end: int = 0) -> None:
+        self.items, self.start, self.end = items, start, end
+
+    def _same(self) -> object:
+        return self.items
+
+    @property
+    def head(self) -> str | None:
+        """The key of the first item if it is a symbol, else None."""
+        return self.items[0].key if self.items and isinstance(self.items[0], Symbol) else None
+
+
+def walk(form: Form) -> Iterator[Form]:
+    """`form` and every form inside it, outside first, left to right."""
+    waiting = [form]
+    while waiting:
+        found = waiting.pop()
+        yield found
+        if isinstance(found, List):
+            waiting.extend(reversed(found.items))
+
+
+def height(form: Form) -> int:
+    """How many lists stand inside one another in `form`: 0 for a number or a name."""
+    deepest, waiting = 0, [(form, 0)]
+    while waiting:
+        found, around = waiting.pop()
+        if isinstance(found, List):
+            deepest = max(deepest, around + 1)
+            waiting.extend((item, around + 1) for item in found.items)
+    return deepest
+
+
+def show(form: Form) -> str:
+    """The text of `form` on one line; reading it gives an equal form."""
+    if isinstance(form, List):
+        head = form.head
+        if head in PREFIXES and len(form.items) == 2:
+            return PREFIXES[head] + show(form.items[1])
+        return f"({' '.join(map(show, form.items))})"
+    if isinstance(form, Text):
+        return f'"{form.value}"'
+    return form.text  # type: ignore[attr-defined,no-any-return]
+
+
+def replaced(form: Form, what: Callable[[], Form]) -> Form:
+    """A template with something else in its unquoted places, in their order."""
+    if not isinstance(form, List):
+        return form
+    if form.head == UNQUOTE and len(form.items) == 2:
+        return what()
+    return List(tuple(replaced(item, what) for item in form.items), form.start, form.end)
+
+
+def format_literal(value: float) -> str:
+    """The shortest text that reads back to the very same finite number (the sign of a zero included)."""
+    value = float(value)
+    if value.is_integer() and abs(value) < 1e16 and (value or math.copysign(1.0, value) > 0):
+        return str(int(value))
+    return repr(value)
+
+
+def format_value(value: float) -> str:
+    """A value as people see it: an integer where it is one, else the shortest form that reads back, or UNKNOWN."""
+    if math.isnan(value):
+        return "UNKNOWN"
+    return "0" if value == 0 else format_literal(value)
+
+
+# ---- operators in the middle
+
+
+OPERATORS: dict[str, tuple[int, str]] = {
+    "||": (1, "OR"),
+    "or": (1, "OR"),
+    "&&": (2, "AND"),
+    "and": (2, "AND"),
+    **dict.fromkeys(("=", "=="), (3, "=")),
+    **dict.fromkeys(("/=", "!=", "<>"), (3, "/=")),
+    **{name: (3, name) for name in ("<", "<=", ">", ">=")},
+    **{name: (4, name) for name in ("+", "-")},
+    **{name: (5, name) for name in ("*", "/")},
+}
+"""How closely each operator binds, and its name here."""
+
+ALIASES = {
+    "t": "TRUE",
+    "else": "TRUE",
+    "otherwise": "TRUE",
+    "==": "=",
+    "!=": "/=",
+    "<>": "/=",
+    "!": "NOT",
+    "&&": "AND",
+    "unless": "(WHEN (NOT test) expr ...)",
+    "case": "(COND ((= x value) expr ...) ...)",
+    "switch": "(COND ((= x value) expr ...) ...)",
+    "while": "(RULE name (WHEN test expr ...)), which runs in every tick",
+}
+"""Names of other languages that nobody declared, and what stands for them here."""
+
+MAX_OPERANDS = 8
+"""Of a row that is written anew: whoever joins more does not need to see all of it."""
+MAX_BRIEF = 60
+"""Characters of one operand in it."""
+
+
+class Row(NamedTuple):
+    """Operands and operators in turn: items first..last of a list."""
+
+    first: int
+    last: int
+
+
+def is_operator(form: Form) -> bool:
+    """Whether a form is an operator that could stand in the middle."""
+    return isinstance(form, Symbol) and form.key in OPERATORS
+
+
+def rows(form: List, begin: int) -> Iterator[Row]:
+    """Every row of operands with operators between them, among the items of `form` from `begin` on."""
+    items, at = form.items, begin + 1
+    while at + 1 < len(items):
+        if is_operator(items[at]) and not is_operator(items[at - 1]) and not is_operator(items[at + 1]):
+            last = at + 1
+            while last + 2 < len(items) and is_operator(items[last + 1]) and not is_operator(items[last + 2]):
+                last += 2
+            yield Row(at - 1, last)
+            at = last + 2
+        else:
+            at += 1
+
+
+def written(row: Sequence[Form], text: str) -> str:
+    """A row of `text` as it is written here, "" for one that is too long."""
+    if len(row) >= 2 * MAX_OPERANDS:
+        return ""
+    values: list[str] = [brief(row[0], text)]
+    waiting: list[tuple[int, str]] = []
+
+    def join() -> None:
+        name, right, left = waiting.pop()[1], values.pop(), values.pop()
+        more = name in ("AND", "OR") and left.startswith(f"({name} ")
+        values.append(f"{left[:-1]} {right})" if more else f"({name} {left} {right})")
+
+    for operator, operand in zip(row[1::2], row[2::2], strict=True):
+        binding = OPERATORS[operator.key]  # type: ignore[attr-defined]
+        while waiting and waiting[-1][0] >= binding[0]:
+            join()
+        waiting.append(binding)
+        values.append(brief(operand, text))
+    while waiting:
+        join()
+    return values[0]
+
+
+def brief(form: Form, text: str) -> str:
+    """What stands in `text` for `form`, on one line, its end left out where it is long."""
+    found = " ".join(text[form.start : min(form.end, form.start + MAX_BRIEF + 1)].split())
+    return found if form.end - form.start <= MAX_BRIEF else f"{found[:MAX_BRIEF]}..."
+
+
+# ---- reading
+
 
 MAX_TEXT = 16_384
 """Characters in one text: the largest expression that the channel carries."""

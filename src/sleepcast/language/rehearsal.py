@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from math import nan
 from typing import NamedTuple
 
-from sleepcast.language.operations import Entered
+from sleepcast.language.evaluate import Entered
 from sleepcast.language.parts import Label, Part, Storing
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEEPING, Variable, buffer_number
 

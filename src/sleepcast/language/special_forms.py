@@ -9,9 +9,9 @@ from collections.abc import Callable
 from math import nan
 
 from sleepcast.language.checker import STORE_STEPS, Checker, Special
-from sleepcast.language.form import QUASIQUOTE, QUOTE, UNQUOTE, Form, List, Number, Symbol, Text
 from sleepcast.language.functions import FUNCTIONS, MAX_HOPS, MAX_REPEATS
 from sleepcast.language.parts import Defining, Label, Part, Storing, Template
+from sleepcast.language.reader import QUASIQUOTE, QUOTE, UNQUOTE, Form, List, Number, Symbol, Text
 from sleepcast.language.vocabulary import Constant, HostFunction, Kind, Variable, buffer_number
 
 MAX_LOOPS = 4

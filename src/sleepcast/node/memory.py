@@ -12,12 +12,11 @@ from math import inf, nan
 from weakref import WeakKeyDictionary
 
 from sleepcast.core.errors import SleepcastError
-from sleepcast.language.form import Form, Number, show
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.numerics import draw, stream
 from sleepcast.language.parts import Defining, Label, Part, Storing, Template, host_of, label_of, written
 from sleepcast.language.program import Library, Program
-from sleepcast.language.reader import MAX_TEXT
+from sleepcast.language.reader import MAX_TEXT, Form, Number, show
 from sleepcast.language.rehearsal import FLAGS, Answer, Refusal, Rehearsal
 from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import (

@@ -19,12 +19,11 @@ from sleepcast.channel.stop_latch import ENDED
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
-from sleepcast.language.form import show
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.lint import Checked, check
 from sleepcast.language.parts import Part
 from sleepcast.language.program import Program, evaluate
-from sleepcast.language.reader import read
+from sleepcast.language.reader import read, show
 from sleepcast.language.rehearsal import Answer
 from sleepcast.language.symbols import Declared, UserVariable
 from sleepcast.language.vocabulary import FROZEN, SLEEPING, Variable, Vocabulary, buffer_number

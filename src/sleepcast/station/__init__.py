@@ -1,7 +1,16 @@
 """An operator's station, without a page: check, preview, send, stop, and a truthful account of each command."""
 
-from sleepcast.station.account import Account, Command, NoSuchCommandError
-from sleepcast.station.answers import FAULT, MATCHED, NOT_MATCHED, SILENT, Answer, Outcome
+from sleepcast.station.account import (
+    FAULT,
+    MATCHED,
+    NOT_MATCHED,
+    SILENT,
+    Account,
+    Answer,
+    Command,
+    NoSuchCommandError,
+    Outcome,
+)
 from sleepcast.station.journal.journal import Entry, Event, Journal, MemoryJournal, Report
 from sleepcast.station.minds import FleetNames, ManyMinds, Mind, Minds, Telemetry
 from sleepcast.station.preview import NO, UNKNOWN, YES, Preview

@@ -13,8 +13,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.language.evaluate import Entered
 from sleepcast.language.explain import Explanation
-from sleepcast.language.operations import Entered
 from sleepcast.language.parts import Part
 from sleepcast.language.program import Program
 from sleepcast.language.symbols import Declared

@@ -30,8 +30,7 @@ from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.language.parts import rules
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
-from sleepcast.station.account import Command, account
-from sleepcast.station.answers import MATCHED
+from sleepcast.station.account import MATCHED, Command, account
 from sleepcast.station.journal.journal import Event, Journal
 from sleepcast.station.minds import Index, Minds
 from sleepcast.station.preview import NO, UNKNOWN, YES

@@ -17,7 +17,7 @@ from math import nan
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.language.operations import Entered
+from sleepcast.language.evaluate import Entered
 from sleepcast.language.parts import Part, acts, walk
 from sleepcast.language.program import Program, evaluate
 from sleepcast.language.rehearsal import CHANCE, DEED, asks, does, holds

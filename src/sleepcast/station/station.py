@@ -29,11 +29,9 @@ from sleepcast.core.serial import SerialError, pack, room_for, unpack
 from sleepcast.language import Checked, CheckError, Explanation, check
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
-from sleepcast.station.account import Account, Command, SentCommands, account
-from sleepcast.station.answers import answer_from
-from sleepcast.station.journal.journal import Event, Journal, MemoryJournal, Report
+from sleepcast.station.account import Account, Command, SentCommands, account, answer_from
+from sleepcast.station.journal.journal import Event, Journal, MemoryJournal, PendingEntry, Report, WriteBatch
 from sleepcast.station.journal.snapshot import dump_journal, restore_journal
-from sleepcast.station.journal.write_batch import PendingEntry, WriteBatch
 from sleepcast.station.minds import FleetNames, FleetTelemetry, ManyMinds, Mask, Minds, Telemetry
 from sleepcast.station.preview import NO, UNKNOWN, YES, Preview, Rows, preview
 from sleepcast.station.roster import Index, RobotNames, Roster

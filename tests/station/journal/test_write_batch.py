@@ -9,8 +9,7 @@ import pytest
 
 from sleepcast.channel import Kind
 from sleepcast.station import Event, MemoryJournal, Station
-from sleepcast.station.journal.journal import JournalError
-from sleepcast.station.journal.write_batch import AGAIN, MAX_KEPT, PendingEntry, WriteBatch
+from sleepcast.station.journal.journal import AGAIN, MAX_KEPT, JournalError, PendingEntry, WriteBatch
 from station.fleet import Fleet, vocabulary
 
 

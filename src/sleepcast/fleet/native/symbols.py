@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import TypeAlias
 
 from sleepcast.fleet.minds import Mind
-from sleepcast.language.operations import MAX_DEPTH, MAX_LEVELS
+from sleepcast.language.evaluate import MAX_DEPTH, MAX_LEVELS
 from sleepcast.language.parts import Part, walk
 from sleepcast.language.program import MAX_STEPS, Program
 from sleepcast.language.rehearsal import FLAGS

@@ -1,4 +1,4 @@
-"""The memory of a fleet as a program sees it: what `language.operations.Memory` is for one robot, for many at once.
+"""The memory of a fleet as a program sees it: what `language.evaluate.Memory` is for one robot, for many at once.
 
 Every method is about some rows and gives a column, one value for each of them.
 """

@@ -11,7 +11,7 @@ import asyncio
 import sys
 
 from sleepcast.core.clock import WallClock
-from sleepcast.nomad import Nserver, Pace, Windows
+from sleepcast.nomad import Nserver, ServerPace, Windows
 from sleepcast.robot import Axes
 from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
@@ -50,7 +50,7 @@ async def nserver(robots: int) -> None:
     server = Nserver(world, windows=Windows(robots), say=lambda line: None)
     await server.listen([HOST], 0)
     print(server.port, flush=True)
-    running = asyncio.create_task(server.run(Pace(WallClock())))
+    running = asyncio.create_task(server.run(ServerPace(WallClock())))
     await _until_input_ends()
     running.cancel()
     await asyncio.wait({running})

@@ -14,8 +14,7 @@ from nomad.serving import LONGEST, Served, serving
 from robot_contract import Rig, RobotContract
 from sleepcast.bridges import BodyError, open_robot
 from sleepcast.bridges.nomad import model_of
-from sleepcast.bridges.nomad_bases import SCOUT
-from sleepcast.bridges.nomad_robot import MAX_ERRANDS, BusyError, FencedError, NomadRobot
+from sleepcast.bridges.nomad_robot import MAX_ERRANDS, SCOUT, BusyError, FencedError, NomadRobot
 from sleepcast.core.clock import ManualClock
 from sleepcast.loop import vocabulary_of
 from sleepcast.nomad.client import LostError, Nomad, RefusedError

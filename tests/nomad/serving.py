@@ -9,7 +9,7 @@ from math import inf
 from threading import Event, Thread
 
 from sleepcast.core.clock import WallClock
-from sleepcast.nomad import Nserver, Pace, Windows
+from sleepcast.nomad import Nserver, ServerPace, Windows
 from sleepcast.robot import SimulatedWorld
 
 LONGEST = 20.0
@@ -42,7 +42,7 @@ class Served:
             await self._nserver.listen(["127.0.0.1"], port)
         finally:
             self._up.set()
-        await self._nserver.run(Pace(WallClock(), speed))
+        await self._nserver.run(ServerPace(WallClock(), speed))
 
     def await_up(self) -> None:
         assert self._up.wait(LONGEST)

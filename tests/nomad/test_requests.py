@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from sleepcast.nomad.answers import HANDLERS
-from sleepcast.nomad.behaviour import COMMANDS
 from sleepcast.nomad.requests import SHAPES, Kind, Mode, firing_order, misfit, moves
+from sleepcast.nomad.simulated_robot import COMMANDS
 from sleepcast.nomad.wire import CONNECTING
 from sleepcast.robot import Axes
 

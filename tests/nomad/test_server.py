@@ -14,12 +14,11 @@ import pytest
 
 from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import MisuseError
-from sleepcast.nomad import Nserver, Pace, ServerError, Windows, own_addresses
+from sleepcast.nomad import Nserver, ServerError, ServerPace, Windows, own_addresses
 from sleepcast.nomad import server as nomad_server
-from sleepcast.nomad.line import MAX_BUFFERED, TURN
-from sleepcast.nomad.notes import BURST, RATE
 from sleepcast.nomad.requests import Kind
-from sleepcast.nomad.server import MAX_CLIENTS, MAX_READ
+from sleepcast.nomad.server import BURST, MAX_CLIENTS, MAX_READ, RATE
+from sleepcast.nomad.server_connection import MAX_BUFFERED, TURN
 from sleepcast.nomad.wire import HEADER, MAX_WORDS, Layout, decode, encode_request
 from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
@@ -61,7 +60,7 @@ class Served:
         self.said: list[str] = []
         self.world = nomad_world(None, "ideal", robots, 1)
         self.nserver = Nserver(self.world, windows=Windows(robots), say=self.said.append, **options)  # type: ignore[arg-type]
-        self.pace = Pace(WallClock(), speed)
+        self.pace = ServerPace(WallClock(), speed)
         self.callers: list[Caller] = []
 
     async def bare(self) -> Caller:

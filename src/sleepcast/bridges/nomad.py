@@ -5,8 +5,7 @@ from __future__ import annotations
 
 from math import inf, pi
 
-from sleepcast.bridges.nomad_bases import BASES, Base
-from sleepcast.bridges.nomad_robot import FRESH, PATIENCE, NomadRobot
+from sleepcast.bridges.nomad_robot import BASES, FRESH, PATIENCE, Base, NomadRobot
 from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, Dimension, Quantity
 from sleepcast.nomad.client import PORT, Nomad
 from sleepcast.nomad.state import RING

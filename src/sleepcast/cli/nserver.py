@@ -21,7 +21,7 @@ from sleepcast.cli.streams import ReaderGone, announce, complain
 from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
-    from sleepcast.nomad import Nserver, Pace, RealRobot
+    from sleepcast.nomad import Nserver, RealRobot, ServerPace
     from sleepcast.simulator.nomads.nomads import NomadWorld
 
 PAGE_PORT = 8318
@@ -97,7 +97,7 @@ def nserver(
         import asyncio
 
         from sleepcast.core.clock import WallClock
-        from sleepcast.nomad import Nserver, Pace, Windows, listening_places
+        from sleepcast.nomad import Nserver, ServerPace, Windows, listening_places
         from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
         hurry = lockstep or speed > QUICK
@@ -114,7 +114,7 @@ def nserver(
             real=real_robots,
             say=_say,
         )
-        pace = Pace(WallClock(), speed)
+        pace = ServerPace(WallClock(), speed)
         addresses = listening_places(hosts)
         interrupts.release()  # from here on Ctrl-C ends the loop in good order
         title = f"{world.stem if world is not None else 'An empty room'}, {Path(setup).stem}"
@@ -124,7 +124,7 @@ def nserver(
 
 
 def _page(
-    world: NomadWorld, pace: Pace, title: str, port: int, *, browser: bool, as_json: bool
+    world: NomadWorld, pace: ServerPace, title: str, port: int, *, browser: bool, as_json: bool
 ) -> Callable[[Nserver], Awaitable[None]]:
     """What serves the page of a server until it ends."""
     from sleepcast.console import Address, serve_nomads
@@ -142,7 +142,7 @@ def _page(
 
 async def _serve(
     server: Nserver,
-    pace: Pace,
+    pace: ServerPace,
     hosts: Sequence[str],
     port: int,
     page: Callable[[Nserver], Awaitable[None]] | None,

@@ -1,23 +1,30 @@
 """The Nomad wire: a server that programs of the Nomad's day run against.
 
-units -> wire -> requests -> state -> behaviour -> session -> answers -> line -> server
+units -> wire -> requests -> state -> simulated_robot -> session -> answers -> server_connection -> server
 
 The wire is pure (bytes in, requests out; words in, bytes out) and so is a session with one client; sockets and time
-come in with lines and the server. Lengths in inches live in `units` alone.
+come in with connections and the server. Lengths in inches live in `units` alone.
 """
 
-from sleepcast.nomad.pace import Pace
 from sleepcast.nomad.relay import RealRobot, real_robot
-from sleepcast.nomad.server import DEFAULT_PORT, Nserver, ServerError, listening_places, own_addresses, unheard
+from sleepcast.nomad.server import (
+    DEFAULT_PORT,
+    Nserver,
+    ServerError,
+    ServerPace,
+    listening_places,
+    own_addresses,
+    unheard,
+)
 from sleepcast.nomad.windows import RobotWindow, Sketch, Windows
 
 __all__ = [
     "DEFAULT_PORT",
     "Nserver",
-    "Pace",
     "RealRobot",
     "RobotWindow",
     "ServerError",
+    "ServerPace",
     "Sketch",
     "Windows",
     "listening_places",

@@ -7,17 +7,16 @@ success.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from struct import Struct
 
 from sleepcast.core.errors import SleepcastError
 from sleepcast.nomad import units
-from sleepcast.nomad.behaviour import COMMANDS, LONGEST_TIMEOUT, MOTIONS, NO_LASER, STOPS, Behaviour
-from sleepcast.nomad.packets import packet_reply
 from sleepcast.nomad.relay import Pending, Relay
 from sleepcast.nomad.requests import Fault, Kind, Reply, misfit, name_of
-from sleepcast.nomad.scenery import ERASED, checked, moved, polygon, prediction, sketch
 from sleepcast.nomad.session import Answer, Refusal, Session, Wait, Words
+from sleepcast.nomad.simulated_robot import COMMANDS, LONGEST_TIMEOUT, MOTIONS, NO_LASER, STOPS, SimulatedRobot
 from sleepcast.nomad.state import (
     BUMPER,
     COMPASS,
@@ -34,8 +33,8 @@ from sleepcast.nomad.state import (
     position,
     tail,
 )
-from sleepcast.nomad.texts import text_of
-from sleepcast.nomad.wire import CONNECTING, Request
+from sleepcast.nomad.wire import CONNECTING, Request, text_of
+from sleepcast.nomad.world_requests import ERASED, checked, moved, polygon, prediction, sketch
 
 
 def answer(session: Session, request: Request) -> Answer:
@@ -79,7 +78,7 @@ def _connecting(session: Session, kind: int, words: Words) -> Answer:
     return session.reply(kind, (session.service.port,))
 
 
-def _relayed(session: Session, relay: Relay, behaviour: Behaviour, kind: int, words: Words) -> Answer:
+def _relayed(session: Session, relay: Relay, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
     """Ask the real robot, which is not moved while all robots are held."""
     if kind == Kind.CT:
         session.mask.configure(words)
@@ -93,7 +92,7 @@ def _relayed(session: Session, relay: Relay, behaviour: Behaviour, kind: int, wo
     return ready() or Wait(ready, ticks=False)
 
 
-def _command(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
+def _command(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
     """Command the robot; the reply has the state once that is done, if it is something that takes its time."""
     if kind in MOTIONS or kind in STOPS:
         session.drive(behaviour, kind)
@@ -110,13 +109,13 @@ def _command(session: Session, behaviour: Behaviour, kind: int, words: Words) ->
 # ---- what the robot tells
 
 
-def _state(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
+def _state(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
     if session.service.lockstep:
         return Wait(lambda: session.state(behaviour))
     return session.state(behaviour)
 
 
-def _set_mask(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
+def _set_mask(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
     session.mask.configure(words)
     return _state(session, behaviour, kind, words)
 
@@ -145,7 +144,7 @@ PARTS: dict[int, Part] = {
 }
 
 
-def _part(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
+def _part(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
     part = PARTS[kind]
 
     def reply() -> bytes:
@@ -163,7 +162,7 @@ def _part(session: Session, behaviour: Behaviour, kind: int, words: Words) -> An
     return session.in_time(reply)
 
 
-def _wait_until_stopped(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
+def _wait_until_stopped(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
     """0 as the time to wait means for as long as it takes."""
     *flags, timeout = words
     world = session.service.world
@@ -177,7 +176,7 @@ def _wait_until_stopped(session: Session, behaviour: Behaviour, kind: int, words
     return Wait(ready) if session.service.lockstep else ready() or Wait(ready)
 
 
-def _positions(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
+def _positions(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
     """x, y and steering of each robot, where it really is."""
 
     def reply() -> bytes:
@@ -190,14 +189,14 @@ def _positions(session: Session, behaviour: Behaviour, kind: int, words: Words) 
 # ---- the world and the windows
 
 
-def _speak(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
+def _speak(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
     text = text_of(words, session.service.tk_order)
     behaviour.window.said.append((session.service.world.time, text))
     session.service.say(f"robot {session.robot + 1} says: {text}")
     return session.reply(Reply.SIMPLE)
 
 
-def _change_obstacle(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
+def _change_obstacle(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
     corners = polygon(words)
     world = session.service.world
     if not (world.add(corners) if kind == Kind.ADD_OBSTACLE else world.remove(corners)):
@@ -206,7 +205,7 @@ def _change_obstacle(session: Session, behaviour: Behaviour, kind: int, words: W
     return session.reply(Reply.SIMPLE)
 
 
-def _move_obstacle(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
+def _move_obstacle(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
     """A client copies as many words as it has sent for the corners, whatever comes: so they come, moved or not."""
     across, up = words[-2:]
     if session.service.world.move(polygon(words, more=2), units.metres(across), units.metres(up)):
@@ -215,30 +214,30 @@ def _move_obstacle(session: Session, behaviour: Behaviour, kind: int, words: Wor
     return session.reply(Reply.MOVED, words[:-2])
 
 
-def _new_world(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
+def _new_world(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
     session.service.world.clear()
     return session.reply(Reply.SIMPLE)
 
 
-def _draw(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
+def _draw(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
     session.service.windows.sketches.append(sketch(kind, words))
     return session.reply(Reply.SIMPLE)
 
 
-def _refresh(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
+def _refresh(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
     session.service.windows.erase(session.robot, ERASED[kind])
     return session.reply(Reply.SIMPLE)
 
 
-def _predict(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
+def _predict(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
     return session.reply(Reply.STATE, prediction(session.service.world, session.robot, behaviour.pose(words)))
 
 
-def _check_motion(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
+def _check_motion(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
     return session.reply(kind, checked(session.service.world, session.robot, words))
 
 
-def _ask_for_click(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
+def _ask_for_click(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
     """The place that somebody clicks at, or at once where the robot believes to be if there are no windows."""
 
     def reply() -> bytes | None:
@@ -258,7 +257,7 @@ def _ask_for_click(session: Session, behaviour: Behaviour, kind: int, words: Wor
 # ---- the server itself
 
 
-def _quit(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
+def _quit(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
     if not session.service.may_quit:
         raise Refusal("quit_server is not permitted here (--may-quit permits it)")
     session.service.say(f"{session.name} ends the server")
@@ -266,7 +265,7 @@ def _quit(session: Session, behaviour: Behaviour, kind: int, words: Words) -> An
     return session.reply(Reply.SIMPLE)
 
 
-def _switch_body(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
+def _switch_body(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
     if kind == Kind.REAL_ROBOT:
         session.take_real()
     else:
@@ -274,11 +273,11 @@ def _switch_body(session: Session, behaviour: Behaviour, kind: int, words: Words
     return session.reply(Reply.SIMPLE)
 
 
-def _special(session: Session, behaviour: Behaviour, kind: int, words: Words) -> Answer:
+def _special(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
     return session.reply(kind, packet_reply(words))
 
 
-HANDLERS: dict[int, Callable[[Session, Behaviour, int, Words], Answer]] = {
+HANDLERS: dict[int, Callable[[Session, SimulatedRobot, int, Words], Answer]] = {
     Kind.GS: _state,
     Kind.CT: _set_mask,
     Kind.WS: _wait_until_stopped,
@@ -303,3 +302,30 @@ HANDLERS: dict[int, Callable[[Session, Behaviour, int, Words], Answer]] = {
 
 RELAYED = frozenset({*COMMANDS, *PARTS, Kind.GS, Kind.CT, Kind.WS, Kind.TK, Kind.SPECIAL_REQUEST})
 """What a real robot is asked instead of the simulated one. The rest is about the world, which is simulated."""
+
+
+# User packets: bytes, one in each word, that Nserver passes on to what is built upon a robot.
+
+HEAD = Struct("<HBB")
+ZERO, WAIT, MOVE = 40, 41, 42
+"""Types of the arm's packets."""
+DATA = {ZERO: 2, WAIT: 8, MOVE: 16}
+"""Bytes of their data: a mode; two flags and a time to wait; four numbers."""
+WAIT_TIME = slice(4, 8)
+DONE = bytes(4)
+"""The result: no fault."""
+
+
+def packet_reply(words: Sequence[int]) -> bytes:
+    """The packet that answers a packet, a byte for each word. Raises Refusal if nobody understands it."""
+    if not all(0 <= word <= 0xFF for word in words):
+        raise Refusal("a user packet has one byte in each word")
+    packet = bytes(words)
+    length, serial, kind = HEAD.unpack_from(packet)
+    data = packet[HEAD.size :]
+    if length != len(packet):
+        raise Refusal(f"a user packet says that it has {length} bytes, and has {len(packet)}")
+    if len(data) != DATA.get(kind):
+        raise Refusal(f"nobody here understands a user packet of type {kind} with {len(data)} bytes of data")
+    answer = DONE + data[WAIT_TIME] if kind == WAIT else DONE
+    return HEAD.pack(HEAD.size + len(answer), serial, kind) + answer

@@ -21,8 +21,8 @@ from typing import NamedTuple, Self
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.nomad.connection import Connection, LostError, NomadError
 from sleepcast.nomad.nclient import ALL, TIMEOUT, Nclient, RefusedError, RequestError
-from sleepcast.nomad.report import Stamp, State
 from sleepcast.nomad.requests import Kind
+from sleepcast.nomad.state import Stamp, State
 from sleepcast.nomad.units import (
     CONFIGURED_PAUSE,
     INCH,

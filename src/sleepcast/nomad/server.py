@@ -12,19 +12,16 @@ import errno
 import socket
 from collections.abc import Callable, Mapping, Sequence
 from ipaddress import ip_address
+from math import inf
 
 from sleepcast.core.clock import Clock, WallClock
 from sleepcast.core.errors import SleepcastError
-from sleepcast.nomad.behaviour import Behaviour
-from sleepcast.nomad.hand import Hand
-from sleepcast.nomad.line import Line
-from sleepcast.nomad.notes import Notes
-from sleepcast.nomad.pace import STANDSTILL, Pace
 from sleepcast.nomad.relay import RealRobot, Relay
+from sleepcast.nomad.server_connection import ManualClient, ServerConnection
 from sleepcast.nomad.session import Service
-from sleepcast.nomad.texts import ByteOrder
+from sleepcast.nomad.simulated_robot import SimulatedRobot
 from sleepcast.nomad.windows import Windows
-from sleepcast.nomad.wire import HEADER, decode
+from sleepcast.nomad.wire import HEADER, ByteOrder, decode
 from sleepcast.robot import SimulatedWorld
 
 DEFAULT_PORT = 7019
@@ -69,14 +66,14 @@ class Nserver:
         say: Callable[[str], None] = print,
         clock: Clock | None = None,
     ) -> None:
-        robots = [Behaviour(world, robot, windows.robots[robot]) for robot in range(world.count)]
-        said = Notes(say, clock or WallClock())
+        robots = [SimulatedRobot(world, robot, windows.robots[robot]) for robot in range(world.count)]
+        said = ThrottledLog(say, clock or WallClock())
         self.service = Service(world, windows, robots, said, tk_order, may_quit, lockstep, headless, dict(real or {}))
         self.world, self.windows = world, windows
         self.room = memoryview(bytearray(MAX_READ))
-        self.lines: set[Line] = set()
-        self.waiting: set[Line | Hand] = set()
-        self._hands: dict[int, Hand] = {}
+        self.lines: set[ServerConnection] = set()
+        self.waiting: set[ServerConnection | ManualClient] = set()
+        self._hands: dict[int, ManualClient] = {}
         self._servers: list[asyncio.Server] = []
         self._news = asyncio.Event()
         self._glanced = world.time - GLANCE
@@ -96,12 +93,12 @@ class Nserver:
                 address, self.service.port = listener.getsockname()[:2]
                 if not ip_address(address).is_loopback:
                     self.service.say(f"whoever can reach {host} can drive these robots: their wire knows no passwords")
-                self._servers.append(await loop.create_server(lambda: Line(self), sock=listener))
+                self._servers.append(await loop.create_server(lambda: ServerConnection(self), sock=listener))
         except ServerError:
             await self.close()
             raise
 
-    async def run(self, pace: Pace) -> None:
+    async def run(self, pace: ServerPace) -> None:
         """Let time pass until a client that may has ended the server; however this ends, all connections are closed."""
         try:
             while not self.service.quitting:
@@ -146,7 +143,7 @@ class Nserver:
         on the wire. Gives the words of its reply. Raises MisuseError for what is refused."""
         hand = self._hands.get(robot)
         if hand is None:
-            hand = self._hands[robot] = Hand(self.service, robot)
+            hand = self._hands[robot] = ManualClient(self.service, robot)
         async with hand.turn:
             hand.ask(name, numbers)
             if hand.wait is not None:
@@ -184,7 +181,7 @@ class Nserver:
 
     # ---- for the lines
 
-    def admit(self, line: Line) -> bool:
+    def admit(self, line: ServerConnection) -> bool:
         """Take a new connection; False if there are too many."""
         if len(self.lines) >= MAX_CLIENTS:
             self.service.say(f"{line.session.peer} is turned away: {MAX_CLIENTS} clients are enough")
@@ -198,7 +195,7 @@ class Nserver:
 
     # ---- time
 
-    async def _keep_pace(self, pace: Pace) -> None:
+    async def _keep_pace(self, pace: ServerPace) -> None:
         tick = self.world.tick
         for behaviour in self.service.behaviours:
             behaviour.speed = pace.speed
@@ -213,7 +210,7 @@ class Nserver:
         self._ticked = loop.time()
         await asyncio.sleep(pace.wait(tick))
 
-    async def _keep_step(self, pace: Pace) -> None:
+    async def _keep_step(self, pace: ServerPace) -> None:
         """One tick, once every client waits for it, those apart that have not asked for a while; none while time is
         told to stand still."""
         if pace.speed <= 0.0:
@@ -304,3 +301,85 @@ def _why_not(host: str, port: int, error: OSError) -> str:
     if error.errno == errno.EACCES:
         return f"port {port} needs more rights than you have: take one above 1023, such as --port {DEFAULT_PORT}"
     return f"cannot listen on {host} port {port}: {error.strerror or error}"
+
+
+# What the server says to the person at the terminal, at a rate that a person can read.
+
+BURST = 20
+"""Lines at once,"""
+RATE = 2.0
+"""and lines a second on the whole. A client that floods the server cannot flood the terminal."""
+
+
+class ThrottledLog:
+    """Passes lines on to `say`, and counts those that are too many."""
+
+    def __init__(self, say: Callable[[str], None], clock: Clock) -> None:
+        self._say, self._clock = say, clock
+        self._credit, self._looked = float(BURST), clock.now()
+        self._left_out = 0
+
+    def __call__(self, line: str) -> None:
+        """Say this, if there is room for it."""
+        now = self._clock.now()
+        self._credit = min(BURST, self._credit + RATE * (now - self._looked))
+        self._looked = now
+        if self._credit < 1.0:
+            self._left_out += 1
+            return
+        self._credit -= 1.0
+        if self._left_out:
+            self._say(f"... and {self._left_out} more lines that are left out")
+            self._left_out = 0
+        self._say(line)
+
+
+# How fast simulated time goes against the clock on the wall.
+
+LONGEST_DEBT = 0.25
+"""Seconds on the wall that a server that could not keep up makes up for; what is older is let go."""
+
+STANDSTILL = 0.05
+"""Seconds on the wall after which it is looked again whether time goes on."""
+
+
+class ServerPace:
+    """speed: simulated seconds in a second of `clock`, 0 for none, infinite for as fast as possible; it may be changed.
+    let_go: simulated seconds that were not made up for."""
+
+    def __init__(self, clock: Clock, speed: float = 1.0) -> None:
+        self.speed = speed
+        self.let_go = 0.0
+        self._clock = clock
+        self._looked = clock.now()
+        self._credit = 0.0
+
+    def look(self, tick: float) -> None:
+        """Count the time that has passed since the last look. tick: simulated s of one."""
+        now = self._clock.now()
+        passed, self._looked = now - self._looked, now
+        if self.speed == inf:
+            self._credit = 0.0
+            return
+        most = max(LONGEST_DEBT * self.speed, tick)
+        self._credit += passed * self.speed
+        if self._credit > most:
+            self.let_go += self._credit - most
+            self._credit = most
+
+    def due(self, tick: float) -> bool:
+        """Whether a tick is due; it is then taken as done."""
+        if self.speed == inf:
+            return True
+        if self._credit < tick:
+            return False
+        self._credit -= tick
+        return True
+
+    def wait(self, tick: float) -> float:
+        """Seconds on the wall to wait for the next tick, or until speed is to be looked at again."""
+        if self.speed == inf or self._credit >= tick:
+            return 0.0
+        if self.speed <= 0.0:
+            return STANDSTILL
+        return min(STANDSTILL, (tick - self._credit) / self.speed)

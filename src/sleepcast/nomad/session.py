@@ -11,13 +11,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from sleepcast.nomad import units
-from sleepcast.nomad.behaviour import Behaviour
 from sleepcast.nomad.relay import RealRobot, Relay
 from sleepcast.nomad.requests import Fault, Kind, Reply
+from sleepcast.nomad.simulated_robot import SimulatedRobot
 from sleepcast.nomad.state import Mask
-from sleepcast.nomad.texts import ByteOrder
 from sleepcast.nomad.windows import Windows
-from sleepcast.nomad.wire import Parser, encode
+from sleepcast.nomad.wire import ByteOrder, Parser, encode
 from sleepcast.robot import SimulatedWorld
 
 Words = Sequence[int]
@@ -33,7 +32,7 @@ class Service:
 
     world: SimulatedWorld
     windows: Windows
-    behaviours: list[Behaviour]
+    behaviours: list[SimulatedRobot]
     say: Callable[[str], None]
     tk_order: ByteOrder
     may_quit: bool
@@ -75,10 +74,10 @@ class Session:
     def __init__(self, service: Service, peer: str, parser: Parser, nudge: Callable[[], None]) -> None:
         self.service, self.peer, self.name, self.nudge = service, peer, peer, nudge
         self.robot = -1
-        self.behaviour: Behaviour | None = None
+        self.behaviour: SimulatedRobot | None = None
         self.mask = Mask()
         self.relay: Relay | None = None
-        self._driven: list[Behaviour] = []
+        self._driven: list[SimulatedRobot] = []
         """What moves because this client said so, as far as nobody else has said anything since."""
         self._parser = parser
         self._clicked: tuple[int, int] | None = None
@@ -131,7 +130,7 @@ class Session:
                 )
         self._driven.clear()
 
-    def drive(self, behaviour: Behaviour, kind: int) -> None:
+    def drive(self, behaviour: SimulatedRobot, kind: int) -> None:
         """The client is about to move its robot. The person at the terminal is told if another does so, too; but a
         program that drives may go home over a connection of its own."""
         alone = not behaviour.rivals()
@@ -146,7 +145,7 @@ class Session:
         """Whether it drives a simulated robot."""
         return self.behaviour is not None and self.relay is None
 
-    def _tell_window(self, behaviour: Behaviour) -> None:
+    def _tell_window(self, behaviour: SimulatedRobot) -> None:
         behaviour.window.client = ", ".join(behaviour.clients)
 
     # ---- the real robot
@@ -173,7 +172,7 @@ class Session:
         """A reply as the client reads it."""
         return encode(self._parser.layout, kind, words)
 
-    def state(self, behaviour: Behaviour) -> bytes:
+    def state(self, behaviour: SimulatedRobot) -> bytes:
         """The reply to what gets the state."""
         return behaviour.state_reply(self._parser.layout, self.mask)
 

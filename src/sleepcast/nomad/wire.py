@@ -12,7 +12,9 @@ from collections.abc import Sequence
 from enum import Enum
 from functools import lru_cache
 from struct import Struct
-from typing import NamedTuple
+from typing import Literal, NamedTuple
+
+from sleepcast.core.errors import printable
 
 HEADER = Struct(">hH")
 MAX_WORDS = 4096
@@ -155,3 +157,19 @@ def decode(body: bytes) -> tuple[int, ...]:
 @lru_cache(maxsize=256)
 def _numbers(count: int) -> Struct:
     return Struct(f">{count}i")
+
+
+# The text of `tk`: characters in words, four each, turned round by clients whose machine is little-endian.
+
+ByteOrder = Literal["little", "big"]
+MAX_TEXT = 1000
+"""Characters of a text that are kept; the page and the terminal show no more."""
+
+
+def text_of(words: Sequence[int], order: ByteOrder) -> str:
+    """What a client of that byte order says, without what a terminal might obey.
+
+    A 64-bit client sends only every other group of four characters: the others are lost before they get here.
+    """
+    sent = b"".join((word & 0xFFFF_FFFF).to_bytes(4, order) for word in words[: MAX_TEXT // 4])
+    return printable(sent.partition(b"\0")[0].decode("latin-1"))

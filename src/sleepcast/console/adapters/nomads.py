@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from sleepcast.core.errors import MisuseError
-from sleepcast.nomad import Nserver, Pace, RobotWindow, Sketch
-from sleepcast.nomad.hand import PAGE
+from sleepcast.nomad import Nserver, RobotWindow, ServerPace, Sketch
+from sleepcast.nomad.server_connection import PAGE
 from sleepcast.nomad.state import in_words
 from sleepcast.nomad.units import TENTH, TENTH_DEGREE
 from sleepcast.robot import Corners
@@ -22,7 +22,7 @@ class NomadsOnPage:
 
     tenth, degree = TENTH, TENTH_DEGREE
 
-    def __init__(self, nserver: Nserver, pace: Pace, title: str, area: Area) -> None:
+    def __init__(self, nserver: Nserver, pace: ServerPace, title: str, area: Area) -> None:
         self._nserver, self._pace, self._world = nserver, pace, nserver.world
         self.title, self.area = title, area
 

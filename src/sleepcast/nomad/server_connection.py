@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import asyncio
 import socket
+from collections.abc import Sequence
 from typing import Protocol
 
-from sleepcast.nomad.answers import answer
-from sleepcast.nomad.hand import Hand
-from sleepcast.nomad.session import Service, Session, Wait
-from sleepcast.nomad.wire import Parser
+from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.nomad.answers import answer, take
+from sleepcast.nomad.requests import Kind
+from sleepcast.nomad.session import Refusal, Service, Session, Wait
+from sleepcast.nomad.units import GREATEST_WORD, LEAST_WORD
+from sleepcast.nomad.wire import CONNECTING, Parser, Request
 
 TURN = 4
 """Requests of one client that are answered before others get their turn."""
@@ -29,21 +32,21 @@ how many stay without an answer until it counts as gone: cut off, or without cur
 
 
 class Host(Protocol):
-    """What a line needs of the server. room: where all lines read to, one after the other."""
+    """What a connection needs of the server. room: where all connections read to, one after the other."""
 
     room: memoryview
     service: Service
-    lines: set[Line]
-    waiting: set[Line | Hand]
+    lines: set[ServerConnection]
+    waiting: set[ServerConnection | ManualClient]
 
-    def admit(self, line: Line) -> bool:
+    def admit(self, line: ServerConnection) -> bool:
         """Take a new line; False if there are too many."""
 
     def news(self) -> None:
         """A line has asked, got its answer, or gone."""
 
 
-class Line(asyncio.BufferedProtocol):
+class ServerConnection(asyncio.BufferedProtocol):
     """See the module. wait: the reply that is still to come. asked: when the client last asked, on the loop's clock."""
 
     def __init__(self, host: Host) -> None:
@@ -158,3 +161,51 @@ def _watch(connection: socket.socket) -> None:
     for name, value in wanted.items():
         if (option := getattr(socket, name, None)) is not None:
             connection.setsockopt(socket.IPPROTO_TCP, option, value)
+
+
+# A person at the page, who commands a robot as a program would: a client without a socket.
+
+NAMES = {kind.name.lower(): kind for kind in Kind if kind not in CONNECTING}
+"""What can be asked, as the functions of the C library are called."""
+PAGE = "the page"
+"""What a person there is called among those who drive a robot."""
+
+
+class ManualClient:
+    """One robot's person. wait: the reply that is still to come. reply: the last. turn: one request at a time."""
+
+    def __init__(self, service: Service, robot: int) -> None:
+        self.wait: Wait | None = None
+        self.reply = b""
+        self.session = Session(service, PAGE, Parser(), self.look)
+        self.session.robot, self.session.behaviour = robot, service.behaviours[robot]
+        self.turn = asyncio.Lock()
+        self._done = asyncio.Event()
+
+    def ask(self, name: str, numbers: Sequence[int]) -> None:
+        """Do what the request of this name does. `wait` is set if its reply is still to come. Raises MisuseError."""
+        kind = NAMES.get(name)
+        if kind is None:
+            raise MisuseError(f"there is no request {name!r}{did_you_mean(name, NAMES)}")
+        if not all(LEAST_WORD <= number <= GREATEST_WORD for number in numbers):
+            raise MisuseError(f"{name}: each number must fit into 32 bits")
+        try:
+            answer = take(self.session, Request(kind, tuple(numbers), len(numbers)))
+        except Refusal as refusal:
+            raise MisuseError(refusal.text) from None
+        if isinstance(answer, Wait):
+            self.wait = answer
+            self._done.clear()
+        else:
+            self.reply = answer or b""
+
+    async def done(self) -> None:
+        """Wait until what was asked is done."""
+        if self.wait is not None:
+            await self._done.wait()
+
+    def look(self) -> None:
+        """See whether it is done."""
+        if self.wait is not None and (reply := self.wait.ready()) is not None:
+            self.wait, self.reply = None, reply
+            self._done.set()

@@ -14,13 +14,11 @@ import pytest
 from nomad.serving import LONGEST
 from sleepcast.bridges.nomad import BASES, model_of
 from sleepcast.core.errors import MisuseError
-from sleepcast.nomad.asking import mask_words, order_words, packet_words, text_words
 from sleepcast.nomad.client import Nomad
-from sleepcast.nomad.report import Answer, read_state
-from sleepcast.nomad.state import EVERYTHING
-from sleepcast.nomad.texts import text_of
+from sleepcast.nomad.nclient import mask_words, order_words, packet_words, text_words
+from sleepcast.nomad.state import EVERYTHING, Answer, read_state
 from sleepcast.nomad.vocabulary import NAMES, nomad_vocabulary
-from sleepcast.nomad.wire import MAX_WORDS
+from sleepcast.nomad.wire import MAX_WORDS, text_of
 
 CAPTURED = (
     "0066 0002 00000001 PROCESS_",

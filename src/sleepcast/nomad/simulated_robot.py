@@ -11,9 +11,21 @@ from collections.abc import Callable, Sequence
 from math import inf, nan
 
 from sleepcast.nomad import units
-from sleepcast.nomad.records import Records
 from sleepcast.nomad.requests import Kind, Mode, Reply, firing_order, moves, name_of
-from sleepcast.nomad.state import RING, Mask, axes, state_of, tail
+from sleepcast.nomad.state import (
+    POS_BUMPER,
+    POS_COMPASS,
+    POS_INFRARED,
+    POS_LASER,
+    POS_SONAR,
+    RING,
+    Mask,
+    axes,
+    position,
+    state_of,
+    tail,
+    velocity,
+)
 from sleepcast.nomad.windows import RobotWindow
 from sleepcast.nomad.wire import Layout, encode
 from sleepcast.robot import Axes, Condition, Pose, SimulatedWorld
@@ -30,7 +42,7 @@ NO_LASER = (0,)
 Words = Sequence[int]
 
 
-class Behaviour:
+class SimulatedRobot:
     """See the module. clients: who is connected to it, as text. accelerations: what ac last asked for. timeout: seconds
     without a request after which it stops, 0 for never; timed_by: who said so."""
 
@@ -49,7 +61,7 @@ class Behaviour:
         self._asked = world.time
         self._last: tuple[int, Words] = (0, ())
         self._zeroing = self._compass = False
-        self._records: Records | None = None
+        self._records: PosData | None = None
         self._condition: Condition | None = None
         self._state: list[int] = []
         self._replies: dict[Layout | None, bytes] = {}
@@ -164,7 +176,7 @@ class Behaviour:
         if not sensors:
             return []
         if self._records is None:
-            self._records = Records(steers=self.steers)
+            self._records = PosData(steers=self.steers)
             self._records.look(self.condition())
         return self._records.words(sensors)
 
@@ -248,24 +260,24 @@ class Behaviour:
         return Pose(units.metres(words[0]), units.metres(words[1]), heading, turret)
 
 
-COMMANDS: dict[int, Callable[[Behaviour, Words], None]] = {
-    Kind.AC: Behaviour._accelerate,
-    Kind.SP: Behaviour._cruise,
-    Kind.VM: Behaviour._drive,
-    Kind.PR: Behaviour._travel,
-    Kind.ST: Behaviour._rest,
-    Kind.LP: Behaviour._limp,
-    Kind.MV: Behaviour._move,
-    Kind.ZR: Behaviour._zero,
-    Kind.DP: Behaviour._define_place,
-    Kind.DA: Behaviour._define_angles,
-    Kind.PLACE_ROBOT: Behaviour._place,
-    Kind.CONF_TM: Behaviour._watch,
-    Kind.CONF_SN: Behaviour._fire,
-    Kind.CONF_CP: Behaviour._switch_compass,
-    Kind.CONF_IR: Behaviour._nothing_there,
-    Kind.CONF_LS: Behaviour._nothing_there,
-    Kind.CONF_SG: Behaviour._nothing_there,
+COMMANDS: dict[int, Callable[[SimulatedRobot, Words], None]] = {
+    Kind.AC: SimulatedRobot._accelerate,
+    Kind.SP: SimulatedRobot._cruise,
+    Kind.VM: SimulatedRobot._drive,
+    Kind.PR: SimulatedRobot._travel,
+    Kind.ST: SimulatedRobot._rest,
+    Kind.LP: SimulatedRobot._limp,
+    Kind.MV: SimulatedRobot._move,
+    Kind.ZR: SimulatedRobot._zero,
+    Kind.DP: SimulatedRobot._define_place,
+    Kind.DA: SimulatedRobot._define_angles,
+    Kind.PLACE_ROBOT: SimulatedRobot._place,
+    Kind.CONF_TM: SimulatedRobot._watch,
+    Kind.CONF_SN: SimulatedRobot._fire,
+    Kind.CONF_CP: SimulatedRobot._switch_compass,
+    Kind.CONF_IR: SimulatedRobot._nothing_there,
+    Kind.CONF_LS: SimulatedRobot._nothing_there,
+    Kind.CONF_SG: SimulatedRobot._nothing_there,
 }
 """What changes a robot, by type of request."""
 
@@ -283,3 +295,50 @@ def _positive(wanted: Axes) -> Axes:
 
 def _magnitude(wanted: Axes) -> Axes:
     return Axes(*map(abs, wanted))
+
+
+# PosData: where a robot was, and how fast, when each of its sensors last measured.
+
+Record = tuple[int, ...]
+"""x, y, steering, turret; the speeds of the axes; the clock then, and the clock of the reading."""
+BLANK: Record = (0,) * 9
+
+
+class PosData:
+    """The records of one robot. steers: as of its world."""
+
+    def __init__(self, *, steers: bool) -> None:
+        self._steers = steers
+        self._before: Condition | None = None
+        self._infrared = [BLANK] * RING
+        self._sonar = [BLANK] * RING
+        self._bumper = BLANK
+        self._now = BLANK
+
+    def look(self, condition: Condition) -> None:
+        """The robot is now like this."""
+        clock = tail(condition)[0]
+        now = (*position(condition.believed), *velocity(condition.speeds, steers=self._steers), clock, clock)
+        before, self._before, self._now = self._before, condition, now
+        self._infrared = [now if number < len(condition.infrared) else BLANK for number in range(RING)]
+        heard = before.sonars if before else ()
+        for number, reading in enumerate(condition.sonars[:RING]):
+            if number >= len(heard) or reading != heard[number]:
+                self._sonar[number] = now
+        if condition.touched and not (before and before.touched):
+            self._bumper = now
+
+    def words(self, sensors: int) -> list[int]:
+        """The records of these sensors (bits as in the mask), in the order of the wire."""
+        found: list[Record] = []
+        if sensors & POS_INFRARED:
+            found += self._infrared
+        if sensors & POS_SONAR:
+            found += self._sonar
+        if sensors & POS_BUMPER:
+            found.append(self._bumper)
+        if sensors & POS_LASER:
+            found.append(BLANK)
+        if sensors & POS_COMPASS:
+            found.append(self._now)
+        return [word for record in found for word in record]

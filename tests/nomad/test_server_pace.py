@@ -7,13 +7,12 @@ from math import inf
 import pytest
 
 from sleepcast.core.clock import ManualClock
-from sleepcast.nomad.notes import BURST, Notes
-from sleepcast.nomad.pace import LONGEST_DEBT, STANDSTILL, Pace
+from sleepcast.nomad.server import BURST, LONGEST_DEBT, STANDSTILL, ServerPace, ThrottledLog
 
 TICK = 0.02
 
 
-def ticks(pace: Pace) -> int:
+def ticks(pace: ServerPace) -> int:
     pace.look(TICK)
     count = 0
     while count < 10_000 and pace.due(TICK):
@@ -24,7 +23,7 @@ def ticks(pace: Pace) -> int:
 @pytest.mark.parametrize(("speed", "made"), [(1.0, 10), (2.0, 20), (0.5, 5), (0.0, 0)])
 def test_as_many_ticks_are_due_as_time_has_passed(speed: float, made: int) -> None:
     clock = ManualClock()
-    pace = Pace(clock, speed)
+    pace = ServerPace(clock, speed)
     total = 0
     for _ in range(20):
         clock.advance(0.01)
@@ -34,7 +33,7 @@ def test_as_many_ticks_are_due_as_time_has_passed(speed: float, made: int) -> No
 
 def test_what_could_not_be_kept_up_with_is_let_go() -> None:
     clock = ManualClock()
-    pace = Pace(clock)
+    pace = ServerPace(clock)
     clock.advance(10.0)
     assert ticks(pace) == int(LONGEST_DEBT / TICK)
     assert pace.let_go == pytest.approx(10.0 - LONGEST_DEBT)
@@ -42,7 +41,7 @@ def test_what_could_not_be_kept_up_with_is_let_go() -> None:
 
 def test_how_long_to_wait() -> None:
     clock = ManualClock()
-    pace = Pace(clock)
+    pace = ServerPace(clock)
     assert pace.wait(TICK) == pytest.approx(TICK)
     pace.speed = 2.0
     assert pace.wait(TICK) == pytest.approx(TICK / 2)
@@ -58,7 +57,7 @@ def test_how_long_to_wait() -> None:
 def test_a_flood_of_lines_is_left_out_and_counted() -> None:
     said: list[str] = []
     clock = ManualClock()
-    notes = Notes(said.append, clock)
+    notes = ThrottledLog(said.append, clock)
     for number in range(1000):
         notes(f"line {number}")
     assert said == [f"line {number}" for number in range(BURST)]

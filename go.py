@@ -97,15 +97,25 @@ def test(*pytest_options: str) -> int:
         return 0 if run("pytest", "tests/network", *large, *pytest_options[1:]) else 1
     if pytest_options[:1] == ("quick",):
         pytest_options = ("--hypothesis-profile", "quick", "-m", "not browser", *pytest_options[1:])
-    failed = []
+    import subprocess
+    import tempfile
+
     # Whole files go to as many processes as there are cores, in the order of tests/conftest.py: a file's tests share
     # what is dear to make.
     spread = ("--numprocesses=auto", "--dist=loadfile", "--no-loadscope-reorder")
-    everything = ("pytest", *spread, *pytest_options)
-    for check in (("ruff", "format", "--check"), ("ruff", "check"), ("mypy",), everything):
-        print("==", *check, flush=True)
-        if not run(*check):
-            failed.append(" ".join(check))
+    failed = []
+    # mypy needs one core only, so it works beside the others, and is heard only if it finds something.
+    with tempfile.TemporaryFile("w+") as found:
+        print("== mypy, beside the others", flush=True)
+        types = subprocess.Popen([PYTHON, "-m", "mypy"], cwd=ROOT, stdout=found, stderr=subprocess.STDOUT)
+        for check in (("ruff", "format", "--check"), ("ruff", "check"), ("pytest", *spread, *pytest_options)):
+            print("==", *check, flush=True)
+            if not run(*check):
+                failed.append(" ".join(check))
+        if types.wait():
+            found.seek(0)
+            print(found.read(), file=sys.stderr)
+            failed.append("mypy")
     if failed:
         print("failed:", *failed, sep="\n  ", file=sys.stderr)
     return 1 if failed else 0

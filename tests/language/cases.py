@@ -8,7 +8,7 @@ A machine that joins the house later joins the table.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -222,31 +222,30 @@ def state_of(mind: Node | RobotView) -> dict[str, object]:
     }
 
 
-class FleetMachine:
-    """A fleet whose first robot is the one of the cases; the others are in other states, and each has a node as its
-    twin, from which it must never differ. A text that only some of them can run is evaluated by those.
+class Herd:
+    """A fleet of robots in these settings, all of one type.
 
     native: whatever can be native code is, from its first evaluation on."""
 
-    checks = True
-
-    def __init__(self, setting: Setting, *, native: bool = False) -> None:
-        self.settings = [setting, *(other_setting(setting, which) for which in (1, 2))]
-        self.twins = [NodeMachine(each) for each in self.settings]
-        self.bodies = [Body() for _ in self.settings]
-        names = [f"robot{i}" for i in range(len(self.settings))]
-        numbers = [each.number for each in self.settings]
-        vocabulary = setting.vocabulary()
-        self.fleet = Fleet(names, vocabulary, numbers=numbers, seed=setting.seed, bodies=self.bodies)
+    def __init__(self, settings: Sequence[Setting], *, native: bool) -> None:
+        self.bodies = [Body() for _ in settings]
+        names = [f"robot{i}" for i in range(len(settings))]
+        vocabulary = settings[0].vocabulary()
+        self.fleet = Fleet(
+            names, vocabulary, numbers=[each.number for each in settings], seed=settings[0].seed, bodies=self.bodies
+        )
         self.fleet.kernels = self.fleet.memory.kernels = Kernels(hot=0) if native else None
         self.robots = list(self.fleet.values())
-        for view, twin in zip(self.robots, self.twins, strict=True):
-            view.sense(twin.mind.values[vocabulary.first_sensor : vocabulary.first_actuator], 0.0)
-            for slot in range(vocabulary.first_actuator, vocabulary.size):
-                rows = self.fleet.rows([view.place])
-                self.fleet.state.assign(slot, rows, np.array([twin.mind.values[slot]]))
+        for view, setting in zip(self.robots, settings, strict=True):
+            measured = [setting.values.get(sensor.name.casefold(), math.nan) for sensor in vocabulary.sensors]
+            view.sense(measured, 0.0)
+            for slot, actuator in enumerate(vocabulary.actuators, vocabulary.first_actuator):
+                if actuator.name.casefold() in setting.values:
+                    rows = self.fleet.rows([view.place])
+                    self.fleet.state.assign(slot, rows, np.array([setting.values[actuator.name.casefold()]]))
 
-    def evaluate(self, text: str) -> Outcome:
+    def evaluate(self, text: str) -> list[Outcome]:
+        """What comes of it for each robot. A text that only some of them can run is evaluated by those."""
         for body, view in zip(self.bodies, self.robots, strict=True):
             body.done.clear()
             view.outbox.clear()
@@ -266,11 +265,7 @@ class FleetMachine:
             for place in found.rows.robots.tolist():
                 result = self.robots[place].result(found, checks[place].cost)
                 outcomes[place] = self._outcome(place, result, checks[place].warnings)
-        for outcome, view, twin in zip(outcomes, self.robots, self.twins, strict=True):
-            wanted = twin.evaluate(text)
-            assert bits(outcome) == bits(wanted), f"{view.name}: {text}"
-            assert state_of(view) == twin.state(), f"{view.name}: {text}"
-        return outcomes[0]
+        return outcomes
 
     def _outcome(self, place: int, result: Result, warnings: list[Finding]) -> Outcome:
         said = self.robots[place].outbox
@@ -285,8 +280,30 @@ class FleetMachine:
             warnings=tuple(finding.message for finding in warnings),
         )
 
+
+class FleetMachine:
+    """Fleets whose first robot is the one of the cases, one without and one with native code; the others are in other
+    states, and each has a node as its twin, from which it must never differ."""
+
+    checks = True
+
+    def __init__(self, setting: Setting) -> None:
+        settings = [setting, *(other_setting(setting, which) for which in (1, 2))]
+        self.twins = [NodeMachine(each) for each in settings]
+        self.herds = {"walked": Herd(settings, native=False)}
+        if available():
+            self.herds["native"] = Herd(settings, native=True)
+
+    def evaluate(self, text: str) -> Outcome:
+        wanted = [(twin.evaluate(text), twin.state()) for twin in self.twins]
+        for name, herd in self.herds.items():
+            for outcome, view, (other, state) in zip(herd.evaluate(text), herd.robots, wanted, strict=True):
+                assert bits(outcome) == bits(other), f"{name}, {view.name}: {text}"
+                assert state_of(view) == state, f"{name}, {view.name}: {text}"
+        return wanted[0][0]
+
     def state(self) -> dict[str, object]:
-        return state_of(self.robots[0])
+        return state_of(self.herds["walked"].robots[0])
 
 
 def bits(outcome: Outcome) -> tuple[object, ...]:
@@ -307,7 +324,6 @@ MACHINES: dict[str, Callable[[Setting], Machine]] = {
     "node": NodeMachine,
     "node-compiled": partial(NodeMachine, compiled=True),
     "fleet": FleetMachine,
-    **({"fleet-native": partial(FleetMachine, native=True)} if available() else {}),
 }
 
 

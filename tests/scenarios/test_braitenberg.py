@@ -16,9 +16,10 @@ import pytest
 
 from cli.calling import called
 from sleepcast.api.assembly import assemble
-from sleepcast.loop import Swarm
+from sleepcast.loop import Swarm, resume, snapshot
 from sleepcast.simulator import Order, find_scenario
 from sleepcast.station import Station
+from swarms import station_of
 
 SCENARIO = find_scenario("braitenberg")
 *RULES, FLIGHT = SCENARIO.mission
@@ -34,16 +35,33 @@ def start(seed: int, orders: Sequence[Order]) -> tuple[Swarm, Station]:
     return assemble(replace(SCENARIO, mission=tuple(orders)), seed, mission=True)
 
 
+@pytest.fixture(scope="module")
+def half_way() -> list[bytes]:
+    """The group of each seed after 500 s, as a snapshot: to go on from there is never to have stopped."""
+    found = []
+    for seed in SEEDS:
+        swarm, _ = start(seed, RULES)
+        swarm.run(500)
+        found.append(snapshot(swarm))
+    return found
+
+
+def go_on(data: bytes) -> tuple[Swarm, Station]:
+    swarm = resume(data, desk=station_of)
+    assert isinstance(swarm.desk, Station)
+    return swarm, swarm.desk
+
+
 def series(swarm: Swarm, name: str) -> dict[float, float]:
     return {sample[0]: sample[1] for sample in swarm.simulator.measured()[name]}
 
 
 @pytest.mark.slow
-def test_the_group_finds_the_light_and_stays_together() -> None:
+def test_the_group_finds_the_light_and_stays_together(half_way: list[bytes]) -> None:
     runs = []
     for seed in SEEDS:
-        swarm, _ = start(seed, RULES)
-        swarm.run(1500)
+        swarm, _ = go_on(half_way[seed])
+        swarm.run(1000)
         runs.append(distance := series(swarm, "distance_to_light"))
         assert 58.0 < distance[0] < 62.0
         for seconds, (expected, deviation) in EXPECTED.items():
@@ -71,11 +89,10 @@ def test_without_the_rules_for_the_light_it_stays_where_it_is() -> None:
 
 
 @pytest.mark.slow
-def test_one_broadcast_on_the_way_turns_attraction_into_flight() -> None:
+def test_one_broadcast_on_the_way_turns_attraction_into_flight(half_way: list[bytes]) -> None:
     """At 500 s, 35 m away, the group turns round: 58 m at 1,000 s and 84 m at 1,500 s (one run deviates by 4 m)."""
     for seed in SEEDS:
-        swarm, desk = start(seed, RULES)
-        swarm.run(500)
+        swarm, desk = go_on(half_way[seed])
         command = desk.send(FLIGHT.text)
         swarm.run(1000)
         distance, gyration = series(swarm, "distance_to_light"), series(swarm, "radius_of_gyration")

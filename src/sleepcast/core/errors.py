@@ -31,24 +31,24 @@ def nearest(name: str, candidates: Iterable[str]) -> str | None:
 
     Of those equally near, one with the same letters in another order comes first, then one with the same first letter.
     """
-    written = {candidate.casefold(): candidate for candidate in candidates}
-    best = _nearest(name.casefold(), tuple(written))
-    if best is None:
-        return None
-    return written[best].upper() if name.isupper() else written[best]
+    return _nearest(name, tuple(candidates))
 
 
 @lru_cache(maxsize=64)  # robots of one type are asked the same, one after the other
-def _nearest(key: str, candidates: tuple[str, ...]) -> str | None:
+def _nearest(name: str, candidates: tuple[str, ...]) -> str | None:
     import difflib  # only needed when something is wrong already
 
+    key, written = name.casefold(), {candidate.casefold(): candidate for candidate in candidates}
     matcher = difflib.SequenceMatcher(b=key)
 
     def likeness(other: str) -> tuple[float, bool, bool]:
         matcher.set_seq1(other)
         return matcher.ratio(), sorted(other) == sorted(key), other[:1] == key[:1]
 
-    return max(difflib.get_close_matches(key, candidates, n=5, cutoff=0.7), key=likeness, default=None)
+    best = max(difflib.get_close_matches(key, written, n=5, cutoff=0.7), key=likeness, default=None)
+    if best is None:
+        return None
+    return written[best].upper() if name.isupper() else written[best]
 
 
 def did_you_mean(name: str, candidates: Iterable[str]) -> str:

@@ -9,7 +9,7 @@ Names are compared case-folded, in one namespace; a clash is refused when it is 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -158,6 +158,7 @@ class Vocabulary:
         others: tuple[Binding, ...] = (*CONSTANTS, *self.constants, *self.functions)
         for binding in others:
             self._declare(binding)
+        self._names = (*(each.name for each in self.bindings.values()), *(each.name for each in FUNCTIONS.values()))
 
     @property
     def first_sensor(self) -> int:
@@ -177,10 +178,9 @@ class Vocabulary:
             slot = self.user_slots[key] = self.size + len(self.user_slots)
         return slot
 
-    def names(self) -> Iterable[str]:
+    def names(self) -> tuple[str, ...]:
         """Every name, as declared: variables, constants, the robot's functions and the built-in ones."""
-        yield from (binding.name for binding in self.bindings.values())
-        yield from (function.name for function in FUNCTIONS.values())
+        return self._names
 
     def _declare(self, binding: Binding) -> None:
         key = binding.name.casefold()

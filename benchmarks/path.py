@@ -70,7 +70,7 @@ def in_swarm() -> Entered:
     """The way in a simulated swarm."""
     from sleepcast.loop import Swarm
     from sleepcast.simulator import Simulator
-    from sleepcast.simulator.scenario.gallery import find_scenario
+    from sleepcast.simulator.scenario.scenario import find_scenario
     from sleepcast.station import Station
 
     tracer = Tracer()

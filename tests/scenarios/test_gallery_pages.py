@@ -11,7 +11,7 @@ from sleepcast.language import check
 from sleepcast.language.learned_names import LearnedNames
 from sleepcast.loop import Swarm, vocabulary_of
 from sleepcast.simulator import Scenario, SettingsError, Simulator, find_scenario, load, parse_mission, scenario_names
-from sleepcast.simulator.scenario.gallery import GALLERY
+from sleepcast.simulator.scenario.scenario import GALLERY
 
 
 @pytest.fixture(params=scenario_names())

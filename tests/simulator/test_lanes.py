@@ -10,8 +10,8 @@ import pytest
 
 pytest.importorskip("numba")
 
+from sleepcast.core.arrays import LINE, Scratch
 from sleepcast.simulator.simd import formulas, lanes, vectors
-from sleepcast.simulator.simd.arena import LINE, Scratch
 from sleepcast.simulator.simd.compiled import compiled, strict
 
 ALL_AT_ONCE = pytest.param(True, marks=pytest.mark.skipif(not lanes.at_once(), reason="this processor cannot"))

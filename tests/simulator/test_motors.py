@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sleepcast.robot import Axes
-from sleepcast.simulator.nomads.motors import Motors
+from sleepcast.simulator.nomads.nomads import Motors
 
 TICK = 0.02
 MOST = Axes(1.0, 0.8, nan)

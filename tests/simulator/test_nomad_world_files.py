@@ -14,13 +14,11 @@ from sleepcast.simulator import Area, SettingsError, find_scenario, load, scenar
 from sleepcast.simulator.engine import choose
 from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 from sleepcast.simulator.nomads.nomads import NomadWorld
-from sleepcast.simulator.nomads.obstacles import MAX_OBSTACLES
+from sleepcast.simulator.nomads.obstacles import MAX_OBSTACLES, without_holes
 from sleepcast.simulator.nomads.setups import SETUPS, read_setup, setup_names
-from sleepcast.simulator.nomads.sites import ROOM, read_site
+from sleepcast.simulator.nomads.sites import ROOM, read_polygons, read_site, write_polygons
 from sleepcast.simulator.world.areas import inside
-from sleepcast.simulator.world.contours import outlines
-from sleepcast.simulator.world.polygon_holes import without_holes
-from sleepcast.simulator.world.polygons import read_polygons, write_polygons
+from sleepcast.simulator.world.ros_map import outlines
 from small_worlds import SCOUTS
 
 WORLD = """format = 1

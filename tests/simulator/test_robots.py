@@ -11,8 +11,8 @@ import pytest
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Changes, Simulator, find_scenario
 from sleepcast.simulator.bodies.body import Body
-from sleepcast.simulator.robots import Robots
 from sleepcast.simulator.scenario.settings import SettingsError
+from sleepcast.simulator.simulation import Robots
 from small_worlds import scouts, simulator
 
 SOME = np.array([1, 4, 5, 11, 19])

@@ -18,10 +18,17 @@ from sleepcast.simulator.bodies.safety_limits import Guard, limited, read_limits
 from sleepcast.simulator.bodies.single_robot import LoneBody
 from sleepcast.simulator.engine import Machine, choose
 from sleepcast.simulator.rehearsal import rehearse
-from sleepcast.simulator.scenario.gallery import find_scenario, scenario_names
 from sleepcast.simulator.scenario.mission import MissionError, Order, parse_mission, read_mission
 from sleepcast.simulator.scenario.robot_settings import Store
-from sleepcast.simulator.scenario.scenario import Place, ReadyCommand, Scenario, load, read_scenario
+from sleepcast.simulator.scenario.scenario import (
+    Place,
+    ReadyCommand,
+    Scenario,
+    find_scenario,
+    load,
+    read_scenario,
+    scenario_names,
+)
 from sleepcast.simulator.scenario.settings import SettingsError
 from sleepcast.simulator.scenario.world_settings import Changes
 from sleepcast.simulator.simulation import Simulator

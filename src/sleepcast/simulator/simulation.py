@@ -6,21 +6,26 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Collection, Sequence
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.core.counter_rng import GOLDEN, key
 from sleepcast.core.threads import ThreadPool
-from sleepcast.simulator.bodies.bodies import Bodies, Floats, Saying
-from sleepcast.simulator.bodies.body import model_of
-from sleepcast.simulator.bodies.motion import step
+from sleepcast.robot import RobotModel
+from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats, Mode, Saying, Whole
+from sleepcast.simulator.bodies.body import TUMBLE, Body, model_of
+from sleepcast.simulator.bodies.contact import Settled, clear
 from sleepcast.simulator.bodies.senses import Senses
+from sleepcast.simulator.bodies.steps import Draws
 from sleepcast.simulator.engine import Machine, choose, cores
-from sleepcast.simulator.robots import Robots
 from sleepcast.simulator.scenario.events import happen
 from sleepcast.simulator.scenario.measures import Measuring
+from sleepcast.simulator.scenario.robot_settings import TENTH
 from sleepcast.simulator.scenario.robot_types import names_of
 from sleepcast.simulator.scenario.scenario import Scenario
+from sleepcast.simulator.sonar.sonar import Echoes
 
 MOST_CASTE = 254
 """What a byte tells apart besides silence; a higher caste is shown as this one."""
@@ -148,3 +153,131 @@ class Simulator:
     def state_hash(self) -> str:
         """SHA-256 of the state of all bodies, as hexadecimal digits."""
         return self.bodies.state_hash(self.senses.state())
+
+
+# All bodies of a simulator: each as a `Robot` of its own when somebody asks for it, and many at once where they all are
+# to do the same.
+# to do the same.
+
+
+class Robots(Sequence[Body]):
+    """The bodies by index. Whatever is asked of many of them means the same as asked of each."""
+
+    def __init__(self, bodies: Bodies, model: RobotModel) -> None:
+        self._bodies, self._model = bodies, model
+
+    def __len__(self) -> int:
+        return self._bodies.count
+
+    @overload
+    def __getitem__(self, number: int) -> Body: ...
+
+    @overload
+    def __getitem__(self, number: slice) -> list[Body]: ...
+
+    def __getitem__(self, number: int | slice) -> Body | list[Body]:
+        if isinstance(number, slice):
+            return [self[i] for i in range(*number.indices(len(self)))]
+        return Body(self._bodies, self._model, range(len(self))[number])
+
+    def stop(self, robots: Whole) -> None:
+        """See `Robot.stop`."""
+        self.halt(robots)
+        self._bodies.stopped[robots] = True
+
+    def release(self, robots: Whole) -> None:
+        """See `Robot.release`."""
+        self._bodies.stopped[robots] = False
+
+    def hold(self, robots: Whole, still: Flags) -> None:
+        """See `Robot.hold`; still: for each of them."""
+        self._bodies.held[robots] = still
+
+    # ---- what expressions may ask, as of `Body`; a column for each argument
+
+    def drive(self, robots: Whole, speed: Floats, turn_rate: Floats) -> None:
+        bodies, free = self._bodies, ~self._bodies.stopped[robots]
+        moving = robots[free]
+        bodies.mode[moving] = Mode.DRIVE
+        bodies.wanted_speed[moving], bodies.wanted_turn[moving] = speed[free], turn_rate[free]
+
+    def go_to(self, robots: Whole, x: Floats, y: Floats) -> None:
+        bodies, free = self._bodies, ~self._bodies.stopped[robots]
+        moving = robots[free]
+        left, bottom, right, top = bodies.fence
+        bodies.mode[moving] = Mode.GOTO
+        bodies.target_x[moving] = np.clip(x[free], left, right)
+        bodies.target_y[moving] = np.clip(y[free], bottom, top)
+
+    def wander(self, robots: Whole) -> None:
+        self._bodies.mode[robots[~self._bodies.stopped[robots]]] = Mode.WANDER
+
+    def halt(self, robots: Whole) -> None:
+        at_rest = np.zeros(len(robots))
+        self.drive(robots, at_rest, at_rest)
+        self._bodies.swing[robots] = 0.0
+
+    def tumble(self, robots: Whole) -> Floats:
+        bodies = self._bodies
+        drawn = bodies.drawn(f"tumble {bodies.tick}", bodies.numbers[robots])
+        sides = np.where(drawn < 0.5, 1.0, -1.0)
+        free = ~bodies.stopped[robots]
+        bodies.swing[robots[free]] = sides[free] * TUMBLE
+        return sides
+
+    def turn_wheels(self, robots: Whole, right: Floats, left: Floats) -> None:
+        wheels = self._bodies.scenario.robots.wheels
+        assert wheels
+        self.drive(robots, (right + left) / 2.0, (right - left) / wheels.track)
+
+    def turn_wheels_nomad(self, robots: Whole, right: Floats, left: Floats) -> None:
+        self.turn_wheels(robots, right * TENTH, left * TENTH)
+
+    def sonar(self, robots: Whole, which: Floats) -> Floats:
+        if not isinstance(self._bodies.echoes, Echoes):
+            return np.array([self[i].sonar(one) for i, one in zip(robots.tolist(), which.tolist(), strict=True)])
+        ranges = self._bodies.echo(robots.tolist())
+        found: Floats = ranges[np.arange(len(robots)), np.mod(np.trunc(which), ranges.shape[1]).astype(np.int64)]
+        return found
+
+    def nearest(self, robots: Whole, first: Floats, last: Floats) -> Floats:
+        echoes = self._bodies.echoes
+        if not isinstance(echoes, Echoes):
+            ends = zip(robots.tolist(), first.tolist(), last.tolist(), strict=True)
+            return np.array([self[i].nearest(*angles) for i, *angles in ends])
+        wide = np.where(last - first >= TURN, last - first, np.mod(last - first, TURN))
+        there = np.mod(echoes.cones.axes - first[:, None], TURN) <= wide[:, None]
+        found: Floats = np.where(there, self._bodies.echo(robots.tolist()), echoes.ring.most).min(axis=1)
+        return found
+
+
+# Motion: one tick of all bodies at once.
+
+_BITS = 0xFFFF_FFFF_FFFF_FFFF
+
+
+def step(bodies: Bodies) -> None:
+    """Move all bodies through the tick `bodies.tick`, and count it. Who is near whom is still known from the last look
+    around, unless somebody was put elsewhere."""
+    draws = Draws(
+        bodies.tick * GOLDEN & _BITS,
+        key(bodies.seed, "slip", "left", bodies.tick),
+        key(bodies.seed, "slip", "right", bodies.tick),
+    )
+    machine, sorts = bodies.machine, list(zip(bodies.parts, bodies.of_each_sort, strict=True))
+    proposal, free = machine.room(bodies.count)
+    for part, which in sorts:
+        machine.propose(part.columns, part.laws, draws, proposal.of(which))
+    settled = Settled(free, bodies.hit_x, bodies.hit_y)
+    if bodies.contact:
+        bodies.contact.settle(bodies.x, bodies.y, proposal.across, proposal.up, settled)
+    else:
+        clear(settled)
+    for part, which in sorts:
+        machine.commit(part.columns, part.laws, proposal.of(which), Settled(*(each[which] for each in settled)))
+        if not part.laws.track and part is not bodies:  # others may have wheels, so what these believe lies apart
+            part.encoder_x[:], part.encoder_y[:], part.encoder_heading[:] = part.x, part.y, part.heading
+    bodies.tick += 1
+    bodies.forget()
+    if bodies.echoes:
+        bodies.echoes.fire(bodies.tick, bodies.time, (bodies.x, bodies.y, bodies.heading))

@@ -10,7 +10,7 @@ from sleepcast.nomad.server_connection import PAGE
 from sleepcast.nomad.state import in_words
 from sleepcast.nomad.units import TENTH, TENTH_DEGREE
 from sleepcast.robot import Corners
-from sleepcast.simulator.world.polygons import read_polygons, write_polygons
+from sleepcast.simulator.nomads.sites import read_polygons, write_polygons
 
 ASKING = ("gs", "ws")
 """Orders of which a person wants to see the reply."""

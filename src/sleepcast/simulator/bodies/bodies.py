@@ -38,8 +38,7 @@ from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.sensors import sensors_of
 from sleepcast.simulator.simd.formulas import wrap
 from sleepcast.simulator.sonar.cones import Cones
-from sleepcast.simulator.sonar.multi_sonar import Ears
-from sleepcast.simulator.sonar.sonar import Echoes
+from sleepcast.simulator.sonar.sonar import Ears, Echoes
 from sleepcast.simulator.world.areas import inside
 from sleepcast.simulator.world.world import Area, Circle, World
 

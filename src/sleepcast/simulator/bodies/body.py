@@ -15,12 +15,12 @@ import numpy as np
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.units import LENGTH, NONE, RATE, SPEED, Quantity
 from sleepcast.robot import BodyFunction, Geometry, Reading, RobotModel, Setpoint
+from sleepcast.simulator.bodies import body
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Mode, Saying
 from sleepcast.simulator.scenario.robot_settings import TENTH
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.sensors import sonar_sensors
 from sleepcast.simulator.scenario.signals import signal_constants
-from sleepcast.simulator.sonar import sector
 
 TUMBLE = 67.0 * pi / 180.0
 """How far a tumble turns, to one side or the other: the angle of Hoskins's vehicles."""
@@ -109,12 +109,12 @@ class Body:
         echoes = self._bodies.rings_of(self.number)
         if echoes:
             return float(self._bodies.echo([self.number])[0, int(which) % echoes.ring.count])
-        return self.nearest(*sector.sector(self._sectors().sonars, which))
+        return self.nearest(*body.sector(self._sectors().sonars, which))
 
     def nearest(self, first: float, last: float) -> float:
         echoes = self._bodies.rings_of(self.number)
         if echoes is None:
-            return sector.nearest(self._bodies, self.number, self._sectors().sonar_range, first, last)
+            return body.nearest(self._bodies, self.number, self._sectors().sonar_range, first, last)
         there = np.mod(echoes.cones.axes - first, TURN) <= (
             last - first if last - first >= TURN else np.mod(last - first, TURN)
         )
@@ -217,3 +217,27 @@ def model_of(scenario: Scenario, bodies: Bodies) -> RobotModel:
         geometry=robots.geometry,
         constants=(*signal_constants(scenario.lights, scenario.pings), *scenario.constants),
     )
+
+
+# Sonar of the first simulator: the exact distance to the nearest other robot in a sector.
+
+
+def nearest(bodies: Bodies, number: int, reach: float, first: float, last: float) -> float:
+    """Metres from robot `number` to the nearest other one between the angles `first` and `last` (rad,
+    counter-clockwise from its heading, counted from first to last); `reach` m where nothing is nearer."""
+    across, up = bodies.x - bodies.x[number], bodies.y - bodies.y[number]
+    away = np.sqrt(across * across + up * up) - (bodies.radii + bodies.radii[number])
+    away[number] = np.inf
+    near = np.flatnonzero(away < reach)
+    width = last - first
+    if width < TURN:
+        bearing = np.arctan2(up[near], across[near]) - bodies.heading[number]
+        near = near[np.mod(bearing - first, TURN) <= width % TURN]
+    return max(0.0, float(away[near].min())) if near.size else reach
+
+
+def sector(sonars: int, which: float) -> tuple[float, float]:
+    """The sector of sonar `which` out of `sonars`: number 0 looks ahead, the others follow
+    counter-clockwise."""
+    middle = (int(which) % sonars) * TURN / sonars
+    return middle - pi / sonars, middle + pi / sonars

@@ -11,7 +11,7 @@ from sleepcast.channel.simulated_radio import RadioModel
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator.engine import Machine, NumPyMachine
 from sleepcast.simulator.nomads.nomads import NomadWorld
-from sleepcast.simulator.nomads.room import has_room, spread
+from sleepcast.simulator.nomads.paths import has_room, spread
 from sleepcast.simulator.nomads.setups import Setup, read_setup
 from sleepcast.simulator.nomads.sites import CELL, MAX_NOMADS, Site, read_site
 from sleepcast.simulator.scenario.robot_settings import MAX_TIME, CrosstalkModel, RobotSpec

@@ -14,19 +14,22 @@ from collections.abc import Sequence
 from math import isfinite, isnan, nan, pi, remainder
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Axes, Condition, Contact, Corners, Pose
-from sleepcast.simulator.bodies.bodies import Mode
-from sleepcast.simulator.nomads.motors import Motors
-from sleepcast.simulator.nomads.nomad_senses import NomadSenses
+from sleepcast.simulator.bodies.bodies import Bodies, Mode
+from sleepcast.simulator.bodies.bumpers import reach
 from sleepcast.simulator.nomads.obstacles import Obstacles
-from sleepcast.simulator.nomads.paths import discs, first_along, first_round
-from sleepcast.simulator.nomads.room import has_room
-from sleepcast.simulator.nomads.setups import Setup
+from sleepcast.simulator.nomads.paths import discs, first_along, first_round, has_room
+from sleepcast.simulator.nomads.setups import Infrared, Setup
 from sleepcast.simulator.simd.formulas import wrap
 from sleepcast.simulator.simulation import Simulator
-from sleepcast.simulator.world.grid import Floats
+from sleepcast.simulator.sonar import cones
+from sleepcast.simulator.sonar.cones import Cones, View
+from sleepcast.simulator.sonar.sonar import Echoes
+from sleepcast.simulator.world import grid
+from sleepcast.simulator.world.grid import Floats, distance, nearest_point, pairs, spread
 from sleepcast.simulator.world.world import Point
 
 EDGE = 1
@@ -349,3 +352,200 @@ def _way(across: Floats, up: Floats, heading: Floats, turned: Floats) -> Floats:
 def _refuse_odd(what: str, numbers: Sequence[float]) -> None:
     if not all(map(isfinite, numbers)):
         raise MisuseError(f"{what} with a number that is not finite: {', '.join(map(str, numbers))}")
+
+
+# Motors of bodies that are driven axis by axis: how fast each axis is to turn in the next tick.
+
+AXES = 3
+ARRIVED = 1e-9
+"""m or rad that rounding may leave of a way."""
+SLOWEST = 1e-9
+"""m/s or rad/s: what is slower rests."""
+FARTHEST = 1e7
+"""m or rad of one way: a quarter of the way round the earth."""
+ROLL_OUT = 0.25
+"""Share of its greatest acceleration with which friction slows an axis down that nobody drives or brakes."""
+
+SPEED, TRAVEL, LIMP = range(3)
+"""What an axis does."""
+
+
+class Motors:
+    """The axes of `count` bodies, arrays of shape (3, count), SI.
+
+    most_speed, most_acceleration: the limits, NaN for an axis that a body lacks. drive: SPEED, TRAVEL or LIMP; speed:
+    wanted by SPEED; left: of the way, by TRAVEL; cruise: how fast it goes; acceleration: how fast speeds change.
+    """
+
+    def __init__(self, count: int, speeds: Axes, accelerations: Axes) -> None:
+        def each(values: Axes) -> Floats:
+            return np.repeat(np.array(values, np.float64)[:, None], count, axis=1)
+
+        self.most_speed, self.most_acceleration = each(speeds), each(accelerations)
+        self.drive: NDArray[np.int8] = np.full((AXES, count), SPEED, np.int8)
+        self.speed, self.left = np.zeros((AXES, count)), np.zeros((AXES, count))
+        self.cruise, self.acceleration = each(speeds), each(accelerations)
+
+    def keep_speeds(self, robot: int, speeds: Axes) -> None:
+        """Turn these axes at these speeds from now on."""
+        named = self._named(robot, speeds)
+        most = self.most_speed[named, robot]
+        self.drive[named, robot] = SPEED
+        self.speed[named, robot] = np.clip(np.array(speeds)[named], -most, most)
+
+    def travel(self, robot: int, distances: Axes) -> None:
+        """Turn these axes by so much and rest there."""
+        named = self._named(robot, distances)
+        self.drive[named, robot] = TRAVEL
+        self.left[named, robot] = np.clip(np.array(distances)[named], -FARTHEST, FARTHEST)
+
+    def set_cruise(self, robot: int, speeds: Axes) -> None:
+        named = self._named(robot, speeds)
+        self.cruise[named, robot] = np.clip(np.array(speeds)[named], 0.0, self.most_speed[named, robot])
+
+    def set_acceleration(self, robot: int, accelerations: Axes) -> None:
+        """More than 0 and within the limits; what is 0 or less changes nothing."""
+        wanted = np.array(accelerations)
+        named = self._named(robot, accelerations)
+        named = named[wanted[named] > 0.0]
+        self.acceleration[named, robot] = np.minimum(wanted[named], self.most_acceleration[named, robot])
+
+    def let_go(self, robot: int, axes: tuple[bool, bool, bool]) -> None:
+        self.drive[np.flatnonzero(axes), robot] = LIMP
+
+    def rest(self, robot: int) -> None:
+        self.drive[:, robot] = SPEED
+        self.speed[:, robot] = 0.0
+
+    def next_speeds(self, speeds: Floats, tick: float) -> Floats:
+        """How fast the axes are to turn in the next tick (s), shape (3, count). speeds: how fast they turn now."""
+        limp, travels = self.drive == LIMP, self.drive == TRAVEL
+        change = np.where(limp, ROLL_OUT * self.most_acceleration, self.acceleration) * tick
+        left = np.abs(self.left) / tick
+        braking = np.floor((np.sqrt(1.0 + 8.0 * left / change) - 1.0) / 2.0)
+        fastest = np.minimum(left / (braking + 1.0) + change * braking / 2.0, self.cruise)
+        wanted = np.where(travels, np.copysign(fastest, self.left), np.where(limp, 0.0, self.speed))
+        following: Floats = speeds + np.clip(wanted - speeds, -change, change)
+        return np.nan_to_num(following)
+
+    def count(self, gone: Floats, speeds: Floats, tick: float) -> None:
+        """The axes have turned by `gone` in a tick (s) at these `speeds`, both of shape (3, count)."""
+        travels = self.drive == TRAVEL
+        self.left -= np.where(travels, gone, 0.0)
+        slow = np.abs(speeds) <= self.acceleration * tick + SLOWEST
+        there = travels & (np.abs(self.left) < ARRIVED) & slow
+        self.drive[there] = SPEED
+        self.speed[there] = self.left[there] = 0.0
+
+    def moving(self, robot: int, speeds: Axes) -> tuple[bool, bool, bool]:
+        """Which of a body's axes turn, or are about to. speeds: how fast they turn now."""
+        first, second, third = speeds
+        return self._moves(0, robot, first), self._moves(1, robot, second), self._moves(2, robot, third)
+
+    def _moves(self, axis: int, robot: int, speed: float) -> bool:
+        if abs(speed) > SLOWEST:
+            return True
+        drive = int(self.drive[axis, robot])
+        if drive == TRAVEL:
+            return bool(self.cruise[axis, robot] > 0.0)
+        return drive == SPEED and bool(self.speed[axis, robot] != 0.0)
+
+    def _named(self, robot: int, values: Axes) -> NDArray[np.intp]:
+        """The axes that this body has and that `values` speak of."""
+        return np.flatnonzero(~np.isnan(np.array(values)) & ~np.isnan(self.most_speed[:, robot]))
+
+
+# What robots of a Nomad's kind sense of the world around them, and what they would sense elsewhere.
+
+FELT = 1e-3
+"""m of a gap that a bumper still feels: bodies that were stopped keep a little less between them."""
+
+Values = tuple[float, ...]
+
+
+class NomadSenses:
+    """The sensors of `bodies`, all of one kind, with a ring of sonars `echoes`."""
+
+    def __init__(self, bodies: Bodies, echoes: Echoes, infrared: Infrared | None) -> None:
+        self._bodies, self._echoes = bodies, echoes
+        robots = bodies.scenario.robots
+        self._reach = reach(robots, bodies.scenario.tick)
+        radius = robots.geometry.radius
+        self._infrared = (
+            Cones(infrared.count, infrared.beam / 2.0, infrared.most, np.pi / 2.0, radius) if infrared else None
+        )
+        self._known = False
+        self._sonars: list[Values] = []
+        self._seen: list[Values] = []
+        self._touched: list[Values] = []
+
+    def forget(self) -> None:
+        """Something has changed."""
+        self._known = False
+
+    def sonars(self, robot: int) -> Values:
+        """What each sonar last read, m; NaN before it has fired."""
+        self._look()
+        return self._sonars[robot]
+
+    def infrared(self, robot: int) -> Values:
+        """What each infrared sensor sees, m; none without such sensors."""
+        self._look()
+        return self._seen[robot]
+
+    def touched(self, robot: int) -> Values:
+        """Angles of what presses the bumper, rad from the heading, each once."""
+        self._look()
+        return self._touched[robot]
+
+    def predict(self, pose: Pose) -> tuple[Values, Values]:
+        """What sonars and infrared sensors of a body at this pose would read, m, if there were no other robots."""
+        ring = self._echoes.ring
+        at = np.array([pose.x]), np.array([pose.y]), np.array([pose.turret])
+        heard = np.clip(self._lonely(self._echoes.cones, at), ring.least, ring.most)
+        seen = self._lonely(self._infrared, at) if self._infrared else np.empty(0)
+        return tuple(heard.tolist()), tuple(seen.tolist())
+
+    def _lonely(self, ring: Cones, pose: tuple[Floats, Floats, Floats]) -> Floats:
+        near = self._bodies.near
+        points, listed = grid.sort(near.grid, pose[0], pose[1]), near.solids(ring.radius + ring.most)
+        view = View(ring, near.grid, points, listed, near.world.solids, pose)
+        seen: Floats = cones.ranges(view, np.zeros(1, np.int64))[0].astype(np.float64)
+        return seen
+
+    def _look(self) -> None:
+        if self._known:
+            return
+        self._known = True
+        bodies, ring = self._bodies, self._echoes.ring
+        read = self._echoes.readings
+        exact = np.where(read <= np.float32(ring.least), ring.least, np.minimum(read.astype(np.float64), ring.most))
+        self._sonars = [tuple(row) for row in exact.tolist()]
+        self._seen = [()] * bodies.count
+        if self._infrared:
+            aim = bodies.heading if self._echoes.turret is None else bodies.heading + self._echoes.turret
+            pose, near = (bodies.x, bodies.y, aim), bodies.near
+            listed = near.in_sight(self._infrared.radius + self._infrared.most)
+            view = View(self._infrared, near.grid, near.points(bodies.x, bodies.y), listed, near.world.solids, pose)
+            seen = bodies.machine.ranges(view, np.arange(bodies.count))
+            self._seen = [tuple(row) for row in np.minimum(seen.astype(np.float64), self._infrared.most).tolist()]
+        self._touched = self._pressed()
+
+    def _pressed(self) -> list[Values]:
+        """What presses each bumper."""
+        bodies, every = self._bodies, np.arange(self._bodies.count)
+        x, y, radius, near = bodies.x, bodies.y, bodies.geometry.radius, bodies.near
+        listed, solids, cell = near.solids(self._reach), near.world.solids, near.grid.cells_of(x, y)
+        i, item = spread(every, listed.start[cell], listed.start[cell + 1])
+        lines = solids[listed.items[item]]
+        close = distance(x[i], y[i], *lines[:, :4].T) <= radius + lines[:, 4] + FELT
+        i, lines = i[close], lines[close]
+        j, other = pairs(near.grid, near.points(x, y), x, y, 2.0 * radius + FELT, every)
+        lines = np.concatenate((lines, discs(x[other], y[other], bodies.radii[other])))
+        i = np.concatenate((i, j))
+        across, up = nearest_point(x[i], y[i], *lines[:, :4].T)
+        angles = np.round(np.arctan2(up, across) - bodies.heading[i], 9) % (2.0 * np.pi)
+        found: list[set[float]] = [set() for _ in every]
+        for robot, angle in zip(i.tolist(), angles.tolist(), strict=True):
+            found[robot].add(angle)
+        return [tuple(sorted(each)) for each in found]

@@ -12,6 +12,7 @@ from math import inf, pi
 from pathlib import Path
 
 from sleepcast.channel.simulated_radio import RadioModel
+from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.units import LENGTH, SPEED, TIME
 from sleepcast.robot import BodyConstant
 from sleepcast.simulator.scenario.events import Event, read_events
@@ -264,3 +265,31 @@ def _commands(root: Table) -> tuple[ReadyCommand, ...]:
             text = table.text("text", most=16_384)
             found.append(ReadyCommand(table.text("title", most=80), text, table.text("about", "")))
     return tuple(found)
+
+
+# The gallery: the scenarios that come with sleepcast, by name, and scenarios anywhere else, by path.
+
+GALLERY = Path(__file__).resolve().parents[2] / "scenarios"
+"""The folder of the gallery: one folder for each scenario."""
+
+
+def scenario_names() -> list[str]:
+    """The names of the scenarios in the gallery, sorted."""
+    return sorted(file.parent.name for file in GALLERY.glob(f"*/{FILE}"))
+
+
+def find_scenario(name: str, changes: Changes = Changes()) -> Scenario:  # noqa: B008  # frozen: nobody can change it
+    """The scenario of the gallery called `name`, or the one in the folder or file at that path, with `changes`.
+
+    Raises MisuseError if there is neither, and what `load` raises for what is wrong in it.
+    """
+    names = scenario_names()
+    if name in names:
+        return load(GALLERY / name, changes)
+    path = Path(name)
+    if path.exists():
+        return load(path, changes)
+    raise MisuseError(
+        f'no scenario "{name}"{did_you_mean(name, names)}: wanted one of {", ".join(names)}, '
+        f"or the path of a folder with a {FILE}"
+    )

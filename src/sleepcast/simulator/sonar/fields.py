@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.simulator.simd.arena import Scratch
+from sleepcast.core.arrays import Scratch
 from sleepcast.simulator.simd.formulas import sine_cosine
 from sleepcast.simulator.simd.vectors import LANES
 from sleepcast.simulator.sonar.cones import Cones, Ranges, View

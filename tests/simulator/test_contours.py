@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from sleepcast.simulator.world.areas import inside
-from sleepcast.simulator.world.contours import Corner, outlines
+from sleepcast.simulator.world.ros_map import Corner, outlines
 from sleepcast.simulator.world.world import Area, Circle, Point
 from small_worlds import simulator
 

@@ -406,6 +406,18 @@ def test_a_program_runs(
     assert capsys.readouterr().out.splitlines() == wanted
 
 
+def test_the_ways_down_and_up_exist() -> None:
+    """Every step in docs/architecture.md that names a module and a function."""
+    steps = re.findall(r"`([a-z_/]+\.py): ([\w.]+)`", ARCHITECTURE.read_text())
+    assert len(steps) > 25
+    for path, name in steps:
+        where = ".".join(["sleepcast", *path.removesuffix(".py").split("/")])
+        found: object = importlib.import_module(where)
+        for each in name.split("."):
+            assert hasattr(found, each), f"docs/architecture.md: {path} has no {name}"
+            found = getattr(found, each)
+
+
 def test_the_places_for_changes_exist() -> None:
     """The table in CONTRIBUTING.md says where to go: a file or folder that was moved must be moved there as well."""
     table = (ROOT / "CONTRIBUTING.md").read_text().partition("| to change or add |")[2].partition("\n\n")[0]

@@ -41,6 +41,12 @@ def room(rooms: str = "", libraries: str = "", late: str = "") -> Room:
     return Room(frozenset(rooms.split()), frozenset(libraries.split()), frozenset(late.split()))
 
 
+PIPELINES = {  # rooms within a room, and its modules: each imports only what stands before it
+    "simulator": (
+        *("simd", "world", "scenario", "sonar", "motion", "fast", "engine", "bodies", "simulation", "single_robot"),
+        *("packing", "snapshot", "recording", "nomads", "kernel_warm_up"),
+    ),
+}
 GROUND = frozenset({"core"})  # everybody may import it
 HOUSE = {
     "core": room(libraries="msgspec numpy"),
@@ -188,6 +194,23 @@ def test_arrows_between_rooms_go_down_only() -> None:
             if found.target.split(".")[0] == PACKAGE and room_of(found.target) not in allowed:
                 wrong.append(f"{place(module, found.line)}: {module} must not import {found.target}")
     assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("room", PIPELINES)
+def test_arrows_within_a_room_go_one_way(room: str) -> None:
+    order, wrong, found = PIPELINES[room], [], set()
+    for module in modules():
+        path = module.split(".")[1:]
+        if path[:1] != [room] or len(path) < 2:
+            continue
+        found.add(path[1])
+        for each in imports_of(module):
+            target = each.target.split(".")[1:]
+            inside = target[:1] == [room] and len(target) > 1 and each.target.startswith(PACKAGE)
+            if inside and order.index(target[1]) > order.index(path[1]):
+                wrong.append(f"{place(module, each.line)}: {path[1]} stands before {target[1]}")
+    assert not wrong, "\n".join(wrong)
+    assert found == set(order)
 
 
 def test_a_room_keeps_to_its_libraries() -> None:

@@ -21,7 +21,7 @@ SONARS = {"all at once": 'noise = "3%"', "in order": 'noise = "3%"\npause = "4ms
 def test_what_a_tick_takes_is_compiled_beforehand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sonar: str) -> None:
     """Every kernel meets the same types in a warm-up as in a tick."""
     numba = pytest.importorskip("numba")
-    from sleepcast.simulator.bodies import kernels_contact, kernels_motion
+    from sleepcast.simulator.motion import kernels_contact, kernels_motion
     from sleepcast.simulator.sonar import kernels, kernels_firing, kernels_sonar
 
     called: set[tuple[str, object]] = set()

@@ -10,7 +10,7 @@ from robot_contract import Rig, RobotContract
 from sleepcast.core.clock import ManualClock
 from sleepcast.robot import Setpoint
 from sleepcast.simulator import LoneBody
-from sleepcast.simulator.bodies.single_robot import MOST_AT_ONCE
+from sleepcast.simulator.single_robot import MOST_AT_ONCE
 from small_worlds import simulator
 
 

@@ -12,8 +12,8 @@ from machines import ALL
 from sleepcast.core.counter_rng import key
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Simulator
+from sleepcast.simulator.bodies.sonars import Echoes
 from sleepcast.simulator.sonar.noise import Noise
-from sleepcast.simulator.sonar.sonar import Echoes
 from small_worlds import scouts
 
 NOTHING = 255 * 0.0254

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.settings import SettingsError
 from sleepcast.loop import vocabulary_of
 from sleepcast.node.node import Node
 from sleepcast.robot import Limits, Setpoint
 from sleepcast.simulator import Guard, LoneBody, Simulator, find_scenario, limited, read_limits
 from sleepcast.simulator.engine import NumPyMachine
-from sleepcast.simulator.scenario.settings import SettingsError
 from sleepcast.simulator.scenario.world_settings import Changes
 from small_worlds import scouts, simulator
 

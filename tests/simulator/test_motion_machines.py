@@ -10,8 +10,8 @@ import pytest
 from machines import ALL
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.bodies.bodies import Mode
-from sleepcast.simulator.bodies.driving import arc
 from sleepcast.simulator.engine import Machine, choose
+from sleepcast.simulator.motion.driving import arc
 from sleepcast.simulator.simd.formulas import wrap
 from sleepcast.simulator.world.grid import grid_over, sort
 from small_worlds import scouts
@@ -136,7 +136,7 @@ def test_bodies_are_sorted_alike_on_any_number_of_threads(threads: int, monkeypa
 
 def test_what_is_quick_for_small_turns_is_the_same_for_any(tmp_path: Path) -> None:
     pytest.importorskip("numba")
-    from sleepcast.simulator.bodies.kernels_motion import short_arc, wrapped
+    from sleepcast.simulator.motion.kernels_motion import short_arc, wrapped
     from sleepcast.simulator.simd import lanes
     from sleepcast.simulator.simd.compiled import strict
 

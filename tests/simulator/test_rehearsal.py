@@ -1,4 +1,4 @@
-"""Two halves of a rehearsal know what robots need."""
+"""The two halves of a warm-up know what robots need."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ BOTH = """
 import sys
 from dataclasses import replace
 
-from sleepcast.simulator import Simulator, find_scenario, rehearsal
+from sleepcast.simulator import Simulator, find_scenario, kernel_warm_up
 
 def known():
     modules = [each for name, each in sys.modules.items() if name.startswith("sleepcast.sim") and ".kernels" in name]
@@ -23,9 +23,9 @@ def known():
 
 scenario = find_scenario("crowd")
 few = replace(scenario, robots=replace(scenario.robots, count=12), shapes=(), absent=(), events=())
-rehearsal.look_around(few)
+kernel_warm_up.look_around(few)
 seen = known()
-rehearsal.move(few)
+kernel_warm_up.move(few)
 both = known()
 simulator = Simulator(few)
 simulator.step()

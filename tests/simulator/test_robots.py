@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sleepcast.core.settings import SettingsError
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Changes, Simulator, find_scenario
 from sleepcast.simulator.bodies.body import Body
-from sleepcast.simulator.scenario.settings import SettingsError
 from sleepcast.simulator.simulation import Robots
 from small_worlds import scouts, simulator
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.settings import key_lines
 from sleepcast.simulator import SettingsError, find_scenario, load, scenario_names
 from sleepcast.simulator.scenario.robot_settings import Wheels
-from sleepcast.simulator.scenario.settings import key_lines
 from sleepcast.simulator.world.world import Circle, Polygon
 from small_worlds import SMALL, small, write
 

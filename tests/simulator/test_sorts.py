@@ -11,8 +11,8 @@ import pytest
 from simulator.sonar_reference import readings as reference
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Changes, Simulator, choose, load
-from sleepcast.simulator.bodies.contact import SKIN
 from sleepcast.simulator.engine import Machine
+from sleepcast.simulator.motion.contact import SKIN
 from small_worlds import write
 
 WORLD = """

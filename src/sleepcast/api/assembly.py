@@ -8,7 +8,7 @@ from typing import cast
 
 from sleepcast.loop import Swarm
 from sleepcast.loop import resume as resume_swarm
-from sleepcast.simulator import Scenario, Simulator, rehearse
+from sleepcast.simulator import Scenario, Simulator, compile_kernels
 from sleepcast.station import Journal, SendPolicy, Station
 
 FEW, WARM_TICKS = 12, 3
@@ -53,7 +53,7 @@ def station_of(swarm: Swarm, journal: Journal | None = None) -> Station:
 def warm_up(scenario: Scenario, threads: int | None) -> None:
     """Load and compile all that a tick of `scenario` needs, by letting a few robots live in it for a moment."""
     few = few_of(scenario)
-    rehearse(few)
+    compile_kernels(few)
     swarm, _ = assemble(few, None, mission=False, threads=threads)
     for _ in range(WARM_TICKS):
         swarm.step()

@@ -1,23 +1,23 @@
 """Many simulated bodies in one world, described by scenario files.
 
-`settings`, `scenario`, `robot_settings` and `world_settings` read the files, `groups`, `signals` and `measures`
-parts of them, `mission` the scripts, `gallery` finds them. `maze` draws walls; `ros_map` reads maps, in which
-`outlines` finds walls; `drawing` reads SVG by `svg_paths` and `svg_values`. `world` has what is solid, `areas` tells
-what lies inside, `bodies` have the robots' state.
-`motion` moves them by `wheels` or without, until `bumpers` touch; `echoes` are their sonars, `senses` see lights and
-hear pings. The heavy work is done by a machine of `engine`: `cones`, `contact` and `grid` in NumPy, or `fast` with its
-compiled `kernels`. `simulation` puts everything together. `rehearsal` compiles before anybody waits for a tick.
+    simd       vectors, formulas and compiled kernels: what the heavy work is written in
+    world      what is solid, and where from: shapes, mazes, drawings, maps; the grid that finds what is near
+    scenario   scenario files, robot types, missions
+    sonar      cones, noise, firing order and cross-talk, in NumPy and as kernels
+    motion     driving, steps and contact, in NumPy and as kernels
+    engine     the machine that does the heavy work: NumPy always, or `fast` with the kernels
+    bodies     the robots' state as columns; their sonars, bumpers and senses
+    simulation puts everything together; `snapshot` keeps it, `recording` writes it down and reads it
+    nomads     drives such bodies axis by axis, as a server of Nomads does
 
-`nomads` drives such bodies axis by axis, as a server of robots does: with `motors`, in worlds of `sites`, built as
-`setups` say.
+Each imports only what stands above it; tests/test_layout.py checks that.
 """
 
+from sleepcast.core.settings import SettingsError
 from sleepcast.simulator.bodies.bodies import Saying
 from sleepcast.simulator.bodies.body import Body
-from sleepcast.simulator.bodies.safety_limits import Guard, limited, read_limits
-from sleepcast.simulator.bodies.single_robot import LoneBody
 from sleepcast.simulator.engine import Machine, choose
-from sleepcast.simulator.rehearsal import rehearse
+from sleepcast.simulator.kernel_warm_up import compile_kernels
 from sleepcast.simulator.scenario.mission import MissionError, Order, parse_mission, read_mission
 from sleepcast.simulator.scenario.robot_settings import Store
 from sleepcast.simulator.scenario.scenario import (
@@ -29,9 +29,9 @@ from sleepcast.simulator.scenario.scenario import (
     read_scenario,
     scenario_names,
 )
-from sleepcast.simulator.scenario.settings import SettingsError
 from sleepcast.simulator.scenario.world_settings import Changes
 from sleepcast.simulator.simulation import Simulator
+from sleepcast.simulator.single_robot import Guard, LoneBody, limited, read_limits
 from sleepcast.simulator.world.world import Area, Circle, Polygon, Shape, Wall, World
 
 __all__ = [
@@ -63,6 +63,6 @@ __all__ = [
     "read_limits",
     "read_mission",
     "read_scenario",
-    "rehearse",
+    "compile_kernels",
     "scenario_names",
 ]

@@ -16,10 +16,10 @@ import numpy as np
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.threads import ThreadPool
-from sleepcast.simulator.bodies import contact, steps
-from sleepcast.simulator.bodies.contact import Settled
-from sleepcast.simulator.bodies.driving import Laws
-from sleepcast.simulator.bodies.steps import Columns, Draws, Proposal
+from sleepcast.simulator.motion import contact, steps
+from sleepcast.simulator.motion.contact import Settled
+from sleepcast.simulator.motion.driving import Laws
+from sleepcast.simulator.motion.steps import Columns, Draws, Proposal
 from sleepcast.simulator.sonar import cones, noise
 from sleepcast.simulator.sonar.cones import Ranges, Seen, View
 from sleepcast.simulator.sonar.firing import Firing, Tick, fire

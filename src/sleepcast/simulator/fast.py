@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from sleepcast.core.arrays import LINE, Scratch
 from sleepcast.core.threads import FEW, SIZES, ThreadPool, borders
-from sleepcast.simulator.bodies import kernels_contact, kernels_motion, steps
-from sleepcast.simulator.bodies.contact import SKIN, Settled, boxes_of, clear
-from sleepcast.simulator.bodies.driving import Laws
-from sleepcast.simulator.bodies.steps import Columns, Draws, Proposal
+from sleepcast.simulator.motion import kernels_contact, kernels_motion, steps
+from sleepcast.simulator.motion.contact import SKIN, Settled, boxes_of, clear
+from sleepcast.simulator.motion.driving import Laws
+from sleepcast.simulator.motion.steps import Columns, Draws, Proposal
 from sleepcast.simulator.simd.kernels_wait import wait
 from sleepcast.simulator.simd.vectors import LANES
 from sleepcast.simulator.sonar import kernels, kernels_firing, kernels_sonar

@@ -16,16 +16,16 @@ from sleepcast.core.threads import ThreadPool
 from sleepcast.robot import RobotModel
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats, Mode, Saying, Whole
 from sleepcast.simulator.bodies.body import TUMBLE, Body, model_of
-from sleepcast.simulator.bodies.contact import Settled, clear
 from sleepcast.simulator.bodies.senses import Senses
-from sleepcast.simulator.bodies.steps import Draws
+from sleepcast.simulator.bodies.sonars import Echoes
 from sleepcast.simulator.engine import Machine, choose, cores
+from sleepcast.simulator.motion.contact import Settled, clear
+from sleepcast.simulator.motion.steps import Draws
 from sleepcast.simulator.scenario.events import happen
 from sleepcast.simulator.scenario.measures import Measuring
 from sleepcast.simulator.scenario.robot_settings import TENTH
 from sleepcast.simulator.scenario.robot_types import names_of
 from sleepcast.simulator.scenario.scenario import Scenario
-from sleepcast.simulator.sonar.sonar import Echoes
 
 MOST_CASTE = 254
 """What a byte tells apart besides silence; a higher caste is shown as this one."""

@@ -27,10 +27,11 @@ from sleepcast.core.arrays import filled
 from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.simulator.bodies.bumpers import Bumpers, least_cell, reach
-from sleepcast.simulator.bodies.driving import DRIVE, GOTO, WANDER, laws_of
 from sleepcast.simulator.bodies.neighbours import Neighbours
-from sleepcast.simulator.bodies.steps import Columns
+from sleepcast.simulator.bodies.sonars import Ears, Echoes
 from sleepcast.simulator.engine import Machine
+from sleepcast.simulator.motion.driving import DRIVE, GOTO, WANDER, laws_of
+from sleepcast.simulator.motion.steps import Columns
 from sleepcast.simulator.scenario.groups import value_quantities, values_of
 from sleepcast.simulator.scenario.robot_settings import RobotSpec
 from sleepcast.simulator.scenario.robot_types import slices
@@ -38,7 +39,6 @@ from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.sensors import sensors_of
 from sleepcast.simulator.simd.formulas import wrap
 from sleepcast.simulator.sonar.cones import Cones
-from sleepcast.simulator.sonar.sonar import Ears, Echoes
 from sleepcast.simulator.world.areas import inside
 from sleepcast.simulator.world.world import Area, Circle, World
 

@@ -11,9 +11,9 @@ from math import sqrt
 import numpy as np
 
 from sleepcast.core.errors import MisuseError
-from sleepcast.simulator.bodies.contact import SKIN, Settled
 from sleepcast.simulator.bodies.neighbours import Neighbours
 from sleepcast.simulator.engine import Machine
+from sleepcast.simulator.motion.contact import SKIN, Settled
 from sleepcast.simulator.scenario.robot_settings import RobotSpec
 from sleepcast.simulator.world.grid import Floats, Grid, distance, grid_over, pairs, sort, spread
 

@@ -20,6 +20,7 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Axes, Condition, Contact, Corners, Pose
 from sleepcast.simulator.bodies.bodies import Bodies, Mode
 from sleepcast.simulator.bodies.bumpers import reach
+from sleepcast.simulator.bodies.sonars import Echoes
 from sleepcast.simulator.nomads.obstacles import Obstacles
 from sleepcast.simulator.nomads.paths import discs, first_along, first_round, has_room
 from sleepcast.simulator.nomads.setups import Infrared, Setup
@@ -27,7 +28,6 @@ from sleepcast.simulator.simd.formulas import wrap
 from sleepcast.simulator.simulation import Simulator
 from sleepcast.simulator.sonar import cones
 from sleepcast.simulator.sonar.cones import Cones, View
-from sleepcast.simulator.sonar.sonar import Echoes
 from sleepcast.simulator.world import grid
 from sleepcast.simulator.world.grid import Floats, distance, nearest_point, pairs, spread
 from sleepcast.simulator.world.world import Point

@@ -11,6 +11,7 @@ from math import nan
 from pathlib import Path
 
 from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.settings import Table, toml_document
 from sleepcast.core.units import LENGTH, RATE, TIME
 from sleepcast.robot import Axes
 from sleepcast.simulator.scenario.robot_settings import (
@@ -22,7 +23,6 @@ from sleepcast.simulator.scenario.robot_settings import (
     Wheels,
     read_robots,
 )
-from sleepcast.simulator.scenario.settings import Table, toml_document
 from sleepcast.simulator.scenario.world_settings import MAX_SEED
 
 FORMAT = 1

@@ -24,8 +24,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sleepcast.core.errors import did_you_mean
+from sleepcast.core.settings import Table
 from sleepcast.core.units import TIME
-from sleepcast.simulator.scenario.settings import Table
 from sleepcast.simulator.world.world import Point, Shape, World
 
 MAX_EVENTS = 1_000

@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.errors import did_you_mean
+from sleepcast.core.settings import Measure, Table, checked_name
 from sleepcast.core.units import UNITS, Quantity
 from sleepcast.robot import BodyConstant
-from sleepcast.simulator.scenario.settings import Measure, Table, checked_name
 
 MAX_CONSTANTS = 64
 """Names that the people who write the rules can still tell apart."""

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.serial import SerialError
+from sleepcast.core.settings import Table, checked_name
 from sleepcast.core.units import TIME
-from sleepcast.simulator.scenario.settings import Table, checked_name
 
 MAX_MEASURES = 16
 MAX_SAMPLES = 10_000

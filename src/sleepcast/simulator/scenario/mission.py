@@ -17,8 +17,8 @@ from pathlib import Path
 from textwrap import dedent
 
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.settings import SettingsError, read_text
 from sleepcast.core.units import TIME, UNITS, to_si
-from sleepcast.simulator.scenario.settings import SettingsError, read_text
 
 MAX_BYTES = 1_048_576
 """Of one script, comments included."""

@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from math import inf, pi
 
+from sleepcast.core.settings import Measure, Table, checked_name
 from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, UNITS, Dimension
 from sleepcast.robot import Geometry, Limits
 from sleepcast.simulator.scenario.groups import Group
-from sleepcast.simulator.scenario.settings import Measure, Table, checked_name
 from sleepcast.simulator.scenario.signals import LIGHT_NAMES, PING_NAMES
 
 MAX_ROBOTS = 1_000_000

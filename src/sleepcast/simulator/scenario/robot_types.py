@@ -18,10 +18,10 @@ import numpy as np
 
 from sleepcast.channel.name_index import NameIndex
 from sleepcast.core.errors import did_you_mean
+from sleepcast.core.settings import Table, toml_document
 from sleepcast.robot import Geometry, Limits
 from sleepcast.simulator.scenario.groups import Group
 from sleepcast.simulator.scenario.robot_settings import Ring, RobotSpec, Store
-from sleepcast.simulator.scenario.settings import Table, toml_document
 
 FORMAT = 1
 """The version of the format of types; a file of a newer one is refused."""

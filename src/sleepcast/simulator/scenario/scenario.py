@@ -13,6 +13,7 @@ from pathlib import Path
 
 from sleepcast.channel.simulated_radio import RadioModel
 from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.settings import Table, checked_name, toml_document
 from sleepcast.core.units import LENGTH, SPEED, TIME
 from sleepcast.robot import BodyConstant
 from sleepcast.simulator.scenario.events import Event, read_events
@@ -30,7 +31,6 @@ from sleepcast.simulator.scenario.robot_settings import (
     read_robots,
 )
 from sleepcast.simulator.scenario.robot_types import robot_tables, together
-from sleepcast.simulator.scenario.settings import Table, checked_name, toml_document
 from sleepcast.simulator.scenario.signals import Light, PingModel, read_lights, read_pings
 from sleepcast.simulator.scenario.world_settings import MAX_SEED, Changes, WorldSpec, read_world
 from sleepcast.simulator.world.world import Shape

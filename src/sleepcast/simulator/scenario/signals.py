@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
 
+from sleepcast.core.settings import Table, checked_name
 from sleepcast.core.units import LENGTH, Quantity
 from sleepcast.robot import BodyConstant
-from sleepcast.simulator.scenario.settings import Table, checked_name
 
 MAX_LIGHTS = 32
 """Every robot looks for the nearest of them at every tick."""

@@ -9,9 +9,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
+from sleepcast.core.settings import Measure, Table
 from sleepcast.core.units import LENGTH
 from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_WORLD
-from sleepcast.simulator.scenario.settings import Measure, Table
 from sleepcast.simulator.world.drawing import MAX_NAME, read_drawing
 from sleepcast.simulator.world.maze import maze
 from sleepcast.simulator.world.ros_map import read_map

@@ -29,7 +29,6 @@ from numba.core.runtime.nrt import rtsys
 from numba.extending import overload, register_jitable
 
 from sleepcast.core.code_cache import CodeCache
-from sleepcast.simulator.bodies import driving
 from sleepcast.simulator.simd import formulas
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
@@ -40,7 +39,7 @@ PART: dict[str, Any] = {"no_cpython_wrapper": True, "_nrt": False}
 ROOM = Path(__file__).resolve().parent.parent
 SOURCES = (
     *("*/kernels*.py", "simd/*.py"),
-    *("bodies/driving.py", "bodies/steps.py", "world/walls.py"),
+    *("motion/driving.py", "motion/steps.py", "world/walls.py"),
     *("sonar/noise.py", "sonar/crosstalk.py", "sonar/fields.py"),
     "../core/counter_rng.py",
 )
@@ -126,5 +125,10 @@ def _either_of_numbers(condition, yes, no):  # type: ignore[no-untyped-def]  # n
     return (lambda condition, yes, no: yes if condition else no) if condition == types.boolean else None
 
 
-for formula in (formulas.sine_of_rest, formulas.sine_cosine, formulas.arc_tangent, formulas.wrap, *driving.FORMULAS):
+def usable(formula: Callable[..., Any]) -> None:
+    """Let kernels call a formula that is Python's as well."""
     register_jitable(forceinline=True, fastmath=False, error_model="numpy")(formula)
+
+
+for each in (formulas.sine_of_rest, formulas.sine_cosine, formulas.arc_tangent, formulas.wrap):
+    usable(each)

@@ -6,10 +6,12 @@ processor, in one order; NumPy's own sines and logarithms depend on the processo
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.simulator.world.grid import Floats
+Floats: TypeAlias = NDArray[np.float64]
 
 TURN = 2.0 * np.pi
 _QUARTER, _REST = 1.57079632673412561417, 6.07710050650619224932e-11

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.settings import Document, Path_, SettingsError, Table, read_text
 from sleepcast.core.units import LENGTH
-from sleepcast.simulator.scenario.settings import Document, Path_, SettingsError, Table, read_text
 from sleepcast.simulator.world.world import MAX_SOLIDS, Area, Point
 
 MAX_YAML = 65_536

@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from sleepcast.simulator.bodies.driving import (
+from sleepcast.simulator.motion.driving import (
     DRIVE,
+    FORMULAS,
     GOTO,
     approach,
     bounded,
@@ -25,8 +26,8 @@ from sleepcast.simulator.bodies.driving import (
     turned_back,
     wheels_follow,
 )
-from sleepcast.simulator.bodies.steps import UNIT, UNIT_SPREAD
-from sleepcast.simulator.simd.compiled import part, strict, woven
+from sleepcast.simulator.motion.steps import UNIT, UNIT_SPREAD
+from sleepcast.simulator.simd.compiled import part, strict, usable, woven
 from sleepcast.simulator.simd.formulas import TURN as FULL
 from sleepcast.simulator.simd.formulas import either, sine_cosine, sine_of_rest, wrap
 from sleepcast.simulator.simd.lanes import at, put, put_some, some
@@ -39,6 +40,9 @@ SPEED, TURN = 0, BLOCK
 """Where these lie in the scratch room of a block."""
 SMALL = 0.7
 """rad of an angle that is nearer to 0 than to a quarter of a turn."""
+
+for each in FORMULAS:
+    usable(each)
 
 
 @woven

@@ -1,17 +1,6 @@
-"""Limits from a file that hold for bodies whatever a scenario or an expression says, and the guard that keeps them.
+"""A simulated body with a world of its own, for a mind that is a process of its own.
 
-    speed = "0.5m/s"
-    turn_rate = "60deg/s"
-    acceleration = "1m/s2"
-    range = "10in"          # no nearer to what is in its way
-
-    [fence]
-    x = ["0m", "20m"]
-    y = ["0m", "10m"]
-
-Speed, turn rate and acceleration become those of the bodies themselves. Fence and range are watched before each tick:
-what would lead beyond, and could no longer come to rest in time, is given up, and the body waits at rest for what is
-asked of it next. All keys may be left out.
+Its time goes with a clock: whoever asks what it senses lets the world catch up first. In step, each look is one tick.
 """
 
 from __future__ import annotations
@@ -19,17 +8,84 @@ from __future__ import annotations
 from dataclasses import replace
 from math import inf, pi
 from pathlib import Path
+from types import TracebackType
+from typing import Self
 
 import numpy as np
 
+from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.settings import Table, toml_document
 from sleepcast.core.units import ACCELERATION, LENGTH, RATE, SPEED
-from sleepcast.robot import Limits
+from sleepcast.robot import Limits, Reading
 from sleepcast.simulator.bodies.bodies import TURN, Floats, Mode
+from sleepcast.simulator.bodies.body import Body
 from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_WORLD, RobotSpec
 from sleepcast.simulator.scenario.scenario import Scenario
-from sleepcast.simulator.scenario.settings import Table, toml_document
 from sleepcast.simulator.simulation import Simulator
+
+MOST_AT_ONCE = 10
+"""Ticks that a world makes up for in one look; what is beyond is let go."""
+
+
+class LoneBody(Body):
+    """The first robot of `simulator`. clock: what its time goes with, None in step. guard: of its limits.
+
+    It is a `Robot` that can be let go of, as those behind a bridge.
+    """
+
+    __slots__ = ("_clock", "_guard", "_simulator", "_start")
+
+    def __init__(self, simulator: Simulator, clock: Clock | None, guard: Guard | None = None) -> None:
+        super().__init__(simulator.bodies, simulator.model, 0)
+        self._simulator, self._clock, self._guard = simulator, clock, guard
+        self._start = 0.0 if clock is None else clock.now()
+
+    def sense(self) -> Reading:
+        for _ in range(self._due()):
+            if self._guard is not None:
+                self._guard.attend()
+            self._simulator.step()
+        return super().sense()
+
+    def now(self) -> float:
+        """The time of its world."""
+        return self._simulator.time
+
+    @property
+    def lost(self) -> str:
+        """Why it cannot be reached: it always can."""
+        return ""
+
+    def complaints(self) -> list[str]:
+        """What has gone wrong since the last call: nothing does."""
+        return []
+
+    def close(self) -> None:
+        """Bring the body to rest and let go of it."""
+        self.stop()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _due(self) -> int:
+        """Ticks to be made now."""
+        if self._clock is None:
+            return 1
+        tick = self._simulator.scenario.tick
+        behind = self._clock.now() - self._start - self._simulator.time
+        due = int(behind / tick + 0.5)
+        if due > MOST_AT_ONCE:
+            self._start += (due - MOST_AT_ONCE) * tick
+        return min(due, MOST_AT_ONCE)
+
+
+# Limits from a file that hold for bodies whatever a scenario or an expression says, and the guard that keeps them.
 
 
 def read_limits(file: Path) -> Limits:

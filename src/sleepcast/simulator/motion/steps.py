@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.counter_rng import GOLDEN, mix
-from sleepcast.simulator.bodies.contact import Settled
-from sleepcast.simulator.bodies.driving import (
+from sleepcast.simulator.motion.contact import Settled
+from sleepcast.simulator.motion.driving import (
     DRIVE,
     GOTO,
     WANDER,

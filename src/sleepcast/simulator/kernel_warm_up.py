@@ -27,7 +27,7 @@ PATIENCE = 60.0
 """Seconds that are waited for the other process: some times what it takes on a slow machine."""
 
 
-def rehearse(scenario: Scenario) -> None:
+def compile_kernels(scenario: Scenario) -> None:
     """Compile what the robots of a scenario need, if no kernel has ever been compiled.
     scenario: one with few robots."""
     if choose().name == "numpy" or not any(sort.ring for sort in scenario.each_sort):

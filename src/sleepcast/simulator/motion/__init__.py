@@ -1,0 +1,1 @@
+"""How bodies move: formulas, steps and contact, in NumPy and as compiled kernels."""

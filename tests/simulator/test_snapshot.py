@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulator.test_events import THINGS
+from simulator.scenario.test_events import THINGS
 from simulator.test_sorts import SORTS, mixed
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.serial import SerialError, pack, unpack

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from simulator.sonar_reference import readings as reference
+from simulator.sonar.sonar_reference import readings as reference
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Changes, Simulator, choose, load
 from sleepcast.simulator.engine import Machine

@@ -56,6 +56,7 @@ __all__ = [
     "Wall",
     "World",
     "choose",
+    "compile_kernels",
     "find_scenario",
     "limited",
     "load",
@@ -63,6 +64,5 @@ __all__ = [
     "read_limits",
     "read_mission",
     "read_scenario",
-    "compile_kernels",
     "scenario_names",
 ]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from machines import ALL, MACHINES
-from simulator.sonar_reference import readings
-from simulator.test_cones import THINGS
+from simulator.sonar.sonar_reference import readings
+from simulator.sonar.test_cones import THINGS
 from simulator.test_sorts import SORTS, mixed
 from sleepcast.simulator import Simulator, choose
 from sleepcast.simulator.engine import Machine

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from machines import ALL
-from simulator.nomad_time import run, until_rest
+from simulator.nomads.nomad_time import run, until_rest
 from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Axes, Pose
 from sleepcast.simulator.engine import Machine

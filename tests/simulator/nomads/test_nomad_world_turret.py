@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from machines import ALL
-from simulator.nomad_time import run, until_rest
+from simulator.nomads.nomad_time import run, until_rest
 from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Axes, Pose
 from sleepcast.simulator.nomads.nomad_worlds import nomad_world

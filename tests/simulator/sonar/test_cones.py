@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from machines import ALL, MACHINES
-from simulator.sonar_reference import readings
+from simulator.sonar.sonar_reference import readings
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.engine import Machine, choose
 from sleepcast.simulator.sonar.cones import Cones

@@ -39,7 +39,7 @@ swarm = resume(load(Path(file)), threads=int(threads) or None, desk=station_of)
 drive(swarm, int(ticks))
 print(json.dumps(seen(swarm)))
 """
-TESTS = Path(__file__).resolve().parent
+TESTS = Path(__file__).resolve().parent.parent
 LAST = max(ORDERS) + 12
 FEW = 30
 """Robots of those scenarios that may have any number."""

@@ -18,13 +18,15 @@ REASON = why_not()
 needs_networks = pytest.mark.skipif(bool(REASON), reason=f"no networks of our own here: {REASON}")
 
 HEAR = """
-import sys, time
+import select, sys, time
 from sleepcast.channel.transports.udp import UdpTransport
-ears, begin, heard = UdpTransport(sys.argv[1]), time.monotonic(), []
+ears, heard = UdpTransport(sys.argv[1]), []
 print("up", flush=True)
-while not any(datagram.endswith(b"end") for datagram in heard) and time.monotonic() - begin < 20.0:
-    heard += ears.receive()
-    time.sleep(0.001)
+while not any(datagram.endswith(b"end") for datagram in heard):
+    over = select.select([sys.stdin], [], [], 0.001)[0]  # it is closed when everything has been said
+    heard += (more := ears.receive())
+    if over and not more:
+        break
 print(sum(not datagram.endswith(b"end") for datagram in heard), flush=True)
 """
 SPEAK = """
@@ -55,17 +57,12 @@ def said(kind: Kind) -> bytes:
 def heard(lab: Lab, count: int, kind: Kind = Kind.STOP) -> list[int]:
     """How many of so many datagrams of the first host the two others hear; those that are cut off hear none."""
     pipe = subprocess.PIPE
-    ears = [lab.start(host, sys.executable, "-c", HEAR, URI, stdout=pipe) for host in lab.hosts[1:]]
+    ears = [lab.start(host, sys.executable, "-c", HEAR, URI, stdin=pipe, stdout=pipe) for host in lab.hosts[1:]]
     outs = [each.stdout for each in ears if each.stdout is not None]
     assert [out.readline() for out in outs] == ["up\n"] * 2
     mouth = lab.start(lab.hosts[0], sys.executable, "-c", SPEAK, URI, str(count), said(kind).hex())
     assert mouth.wait(60.0) == 0
-    for each in ears:
-        try:
-            each.wait(2.0)
-        except subprocess.TimeoutExpired:
-            each.kill()
-    return [int(out.read() or 0) for out in outs]
+    return [int(each.communicate(timeout=60.0)[0]) for each in ears]
 
 
 @needs_networks

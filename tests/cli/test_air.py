@@ -6,10 +6,9 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
 import pytest
@@ -17,6 +16,7 @@ import pytest
 from channel.test_udp import free_port
 from cli.calling import LONGEST, Called, called
 from nomad.serving import Served, serving
+from processes import SLEEPCAST, running
 from sleepcast.simulator.engine import NumPyMachine
 from sleepcast.simulator.nomads.nomad_worlds import nomad_world
 
@@ -42,25 +42,11 @@ def served() -> Iterator[Served]:
         yield found
 
 
-@contextmanager
-def node(name: str, served: Served, channel: str, *options: str) -> Iterator[subprocess.Popen[str]]:
+def node(name: str, served: Served, channel: str, *options: str) -> AbstractContextManager[subprocess.Popen[str]]:
     """A node that is up."""
-    arguments = ("node", "--name", name, "--body", f"nomad://127.0.0.1:{served.port}#{name[1:]}", "--channel", channel)
-    process = subprocess.Popen(
-        [sys.executable, "-m", "sleepcast", *arguments, *options],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler) and None,
-    )
-    try:
-        assert process.stdout
-        assert "is up" in process.stdout.readline()
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
+    body = f"nomad://127.0.0.1:{served.port}#{name[1:]}"
+    arguments = ("node", "--name", name, "--body", body, "--channel", channel, *options)
+    return running(*SLEEPCAST, *arguments, up="is up", stdin=subprocess.PIPE)
 
 
 def on_air(channel: str, *arguments: str) -> Called:

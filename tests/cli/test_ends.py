@@ -11,18 +11,9 @@ import pytest
 
 from cli.calling import LONGEST
 from cli.test_swarm import channel, swarm
+from processes import SLEEPCAST, start
 
 __all__ = ["channel"]
-
-
-def started(*arguments: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        ["env", "--default-signal=INT,TERM", sys.executable, "-m", "sleepcast", *arguments],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
 
 
 def ended(process: subprocess.Popen[str], sign: signal.Signals) -> tuple[int, str]:
@@ -55,7 +46,7 @@ def test_a_swarm_tells_that_its_bodies_were_stopped(channel: str, sign: signal.S
 )
 def test_sigterm_ends_a_command_as_ctrl_c_does(arguments: tuple[str, ...], up: str, said: str, channel: str) -> None:
     on_air = ("--channel", channel) if arguments[0] in ("console", "stop") else ()
-    process = started(*arguments, *on_air)
+    process = start(*SLEEPCAST, *arguments, *on_air)
     assert process.stdout is not None
     assert process.stderr is not None
     if up:

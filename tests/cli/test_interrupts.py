@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import select
 import signal
 import subprocess
@@ -14,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from cli.calling import LONGEST
+from processes import start
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import load, resume
 from sleepcast.simulator.recording.recording import load_recording
@@ -30,13 +30,7 @@ sys.exit(start())
 
 def begin(*arguments: str | Path, **changes: str) -> subprocess.Popen[str]:
     """The program. changes: of its environment."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", START, *map(str, arguments)],
-        env={**os.environ, **changes},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    process = start(sys.executable, "-c", START, *arguments, **changes)
     assert process.stdout is not None
     assert process.stdout.readline() == "up\n"
     return process

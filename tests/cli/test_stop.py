@@ -5,34 +5,15 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from cli.calling import LONGEST, Called, called
 from cli.terminal import terminal
 from cli.test_swarm import channel, swarm
+from processes import SLEEPCAST, running
 from sleepcast.station.roster import FleetFile
 
 __all__ = ["channel"]
-
-
-@contextmanager
-def running(*arguments: str) -> Iterator[subprocess.Popen[str]]:
-    """A command without a terminal."""
-    process = subprocess.Popen(
-        ["env", "--default-signal=INT", sys.executable, "-m", "sleepcast", *arguments],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
 
 
 def wait_for(process: subprocess.Popen[str], text: str) -> list[str]:
@@ -73,7 +54,7 @@ def test_it_goes_on_until_each_expected_robot_has_confirmed(channel: str, tmp_pa
         assert kept.status == 0
         assert "r4  never heard" in kept.out
         assert f"4 are expected on {channel}" in kept.out
-        with running("stop", "--channel", channel) as stop:
+        with running(*SLEEPCAST, "stop", "--channel", channel) as stop:
             said = wait_for(stop, "stopped 3, silent 1 of 4 robots: r4")
             assert len([line for line in said if "stopped" in line]) <= 3, "a line where something has changed"
             stop.send_signal(signal.SIGINT)
@@ -82,7 +63,7 @@ def test_it_goes_on_until_each_expected_robot_has_confirmed(channel: str, tmp_pa
             assert "ended by Ctrl-C; STOP is not sent any more" in err
             assert "stopped 3: r1, r2, r3" in out
             assert "silent 1 of 4 robots: r4 (never heard)" in out
-        with running("stop", "--channel", channel) as stop:
+        with running(*SLEEPCAST, "stop", "--channel", channel) as stop:
             wait_for(stop, "silent 1 of 4 robots: r4")
             with swarm(1, channel, "--first", "4"):
                 out, _ = stop.communicate(timeout=LONGEST)
@@ -114,7 +95,7 @@ def test_it_tells_its_progress_in_one_line_of_a_terminal(channel: str, tmp_path:
 
 
 def test_sigterm_tells_the_truth_as_well(channel: str) -> None:
-    with swarm(1, channel), running("stop", "--channel", channel, "--expect", "2") as stop:
+    with swarm(1, channel), running(*SLEEPCAST, "stop", "--channel", channel, "--expect", "2") as stop:
         wait_for(stop, "stopped 1, silent 1 of 2 robots")
         stop.terminate()
         out, err = stop.communicate(timeout=LONGEST)
@@ -127,7 +108,7 @@ def test_a_key_that_robots_do_not_trust_is_no_radio_silence(channel: str) -> Non
     """Robots say nothing to a stranger. The stranger is told so, and what else is on the air."""
     made = called("keys", "new", "anna", "--role", "operator")
     assert made.status == 0, made.err
-    with swarm(2, channel), running("ask", "id", "--channel", channel, "--expect", "9"):
+    with swarm(2, channel), running(*SLEEPCAST, "ask", "id", "--channel", channel, "--expect", "9"):
         refused = called("stop", "--channel", channel, "--key", "anna", "--timeout", "4")
     assert refused.status == 1
     assert "no robot has confirmed STOP yet" in refused.err

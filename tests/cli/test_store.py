@@ -7,11 +7,10 @@ import os
 import signal
 import sqlite3
 import subprocess
-import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from pathlib import Path
 from random import Random
 
@@ -19,6 +18,7 @@ import pytest
 
 from channel.test_udp import free_port
 from cli.calling import LONGEST, called
+from processes import SLEEPCAST, running
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.session import ChannelSession
 from sleepcast.cli.air import AirOptions, session_for
@@ -37,22 +37,9 @@ def channel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return f"udp://239.255.83.78:{free_port()}?interface=lo"
 
 
-@contextmanager
-def swarm(channel: str, store: Path, robots: int = 3) -> Iterator[subprocess.Popen[str]]:
+def swarm(channel: str, store: Path, robots: int = 3) -> AbstractContextManager[subprocess.Popen[str]]:
     """Robots that are up, killed at the end."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "sleepcast", "swarm", str(robots), "--channel", channel, "--store", str(store)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert process.stdout
-        assert "are up" in process.stdout.readline()
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
+    return running(*SLEEPCAST, "swarm", robots, "--channel", channel, "--store", store, up="are up")
 
 
 @contextmanager

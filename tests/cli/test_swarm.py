@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +13,7 @@ import pytest
 
 from channel.test_udp import free_port
 from cli.calling import LONGEST, called
+from processes import SLEEPCAST, running
 
 
 @pytest.fixture
@@ -26,23 +25,9 @@ def channel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     return f"udp://239.255.83.77:{free_port()}?interface=lo"
 
 
-@contextmanager
-def swarm(count: int, channel: str, *options: str) -> Iterator[subprocess.Popen[str]]:
+def swarm(count: int, channel: str, *options: str) -> AbstractContextManager[subprocess.Popen[str]]:
     """A swarm that is up."""
-    arguments = ("swarm", str(count), "--channel", channel, *options)
-    process = subprocess.Popen(
-        ["env", "--default-signal=INT", sys.executable, "-m", "sleepcast", *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert process.stdout
-        assert f"are up: {count} robots" in process.stdout.readline()
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
+    return running(*SLEEPCAST, "swarm", count, "--channel", channel, *options, up=f"are up: {count} robots")
 
 
 def account(channel: str, *arguments: str) -> dict[str, Any]:

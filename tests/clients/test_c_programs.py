@@ -7,7 +7,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from queue import Empty, Queue
 from threading import Thread
@@ -15,6 +15,7 @@ from threading import Thread
 import pytest
 
 from clients.compiling import SOURCES, Workshop, workshop
+from processes import running
 from sleepcast.nomad.client import Nomad, Pose
 
 INCH = 0.0254
@@ -61,20 +62,7 @@ BOXES = [(91 * INCH, -20 * INCH), (91 * INCH, 68 * INCH)]
 DATAGRAM = b"        1.50        -2.00 123456789.13".ljust(128, b"\0")
 
 
-@contextmanager
-def started(*command: object, errors: int = subprocess.PIPE) -> Iterator[subprocess.Popen[str]]:
-    """A process with all its streams in our hands, which ends with the block. errors: where its complaints go."""
-    with subprocess.Popen(
-        [str(word) for word in command],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=errors,
-        text=True,
-    ) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
+started = partial(running, stdin=subprocess.PIPE)
 
 
 def line_of(process: subprocess.Popen[str], *, error: bool = False) -> str:
@@ -111,7 +99,7 @@ def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     room.write_text(ROOM)
     quick = ("--headless", "--lockstep", "--speed", "inf", "--port", "0", "--json")
     command = (sys.executable, "-m", "sleepcast", "nserver", room, *quick)
-    with started(*command, errors=subprocess.DEVNULL) as server:  # nobody reads them, so they must not pile up
+    with started(*command, stderr=subprocess.DEVNULL) as server:  # nobody reads them, so they must not pile up
         port: int = json.loads(line_of(server))["port"]
         yield port
 

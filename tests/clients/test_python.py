@@ -9,12 +9,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
 
 from nomad.serving import LONGEST, Served, serving
+from processes import running
 from sleepcast.channel.plain_datagrams import Datagrams, send
 from sleepcast.nomad.client import Nomad
 from sleepcast.simulator.engine import NumPyMachine
@@ -39,22 +40,10 @@ def served(world: NomadWorld) -> Iterator[Served]:
         yield found
 
 
-@contextmanager
-def started(program: str, *arguments: str | int, typed: bool = False) -> Iterator[subprocess.Popen[str]]:
+def started(program: str, *arguments: str | int, typed: bool = False) -> AbstractContextManager[subprocess.Popen[str]]:
     """A running program."""
-    command = [sys.executable, "-c", START.format(folder=str(PROGRAMS)), str(PROGRAMS / f"{program}.py")]
-    process = subprocess.Popen(
-        [*command, *map(str, arguments)],
-        stdin=subprocess.PIPE if typed else subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        yield process
-    finally:
-        process.kill()
-        process.communicate()
+    command = (sys.executable, "-c", START.format(folder=str(PROGRAMS)), PROGRAMS / f"{program}.py", *arguments)
+    return running(*command, stdin=subprocess.PIPE if typed else subprocess.DEVNULL)
 
 
 def ended(process: subprocess.Popen[str]) -> tuple[int, str, str]:

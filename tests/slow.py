@@ -6,16 +6,15 @@ from `python3 go.py test --durations=0`: only their order matters, and whether a
 """
 
 SLOW = {
-    "language/test_differential.py": 65,
     "test_benchmarks.py": 77,
-    "scenarios/test_braitenberg.py": 52,
     "fleet/test_fleet_differential.py": 59,
+    "scenarios/test_braitenberg.py": 52,
     "console/test_page.py": 48,
-    "loop/test_snapshots.py": 28,
     "console/test_page_late.py": 44,
     "network/test_proofs.py": 42,
+    "language/test_differential.py": 40,
     "cli/test_snapshots.py": 34,
-    "test_repo.py": 16,
+    "loop/test_snapshots.py": 28,
     "cli/test_record.py": 25,
     "network/test_clocks.py": 23,
     "cli/test_interrupts.py": 22,
@@ -28,6 +27,7 @@ SLOW = {
     "cli/test_rotation.py": 18,
     "scenarios/test_stop_three_ways.py": 17,
     "cli/test_send.py": 17,
+    "test_repo.py": 16,
     "test_howto.py": 15,
     "console/test_replay.py": 15,
     "cli/test_stop.py": 15,

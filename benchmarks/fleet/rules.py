@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import sleepcast
 from sleepcast.channel.message import Kind, Message
-from sleepcast.core.units import Quantity
+from sleepcast.core.model import Quantity
 from sleepcast.fleet import Fleet
 from sleepcast.language import Vocabulary
 

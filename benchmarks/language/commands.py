@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 
 from benchmarks.language.timing import Timing, calls, command_times, in_turns, one_by_one
 from sleepcast.channel.message import Kind, Message
-from sleepcast.core.units import Quantity
+from sleepcast.core.model import Quantity
 from sleepcast.language import Vocabulary, check, evaluate, read
 from sleepcast.language.codegen import generate
 from sleepcast.language.program import build

@@ -17,7 +17,7 @@ from math import hypot, nan, sqrt
 from typing import Any
 
 from benchmarks.language.timing import Batch, calls
-from sleepcast.core.units import Quantity
+from sleepcast.core.model import Quantity
 from sleepcast.language import FreshNames, Program, Rehearsal, Vocabulary, check, evaluate
 
 PREDICATE = "(AND (< (DIST x y 3 4) 5) (> fuel 50) (> ordnance 70))"

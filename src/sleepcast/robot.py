@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from math import cos, nan, pi, remainder
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from sleepcast.core.units import Dimension, Quantity
+from sleepcast.core.model import HostFunction, Quantity
 
 BRAKING = 0.8
 """Share of the acceleration that coming to rest in time counts on."""
@@ -116,30 +116,6 @@ class Geometry:
 
 
 @dataclass(frozen=True, slots=True)
-class BodyFunction:
-    """Something that a body can do or find out, to be called by name: `call(body, *arguments)`.
-
-    The arguments are SI numbers, or one text if the function is `labelled`; the result is a number or None
-    (done). dimensions: of each number, None where any will do; `least` of them must be given. result: dimension
-    of the value. acts: whether calling it does something to the world. many: the name of the method that does the same
-    for many bodies at once (their indices, then a column for each argument), where they are kept so that there is one.
-    moves: whether what it does, if it acts, may move the body.
-    """
-
-    name: str
-    call: Callable[..., float | None]
-    dimensions: tuple[Dimension | None, ...] = ()
-    least: int | None = None
-    arguments: str = ""
-    result: Dimension | None = None
-    acts: bool = True
-    labelled: bool = False
-    doc: str = ""
-    many: str = ""
-    moves: bool = True
-
-
-@dataclass(frozen=True, slots=True)
 class BodyConstant:
     """A number that robots of one type know by name. value: in SI, of the dimension of `unit` ("": a plain number)."""
 
@@ -157,7 +133,7 @@ class RobotModel:
     name: str
     sensors: tuple[Quantity, ...]
     actuators: tuple[Quantity, ...]
-    functions: tuple[BodyFunction, ...]
+    functions: tuple[HostFunction, ...]
     limits: Limits
     geometry: Geometry
     constants: tuple[BodyConstant, ...] = ()

@@ -12,7 +12,7 @@ from fleet.twins import Twins, vocabulary
 from language.cases import SENSORS
 from sleepcast.channel.message import Kind, Message
 from sleepcast.core.errors import SleepcastError
-from sleepcast.core.units import Quantity
+from sleepcast.core.model import Quantity
 from sleepcast.fleet import Fleet, FleetError, columns, pure
 from sleepcast.language import CheckError, ReadError, Vocabulary
 from sleepcast.language.parts import Template

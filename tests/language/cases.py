@@ -20,7 +20,8 @@ import numpy as np
 
 from language.reference import Reference
 from sleepcast.channel import message
-from sleepcast.core.units import SPEED, Quantity
+from sleepcast.core.model import Quantity
+from sleepcast.core.units import SPEED
 from sleepcast.fleet import Fleet, RobotView
 from sleepcast.fleet.native.kernels import Kernels, available
 from sleepcast.language import (

@@ -31,9 +31,10 @@ from language.reference_forms import (
     unquoted,
 )
 from language.reference_numbers import PURE, Undefined, truth
+from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language.numerics import draw, normal, stream
 from sleepcast.language.reader import QUASIQUOTE, QUOTE, UNQUOTE, Form, List, Number, Symbol, Text, read, show, walk
-from sleepcast.language.vocabulary import Constant, HostFunction, Kind, Variable, Vocabulary, buffer_number
+from sleepcast.language.vocabulary import Kind, Variable, Vocabulary, buffer_number
 
 UNKNOWN = math.nan
 MAX_STEPS = 10_000

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Container, Iterator
 from itertools import takewhile
 
+from sleepcast.core.model import HostFunction
 from sleepcast.language.functions import FUNCTIONS
 from sleepcast.language.reader import QUOTE, UNQUOTE, Form, List, Number, Symbol, Text
-from sleepcast.language.vocabulary import HostFunction, Vocabulary, buffer_number
+from sleepcast.language.vocabulary import Vocabulary, buffer_number
 
 NAMING = {"setqq", "rule", "defun", "activate", "deactivate", "forget", "join", "leave", "in", QUOTE}
 """Calls whose arguments are names and stored text: nothing of them is evaluated."""

@@ -15,8 +15,9 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import Admission
 from sleepcast.channel.keys import Trust
 from sleepcast.channel.reliable import ReliableDelivery
+from sleepcast.core.model import HostFunction
 from sleepcast.core.units import NONE
-from sleepcast.language.vocabulary import HostFunction, Vocabulary
+from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.node.node import Node
 from sleepcast.node.store import Store
 

@@ -17,8 +17,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sleepcast.core.units import LENGTH, RATE, SPEED, Quantity
-from sleepcast.language.vocabulary import HostFunction, Kind, Variable, Vocabulary, VocabularyError
+from sleepcast.core.model import HostFunction, Quantity
+from sleepcast.core.units import LENGTH, RATE, SPEED
+from sleepcast.language.vocabulary import Kind, Variable, Vocabulary, VocabularyError
 from sleepcast.node.linking import LinkError, VariableTable, actuator, command, function, sensor
 from sleepcast.node.node import Node
 

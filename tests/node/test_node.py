@@ -8,7 +8,7 @@ import pytest
 
 from sleepcast.channel.message import Kind, Message
 from sleepcast.core.errors import SleepcastError
-from sleepcast.core.units import Quantity
+from sleepcast.core.model import Quantity
 from sleepcast.language import HostFunction, Vocabulary
 from sleepcast.mind.limits import MAX_FAULTS_IN_ROW, MAX_QUEUE, REPORTS_A_SECOND, TICK_STEPS
 from sleepcast.node.linking import VariableTable, actuator, sensor

@@ -17,7 +17,7 @@ from sleepcast.channel.message import Role
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.channel.session import ChannelSession
 from sleepcast.core.clock import ManualClock
-from sleepcast.core.units import Quantity
+from sleepcast.core.model import Quantity
 from sleepcast.language import HostFunction, Vocabulary
 from sleepcast.node.node import Node
 from sleepcast.station.minds import Minds

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from sleepcast.channel import Message
 from sleepcast.core.clock import ManualClock
-from sleepcast.core.units import Quantity
+from sleepcast.core.model import Quantity
 from sleepcast.language import HostFunction, Vocabulary
 from sleepcast.node.node import Node
 from sleepcast.station import Station

@@ -9,9 +9,8 @@ import pytest
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.payload import TOLD, Inspection
-from sleepcast.core.units import Quantity
+from sleepcast.core.model import Constant, HostFunction, Quantity
 from sleepcast.language import Vocabulary
-from sleepcast.language.vocabulary import Constant, HostFunction
 from sleepcast.mind.telemetry import TelemetryError, digest, read_why
 from sleepcast.node.node import Node
 from sleepcast.station import Station

@@ -6,11 +6,12 @@ from __future__ import annotations
 from math import inf, pi
 
 from sleepcast.bridges.nomad_robot import BASES, FRESH, PATIENCE, Base, NomadRobot
-from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, Dimension, Quantity
+from sleepcast.core.model import HostFunction, Quantity
+from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, Dimension
 from sleepcast.nomad.client import PORT, Nomad
 from sleepcast.nomad.state import RING
 from sleepcast.nomad.units import INCH, INFRARED_STEP, NOTHING_HEARD, NOTHING_NEAR
-from sleepcast.robot import BodyFunction, Geometry, RobotModel
+from sleepcast.robot import Geometry, RobotModel
 
 __all__ = ["BASES", "PORT", "open_nomad"]
 
@@ -45,7 +46,7 @@ def sensors(base: Base) -> tuple[Quantity, ...]:
     )
 
 
-def functions(base: Base) -> tuple[BodyFunction, ...]:
+def functions(base: Base) -> tuple[HostFunction, ...]:
     """Of a sort of Nomad."""
     if base.track:
         return (*_axes("right left", (SPEED,) * 2, (LENGTH,) * 2, (ACCELERATION,) * 2), *_places(""), *FUNCTIONS)
@@ -56,14 +57,14 @@ def functions(base: Base) -> tuple[BodyFunction, ...]:
 Dimensions = tuple[Dimension | None, ...]
 
 
-def _axes(names: str, speeds: Dimensions, ways: Dimensions, accelerations: Dimensions) -> tuple[BodyFunction, ...]:
+def _axes(names: str, speeds: Dimensions, ways: Dimensions, accelerations: Dimensions) -> tuple[HostFunction, ...]:
     """What is asked of each axis. names: of the axes."""
     said = "and rests there; `moving` says until when."
     return (
-        BodyFunction("VM", NomadRobot.turn_axes, speeds, arguments=names, doc="Turns its axes at these speeds."),
-        BodyFunction("PR", NomadRobot.travel, ways, arguments=names, doc=f"Turns its axes so far, {said}"),
-        BodyFunction("SP", NomadRobot.cruise, speeds, arguments=names, doc="How fast PR turns its axes.", moves=False),
-        BodyFunction(
+        HostFunction("VM", NomadRobot.turn_axes, speeds, arguments=names, doc="Turns its axes at these speeds."),
+        HostFunction("PR", NomadRobot.travel, ways, arguments=names, doc=f"Turns its axes so far, {said}"),
+        HostFunction("SP", NomadRobot.cruise, speeds, arguments=names, doc="How fast PR turns its axes.", moves=False),
+        HostFunction(
             "AC",
             NomadRobot.accelerate,
             accelerations,
@@ -74,11 +75,11 @@ def _axes(names: str, speeds: Dimensions, ways: Dimensions, accelerations: Dimen
     )
 
 
-def _places(turret: str) -> tuple[BodyFunction, ...]:
+def _places(turret: str) -> tuple[HostFunction, ...]:
     """Where it is, or believes to be. turret: the name of one more argument, if there is a turret."""
     angles = (NONE,) * (2 if turret else 1)
     return (
-        BodyFunction(
+        HostFunction(
             "DA",
             NomadRobot.believe_heading,
             angles,
@@ -86,7 +87,7 @@ def _places(turret: str) -> tuple[BodyFunction, ...]:
             doc="Says how the robot is to believe to stand.",
             moves=False,
         ),
-        BodyFunction(
+        HostFunction(
             "PLACE_ROBOT",
             NomadRobot.place,
             (LENGTH, LENGTH, *angles),
@@ -97,17 +98,17 @@ def _places(turret: str) -> tuple[BodyFunction, ...]:
 
 
 FUNCTIONS = (
-    BodyFunction(
+    HostFunction(
         "DRIVE",
         NomadRobot.drive,
         (SPEED, RATE),
         arguments="speed turn_rate",
         doc="Drives on at this speed and turn rate.",
     ),
-    BodyFunction("ST", NomadRobot.halt, doc="Comes to rest."),
-    BodyFunction("LP", NomadRobot.limp, doc="Lets the wheels roll."),
-    BodyFunction("ZR", NomadRobot.zero, doc="Turns home; the robot believes to be at the origin then."),
-    BodyFunction(
+    HostFunction("ST", NomadRobot.halt, doc="Comes to rest."),
+    HostFunction("LP", NomadRobot.limp, doc="Lets the wheels roll."),
+    HostFunction("ZR", NomadRobot.zero, doc="Turns home; the robot believes to be at the origin then."),
+    HostFunction(
         "DP",
         NomadRobot.believe_place,
         (LENGTH, LENGTH),
@@ -115,7 +116,7 @@ FUNCTIONS = (
         doc="Says where the robot is to believe to be.",
         moves=False,
     ),
-    BodyFunction(
+    HostFunction(
         "CONF_SN",
         NomadRobot.fire_sonars,
         (TIME, *(NONE,) * RING),
@@ -124,8 +125,8 @@ FUNCTIONS = (
         doc="Fires these sonars one after the other, so long after the echo before; without any: all in sequence.",
         moves=False,
     ),
-    BodyFunction("TK", NomadRobot.say, arguments='"text"', labelled=True, doc="Says the text aloud.", moves=False),
-    BodyFunction(
+    HostFunction("TK", NomadRobot.say, arguments='"text"', labelled=True, doc="Says the text aloud.", moves=False),
+    HostFunction(
         "SONAR",
         NomadRobot.sonar,
         (NONE,),
@@ -134,7 +135,7 @@ FUNCTIONS = (
         acts=False,
         doc="Distance to the nearest thing before this sonar; 0 is in front, then counter-clockwise.",
     ),
-    BodyFunction(
+    HostFunction(
         "NEAREST",
         NomadRobot.nearest,
         (NONE, NONE),

@@ -7,7 +7,6 @@ are exact by definition (international foot, statute and nautical mile, knot).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 
@@ -91,28 +90,6 @@ def to_si(number: float, suffix: str) -> float:
     if suffix == "cm":
         return number / 100.0
     return number * UNITS[suffix].factor
-
-
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """A named physical value that a robot has: what minds and bodies both say of it.
-
-    unit: a key of `UNITS` or "" for a plain number; the value itself is always held in SI. low, high: its declared
-    range in SI, -inf..inf where none is. freshness: seconds after which a measured value counts as unknown, inf for
-    never. shown_as: the unit in which people read it ("%", "mi"); the same as `unit` unless said otherwise.
-    """
-
-    name: str
-    unit: str = ""
-    low: float = -math.inf
-    high: float = math.inf
-    freshness: float = math.inf
-    doc: str = ""
-    shown_as: str = ""
-
-    @property
-    def dimension(self) -> Dimension:
-        return UNITS[self.unit].dimension if self.unit else NONE
 
 
 def shown(value: float, suffix: str, digits: int = 4) -> str:

@@ -12,6 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from sleepcast.core.model import HostFunction
 from sleepcast.fleet.bodies import ManyBodies
 from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows, draws
 from sleepcast.fleet.evaluation import Evaluation, by_the_living
@@ -24,7 +25,7 @@ from sleepcast.language.program import Program
 from sleepcast.language.reader import MAX_TEXT, Form, Number, show
 from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.symbols import UserVariable
-from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, TIME_SLOT, HostFunction, Kind, Variable, buffer_number
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, TIME_SLOT, Kind, Variable, buffer_number
 from sleepcast.mind import rules
 from sleepcast.mind.limits import PROVEN_TICKS, TELLS_TOO_FAR, TELLS_TOO_OFTEN
 from sleepcast.mind.refusals import (

@@ -3,6 +3,7 @@
 Standard library only; it knows nothing of robots, channels or pages.
 """
 
+from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language.checker import CheckError, Finding
 from sleepcast.language.evaluate import Memory
 from sleepcast.language.explain import Explanation, Recollection, Step, explain, rehearse
@@ -11,7 +12,7 @@ from sleepcast.language.program import MAX_STEPS, Library, Program, evaluate
 from sleepcast.language.reader import Form, List, Number, ReadError, Symbol, Text, format_value, read, read_all, show
 from sleepcast.language.rehearsal import Rehearsal
 from sleepcast.language.symbols import FreshNames, Names
-from sleepcast.language.vocabulary import Constant, HostFunction, Kind, Variable, Vocabulary
+from sleepcast.language.vocabulary import Kind, Variable, Vocabulary
 
 __all__ = [
     "MAX_STEPS",

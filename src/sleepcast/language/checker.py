@@ -16,19 +16,13 @@ from math import nan
 from re import compile as pattern
 
 from sleepcast.core.errors import MisuseError, and_more, did_you_mean, placed, with_caret
+from sleepcast.core.model import Constant, HostFunction
 from sleepcast.core.units import UNITS
 from sleepcast.language.functions import FUNCTIONS, MANY, Function
 from sleepcast.language.parts import Defining, Label, Part, Storing
 from sleepcast.language.reader import ALIASES, Form, List, Number, Symbol, Text, rows, walk, written
 from sleepcast.language.symbols import Group, Names, Operator, Stored, UserVariable, circle, uses_in
-from sleepcast.language.vocabulary import (
-    Constant,
-    HostFunction,
-    Variable,
-    VocabularyError,
-    buffer_number,
-    describe,
-)
+from sleepcast.language.vocabulary import Variable, VocabularyError, buffer_number, describe
 
 MAX_COST = 10_000
 """Steps that one expression may cost by its own static bound; the same as an evaluation's budget."""

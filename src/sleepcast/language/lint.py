@@ -11,13 +11,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import inf, isfinite
 
-from sleepcast.core.units import LENGTH, NONE, Dimension, Quantity, shown, to_si
+from sleepcast.core.model import Constant, HostFunction, Quantity
+from sleepcast.core.units import LENGTH, NONE, Dimension, shown, to_si
 from sleepcast.language.checker import Checker, CheckError, Finding, Findings
 from sleepcast.language.parts import ACTING, Part, host_of, walk
 from sleepcast.language.program import Program, build
 from sleepcast.language.reader import Form, Number, brief, format_literal, read
 from sleepcast.language.symbols import Names
-from sleepcast.language.vocabulary import Constant, HostFunction, Kind, Variable
+from sleepcast.language.vocabulary import Kind, Variable
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,9 +20,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from sleepcast.core.model import HostFunction
 from sleepcast.language.functions import Function
 from sleepcast.language.reader import Form, List, Symbol, format_literal, replaced, show
-from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, HostFunction, Variable
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Variable
 
 ACTING = frozenset({"set_user", "write", "defvar", "store", "act"})
 RULING = frozenset({"activate", "deactivate", "forget", "lease", "defun", "rollback"})

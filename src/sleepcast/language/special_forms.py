@@ -8,11 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import nan
 
+from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language.checker import STORE_STEPS, Checker, Special
 from sleepcast.language.functions import FUNCTIONS, MAX_HOPS, MAX_REPEATS
 from sleepcast.language.parts import Defining, Label, Part, Storing, Template
 from sleepcast.language.reader import QUASIQUOTE, QUOTE, UNQUOTE, Form, List, Number, Symbol, Text
-from sleepcast.language.vocabulary import Constant, HostFunction, Kind, Variable, buffer_number
+from sleepcast.language.vocabulary import Kind, Variable, buffer_number
 
 MAX_LOOPS = 4
 """DOTIMES inside DOTIMES at most."""

@@ -9,12 +9,13 @@ Names are compared case-folded, in one namespace; a clash is refused when it is 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
 from sleepcast.core.errors import MisuseError
-from sleepcast.core.units import NONE, Dimension, Quantity
+from sleepcast.core.model import Constant, HostFunction, Quantity
+from sleepcast.core.units import NONE
 from sleepcast.language.functions import FUNCTIONS
 
 BUFFERS = 64
@@ -50,46 +51,6 @@ class Variable:
     @property
     def name(self) -> str:
         return self.quantity.name
-
-
-@dataclass(frozen=True, slots=True)
-class Constant:
-    """A named number. dimension None: it takes the unit of what it meets."""
-
-    name: str
-    value: float
-    dimension: Dimension | None = None
-    doc: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class HostFunction:
-    """A function of the robot's own software.
-
-    dimensions: one for each argument, None where any will do; `least` arguments must be given. result: dimension of
-    the value. acts: whether it does something to the world (then an unknown argument never reaches it). labelled:
-    whether its only argument is a text in quotes. `call(body, *arguments)` returns a float or None (which counts as 1).
-    many: the name of the method that does the same for many bodies at once, where they are kept so that there is one.
-    irreversible: whether it cannot be undone, so that a desk asks for how many robots it is meant.
-    moves: whether it moves the robot's body, if it acts.
-    """
-
-    name: str
-    call: Callable[..., float | None]
-    dimensions: tuple[Dimension | None, ...] = ()
-    least: int | None = None
-    arguments: str = ""
-    result: Dimension | None = None
-    acts: bool = True
-    labelled: bool = False
-    doc: str = ""
-    many: str = ""
-    irreversible: bool = False
-    moves: bool = True
-
-    @property
-    def usage(self) -> str:
-        return f"({self.name} {self.arguments})" if self.arguments else f"({self.name})"
 
 
 Binding = Variable | Constant | HostFunction

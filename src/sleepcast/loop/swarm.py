@@ -24,11 +24,12 @@ from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.channel.simulated_radio import OPERATOR, Radio
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.model import Constant
 from sleepcast.core.units import NONE, UNITS
 from sleepcast.fleet import Fleet, RobotView
 from sleepcast.fleet.columns import Index, Rows
 from sleepcast.language.reader import read
-from sleepcast.language.vocabulary import Constant, HostFunction, Vocabulary
+from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.mind.views import Result
 from sleepcast.robot import RobotModel
 from sleepcast.simulator import MissionError, Order, Simulator
@@ -307,26 +308,8 @@ class Pace:
 
 def vocabulary_of(model: RobotModel) -> Vocabulary:
     """The names that robots of this model know. Raises VocabularyError for names that clash."""
-    functions = (
-        HostFunction(
-            f.name,
-            f.call,
-            f.dimensions,
-            f.least,
-            f.arguments,
-            f.result,
-            f.acts,
-            f.labelled,
-            f.doc,
-            f.many,
-            moves=f.moves,
-        )
-        for f in model.functions
-    )
     constants = (Constant(c.name, c.value, UNITS[c.unit].dimension if c.unit else NONE, c.doc) for c in model.constants)
-    return Vocabulary(
-        model.name, model.sensors, model.actuators, constants=tuple(constants), functions=tuple(functions)
-    )
+    return Vocabulary(model.name, model.sensors, model.actuators, constants=tuple(constants), functions=model.functions)
 
 
 def _readable(order: Order) -> Order:

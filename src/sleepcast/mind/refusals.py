@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from sleepcast.core.model import HostFunction
 from sleepcast.language.reader import MAX_TEXT
-from sleepcast.language.vocabulary import HostFunction, Kind, Variable
+from sleepcast.language.vocabulary import Kind, Variable
 
 UNKNOWN_STORED = "unknown cannot be stored as an expression"
 UNKNOWN_LEASE = "a lease of unknown length"

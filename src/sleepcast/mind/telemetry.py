@@ -25,8 +25,9 @@ from weakref import WeakKeyDictionary
 import msgspec
 
 from sleepcast.channel.message import MAX_TEXT
+from sleepcast.core.model import Constant, HostFunction, Quantity
 from sleepcast.core.serial import UNREADABLE
-from sleepcast.core.units import UNITS, Dimension, Quantity
+from sleepcast.core.units import UNITS, Dimension
 from sleepcast.language.explain import Explanation, Step
 from sleepcast.language.reader import is_name
 from sleepcast.language.vocabulary import (
@@ -36,8 +37,6 @@ from sleepcast.language.vocabulary import (
     MAX_RULES,
     MAX_USER_VARIABLES,
     SUPPORT,
-    Constant,
-    HostFunction,
     Vocabulary,
     VocabularyError,
 )

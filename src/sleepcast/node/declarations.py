@@ -20,9 +20,9 @@ from types import FunctionType
 from typing import Any, TypeVar, overload
 
 from sleepcast.core.errors import did_you_mean
-from sleepcast.core.units import NONE, UNITS, Dimension, Quantity, to_si
+from sleepcast.core.model import HostFunction, Quantity
+from sleepcast.core.units import NONE, UNITS, Dimension, to_si
 from sleepcast.language.functions import MANY
-from sleepcast.language.vocabulary import HostFunction
 from sleepcast.node.host_memory import LinkError, as_number
 
 MARK = "__sleepcast__"

@@ -26,9 +26,10 @@ from math import inf, isfinite, nan
 from typing import NamedTuple, Self
 
 from sleepcast.core.errors import did_you_mean
-from sleepcast.core.units import Quantity, to_si
+from sleepcast.core.model import Constant, HostFunction, Quantity
+from sleepcast.core.units import to_si
 from sleepcast.language.reader import is_name
-from sleepcast.language.vocabulary import Constant, HostFunction, Kind, Variable, Vocabulary
+from sleepcast.language.vocabulary import Kind, Variable, Vocabulary
 from sleepcast.node.declarations import (
     Declaration,
     actuator,

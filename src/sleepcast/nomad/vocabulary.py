@@ -10,9 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from sleepcast.core.model import HostFunction
 from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME
 from sleepcast.nomad.units import CONFIGURED_PAUSE, TENTH, TENTH_DEGREE
-from sleepcast.robot import BodyFunction, RobotModel
+from sleepcast.robot import RobotModel
 
 TURNING = frozenset({"VM", "PR", "SP", "AC", "DP", "DA", "PLACE_ROBOT"})
 """Functions whose plain numbers are angles."""
@@ -27,7 +28,7 @@ def nomad_vocabulary(model: RobotModel) -> RobotModel:
     return replace(model, functions=tuple(map(_converted, model.functions)))
 
 
-def _converted(function: BodyFunction) -> BodyFunction:
+def _converted(function: HostFunction) -> HostFunction:
     if function.name not in NAMES:
         return function
     angle = TENTH_DEGREE if function.name in TURNING else 1.0

@@ -12,8 +12,8 @@ from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from sleepcast.core.units import Quantity
-from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, SUPPORT, Constant, HostFunction, Variable, Vocabulary
+from sleepcast.core.model import Constant, HostFunction, Quantity
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, SUPPORT, Variable, Vocabulary
 
 Key = TypeVar("Key", bound=Hashable)
 

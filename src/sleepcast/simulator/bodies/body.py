@@ -13,8 +13,9 @@ from math import isnan, pi
 import numpy as np
 
 from sleepcast.core.errors import SleepcastError
-from sleepcast.core.units import LENGTH, NONE, RATE, SPEED, Quantity
-from sleepcast.robot import BodyFunction, Geometry, Reading, RobotModel, Setpoint
+from sleepcast.core.model import HostFunction, Quantity
+from sleepcast.core.units import LENGTH, NONE, RATE, SPEED
+from sleepcast.robot import Geometry, Reading, RobotModel, Setpoint
 from sleepcast.simulator.bodies import body
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Mode, Saying
 from sleepcast.simulator.scenario.robot_settings import TENTH
@@ -129,7 +130,7 @@ class Body:
 
 
 FUNCTIONS = (
-    BodyFunction(
+    HostFunction(
         "DRIVE",
         Body.drive,
         (SPEED, RATE),
@@ -137,18 +138,18 @@ FUNCTIONS = (
         doc="Drives on at this speed and turn rate.",
         many="drive",
     ),
-    BodyFunction(
+    HostFunction(
         "GOTO", Body.go_to, (LENGTH, LENGTH), arguments="x y", doc="Drives to a point and stays there.", many="go_to"
     ),
-    BodyFunction("WANDER", Body.wander, doc="Roams by itself again.", many="wander"),
-    BodyFunction("ST", Body.halt, doc="Comes to rest.", many="halt"),
-    BodyFunction(
+    HostFunction("WANDER", Body.wander, doc="Roams by itself again.", many="wander"),
+    HostFunction("ST", Body.halt, doc="Comes to rest.", many="halt"),
+    HostFunction(
         "TUMBLE", Body.tumble, result=NONE, doc="Turns by 67 degrees, left or right by chance.", many="tumble"
     ),
-    BodyFunction("TK", Body.say, arguments='"text"', labelled=True, doc="Says the text aloud.", moves=False),
+    HostFunction("TK", Body.say, arguments='"text"', labelled=True, doc="Says the text aloud.", moves=False),
 )
 WHEEL_FUNCTIONS = (
-    BodyFunction(
+    HostFunction(
         "VM",
         Body.turn_wheels,
         (SPEED, SPEED),
@@ -168,7 +169,7 @@ NOMAD_FUNCTIONS = (
 )
 """Those with wheels, in the vocabulary `nomad`."""
 SONAR_FUNCTIONS = (
-    BodyFunction(
+    HostFunction(
         "SONAR",
         Body.sonar,
         (NONE,),
@@ -178,7 +179,7 @@ SONAR_FUNCTIONS = (
         doc="Distance to the nearest thing before this sonar; 0 is in front, then counter-clockwise.",
         many="sonar",
     ),
-    BodyFunction(
+    HostFunction(
         "NEAREST",
         Body.nearest,
         (NONE, NONE),
@@ -191,7 +192,7 @@ SONAR_FUNCTIONS = (
 )
 
 
-def _lacking(scenario: Scenario, functions: tuple[BodyFunction, ...]) -> tuple[BodyFunction, ...]:
+def _lacking(scenario: Scenario, functions: tuple[HostFunction, ...]) -> tuple[HostFunction, ...]:
     """Functions that some sorts of robots may lack are asked of one robot after the other where there are several."""
     return tuple(replace(function, many="") for function in functions) if scenario.sorts else functions
 

@@ -22,8 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.errors import did_you_mean
+from sleepcast.core.model import Quantity
 from sleepcast.core.settings import Measure, Table, checked_name
-from sleepcast.core.units import UNITS, Quantity
+from sleepcast.core.units import UNITS
 from sleepcast.robot import BodyConstant
 
 MAX_CONSTANTS = 64

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import inf, pi
 
-from sleepcast.core.units import Quantity
+from sleepcast.core.model import Quantity
 from sleepcast.simulator.scenario.groups import value_quantities
 from sleepcast.simulator.scenario.robot_settings import Ring, Store
 from sleepcast.simulator.scenario.scenario import Scenario

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
 
+from sleepcast.core.model import Quantity
 from sleepcast.core.settings import Table, checked_name
-from sleepcast.core.units import LENGTH, Quantity
+from sleepcast.core.units import LENGTH
 from sleepcast.robot import BodyConstant
 
 MAX_LIGHTS = 32

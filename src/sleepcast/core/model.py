@@ -1,0 +1,71 @@
+"""What a robot is described by, for minds and bodies alike: quantities, constants, functions of its own software."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from sleepcast.core.units import NONE, UNITS, Dimension
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A named physical value that a robot has: what minds and bodies both say of it.
+
+    unit: a key of `UNITS` or "" for a plain number; the value itself is always held in SI. low, high: its declared
+    range in SI, -inf..inf where none is. freshness: seconds after which a measured value counts as unknown, inf for
+    never. shown_as: the unit in which people read it ("%", "mi"); the same as `unit` unless said otherwise.
+    """
+
+    name: str
+    unit: str = ""
+    low: float = -math.inf
+    high: float = math.inf
+    freshness: float = math.inf
+    doc: str = ""
+    shown_as: str = ""
+
+    @property
+    def dimension(self) -> Dimension:
+        return UNITS[self.unit].dimension if self.unit else NONE
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """A named number. dimension None: it takes the unit of what it meets."""
+
+    name: str
+    value: float
+    dimension: Dimension | None = None
+    doc: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class HostFunction:
+    """A function of the robot's own software.
+
+    dimensions: one for each argument, None where any will do; `least` arguments must be given. result: dimension of
+    the value. acts: whether it does something to the world (then an unknown argument never reaches it). labelled:
+    whether its only argument is a text in quotes. `call(body, *arguments)` returns a float or None (which counts as 1).
+    many: the name of the method that does the same for many bodies at once, where they are kept so that there is one.
+    irreversible: whether it cannot be undone, so that a desk asks for how many robots it is meant.
+    moves: whether it moves the robot's body, if it acts.
+    """
+
+    name: str
+    call: Callable[..., float | None]
+    dimensions: tuple[Dimension | None, ...] = ()
+    least: int | None = None
+    arguments: str = ""
+    result: Dimension | None = None
+    acts: bool = True
+    labelled: bool = False
+    doc: str = ""
+    many: str = ""
+    irreversible: bool = False
+    moves: bool = True
+
+    @property
+    def usage(self) -> str:
+        return f"({self.name} {self.arguments})" if self.arguments else f"({self.name})"

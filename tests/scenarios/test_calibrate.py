@@ -57,7 +57,7 @@ def measured(turning: float, pause: float | None) -> tuple[Floats, Floats]:
     for tick in range(SETTLED + TICKS):
         simulator.step()
         if tick >= SETTLED:
-            read.append(bodies.echo()[0].copy())
+            read.append(bodies.sonar_ranges()[0].copy())
             moved = bool(turning) or not true
             true.append(true_ranges(walls, bodies.x[0], bodies.y[0], bodies.heading[0]) if moved else true[-1])
     return np.array(true), np.array(read) - true

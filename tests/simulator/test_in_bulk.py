@@ -51,7 +51,7 @@ class TestSensed:
         sim = scouts(tmp_path, MANY, more='\n[noise]\nx = "1cm"\n')
         names = [sensor.name for sensor in sim.model.sensors]
         first = names.index("sonar0")
-        sim.sense(echoes=False)
+        sim.sense(sonars=False)
         assert np.isnan(sim.sensed[first:]).all()
         assert not np.isnan(sim.sensed[:first]).any()
         sim.sense(np.array([7]))
@@ -60,7 +60,7 @@ class TestSensed:
         assert sim.sensed[names.index("front_range"), 7] == sim.sensed[front, 7].min()
         heard = sim.sensed[first:, 7].copy()
         sim.step()
-        sim.sense(echoes=False)
+        sim.sense(sonars=False)
         assert (sim.sensed[first:, 7] == heard).all()
 
     @pytest.mark.parametrize("machine", MACHINES)
@@ -71,21 +71,21 @@ class TestSensed:
     ) -> None:
         """What they read is what they would read if all were asked for, also later in the same tick."""
         sim, whole = (scouts(tmp_path, MANY, more=more, machine=machine) for _ in range(2))
-        first = sim.echoing.start
+        first = sim.sonar_rows.start
         asked = [first + sonar for sonar in sonars]
-        others = [row for row in sim.echoing if row not in asked]
+        others = [row for row in sim.sonar_rows if row not in asked]
         for _ in range(2):
             for some in (sim, whole):
                 some.act("drive_speed", slice(None), np.full(40, 0.5))
                 some.step()
             before = sim.sensed[others].copy()
             whole.sense()
-            sim.sense(echoes=asked)
+            sim.sense(sonars=asked)
             assert np.array_equal(sim.sensed[asked], whole.sensed[asked], equal_nan=True)
             assert np.array_equal(sim.sensed[others], before, equal_nan=True)
         sim.sense(np.array([4, 5]))
         assert np.array_equal(sim.sensed[:, 4:6], whole.sensed[:, 4:6], equal_nan=True)
-        sim.sense(echoes=[first + 5])
+        sim.sense(sonars=[first + 5])
         assert np.array_equal(sim.sensed[first + 5], whole.sensed[first + 5], equal_nan=True)
 
     @pytest.mark.parametrize("machine", MACHINES)
@@ -98,7 +98,7 @@ class TestSensed:
                 sim.act("drive_turn", slice(None), np.linspace(-0.5, 0.5, 40))
                 sim.step()
             seeing.sense()
-            half.sense(np.arange(0, 40, 2), echoes=[seeing.echoing.start] if tick % 3 else True)
+            half.sense(np.arange(0, 40, 2), sonars=[seeing.sonar_rows.start] if tick % 3 else True)
             touched += int((blind.bodies.hit_x != 0.0).sum())
         assert touched > 100
         assert seeing.state_hash() == half.state_hash() == blind.state_hash()
@@ -111,7 +111,7 @@ class TestSensed:
                 sim.act("drive_speed", slice(None), np.full(40, 0.5))
                 sim.step()
             watched.sense()
-            glanced.sense(np.array([tick]), echoes=bool(tick % 2))
+            glanced.sense(np.array([tick]), sonars=bool(tick % 2))
             assert watched.state_hash() == alone.state_hash() == glanced.state_hash()
 
 

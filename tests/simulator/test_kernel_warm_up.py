@@ -23,9 +23,9 @@ def known():
 
 scenario = find_scenario("crowd")
 few = replace(scenario, robots=replace(scenario.robots, count=12), shapes=(), absent=(), events=())
-kernel_warm_up.look_around(few)
+kernel_warm_up.compile_sonar_kernels(few)
 seen = known()
-kernel_warm_up.move(few)
+kernel_warm_up.compile_motion_kernels(few)
 both = known()
 simulator = Simulator(few)
 simulator.step()

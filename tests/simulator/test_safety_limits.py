@@ -15,7 +15,7 @@ from sleepcast.core.settings import SettingsError
 from sleepcast.loop import vocabulary_of
 from sleepcast.node.node import Node
 from sleepcast.robot import Limits, Setpoint
-from sleepcast.simulator import Guard, LoneBody, Simulator, find_scenario, limited, read_limits
+from sleepcast.simulator import SafetyLimits, Simulator, SingleRobot, find_scenario, limited, read_limits
 from sleepcast.simulator.engine import NumPyMachine
 from sleepcast.simulator.scenario.world_settings import Changes
 from small_worlds import scouts, simulator
@@ -24,12 +24,12 @@ FENCE = (480.0, 490.0, 520.0, 505.0)
 LIMITS = Limits(1.0, pi, 2.0)
 
 
-def fenced(folder: Path, wheels: bool, **changes: float) -> tuple[Simulator, Guard]:
+def fenced(folder: Path, wheels: bool, **changes: float) -> tuple[Simulator, SafetyLimits]:
     limits = Limits(changes.get("speed", inf), inf, inf, FENCE)
     open_world = ('width = "12m"\nheight = "12m"\nedge = "wall"', 'width = "1km"\nheight = "1km"')
     plain = scouts(folder, open_world) if wheels else simulator(folder)
     world = Simulator(limited(plain.scenario, limits), machine=NumPyMachine())
-    return world, Guard(world, limits)
+    return world, SafetyLimits(world, limits)
 
 
 def is_within(world: Simulator) -> bool:
@@ -67,7 +67,7 @@ def test_nothing_gets_beyond_the_fence(tmp_path: Path, wheels: bool) -> None:
                 wanted = node.actuators()
                 if wanted:
                     body.act(Setpoint(wanted.get("drive_speed", nan), wanted.get("drive_turn", nan)))
-        guard.attend()
+        guard.enforce()
         world.step()
         assert is_within(world), tick
         nearest = min(nearest, float(FENCE[3] - world.y.max()), float(world.y.min() - FENCE[1]))
@@ -81,7 +81,7 @@ def test_at_the_fence_a_body_can_turn_round_and_come_back(tmp_path: Path) -> Non
 
     def run(seconds: float) -> None:
         for _ in range(round(seconds / world.scenario.tick)):
-            guard.attend()
+            guard.enforce()
             world.step()
 
     body.drive(1.0, 0.0)
@@ -103,7 +103,7 @@ def test_a_body_beyond_the_fence_may_come_back_only(tmp_path: Path) -> None:
     world.place(0, 530.0, 500.0, 0.0)
     for speed, moves in ((1.0, False), (-1.0, True)):
         world.robots[0].drive(speed, 0.0)
-        guard.attend()
+        guard.enforce()
         world.step()
         assert bool(world.bodies.speed[0]) is moves
 
@@ -112,7 +112,7 @@ def test_nothing_drives_into_what_it_sees(tmp_path: Path) -> None:
     limits = Limits(inf, inf, inf, None, 0.3)
     scenario = find_scenario("stop", Changes(6, None, True))
     world = Simulator(limited(scenario, limits), 11, machine=NumPyMachine())
-    guard, chance = Guard(world, limits), Random(2)
+    guard, chance = SafetyLimits(world, limits), Random(2)
     near = inf
     for tick in range(300):
         for i, body in enumerate(world.robots):
@@ -120,7 +120,7 @@ def test_nothing_drives_into_what_it_sees(tmp_path: Path) -> None:
                 body.drive(chance.uniform(-1.0, 1.0), 0.0)
             if (tick + i) % 15 == 12:
                 body.drive(0.0, chance.uniform(-3.0, 3.0))
-        guard.attend()
+        guard.enforce()
         before = world.x.copy(), world.y.copy()
         ahead = [body.nearest(-pi / 8, pi / 8) for body in world.robots]
         world.step()
@@ -150,7 +150,7 @@ def test_speeds_are_those_of_the_slower_of_both(tmp_path: Path) -> None:
 
 def test_a_body_alone_is_guarded_as_well(tmp_path: Path) -> None:
     world, guard = fenced(tmp_path, True)
-    body = LoneBody(world, None, guard)
+    body = SingleRobot(world, None, guard)
     for _ in range(300):
         body.drive(1.0, 0.0)
         body.sense()
@@ -222,8 +222,8 @@ def test_what_is_not_known_to_be_free_is_not(ahead: float, may: bool) -> None:
 def test_wanderers_that_start_anywhere_within_stay_within(seed: int) -> None:
     limits = Limits(2.0, inf, inf, (100.0, 100.0, 130.0, 130.0))
     world = Simulator(limited(find_scenario("bravo", Changes(20, None, True)), limits), seed, machine=NumPyMachine())
-    guard = Guard(world, limits)
+    guard = SafetyLimits(world, limits)
     for _ in range(300):
-        guard.attend()
+        guard.enforce()
         world.step()
     assert ((world.x >= 100.0) & (world.x <= 130.0) & (world.y >= 100.0) & (world.y <= 130.0)).all()

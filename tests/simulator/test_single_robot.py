@@ -9,7 +9,7 @@ import pytest
 from robot_contract import Rig, RobotContract
 from sleepcast.core.clock import ManualClock
 from sleepcast.robot import Setpoint
-from sleepcast.simulator import LoneBody
+from sleepcast.simulator import SingleRobot
 from sleepcast.simulator.single_robot import MOST_AT_ONCE
 from small_worlds import simulator
 
@@ -18,7 +18,7 @@ class TestContract(RobotContract):
     @pytest.fixture
     def rig(self, tmp_path: Path) -> Rig:
         clock, world = ManualClock(50.0), simulator(tmp_path)
-        body = LoneBody(world, clock)
+        body = SingleRobot(world, clock)
         world.place(0, 500.0, 500.0, 0.3)
 
         def wait(seconds: float) -> None:
@@ -31,7 +31,7 @@ class TestContract(RobotContract):
 
 def test_its_time_goes_with_the_clock_and_what_it_cannot_make_up_for_is_let_go(tmp_path: Path) -> None:
     clock, world = ManualClock(7.0), simulator(tmp_path)
-    with LoneBody(world, clock) as body:
+    with SingleRobot(world, clock) as body:
         assert body.sense().time == 0.0
         clock.advance(0.5)
         assert body.sense().time == pytest.approx(0.5)
@@ -44,5 +44,5 @@ def test_its_time_goes_with_the_clock_and_what_it_cannot_make_up_for_is_let_go(t
 
 
 def test_in_step_each_look_is_a_tick(tmp_path: Path) -> None:
-    body = LoneBody(simulator(tmp_path), None)
+    body = SingleRobot(simulator(tmp_path), None)
     assert [body.sense().time for _ in range(3)] == pytest.approx([0.1, 0.2, 0.3])

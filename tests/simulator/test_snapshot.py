@@ -15,7 +15,7 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.core.serial import SerialError, pack, unpack
 from sleepcast.simulator import Area, Circle, Simulator, Wall, find_scenario
 from sleepcast.simulator.packing import pack as packed_scenario
-from sleepcast.simulator.snapshot import SimulatorParcel, resume, state_of
+from sleepcast.simulator.snapshot import SimulatorState, resume, state_of
 from sleepcast.simulator.world import world
 from small_worlds import scouts, simulator
 
@@ -104,8 +104,8 @@ def run(sim: Simulator, first: int, last: int) -> None:
         sim.step()
 
 
-def kept(sim: Simulator) -> SimulatorParcel:
-    return unpack(SimulatorParcel, pack(state_of(sim), MOST), MOST, "simulator")
+def kept(sim: Simulator) -> SimulatorState:
+    return unpack(SimulatorState, pack(state_of(sim), MOST), MOST, "simulator")
 
 
 def everything(sim: Simulator) -> object:
@@ -163,8 +163,8 @@ def test_a_full_world_stays_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert other.add(Circle(6.0, 6.0, 0.2)) == number + 2
 
 
-def broken(parcel: SimulatorParcel, **changes: object) -> SimulatorParcel:
-    return SimulatorParcel(**{name: getattr(parcel, name) for name in parcel.__struct_fields__} | changes)
+def broken(parcel: SimulatorState, **changes: object) -> SimulatorState:
+    return SimulatorState(**{name: getattr(parcel, name) for name in parcel.__struct_fields__} | changes)
 
 
 def test_what_no_run_comes_to_is_refused(tmp_path: Path) -> None:

@@ -119,7 +119,7 @@ class TestSensing:
         bodies, worst = simulator.bodies, 0.0
         corners = [(0.0, 0.0), (12.0, 0.0), (12.0, 12.0), (0.0, 12.0)]
         walls = list(zip(corners, corners[1:] + corners[:1], strict=True))
-        table = bodies.echo()
+        table = bodies.sonar_ranges()
         for part in (bodies.parts[0], bodies.parts[1]):
             for number in range(count):
                 ring = bodies.rings_of(number)

@@ -164,12 +164,12 @@ def _simulated(uri: str, seed: int, number: int, in_step: bool, limits: Limits) 
     """A body in the simulator. Raises MisuseError for a scenario that there is not."""
     from sleepcast.core.clock import WallClock
     from sleepcast.core.counter_rng import key
-    from sleepcast.simulator import Changes, Guard, LoneBody, Simulator, choose, find_scenario, limited
+    from sleepcast.simulator import Changes, SafetyLimits, Simulator, SingleRobot, choose, find_scenario, limited
 
     scenario = limited(find_scenario(uri.partition(":")[2] or SCENARIO, Changes(1, None, True)), limits)
     # Another one begins elsewhere; for one body no kernels need be loaded.
     simulator = Simulator(scenario, key(seed, "alone", number) >> 1, choose("numpy", 1))
-    return LoneBody(simulator, None if in_step else WallClock(), Guard(simulator, limits))
+    return SingleRobot(simulator, None if in_step else WallClock(), SafetyLimits(simulator, limits))
 
 
 def _check_name(name: str) -> None:

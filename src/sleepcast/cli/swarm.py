@@ -149,7 +149,7 @@ def _crew(stack: ExitStack, air: AirOptions, wanted: Wanted, store: Store | None
     from sleepcast.loop import vocabulary_of
     from sleepcast.loop.network_swarm import Member, NetworkSwarm
     from sleepcast.node.node import Node
-    from sleepcast.simulator import Changes, Guard, Simulator, choose, find_scenario, limited, read_limits
+    from sleepcast.simulator import Changes, SafetyLimits, Simulator, choose, find_scenario, limited, read_limits
 
     limits = None if wanted.limits is None else read_limits(wanted.limits)
     scenario = find_scenario(wanted.scenario, Changes(len(wanted.names), None, True))
@@ -173,7 +173,7 @@ def _crew(stack: ExitStack, air: AirOptions, wanted: Wanted, store: Store | None
         member.node.clock = UnixClock()
     everybody = [each for member in members for each in (member.node, member.session)]
     seek_time(receiver.delivery, sessions[0], [receiver, *everybody], complain)
-    guard = None if limits is None else Guard(simulator, limits)
+    guard = None if limits is None else SafetyLimits(simulator, limits)
     return NetworkSwarm(simulator, members, multiplexer, receiver, WallClock(), UnixClock(), guard=guard, keeper=store)
 
 

@@ -49,7 +49,7 @@ def filled(value: float, sort: type[Scalar], *shape: int) -> NDArray[Scalar]:
 # what one task needs another one can do with. Every array begins with a line of the caches.
 
 
-class Scratch:
+class Arena:
     """One block of memory, given out from its beginning and taken back as a whole."""
 
     def __init__(self) -> None:

@@ -28,7 +28,7 @@ from sleepcast.channel.transports.multiplexer import Multiplexer
 from sleepcast.core.clock import Clock
 from sleepcast.loop.real import Keeper, Watch, act
 from sleepcast.node.node import Node
-from sleepcast.simulator import Guard, Simulator
+from sleepcast.simulator import SafetyLimits, Simulator
 
 
 @dataclass(slots=True)
@@ -55,7 +55,7 @@ class NetworkSwarm:
     clock: Clock
     air: Clock
     watch: Watch = field(default_factory=Watch)
-    guard: Guard | None = None
+    guard: SafetyLimits | None = None
     keeper: Keeper | None = None
     time: float = 0.0
 
@@ -80,7 +80,7 @@ class NetworkSwarm:
     def step(self) -> None:
         """One tick."""
         if self.guard is not None:
-            self.guard.attend()
+            self.guard.enforce()
         self.simulator.step()
         self.hear()
         awake = [member for member in self.members if member.node.awake]

@@ -27,7 +27,7 @@ from sleepcast.fleet.schema import FleetSnapshot
 from sleepcast.loop.swarm import MAX_MINDS, Desk, Swarm
 from sleepcast.simulator import Order
 from sleepcast.simulator import snapshot as simulators
-from sleepcast.simulator.snapshot import SimulatorParcel
+from sleepcast.simulator.snapshot import SimulatorState
 
 FORMAT = 1
 """The version of this format; a file of a newer one is refused."""
@@ -185,7 +185,7 @@ def _opened(data: bytes, name: str) -> Document:
 
 def _resumed(document: Document, seed: int | None, threads: int | None) -> Swarm:
     room = room_for(document.robots)
-    told = unpack(SimulatorParcel, document.simulator, room, "the part of the simulator")
+    told = unpack(SimulatorState, document.simulator, room, "the part of the simulator")
     if simulators.scenario_of(told.scenario).robots.count != document.robots:
         raise SerialError(f"a scenario with another number of robots than {document.robots}")
     fleet = unpack(FleetSnapshot, document.fleet, room, "the part of the minds")

@@ -111,7 +111,7 @@ class Swarm:
         self.air: Channel = self.radio.endpoint(OPERATOR)
         """The operator's end of the radio."""
         self.actuators = tuple(actuator.name for actuator in simulator.model.actuators)
-        self.sonars = frozenset(self.vocabulary.first_sensor + row for row in simulator.echoing)
+        self.sonars = frozenset(self.vocabulary.first_sensor + row for row in simulator.sonar_rows)
         """The slots of the variables that nobody measures unless somebody asks for them."""
         self.desk: Desk | None = None
         self.witness: Witness | None = None
@@ -149,11 +149,11 @@ class Swarm:
         self.sense(self.fleet.rows([mind.place]))
         return mind.evaluate(text)
 
-    def sense(self, robots: Rows | None = None, *, echoes: bool | Collection[int] = True) -> None:
-        """Give these robots (None: all) their readings of this moment. echoes: those of their sonars as well, or at
+    def sense(self, robots: Rows | None = None, *, sonars: bool | Collection[int] = True) -> None:
+        """Give these robots (None: all) their readings of this moment. sonars: those of their sonars as well, or at
         least those in these rows of what they sense."""
         some = None if robots is None or robots.size == len(self.fleet) else robots.robots
-        self.simulator.sense(some, echoes)
+        self.simulator.sense(some, sonars)
         self.fleet.look(self.now(), robots)
 
     def measures(self) -> dict[str, object]:
@@ -217,7 +217,7 @@ def _think(swarm: Swarm) -> None:
     """Let the robots think that have anything to think about, with their readings of this moment."""
     swarm.thought = swarm.fleet.restless()
     if swarm.thought.size:
-        swarm.sense(swarm.thought, echoes=_heard(swarm))
+        swarm.sense(swarm.thought, sonars=_heard(swarm))
         swarm.fleet.think(swarm.simulator.tick, swarm.now(), swarm.thought)
 
 

@@ -31,7 +31,7 @@ from sleepcast.simulator.scenario.scenario import (
 )
 from sleepcast.simulator.scenario.world_settings import Changes
 from sleepcast.simulator.simulation import Simulator
-from sleepcast.simulator.single_robot import Guard, LoneBody, limited, read_limits
+from sleepcast.simulator.single_robot import SafetyLimits, SingleRobot, limited, read_limits
 from sleepcast.simulator.world.world import Area, Circle, Polygon, Shape, Wall, World
 
 __all__ = [
@@ -39,19 +39,19 @@ __all__ = [
     "Body",
     "Changes",
     "Circle",
-    "Guard",
-    "LoneBody",
     "Machine",
     "MissionError",
     "Order",
     "Place",
     "Polygon",
     "ReadyCommand",
+    "SafetyLimits",
     "Saying",
     "Scenario",
     "SettingsError",
     "Shape",
     "Simulator",
+    "SingleRobot",
     "Store",
     "Wall",
     "World",

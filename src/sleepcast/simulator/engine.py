@@ -23,7 +23,7 @@ from sleepcast.simulator.motion.steps import Columns, Draws, Proposal
 from sleepcast.simulator.sonar import cones, noise
 from sleepcast.simulator.sonar.cones import Ranges, Seen, View
 from sleepcast.simulator.sonar.firing import Firing, Tick, fire
-from sleepcast.simulator.sonar.noise import Ear, Noise
+from sleepcast.simulator.sonar.noise import Noise, Receiver
 from sleepcast.simulator.world import grid
 from sleepcast.simulator.world.grid import Floats, Grid, Listed, Sorted, Whole
 
@@ -54,7 +54,7 @@ class Machine(Protocol):
 
     def ranges(self, view: View, which: Whole, /) -> Ranges: ...
 
-    def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats, /) -> None:
+    def hear(self, view: View, which: Whole, receiver: Receiver, sensed: Floats, /) -> None:
         """`ranges`, then `tell`."""
 
     def look(self, view: View, which: Whole, sonars: Whole, /) -> Ranges: ...
@@ -84,7 +84,7 @@ class Machine(Protocol):
 
     def disturb(self, seen: Ranges, which: Whole, noise: Noise, /) -> None: ...
 
-    def tell(self, seen: Ranges, which: Whole, ear: Ear, sensed: Floats, /) -> None: ...
+    def tell(self, seen: Ranges, which: Whole, receiver: Receiver, sensed: Floats, /) -> None: ...
 
     def share(self, count: int, work: Callable[[int, int], object], /) -> None:
         """Let `work`, which is little for each, be done for so many things, in stretches from a number up to another
@@ -111,8 +111,8 @@ class NumPyMachine:
     def room(self, count: int) -> tuple[Proposal, Floats]:
         return Proposal(*np.empty((3, count))), np.empty(count)
 
-    def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats) -> None:
-        noise.tell(cones.ranges(view, which), which, ear, sensed)
+    def hear(self, view: View, which: Whole, receiver: Receiver, sensed: Floats) -> None:
+        noise.tell(cones.ranges(view, which), which, receiver, sensed)
 
     def fire(self, firing: Firing, tick: Tick) -> None:
         fire(firing, tick, cones.look)

@@ -15,7 +15,7 @@ from typing import NamedTuple, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.core.arrays import LINE, Scratch
+from sleepcast.core.arrays import LINE, Arena
 from sleepcast.core.threads import FEW, SIZES, ThreadPool, borders
 from sleepcast.simulator.motion import kernels_contact, kernels_motion, steps
 from sleepcast.simulator.motion.contact import SKIN, Settled, boxes_of, clear
@@ -27,7 +27,7 @@ from sleepcast.simulator.sonar import kernels, kernels_firing, kernels_sonar
 from sleepcast.simulator.sonar.cones import Cones, Ranges, View
 from sleepcast.simulator.sonar.fields import Fields, Shots, beam_of, one_of_each, shots_of
 from sleepcast.simulator.sonar.firing import Firing, Tick
-from sleepcast.simulator.sonar.noise import Ear, Noise
+from sleepcast.simulator.sonar.noise import Noise, Receiver
 from sleepcast.simulator.world.grid import Floats, Grid, Listed, Short, Sorted, Whole
 from sleepcast.simulator.world.walls import Walls, walls_of
 
@@ -96,8 +96,8 @@ class NumbaMachine:
 
     def __init__(self, threads: int) -> None:
         self.pool = ThreadPool(threads, wait)
-        self._scratch = Scratch()
-        self._fields = Fields(self._scratch)
+        self._arena = Arena()
+        self._fields = Fields(self._arena)
         self._around: _Around | None = None
         self._beside = np.inf
         """Metres within which others matter to contact, as far as is known."""
@@ -129,15 +129,15 @@ class NumbaMachine:
         kernels.collect(squares, seen)
         return seen
 
-    def hear(self, view: View, which: Whole, ear: Ear, sensed: Floats) -> None:
-        squares = self._squares(view, which, forward=not ear.wanted[:-1][_ring_of(view.cones).rear].any())
-        noise = ear.noise or Noise(0.0, 0.0, 0.0, 0, 0)
+    def hear(self, view: View, which: Whole, receiver: Receiver, sensed: Floats) -> None:
+        squares = self._squares(view, which, forward=not receiver.wanted[:-1][_ring_of(view.cones).rear].any())
+        noise = receiver.noise or Noise(0.0, 0.0, 0.0, 0, 0)
         noises = noise.share, noise.dropout, np.uint64(noise.key), np.uint64(noise.dropout_key)
         edge = -1 if sensed.strides[0] % LINE else -sensed.ctypes.data % LINE // sensed.itemsize
 
         def work(first: int, last: int) -> None:
             some = squares[first:last], which[first:last]
-            kernels.hear(*some, noises, ear.least, ear.most, ear.front, ear.wanted, sensed, edge)
+            kernels.hear(*some, noises, receiver.least, receiver.most, receiver.front, receiver.wanted, sensed, edge)
 
         self._share(len(which), work)
 
@@ -145,9 +145,9 @@ class NumbaMachine:
         """The squared ranges that the robots `which` see, a row for each. forward: nobody asks for cones that look
         behind."""
         cones, grid, points, listed, solids, pose, radii = view
-        robots, order, scratch = len(pose[0]), points.order, self._scratch
-        scratch.begin(MOST * robots)
-        fixed_x, fixed_y = fixed = scratch.take(np.int32, 2, robots + LANES)
+        robots, order, arena = len(pose[0]), points.order, self._arena
+        arena.begin(MOST * robots)
+        fixed_x, fixed_y = fixed = arena.take(np.int32, 2, robots + LANES)
         fixed[:, robots:] = 0
         units = ldexp(1.0, kernels_sonar.SPAN - frexp(grid.size)[1])
         self._share(
@@ -155,12 +155,12 @@ class NumbaMachine:
         )
         rows = order
         if len(which) < robots:
-            place, rows = scratch.take(np.int32, 2, robots)
+            place, rows = arena.take(np.int32, 2, robots)
             place.fill(-1)
             place[which] = np.arange(len(which))
             kernels.enlist(order, place, rows)
         ring = _ring_of(cones)
-        squares = scratch.take(np.float32, len(which), len(ring.axis_cos))
+        squares = arena.take(np.float32, len(which), len(ring.axis_cos))
         mixed = radii is not None and bool((radii != cones.radius).any())
         wide = radii[order] if radii is not None and mixed else np.empty(0)
         walls = listed if isinstance(listed, Walls) else walls_of(listed, solids)
@@ -207,8 +207,8 @@ class NumbaMachine:
         )
 
     def room(self, count: int) -> tuple[Proposal, Floats]:
-        self._scratch.begin(MOST * count)
-        rows = self._scratch.take(np.float64, 4, count)
+        self._arena.begin(MOST * count)
+        rows = self._arena.take(np.float64, 4, count)
         return Proposal(*rows[:3]), rows[3]
 
     def propose(self, bodies: Columns, laws: Laws, draws: Draws, proposal: Proposal) -> None:
@@ -241,15 +241,15 @@ class NumbaMachine:
         way: tuple[Floats, Floats],
         settled: Settled,
     ) -> None:
-        count, (order, start), scratch = len(place[0]), points, self._scratch
-        x, y = rows = scratch.take(np.float64, 2, count)
+        count, (order, start), arena = len(place[0]), points, self._arena
+        x, y = rows = arena.take(np.float64, 2, count)
         gathered = self._share(
             count, lambda first, last: kernels_contact.gather(order, *place, *way, first, last, rows), LIGHT
         )
         longest = sqrt(max(gathered))
         reach = 2.0 * float(radii.max(initial=0.0)) + SKIN + 2.0 * longest
         close, self._beside = self._close(points, reach), AGAIN * reach + ROUNDING
-        near, stopped = scratch.take(np.bool_, count), Settled(*scratch.take(np.float64, 3, count))
+        near, stopped = arena.take(np.bool_, count), Settled(*arena.take(np.float64, 3, count))
         self.share(count, lambda first, last: clear(Settled(*(column[first:last] for column in settled))))
         if self._boxed is None or self._boxed[0] is not solids:
             self._boxed = solids, boxes_of(solids)
@@ -274,13 +274,13 @@ class NumbaMachine:
         keys = np.uint64(noise.key), np.uint64(noise.dropout_key)
         kernels.disturb(seen, which, noise.share, noise.dropout, np.float32(noise.most), *keys)
 
-    def tell(self, seen: Ranges, which: Whole, ear: Ear, sensed: Floats) -> None:
-        if ear.noise is not None:
-            self.disturb(seen, which, ear.noise)
+    def tell(self, seen: Ranges, which: Whole, receiver: Receiver, sensed: Floats) -> None:
+        if receiver.noise is not None:
+            self.disturb(seen, which, receiver.noise)
 
         def work(first: int, last: int) -> None:
             some = seen[first:last], which[first:last]
-            kernels.tell(*some, ear.least, ear.most, ear.front, ear.wanted, sensed)
+            kernels.tell(*some, receiver.least, receiver.most, receiver.front, receiver.wanted, sensed)
 
         self._share(len(which), work)
 

@@ -21,7 +21,7 @@ from sleepcast.simulator.packing import pack, unpack
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.simulation import Simulator
 
-OTHER = f"from {__name__} import attend; attend()"
+OTHER = f"from {__name__} import run_other_process; run_other_process()"
 """What the other process runs."""
 PATIENCE = 60.0
 """Seconds that are waited for the other process: some times what it takes on a slow machine."""
@@ -37,18 +37,18 @@ def compile_kernels(scenario: Scenario) -> None:
     if kept_in():
         return
     empty = replace(scenario, shapes=(), absent=(), events=())
-    with _garbage_kept():
+    with _collector_paused():
         if cores() < 2:
-            move(empty)
-            look_around(empty)
+            compile_motion_kernels(empty)
+            compile_sonar_kernels(empty)
             return
         with suppress(OSError, subprocess.TimeoutExpired), _other_process(empty) as other:
-            move(empty)
+            compile_motion_kernels(empty)
             other.wait(PATIENCE)
 
 
 @contextmanager
-def _garbage_kept() -> Iterator[None]:
+def _collector_paused() -> Iterator[None]:
     """Nobody looks for garbage. Compiling makes a million objects that last, and Python would look through them again
     and again, which takes a tenth of the time."""
     by_itself = gc.isenabled()
@@ -74,24 +74,24 @@ def _other_process(scenario: Scenario) -> Iterator[subprocess.Popen[bytes]]:
             other.kill()
 
 
-def attend() -> None:
+def run_other_process() -> None:
     """What the other process does: let the robots of the scenario that comes in by the door look around."""
     scenario = unpack(Scenario, sys.stdin.buffer.read())
-    with _garbage_kept():
-        look_around(scenario)
+    with _collector_paused():
+        compile_sonar_kernels(scenario)
     os._exit(0)  # kernels are kept, and to give back all that compiling has made takes a second
 
 
-def move(scenario: Scenario) -> None:
+def compile_motion_kernels(scenario: Scenario) -> None:
     """Let robots move that cannot look around."""
     blind = [replace(sort, ring=None) for sort in (scenario.robots, *scenario.sorts)]
     Simulator(replace(scenario, robots=blind[0], sorts=tuple(blind[1:])), machine=choose(threads=1)).step()
 
 
-def look_around(scenario: Scenario) -> None:
+def compile_sonar_kernels(scenario: Scenario) -> None:
     """Let robots look around, and fire their sonars. They are brought into order first, which the others need later."""
     simulator = Simulator(scenario, threads=1)
     simulator.readings()
     bodies = simulator.bodies
-    if bodies.echoes:
-        bodies.echoes.fire(1, scenario.tick, (bodies.x, bodies.y, bodies.heading))
+    if bodies.sonars:
+        bodies.sonars.fire(1, scenario.tick, (bodies.x, bodies.y, bodies.heading))

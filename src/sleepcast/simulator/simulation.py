@@ -17,11 +17,11 @@ from sleepcast.robot import RobotModel
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats, Mode, Saying, Whole
 from sleepcast.simulator.bodies.body import TUMBLE, Body, model_of
 from sleepcast.simulator.bodies.senses import Senses
-from sleepcast.simulator.bodies.sonars import Echoes
+from sleepcast.simulator.bodies.sonars import Sonars
 from sleepcast.simulator.engine import Machine, choose, cores
 from sleepcast.simulator.motion.contact import Settled, clear
 from sleepcast.simulator.motion.steps import Draws
-from sleepcast.simulator.scenario.events import happen
+from sleepcast.simulator.scenario.events import apply_events
 from sleepcast.simulator.scenario.measures import Measuring
 from sleepcast.simulator.scenario.robot_settings import TENTH
 from sleepcast.simulator.scenario.robot_types import names_of
@@ -95,7 +95,7 @@ class Simulator:
         since the last tick are heard."""
         scenario, until = self.scenario, (self.tick + 1) * self.scenario.tick
         if scenario.events:
-            happen(self.world, scenario.events, (*scenario.shapes, *scenario.absent), self.time, until)
+            apply_events(self.world, scenario.events, (*scenario.shapes, *scenario.absent), self.time, until)
         step(self.bodies)
         self.senses.step()
         self.measuring.observe(self.tick, self.time)
@@ -107,15 +107,15 @@ class Simulator:
         return self.bodies.sensed
 
     @property
-    def echoing(self) -> range:
+    def sonar_rows(self) -> range:
         """The rows of `sensed` that the sonars fill."""
         return range(len(self.bodies.sensors), len(self.model.sensors))
 
-    def sense(self, robots: NDArray[np.intp] | None = None, echoes: bool | Collection[int] = True) -> None:
+    def sense(self, robots: NDArray[np.intp] | None = None, sonars: bool | Collection[int] = True) -> None:
         """Bring `sensed` up to date for the robots with these indices (None: all), noise included; asked twice in a
-        tick, it says the same. echoes: whether the sonars as well, which is most of the work, or which rows of theirs
+        tick, it says the same. sonars: whether the sonars as well, which is most of the work, or which rows of theirs
         at least. Changes no state."""
-        self.bodies.sense(robots, echoes)
+        self.bodies.sense(robots, sonars)
 
     def act(self, actuator: str, robots: NDArray[np.intp] | slice, values: Floats) -> None:
         """Ask these bodies to move: set their actuator of this name to `values` (SI), one for each, as `Body.act` does.
@@ -234,20 +234,20 @@ class Robots(Sequence[Body]):
         self.turn_wheels(robots, right * TENTH, left * TENTH)
 
     def sonar(self, robots: Whole, which: Floats) -> Floats:
-        if not isinstance(self._bodies.echoes, Echoes):
+        if not isinstance(self._bodies.sonars, Sonars):
             return np.array([self[i].sonar(one) for i, one in zip(robots.tolist(), which.tolist(), strict=True)])
-        ranges = self._bodies.echo(robots.tolist())
+        ranges = self._bodies.sonar_ranges(robots.tolist())
         found: Floats = ranges[np.arange(len(robots)), np.mod(np.trunc(which), ranges.shape[1]).astype(np.int64)]
         return found
 
     def nearest(self, robots: Whole, first: Floats, last: Floats) -> Floats:
-        echoes = self._bodies.echoes
-        if not isinstance(echoes, Echoes):
+        sonars = self._bodies.sonars
+        if not isinstance(sonars, Sonars):
             ends = zip(robots.tolist(), first.tolist(), last.tolist(), strict=True)
             return np.array([self[i].nearest(*angles) for i, *angles in ends])
         wide = np.where(last - first >= TURN, last - first, np.mod(last - first, TURN))
-        there = np.mod(echoes.cones.axes - first[:, None], TURN) <= wide[:, None]
-        found: Floats = np.where(there, self._bodies.echo(robots.tolist()), echoes.ring.most).min(axis=1)
+        there = np.mod(sonars.cones.axes - first[:, None], TURN) <= wide[:, None]
+        found: Floats = np.where(there, self._bodies.sonar_ranges(robots.tolist()), sonars.ring.most).min(axis=1)
         return found
 
 
@@ -279,5 +279,5 @@ def step(bodies: Bodies) -> None:
             part.encoder_x[:], part.encoder_y[:], part.encoder_heading[:] = part.x, part.y, part.heading
     bodies.tick += 1
     bodies.forget()
-    if bodies.echoes:
-        bodies.echoes.fire(bodies.tick, bodies.time, (bodies.x, bodies.y, bodies.heading))
+    if bodies.sonars:
+        bodies.sonars.fire(bodies.tick, bodies.time, (bodies.x, bodies.y, bodies.heading))

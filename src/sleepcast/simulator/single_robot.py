@@ -28,23 +28,23 @@ MOST_AT_ONCE = 10
 """Ticks that a world makes up for in one look; what is beyond is let go."""
 
 
-class LoneBody(Body):
-    """The first robot of `simulator`. clock: what its time goes with, None in step. guard: of its limits.
+class SingleRobot(Body):
+    """The first robot of `simulator`. clock: paces its time, None: a tick for each reading. limits: enforced each tick.
 
     It is a `Robot` that can be let go of, as those behind a bridge.
     """
 
-    __slots__ = ("_clock", "_guard", "_simulator", "_start")
+    __slots__ = ("_clock", "_limits", "_simulator", "_start")
 
-    def __init__(self, simulator: Simulator, clock: Clock | None, guard: Guard | None = None) -> None:
+    def __init__(self, simulator: Simulator, clock: Clock | None, limits: SafetyLimits | None = None) -> None:
         super().__init__(simulator.bodies, simulator.model, 0)
-        self._simulator, self._clock, self._guard = simulator, clock, guard
+        self._simulator, self._clock, self._limits = simulator, clock, limits
         self._start = 0.0 if clock is None else clock.now()
 
     def sense(self) -> Reading:
         for _ in range(self._due()):
-            if self._guard is not None:
-                self._guard.attend()
+            if self._limits is not None:
+                self._limits.enforce()
             self._simulator.step()
         return super().sense()
 
@@ -85,7 +85,7 @@ class LoneBody(Body):
         return min(due, MOST_AT_ONCE)
 
 
-# Limits from a file that hold for bodies whatever a scenario or an expression says, and the guard that keeps them.
+# Safety limits from a file, which hold whatever a scenario or an expression says.
 
 
 def read_limits(file: Path) -> Limits:
@@ -139,7 +139,7 @@ def _part(start: tuple[float, float], fence: tuple[float, float], size: float) -
     return both if both[0] < both[1] else within
 
 
-class Guard:
+class SafetyLimits:
     """Keeps the bodies of a simulator within the fence and the least range of `limits`. They begin at rest: some may
     stand where they could not come to rest in time."""
 
@@ -150,7 +150,7 @@ class Guard:
             for moving in (simulator.bodies.speed, simulator.bodies.left, simulator.bodies.right):
                 moving[:] = 0.0
 
-    def attend(self) -> None:
+    def enforce(self) -> None:
         """To be called before each tick."""
         if not self._limits.are_watched:
             return

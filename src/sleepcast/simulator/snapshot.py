@@ -1,6 +1,6 @@
-"""A simulator as a parcel, and a simulator that goes on where that one was.
+"""A simulator as a state, and a simulator that goes on where that one was.
 
-The parcel holds the scenario as it was simulated, so it stands alone: a simulator is made of that scenario, then its
+The state holds the scenario as it was simulated, so it stands alone: a simulator is made of that scenario, then its
 arrays are overwritten. What comes from the seed alone is not kept; with another seed, another chance goes on from the
 same past.
 """
@@ -43,7 +43,7 @@ MAX_WORDS = 16_384
 """Characters of one saying: what a message holds."""
 
 
-class SimulatorParcel(msgspec.Struct):
+class SimulatorState(msgspec.Struct):
     """scenario, things: as `packing` writes them. following: the number that the next thing gets. said: time (s), robot
     and words. measures: see `Measuring.state`."""
 
@@ -65,10 +65,10 @@ class Things:
     shapes: tuple[Shape, ...]
 
 
-def state_of(simulator: Simulator) -> SimulatorParcel:
+def state_of(simulator: Simulator) -> SimulatorState:
     """The simulator between two ticks. Nothing of it is changed."""
     world = simulator.world
-    return SimulatorParcel(
+    return SimulatorState(
         pack(simulator.scenario),
         simulator.seed,
         simulator.tick,
@@ -80,32 +80,32 @@ def state_of(simulator: Simulator) -> SimulatorParcel:
     )
 
 
-def resume(parcel: SimulatorParcel, seed: int | None = None, threads: int | None = None) -> Simulator:
+def resume(state: SimulatorState, seed: int | None = None, threads: int | None = None) -> Simulator:
     """A simulator that goes on from there; seed: None is the one that it had. Raises SerialError."""
-    scenario = scenario_of(parcel.scenario)
-    for number, low, high in ((parcel.seed, 0, MAX_SEED), (parcel.tick, 0, MAX_TICKS)):
+    scenario = scenario_of(state.scenario)
+    for number, low, high in ((state.seed, 0, MAX_SEED), (state.tick, 0, MAX_TICKS)):
         if not low <= number <= high:
             raise SerialError(f"a seed or tick {number} that does not lie in {low}..{high}")
-    simulator = Simulator(scenario, parcel.seed if seed is None else seed, threads=threads)
+    simulator = Simulator(scenario, state.seed if seed is None else seed, threads=threads)
     bodies = simulator.bodies
-    bodies.tick = parcel.tick
+    bodies.tick = state.tick
     for number, ring in enumerate(bodies.rings):
-        if f"order of ring {number}" in parcel.columns:
+        if f"order of ring {number}" in state.columns:
             ring.part()
-    load_arrays(parcel.columns, bodies.arrays() | simulator.senses.arrays())
+    load_arrays(state.columns, bodies.arrays() | simulator.senses.arrays())
     _check(simulator)
     try:
-        things = unpack(Things, parcel.things)
-        simulator.world.fill(dict(zip(things.numbers, things.shapes, strict=True)), parcel.following)
+        things = unpack(Things, state.things)
+        simulator.world.fill(dict(zip(things.numbers, things.shapes, strict=True)), state.following)
     except (ValueError, SleepcastError) as error:
         raise SerialError(f"what stands in the world: {error}") from None
-    if len(parcel.said) > MAX_SAYINGS:
-        raise SerialError(f"{len(parcel.said)} sayings, at most {MAX_SAYINGS} are kept")
-    for time, robot, text in parcel.said:
+    if len(state.said) > MAX_SAYINGS:
+        raise SerialError(f"{len(state.said)} sayings, at most {MAX_SAYINGS} are kept")
+    for time, robot, text in state.said:
         if not 0 <= robot < bodies.count or isnan(time) or len(text) > MAX_WORDS:
             raise SerialError("a saying of a robot that is not there, or without end")
         simulator.said.append(Saying(time, robot, text))
-    simulator.measuring.restore(parcel.measures)
+    simulator.measuring.restore(state.measures)
     bodies.forget()
     return simulator
 

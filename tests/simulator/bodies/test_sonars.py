@@ -12,7 +12,7 @@ from machines import ALL
 from sleepcast.core.counter_rng import key
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Simulator
-from sleepcast.simulator.bodies.sonars import Echoes
+from sleepcast.simulator.bodies.sonars import Sonars
 from sleepcast.simulator.sonar.noise import Noise
 from small_worlds import scouts
 
@@ -32,7 +32,7 @@ def before_a_wall(folder: Path, sonar: str, robots: int = 400) -> Simulator:
 
 
 def ahead(sim: Simulator) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    return sim.bodies.echo()[:, 0]
+    return sim.bodies.sonar_ranges()[:, 0]
 
 
 def test_noise_is_a_share_of_the_range(tmp_path: Path) -> None:
@@ -46,8 +46,8 @@ def test_noise_is_a_share_of_the_range(tmp_path: Path) -> None:
 
 
 def test_noise_does_not_depend_on_who_is_asked(tmp_path: Path) -> None:
-    every = before_a_wall(tmp_path, 'noise = "3%"').bodies.echo()
-    some = before_a_wall(tmp_path, 'noise = "3%"').bodies.echo([7, 300])
+    every = before_a_wall(tmp_path, 'noise = "3%"').bodies.sonar_ranges()
+    some = before_a_wall(tmp_path, 'noise = "3%"').bodies.sonar_ranges([7, 300])
     assert (some == every[[7, 300]]).all()
 
 
@@ -83,8 +83,8 @@ def test_lost_echoes_read_as_nothing(tmp_path: Path) -> None:
 def test_the_nearest_reads_as_six_inches(tmp_path: Path) -> None:
     sim = scouts(tmp_path)
     sim.place(0, 12.0 - 0.17 - 0.05, 6.0, 0.0)
-    assert sim.bodies.echo()[0, 0] == 6 * 0.0254
-    assert sim.bodies.echo()[0].max() <= NOTHING
+    assert sim.bodies.sonar_ranges()[0, 0] == 6 * 0.0254
+    assert sim.bodies.sonar_ranges()[0].max() <= NOTHING
 
 
 def test_front_range_is_the_least_of_nine(tmp_path: Path) -> None:
@@ -110,20 +110,20 @@ class TestFiringOrder:
     def test_sonars_fire_one_after_another_as_sound_travels(self, tmp_path: Path) -> None:
         """A metre ahead and all else farther: the first ping costs pause + 2 m / 343 m/s."""
         sim = before_a_wall(tmp_path, 'pause = "24ms"\norder = [0, 8]', 1)
-        assert all(isnan(value) for value in sim.bodies.echo()[0])
+        assert all(isnan(value) for value in sim.bodies.sonar_ranges()[0])
         sim.step()
-        read = sim.bodies.echo()[0]
+        read = sim.bodies.sonar_ranges()[0]
         assert read[0] == pytest.approx(1.0, abs=1e-5)
         assert isnan(read[1])
         # 0, then 8 (nothing in reach), then 0 again ...
-        assert sim.bodies.echoes is not None
+        assert sim.bodies.sonars is not None
         costs = [0.024 + 2 * 1.0 / 343.0, 0.024 + 2 * NOTHING / 343.0]
         fired, time = 0, 0.0
         while time < 0.1:
             time += costs[fired % 2]
             fired += 1
-        assert isclose(float(sim.bodies.echoes.firing.due[0]), time, rel_tol=1e-6)
-        assert int(sim.bodies.echoes.firing.turn[0]) == fired % 2
+        assert isclose(float(sim.bodies.sonars.firing.due[0]), time, rel_tol=1e-6)
+        assert int(sim.bodies.sonars.firing.turn[0]) == fired % 2
 
     def test_a_reading_is_as_old_as_it_would_be(self, tmp_path: Path) -> None:
         sim = before_a_wall(tmp_path, 'pause = "0.95s"\norder = [0]', 1)
@@ -132,7 +132,7 @@ class TestFiringOrder:
         seen = []
         for _ in range(12):
             sim.step()
-            seen.append(float(sim.bodies.echo()[0, 0]))
+            seen.append(float(sim.bodies.sonar_ranges()[0, 0]))
         assert seen[0] == pytest.approx(1.0, abs=1e-5)
         assert seen[-1] == NOTHING
         # Fired in the first tick, the next ping goes out 0.956 s later: in the tenth tick.
@@ -143,14 +143,14 @@ class TestFiringOrder:
         one.step()
         other.step()
         assert one.state_hash() == other.state_hash()
-        assert one.bodies.echoes is not None
-        one.bodies.echoes.readings[1, 2] += 0.5
+        assert one.bodies.sonars is not None
+        one.bodies.sonars.readings[1, 2] += 0.5
         assert one.state_hash() != other.state_hash()
 
 
-def rings(sim: Simulator) -> Echoes:
-    assert isinstance(sim.bodies.echoes, Echoes)
-    return sim.bodies.echoes
+def rings(sim: Simulator) -> Sonars:
+    assert isinstance(sim.bodies.sonars, Sonars)
+    return sim.bodies.sonars
 
 
 def run(sim: Simulator, ticks: int) -> None:
@@ -183,15 +183,15 @@ class TestArranging:
     def test_without_an_order_the_readings_stay(self, tmp_path: Path) -> None:
         sim = before_a_wall(tmp_path, 'pause = "1ms"', 2)
         run(sim, 10)
-        before = sim.bodies.echo()[0].copy()
+        before = sim.bodies.sonar_ranges()[0].copy()
         rings(sim).arrange(0, [], 0.0)
         sim.place(0, 5.0, 10.0, 0.0)
         run(sim, 100)
-        assert (sim.bodies.echo()[0] == before).all()
+        assert (sim.bodies.sonar_ranges()[0] == before).all()
         rings(sim).arrange(0, [8], 0.03)  # goes on from now, and does not make up for what it has missed
         assert rings(sim).firing.due[0] == pytest.approx(sim.time - 0.1)
         sim.step()
-        assert (np.flatnonzero(sim.bodies.echo()[0] != before) == [8]).all()
+        assert (np.flatnonzero(sim.bodies.sonar_ranges()[0] != before) == [8]).all()
 
     def test_the_pause_that_has_begun_comes_first(self, tmp_path: Path) -> None:
         sim = before_a_wall(tmp_path, 'pause = "0.5s"\norder = [0]', 1)
@@ -207,7 +207,7 @@ class TestArranging:
         run(sim, 30)
         rings(sim).arrange(1, [8, 0], 0.04)
         sim.step()
-        first, second = sim.bodies.echo()
+        first, second = sim.bodies.sonar_ranges()
         assert (~np.isnan(first)).all()
         assert set(np.flatnonzero(~np.isnan(second)).tolist()) == {0, 8}
         assert second[[0, 8]] == pytest.approx(first[[0, 8]], abs=1e-5)
@@ -220,7 +220,7 @@ class TestArranging:
             for _ in range(20):
                 as_it_is.step()
                 arranged.step()
-                assert np.array_equal(as_it_is.bodies.echo(), arranged.bodies.echo(), equal_nan=True)
+                assert np.array_equal(as_it_is.bodies.sonar_ranges(), arranged.bodies.sonar_ranges(), equal_nan=True)
 
     def test_a_long_pause_cures_one_robot_of_cross_talk(self, tmp_path: Path) -> None:
         """Two robots side by side in one room, the second of which waits until no echo is left."""
@@ -271,7 +271,7 @@ def test_a_turret_turns_the_ring(tmp_path: Path, sonar: str) -> None:
     rings(turned).turret = np.array([0.0, np.pi / 2, -np.pi / 2])
     run(plain, 10)
     run(turned, 10)
-    straight, read = plain.bodies.echo(), turned.bodies.echo()
+    straight, read = plain.bodies.sonar_ranges(), turned.bodies.sonar_ranges()
     for robot, sonars in enumerate((0, 4, -4)):
         assert read[robot] == pytest.approx(np.roll(straight[robot], -sonars), abs=1e-5)
     assert turned.bodies.heading.tolist() == [0.0, 0.0, 0.0]

@@ -18,7 +18,7 @@ from sleepcast.simulator.nomads.obstacles import MAX_OBSTACLES, without_holes
 from sleepcast.simulator.nomads.setups import SETUPS, read_setup, setup_names
 from sleepcast.simulator.nomads.sites import ROOM, read_polygons, read_site, write_polygons
 from sleepcast.simulator.world.areas import inside
-from sleepcast.simulator.world.ros_map import outlines
+from sleepcast.simulator.world.ros_map import contours
 from small_worlds import SCOUTS
 
 WORLD = """format = 1
@@ -233,7 +233,7 @@ class TestKeyholes:
         """Random cells: a point is inside one of the polygons, by the even-odd rule, if it is inside the area."""
         chance = np.random.default_rng(seed)
         solid = chance.random((12, 15)) < 0.6
-        area = Area(tuple(tuple((float(x), float(y)) for x, y in line) for line in outlines(solid)))
+        area = Area(tuple(tuple((float(x), float(y)) for x, y in line) for line in contours(solid)))
         x, y = chance.uniform(0.0, 15.0, 2_000), chance.uniform(0.0, 12.0, 2_000)
         times = sum(inside(Area((corners,)), x, y).astype(int) for corners in without_holes(area))
         assert (times == inside(area, x, y)).all()

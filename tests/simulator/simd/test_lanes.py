@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("numba")
 
-from sleepcast.core.arrays import LINE, Scratch
+from sleepcast.core.arrays import LINE, Arena
 from sleepcast.simulator.simd import formulas, lanes, vectors
 from sleepcast.simulator.simd.compiled import compiled, strict
 
@@ -199,9 +199,9 @@ def test_a_line_of_the_caches_is_written_where_it_belongs(sort: type[np.generic]
         lanes.put_by(array, row, column, lanes.at(values, 3))
         lanes.all_passed()
 
-    scratch = Scratch()
-    scratch.begin()
-    array = scratch.take(sort, 3, 4 * many)
+    arena = Arena()
+    arena.begin()
+    array = arena.take(sort, 3, 4 * many)
     array[:] = np.full(array.shape, 7, sort)
     values = np.arange(40).astype(sort)
     strict(write)(values, array, 1, 2 * many)  # type: ignore[operator]
@@ -214,9 +214,9 @@ def test_lanes_are_written_past_the_caches_where_they_belong() -> None:
         lanes.put_by(array, row, column, lanes.at(values, 0))
         lanes.all_passed()
 
-    scratch = Scratch()
-    scratch.begin()
-    array = scratch.take(np.float64, 3, 32)
+    arena = Arena()
+    arena.begin()
+    array = arena.take(np.float64, 3, 32)
     array[:] = 99.0
     strict(write)(SOME, array, 1, 8)  # type: ignore[no-untyped-call]
     assert array[1, 8:24].tolist() == SOME.tolist()
@@ -224,7 +224,7 @@ def test_lanes_are_written_past_the_caches_where_they_belong() -> None:
 
 
 def test_scratch_memory_begins_with_a_line_of_the_caches_also_where_there_is_none_left() -> None:
-    scratch = Scratch()
-    scratch.begin(1_000)
+    arena = Arena()
+    arena.begin(1_000)
     for _ in range(20):
-        assert scratch.take(np.float32, 50).ctypes.data % LINE == 0
+        assert arena.take(np.float32, 50).ctypes.data % LINE == 0

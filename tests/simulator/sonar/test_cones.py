@@ -46,17 +46,17 @@ points = [["7m", "10m"], ["8m", "11m"], ["9m", "10.5m"]]
 def worst(sim: Simulator, which: list[int]) -> float:
     """The greatest difference between what these robots read and what they should, m."""
     bodies = sim.bodies
-    assert bodies.echoes
-    cones, solids = bodies.echoes.cones, sim.world.solids
+    assert bodies.sonars
+    cones, solids = bodies.sonars.cones, sim.world.solids
     lines = [((a, b), (c, d)) for a, b, c, d, r in solids.tolist() if r == 0.0]
     posts = [(a, b, r) for a, b, _, _, r in solids.tolist() if r > 0.0]
     discs = list(zip(bodies.x.tolist(), bodies.y.tolist(), [cones.radius] * bodies.count, strict=True))
     greatest = 0.0
-    for number, read in zip(which, bodies.echo(which).tolist(), strict=True):
+    for number, read in zip(which, bodies.sonar_ranges(which).tolist(), strict=True):
         others = [*discs[:number], *discs[number + 1 :], *posts]
         x, y, heading = bodies.x[number], bodies.y[number], bodies.heading[number]
         exact = readings(cones, float(x), float(y), float(heading), others, lines)
-        greatest = max(greatest, *(abs(a - max(b, bodies.echoes.ring.least)) for a, b in zip(read, exact, strict=True)))
+        greatest = max(greatest, *(abs(a - max(b, bodies.sonars.ring.least)) for a, b in zip(read, exact, strict=True)))
     return greatest
 
 
@@ -120,7 +120,7 @@ def test_a_hole_is_no_wall(tmp_path: Path, machine: Machine) -> None:
     sim = scouts(tmp_path, rooms, ("count = 1\n", "count = 2\n"), more='range = "20m"\nbeam = "2deg"', machine=machine)
     sim.place(0, 3.0, 3.0, 0.0)
     sim.place(1, 3.0, 4.5, 0.0)
-    first, second = sim.bodies.echo()
+    first, second = sim.bodies.sonar_ranges()
     assert first[[0, 4, 8, 12]] == pytest.approx([9.0 - 0.17, 1.5 - 0.34, 3.0 - 0.17, 3.0 - 0.17], abs=ERROR)
     assert second[[0, 4, 8, 12]] == pytest.approx([3.0 - 0.17, 7.5 - 0.17, 3.0 - 0.17, 1.5 - 0.34], abs=ERROR)
 
@@ -130,7 +130,7 @@ def test_a_mirror_is_seen_only_from_before_it(tmp_path: Path, machine: Machine) 
     """The wall ahead is met at angles up to a cone's half and more; the cones aside meet it too obliquely."""
     sim = scouts(tmp_path, more='incidence = "20deg"', machine=machine)
     sim.place(0, 11.0, 6.0, 0.0)
-    seen = sim.bodies.echo()[0]
+    seen = sim.bodies.sonar_ranges()[0]
     assert seen[0] == pytest.approx(0.83, abs=ERROR)
     # Turned by 22.5 degrees, a cone that is 12.5 degrees to each side still holds rays within 20 of the perpendicular.
     assert seen[1] < 6.0
@@ -147,7 +147,7 @@ def test_who_is_in_something_solid_sees_it_all_round(tmp_path: Path, machine: Ma
     sim.world.add(Circle(1.0, 1.0, 0.9))
     within = np.flatnonzero(np.hypot(sim.x - 1.0, sim.y - 1.0) < 0.7).tolist()
     assert len(within) > 5
-    assert (sim.bodies.echo(within) == 6 * 0.0254).all()
+    assert (sim.bodies.sonar_ranges(within) == 6 * 0.0254).all()
     assert worst(sim, list(range(150))) < ERROR
     ring = sim.bodies.rings[0]
     view = ring._view((sim.x, sim.y, sim.bodies.heading), alone=True)
@@ -179,9 +179,9 @@ def test_the_grid_does_not_matter(tmp_path: Path) -> None:
     """A robot reads the same whoever else is asked."""
     for machine in ALL:
         sim = scouts(tmp_path, ("count = 1\n", "count = 150\n"), machine=machine)
-        every = sim.bodies.echo()
+        every = sim.bodies.sonar_ranges()
         again = scouts(tmp_path, ("count = 1\n", "count = 150\n"), machine=machine)
-        some = again.bodies.echo([140, 3, 77])
+        some = again.bodies.sonar_ranges([140, 3, 77])
         assert (some == every[[140, 3, 77]]).all()
 
 
@@ -198,7 +198,7 @@ def test_threads_do_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         )
         for _ in range(3):
             sim.step()
-        seen.append((sim.bodies.echo().tobytes(), sim.state_hash()))
+        seen.append((sim.bodies.sonar_ranges().tobytes(), sim.state_hash()))
     assert seen[0] == seen[1] == seen[2]
 
 

@@ -120,12 +120,12 @@ def shortest(simulator: Simulator, seconds: float = 30.0) -> tuple[float, float]
     for _ in range(round(seconds / 0.1)):
         simulator.step()
         bodies = simulator.bodies
-        assert bodies.echoes
-        view = bodies.echoes._view((bodies.x, bodies.y, bodies.heading))
+        assert bodies.sonars
+        view = bodies.sonars._view((bodies.x, bodies.y, bodies.heading))
         look = bodies.machine.ranges(view, np.arange(bodies.count))
-        look = np.clip(look, bodies.echoes.ring.least, bodies.echoes.ring.most)
-        short = look.astype(float) - bodies.echoes.readings
-        wrong += int(((short > 20 * INCH) & (bodies.echoes.readings < look / 2)).sum())
+        look = np.clip(look, bodies.sonars.ring.least, bodies.sonars.ring.most)
+        short = look.astype(float) - bodies.sonars.readings
+        wrong += int(((short > 20 * INCH) & (bodies.sonars.readings < look / 2)).sum())
         total += int(np.isfinite(short).sum())
         worst = max(worst, float(np.nanmax(short)))
     return wrong / total, worst
@@ -174,8 +174,8 @@ class TestTwoRobots:
 
     def test_a_ping_sent_a_little_later_comes_later(self, tmp_path: Path) -> None:
         simulator = facing(tmp_path)
-        assert simulator.bodies.echoes
-        simulator.bodies.echoes.firing.due[1] = 0.002
+        assert simulator.bodies.sonars
+        simulator.bodies.sonars.firing.due[1] = 0.002
         simulator.step()
         first, second = (row[-1] for row in simulator.readings())
         assert first == pytest.approx((2.0 + SOUND * 0.002) / 2, abs=1e-5)
@@ -220,8 +220,8 @@ class TestTwoRobots:
 
     def test_a_ping_of_the_tick_before_is_heard(self, tmp_path: Path) -> None:
         simulator = facing(tmp_path)
-        assert simulator.bodies.echoes
-        due = simulator.bodies.echoes.firing.due
+        assert simulator.bodies.sonars
+        due = simulator.bodies.sonars.firing.due
         due[:] = 0.098, 0.101  # just before the end of the first tick, and just after it
         simulator.step()
         simulator.step()
@@ -309,8 +309,8 @@ class TestRepeating:
 
     def test_it_is_off_unless_it_is_asked_for(self, tmp_path: Path) -> None:
         simulator = in_order(tmp_path, "4ms", "")
-        assert simulator.bodies.echoes
-        assert simulator.bodies.echoes.crosstalk is None
+        assert simulator.bodies.sonars
+        assert simulator.bodies.sonars.crosstalk is None
 
     @pytest.mark.parametrize(
         ("table", "said"),

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from sleepcast.simulator.world.areas import inside
-from sleepcast.simulator.world.ros_map import Corner, outlines
+from sleepcast.simulator.world.ros_map import Corner, contours
 from sleepcast.simulator.world.world import Area, Circle, Point
 from small_worlds import simulator
 
@@ -38,43 +38,43 @@ def filled(lines: list[list[Corner]], shape: tuple[int, ...]) -> Cells:
 
 def test_outlines_enclose_the_solid_cells_and_nothing_else() -> None:
     for solid in bitmaps():
-        assert (filled(outlines(solid), solid.shape) == solid).all()
+        assert (filled(contours(solid), solid.shape) == solid).all()
 
 
 def test_outlines_run_along_borders_and_only_there() -> None:
     for solid in bitmaps():
         border = sum(int(np.abs(np.diff(np.pad(solid, 1).astype(int), axis=axis)).sum()) for axis in (0, 1))
-        lines = [side for line in outlines(solid) for side in sides(line)]
+        lines = [side for line in contours(solid) for side in sides(line)]
         assert sum(abs(a[0] - b[0]) + abs(a[1] - b[1]) for a, b in lines) == border
 
 
 def test_no_corner_could_be_left_out() -> None:
     for solid in bitmaps():
-        for line in outlines(solid):
+        for line in contours(solid):
             level = [a[1] == b[1] for a, b in sides(line)]
             assert all(here != there for here, there in zip(level, level[1:] + level[:1], strict=True))
 
 
 def test_cells_that_touch_at_a_corner_are_apart() -> None:
     for solid in (np.eye(2, dtype=bool), np.eye(2, dtype=bool)[::-1]):
-        assert [len(line) for line in outlines(solid)] == [4, 4]
+        assert [len(line) for line in contours(solid)] == [4, 4]
 
 
 def test_a_hole_has_an_outline_of_its_own() -> None:
     ring = np.ones((3, 4), bool)
     ring[1, 1:3] = False
-    assert sorted(map(sorted, outlines(ring))) == [
+    assert sorted(map(sorted, contours(ring))) == [
         [(0, 0), (0, 3), (4, 0), (4, 3)],
         [(1, 1), (1, 2), (3, 1), (3, 2)],
     ]
 
 
 def test_nothing_solid_has_no_outline() -> None:
-    assert outlines(np.zeros((3, 3), bool)) == []
+    assert contours(np.zeros((3, 3), bool)) == []
 
 
 def area_of(solid: Cells) -> Area:
-    return Area(tuple(tuple((float(x), float(y)) for x, y in line) for line in outlines(solid)))
+    return Area(tuple(tuple((float(x), float(y)) for x, y in line) for line in contours(solid)))
 
 
 class TestInside:

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from sleepcast.simulator.world.grid import grid_over, list_solids
 from sleepcast.simulator.world.walls import NEW_DIRECTION, NEW_LINE, ROUND, SAME_LINE, walls_of
-from sleepcast.simulator.world.world import Circle, Polygon, Shape, Wall, World, edge, rooms
+from sleepcast.simulator.world.world import Circle, Polygon, Shape, Wall, World, boundary, rooms
 
 SHAPES: list[Shape] = [
-    edge(24.0, 18.0),
+    boundary(24.0, 18.0),
     *rooms(24.0, 18.0, 6.0, 1.5),
     Circle(4.0, 5.0, 0.5),
     Polygon(((9.0, 9.0), (10.0, 9.5), (9.2, 10.4))),

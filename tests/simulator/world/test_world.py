@@ -9,7 +9,7 @@ import pytest
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator.world.grid import distance, grid_over, list_solids, pairs, sort
-from sleepcast.simulator.world.world import Circle, Polygon, Shape, Wall, World, edge, rooms
+from sleepcast.simulator.world.world import Circle, Polygon, Shape, Wall, World, boundary, rooms
 
 SQUARE = Polygon(((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)))
 
@@ -106,7 +106,7 @@ class TestGrid:
 
     def test_a_cell_lists_all_that_comes_near(self) -> None:
         draw = np.random.default_rng(2)
-        world = World([edge(30.0, 20.0), *rooms(30.0, 20.0, 6.0, 1.0), Circle(8.0, 8.0, 2.5)])
+        world = World([boundary(30.0, 20.0), *rooms(30.0, 20.0, 6.0, 1.0), Circle(8.0, 8.0, 2.5)])
         grid = grid_over(30.0, 20.0, 1.3, 10)
         listed = list_solids(grid, world, 2.0)
         x, y = draw.uniform(0, 30, 500), draw.uniform(0, 20, 500)

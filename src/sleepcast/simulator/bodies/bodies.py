@@ -28,7 +28,7 @@ from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
 from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.simulator.bodies.bumpers import Bumpers, least_cell, reach
 from sleepcast.simulator.bodies.neighbours import Neighbours
-from sleepcast.simulator.bodies.sonars import Ears, Echoes
+from sleepcast.simulator.bodies.sonars import SonarGroups, Sonars
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.motion.driving import DRIVE, GOTO, WANDER, laws_of
 from sleepcast.simulator.motion.steps import Columns
@@ -134,7 +134,7 @@ class Bodies:
         self.near = Neighbours(size, cell, self.count, self.world, machine)
         far = max(reach(sort, scenario.tick) for sort in sorts)
         self.contact = Bumpers(self.radii, far, self.near, machine) if robots.bumpers else None
-        self.echoes = self._hearing(self.sensed[own:], cones)
+        self.sonars = self._make_sonars(self.sensed[own:], cones)
         self._start()
 
     def _each(self, values: Sequence[float]) -> Floats:
@@ -163,16 +163,16 @@ class Bodies:
         each = zip(self.parts, self.of_each_sort, strict=True)
         return next(part for part, which in each if which.start <= number < which.stop)
 
-    def rings_of(self, number: int) -> Echoes | None:
+    def rings_of(self, number: int) -> Sonars | None:
         """The sonars of body `number`, if it has any."""
-        return self.echoes.of(number) if isinstance(self.echoes, Ears) else self.echoes
+        return self.sonars.of(number) if isinstance(self.sonars, SonarGroups) else self.sonars
 
     @property
-    def rings(self) -> Sequence[Echoes]:
+    def rings(self) -> Sequence[Sonars]:
         """The sonars of each sort of bodies that has any."""
-        if self.echoes is None:
+        if self.sonars is None:
             return ()
-        return self.echoes.rings if isinstance(self.echoes, Ears) else [self.echoes]
+        return self.sonars.rings if isinstance(self.sonars, SonarGroups) else [self.sonars]
 
     def _cones(self, sort: RobotSpec) -> Cones | None:
         ring, widest = sort.ring, float(self.radii.max())
@@ -180,16 +180,16 @@ class Bodies:
             Cones(ring.count, ring.beam / 2, ring.most, ring.incidence, sort.geometry.radius, widest) if ring else None
         )
 
-    def _hearing(self, table: Floats, cones: Sequence[Cones | None]) -> Echoes | Ears | None:
+    def _make_sonars(self, table: Floats, cones: Sequence[Cones | None]) -> Sonars | SonarGroups | None:
         """The sonars of all sorts, which have these cones. table: where robots find what they read."""
         found = []
         for cone, sort, which in zip(cones, self.scenario.each_sort, self.of_each_sort, strict=True):
             if sort.ring and cone and len(cones) == 1:
-                return Echoes(sort.ring, cone, table, self.near, self.seed, self.machine)
+                return Sonars(sort.ring, cone, table, self.near, self.seed, self.machine)
             if sort.ring and cone and which.start < which.stop:
                 apart = np.full((sort.ring.count + 1, which.stop - which.start), np.nan)
-                found.append(Echoes(sort.ring, cone, apart, self.near, self.seed, self.machine, which, self.radii))
-        return Ears(found, table) if found else None
+                found.append(Sonars(sort.ring, cone, apart, self.near, self.seed, self.machine, which, self.radii))
+        return SonarGroups(found, table) if found else None
 
     @property
     def time(self) -> float:
@@ -209,8 +209,8 @@ class Bodies:
     def forget(self) -> None:
         """Bodies have moved: what is known of who is near whom, and what was heard, is no longer so."""
         self.near.forget()
-        if self.echoes:
-            self.echoes.forget()
+        if self.sonars:
+            self.sonars.forget()
 
     def place(self, number: int, x: float, y: float, heading: float) -> None:
         """Put a body somewhere, at rest, and let it know: both its real and its believed pose (m, rad)."""
@@ -236,21 +236,21 @@ class Bodies:
         self.mode[which[free]] = Mode.DRIVE
         wanted[actuator][which[free & named]] = values[free & named]
 
-    def sense(self, which: Whole | None = None, echoes: bool | Collection[int] = True) -> None:
+    def sense(self, which: Whole | None = None, sonars: bool | Collection[int] = True) -> None:
         """Bring the table up to date for the robots with these indices (None: all): noise, and what their sonars hear
-        if `echoes`, or at least what comes into these rows of the table. Asked twice in one tick, the answer is the
+        if `sonars`, or at least what comes into these rows of the table. Asked twice in one tick, the answer is the
         same."""
         if self.scenario.noise:
             self._disturb(slice(None) if which is None else which)
-        if echoes and self.echoes:
-            rows = None if echoes is True else [row - len(self.sensors) for row in echoes]
-            self.echoes.sense(which, self.tick, (self.x, self.y, self.heading), rows)
+        if sonars and self.sonars:
+            rows = None if sonars is True else [row - len(self.sensors) for row in sonars]
+            self.sonars.sense(which, self.tick, (self.x, self.y, self.heading), rows)
 
-    def echo(self, numbers: Sequence[int] | None = None) -> Floats:
+    def sonar_ranges(self, numbers: Sequence[int] | None = None) -> Floats:
         """What the sonars of these robots (None: all) read, m, shape (robots, sonars). Only for robots with sonars."""
-        assert self.echoes
+        assert self.sonars
         which = None if numbers is None else np.asarray(numbers, np.int64)
-        self.echoes.sense(which, self.tick, (self.x, self.y, self.heading))
+        self.sonars.sense(which, self.tick, (self.x, self.y, self.heading))
         return self.sensed[len(self.sensors) : -1, slice(None) if which is None else which].T
 
     def readings(self, numbers: Sequence[int] | None = None) -> list[list[float]]:
@@ -298,8 +298,8 @@ class Bodies:
             yield from (self.x, self.y, self.heading, self.left, self.right)
         if self.contact:
             yield from (self.hit_x, self.hit_y)
-        if self.echoes:
-            yield from self.echoes.state()
+        if self.sonars:
+            yield from self.sonars.state()
         yield self.world.solids
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:

@@ -16,7 +16,6 @@ from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import HostFunction, Quantity
 from sleepcast.core.units import LENGTH, NONE, RATE, SPEED
 from sleepcast.robot import Geometry, Reading, RobotModel, Setpoint
-from sleepcast.simulator.bodies import body
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Mode, Saying
 from sleepcast.simulator.scenario.robot_settings import TENTH
 from sleepcast.simulator.scenario.scenario import Scenario
@@ -107,20 +106,20 @@ class Body:
         self.turn_wheels(right * TENTH, left * TENTH)
 
     def sonar(self, which: float) -> float:
-        echoes = self._bodies.rings_of(self.number)
-        if echoes:
-            return float(self._bodies.echo([self.number])[0, int(which) % echoes.ring.count])
-        return self.nearest(*body.sector(self._sectors().sonars, which))
+        sonars = self._bodies.rings_of(self.number)
+        if sonars:
+            return float(self._bodies.sonar_ranges([self.number])[0, int(which) % sonars.ring.count])
+        return self.nearest(*sector(self._sectors().sonars, which))
 
     def nearest(self, first: float, last: float) -> float:
-        echoes = self._bodies.rings_of(self.number)
-        if echoes is None:
-            return body.nearest(self._bodies, self.number, self._sectors().sonar_range, first, last)
-        there = np.mod(echoes.cones.axes - first, TURN) <= (
+        sonars = self._bodies.rings_of(self.number)
+        if sonars is None:
+            return nearest(self._bodies, self.number, self._sectors().sonar_range, first, last)
+        there = np.mod(sonars.cones.axes - first, TURN) <= (
             last - first if last - first >= TURN else np.mod(last - first, TURN)
         )
-        ranges = self._bodies.echo([self.number])[0, : echoes.ring.count][there]
-        return float(ranges.min()) if ranges.size else echoes.ring.most
+        ranges = self._bodies.sonar_ranges([self.number])[0, : sonars.ring.count][there]
+        return float(ranges.min()) if ranges.size else sonars.ring.most
 
     def _sectors(self) -> Geometry:
         geometry = self._bodies.part_of(self.number).geometry

@@ -37,32 +37,32 @@ class Senses:
             self._seen: Floats = bodies.known[first : first + len(LIGHT_NAMES)]
             self._sees = np.flatnonzero(seeing(scenario.robots.groups, bodies.count))
             self._look()
-        self._ears = None
+        self._pings = None
         if scenario.pings is not None:
             first = names.index(PING_NAMES[0])
-            self._ears = _Ears(bodies, scenario.pings, bodies.known[first : first + len(PING_NAMES)])
+            self._pings = _PingReceiver(bodies, scenario.pings, bodies.known[first : first + len(PING_NAMES)])
 
     def ping(self, robots: NDArray[np.intp], castes: Floats) -> None:
         """The robots with these indices ping, each with its caste. A body pings once in a tick: a second time is not
         heard."""
-        if self._ears is not None:
-            self._ears.send(robots, castes)
+        if self._pings is not None:
+            self._pings.send(robots, castes)
 
     def step(self) -> None:
         """Sense what there is after everything has moved."""
         if self._bodies.scenario.lights:
             self._look()
-        if self._ears is not None:
-            self._ears.step()
+        if self._pings is not None:
+            self._pings.step()
 
     def state(self) -> Iterator[NDArray[np.generic]]:
         """What must be the same for runs to be the same, besides what lies in the bodies' own arrays."""
-        if self._ears is not None:
-            yield from self._ears.state()
+        if self._pings is not None:
+            yield from self._pings.state()
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """The arrays, by name, that a run changes and that the next ticks depend on, besides those of the bodies."""
-        return self._ears.arrays() if self._ears is not None else {}
+        return self._pings.arrays() if self._pings is not None else {}
 
     def _look(self) -> None:
         """Let each robot with an eye see the nearest light in reach; those without one know nothing of lights."""
@@ -79,7 +79,7 @@ class Senses:
         self._seen[:, sees] = flags, ranges, bearings
 
 
-class _Ears:
+class _PingReceiver:
     """The queues of pings. presented: the rows of PING_NAMES in the table of what is sensed, shape (4, robots)."""
 
     def __init__(self, bodies: Bodies, model: PingModel, presented: Floats) -> None:
@@ -145,33 +145,35 @@ class _Ears:
     def _hear_block(self, points: Sorted, caste: Floats, hearers: NDArray[np.intp]) -> None:
         """Let some robots hear what was sent, each in an order of its own, and no more than fits into a queue."""
         bodies, model = self._bodies, self._model
-        ears, sources = pairs(self._grid, points, bodies.x, bodies.y, self._reach, hearers)
-        across, up = bodies.x[sources] - bodies.x[ears], bodies.y[sources] - bodies.y[ears]
+        hearers, sources = pairs(self._grid, points, bodies.x, bodies.y, self._reach, hearers)
+        across, up = bodies.x[sources] - bodies.x[hearers], bodies.y[sources] - bodies.y[hearers]
         away = np.sqrt(across * across + up * up)
-        tokens = (sources.astype(np.uint64) << np.uint64(32)) + ears.astype(np.uint64)
+        tokens = (sources.astype(np.uint64) << np.uint64(32)) + hearers.astype(np.uint64)
         heard = away <= model.reach
         if model.loss:
             heard &= uniform(key(bodies.seed, "ping lost", bodies.tick), tokens) >= model.loss
         turn = uniform(key(bodies.seed, "ping order", bodies.tick), tokens)
         found = np.flatnonzero(heard)
-        found = found[np.lexsort((sources[found], turn[found], ears[found]))]
-        ears = ears[found]
-        ping = np.stack((away[found], bearing(across[found], up[found], bodies.heading[ears]), caste[sources[found]]))
-        places = np.arange(len(ears))
-        rank = places - np.maximum.accumulate(np.where(np.diff(ears, prepend=-1) != 0, places, 0))
+        found = found[np.lexsort((sources[found], turn[found], hearers[found]))]
+        hearers = hearers[found]
+        ping = np.stack(
+            (away[found], bearing(across[found], up[found], bodies.heading[hearers]), caste[sources[found]])
+        )
+        places = np.arange(len(hearers))
+        rank = places - np.maximum.accumulate(np.where(np.diff(hearers, prepend=-1) != 0, places, 0))
         for number in range(min(model.queue, 1 + int(rank.max(initial=-1)))):
             chosen = np.flatnonzero(rank == number)
-            self._queue(ears[chosen], ping[:, chosen])
+            self._queue(hearers[chosen], ping[:, chosen])
 
-    def _queue(self, ears: NDArray[np.int64], ping: Floats) -> None:
+    def _queue(self, hearers: NDArray[np.int64], ping: Floats) -> None:
         """Put one ping into the queue of each of `ears`; ping: its range, bearing and caste, shape (3, ears)."""
-        self._drop_oldest(ears[self._length[ears] == self._model.queue])
-        self._waiting[self._length[ears], :, ears] = ping.T
-        self._length[ears] += 1
+        self._drop_oldest(hearers[self._length[hearers] == self._model.queue])
+        self._waiting[self._length[hearers], :, hearers] = ping.T
+        self._length[hearers] += 1
 
-    def _drop_oldest(self, ears: NDArray[np.int64]) -> None:
-        self._waiting[:-1, :, ears] = self._waiting[1:, :, ears]
-        self._length[ears] -= 1
+    def _drop_oldest(self, hearers: NDArray[np.int64]) -> None:
+        self._waiting[:-1, :, hearers] = self._waiting[1:, :, hearers]
+        self._length[hearers] -= 1
 
 
 def bearing(across: Floats, up: Floats, heading: Floats) -> Floats:

@@ -20,9 +20,9 @@ from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.scenario.robot_settings import Ring
 from sleepcast.simulator.simd.formulas import wrap
 from sleepcast.simulator.sonar.cones import Cones, Ranges, View
-from sleepcast.simulator.sonar.crosstalk import Crosstalk, Scene, hear_each_other
+from sleepcast.simulator.sonar.crosstalk import Crosstalk, Scene, add_crosstalk
 from sleepcast.simulator.sonar.firing import Firing, Tick, fire
-from sleepcast.simulator.sonar.noise import Ear, Noise
+from sleepcast.simulator.sonar.noise import Noise, Receiver
 from sleepcast.simulator.world.grid import Floats, Whole
 
 AT_ONCE = 65_536
@@ -31,7 +31,7 @@ FRONT = pi / 2
 """Sonars whose axis is at most this far from the heading count as front sonars, rad."""
 
 
-class Echoes:
+class Sonars:
     """The sonars of many robots.
 
     sensed: where the robots find what their sonars read, and in the last row the least of those in front: m, shape
@@ -130,14 +130,16 @@ class Echoes:
                 their: slice | Whole = some
                 if (np.diff(some) == 1).all():  # side by side: nothing need be copied
                     their = slice(int(some[0]), int(some[-1]) + 1)
-                self._machine.tell(self.readings[their], some, self._ear(None), self.sensed)
+                self._machine.tell(self.readings[their], some, self._receiver(None), self.sensed)
         if not len(old):
             return
-        ear = self._ear(self._noise(tick))
+        receiver = self._receiver(self._noise(tick))
         if self.radii is not None:
-            self._machine.tell(self._machine.ranges(self._view(pose), old + self.robots.start), old, ear, self.sensed)
+            self._machine.tell(
+                self._machine.ranges(self._view(pose), old + self.robots.start), old, receiver, self.sensed
+            )
         else:
-            self._machine.hear(self._view(pose), old, ear, self.sensed)
+            self._machine.hear(self._view(pose), old, receiver, self.sensed)
 
     def _old(self, own: Whole | None, rows: Collection[int] | None) -> Whole:
         """Which of these robots (None: all) have not got up to date readings in these rows."""
@@ -155,7 +157,7 @@ class Echoes:
         """Fire the sonars that are due before the time `until` (s), keep what they read, and let robots hear each
         other's."""
         self.shoot(tick, until, pose)
-        hear_all(tick, pose, [self])
+        exchange_crosstalk(tick, pose, [self])
 
     def shoot(self, tick: int, until: float, pose: tuple[Floats, Floats, Floats]) -> None:
         """The same, but for hearing each other."""
@@ -200,8 +202,8 @@ class Echoes:
         listed = near.solids(far) if alone else near.in_sight(far)
         return View(self.cones, near.grid, near.points(x, y), listed, near.world.solids, (x, y, heading), self.radii)
 
-    def _ear(self, noise: Noise | None) -> Ear:
-        return Ear(self.ring.least, self.ring.most, self.front, noise, self._wanted)
+    def _receiver(self, noise: Noise | None) -> Receiver:
+        return Receiver(self.ring.least, self.ring.most, self.front, noise, self._wanted)
 
     def _noise(self, tick: int) -> Noise | None:
         """What disturbs the echoes of this tick."""
@@ -213,7 +215,7 @@ class Echoes:
         return Noise(ring.noise, ring.dropout, ring.most, *keys)
 
 
-def hear_all(tick: int, pose: tuple[Floats, Floats, Floats], rings: Sequence[Echoes]) -> None:
+def exchange_crosstalk(tick: int, pose: tuple[Floats, Floats, Floats], rings: Sequence[Sonars]) -> None:
     """Let the sonars of these rings, and of no others, that have cross-talk hear each other."""
     talks = [(ring.crosstalk, ring.readings) for ring in rings if ring.crosstalk]
     if not talks:
@@ -223,20 +225,20 @@ def hear_all(tick: int, pose: tuple[Floats, Floats, Floats], rings: Sequence[Ech
     for ring in rings:
         heading = ring.turned(heading)
         radii[:] = ring.cones.radius if ring.radii is None else ring.radii
-    hear_each_other(tick, Scene(x, y, heading, radii), talks)
+    add_crosstalk(tick, Scene(x, y, heading, radii), talks)
 
 
 # The sonars of several sorts of robots: each sort has a ring of its own, and all of them one table of readings.
 
 
-class Ears:
+class SonarGroups:
     """The sonars `rings` of some robots each. sensed: the table of all, shape (sonars + 1, robots), in the last row the
     least of those in front."""
 
-    def __init__(self, rings: Sequence[Echoes], sensed: Floats) -> None:
+    def __init__(self, rings: Sequence[Sonars], sensed: Floats) -> None:
         self.rings, self.sensed = rings, sensed
 
-    def of(self, robot: int) -> Echoes | None:
+    def of(self, robot: int) -> Sonars | None:
         """The sonars of the robot with this index, if it has any."""
         return next((ring for ring in self.rings if ring.robots.start <= robot < ring.robots.stop), None)
 
@@ -253,7 +255,7 @@ class Ears:
         rows: Collection[int] | None = None,
     ) -> None:
         """Bring the readings of the robots with indices `which` (None: all) up to date, whatever rows they ask for; see
-        `Echoes`."""
+        `Sonars`."""
         for ring in self.rings:
             first, last = ring.robots.start, ring.robots.stop
             mine = None if which is None else which[(which >= first) & (which < last)]
@@ -267,7 +269,7 @@ class Ears:
         """Fire the sonars that are due before the time `until` (s), and let all of them hear each other."""
         for ring in self.rings:
             ring.shoot(tick, until, pose)
-        hear_all(tick, pose, self.rings)
+        exchange_crosstalk(tick, pose, self.rings)
 
     def state(self) -> Iterable[NDArray[np.generic]]:
         """What the next ticks depend on."""

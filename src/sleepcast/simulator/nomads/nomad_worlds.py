@@ -17,7 +17,7 @@ from sleepcast.simulator.nomads.sites import CELL, MAX_NOMADS, Site, read_site
 from sleepcast.simulator.scenario.robot_settings import MAX_TIME, CrosstalkModel, RobotSpec
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.simulation import Simulator
-from sleepcast.simulator.world.world import edge
+from sleepcast.simulator.world.world import boundary
 
 TICK = 0.02
 """s: a Scout at its fastest gets 2 cm farther between two looks of its sonars, less than the whole inches they tell;
@@ -116,7 +116,7 @@ def _scenario(site: Site, robots: RobotSpec, count: int, tick: float) -> Scenari
         width=site.width,
         height=site.height,
         length_unit="in",
-        shapes=(edge(site.width, site.height),),
+        shapes=(boundary(site.width, site.height),),
         fenced=False,
         robots=replace(robots, count=count, limits=limits, x=inner[0], y=inner[1]),
         places=(),

@@ -20,7 +20,7 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Axes, Condition, Contact, Corners, Pose
 from sleepcast.simulator.bodies.bodies import Bodies, Mode
 from sleepcast.simulator.bodies.bumpers import reach
-from sleepcast.simulator.bodies.sonars import Echoes
+from sleepcast.simulator.bodies.sonars import Sonars
 from sleepcast.simulator.nomads.obstacles import Obstacles
 from sleepcast.simulator.nomads.paths import discs, first_along, first_round, has_room
 from sleepcast.simulator.nomads.setups import Infrared, Setup
@@ -50,17 +50,17 @@ class NomadWorld:
         self.simulator, self.setup, self.origin = simulator, setup, origin
         self._bodies = bodies = simulator.bodies
         self._motors = Motors(bodies.count, setup.speeds, setup.accelerations)
-        echoes = bodies.rings_of(0)
-        assert echoes  # a setup has sonars
-        self._echoes = echoes
-        self._senses = NomadSenses(bodies, echoes, setup.infrared)
+        sonars = bodies.rings_of(0)
+        assert sonars  # a setup has sonars
+        self._sonars = sonars
+        self._senses = NomadSenses(bodies, sonars, setup.infrared)
         self._obstacles = Obstacles(simulator.world, origin, EDGE)
         self._turns_turret = not isnan(setup.speeds.third)
         self._turret_speed = np.zeros(bodies.count)
         # Turrets against the headings, rad: as they are, and as their encoders give them.
         self._turret, self._believed_turret = np.zeros((2, bodies.count))
         if self._turns_turret:
-            echoes.turret = self._turret
+            sonars.turret = self._turret
         self._zeroing: set[int] = set()
         self._conditions: list[Condition | None] = [None] * bodies.count
         bodies.mode[:] = Mode.DRIVE
@@ -264,7 +264,7 @@ class NomadWorld:
     def fire(self, robot: int, order: Sequence[int], pause: float) -> None:
         """Raises MisuseError for a sonar that there is not, or an odd pause."""
         self._check(robot)
-        self._echoes.arrange(robot, order, pause)
+        self._sonars.arrange(robot, order, pause)
 
     # ---- the world
 
@@ -464,10 +464,10 @@ Values = tuple[float, ...]
 
 
 class NomadSenses:
-    """The sensors of `bodies`, all of one kind, with a ring of sonars `echoes`."""
+    """The sensors of `bodies`, all of one kind, with `sonars` in a ring."""
 
-    def __init__(self, bodies: Bodies, echoes: Echoes, infrared: Infrared | None) -> None:
-        self._bodies, self._echoes = bodies, echoes
+    def __init__(self, bodies: Bodies, sonars: Sonars, infrared: Infrared | None) -> None:
+        self._bodies, self._sonars = bodies, sonars
         robots = bodies.scenario.robots
         self._reach = reach(robots, bodies.scenario.tick)
         radius = robots.geometry.radius
@@ -475,7 +475,7 @@ class NomadSenses:
             Cones(infrared.count, infrared.beam / 2.0, infrared.most, np.pi / 2.0, radius) if infrared else None
         )
         self._known = False
-        self._sonars: list[Values] = []
+        self._sonar_readings: list[Values] = []
         self._seen: list[Values] = []
         self._touched: list[Values] = []
 
@@ -486,7 +486,7 @@ class NomadSenses:
     def sonars(self, robot: int) -> Values:
         """What each sonar last read, m; NaN before it has fired."""
         self._look()
-        return self._sonars[robot]
+        return self._sonar_readings[robot]
 
     def infrared(self, robot: int) -> Values:
         """What each infrared sensor sees, m; none without such sensors."""
@@ -500,9 +500,9 @@ class NomadSenses:
 
     def predict(self, pose: Pose) -> tuple[Values, Values]:
         """What sonars and infrared sensors of a body at this pose would read, m, if there were no other robots."""
-        ring = self._echoes.ring
+        ring = self._sonars.ring
         at = np.array([pose.x]), np.array([pose.y]), np.array([pose.turret])
-        heard = np.clip(self._lonely(self._echoes.cones, at), ring.least, ring.most)
+        heard = np.clip(self._lonely(self._sonars.cones, at), ring.least, ring.most)
         seen = self._lonely(self._infrared, at) if self._infrared else np.empty(0)
         return tuple(heard.tolist()), tuple(seen.tolist())
 
@@ -517,13 +517,13 @@ class NomadSenses:
         if self._known:
             return
         self._known = True
-        bodies, ring = self._bodies, self._echoes.ring
-        read = self._echoes.readings
+        bodies, ring = self._bodies, self._sonars.ring
+        read = self._sonars.readings
         exact = np.where(read <= np.float32(ring.least), ring.least, np.minimum(read.astype(np.float64), ring.most))
-        self._sonars = [tuple(row) for row in exact.tolist()]
+        self._sonar_readings = [tuple(row) for row in exact.tolist()]
         self._seen = [()] * bodies.count
         if self._infrared:
-            aim = bodies.heading if self._echoes.turret is None else bodies.heading + self._echoes.turret
+            aim = bodies.heading if self._sonars.turret is None else bodies.heading + self._sonars.turret
             pose, near = (bodies.x, bodies.y, aim), bodies.near
             listed = near.in_sight(self._infrared.radius + self._infrared.most)
             view = View(self._infrared, near.grid, near.points(bodies.x, bodies.y), listed, near.world.solids, pose)

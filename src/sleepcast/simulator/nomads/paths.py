@@ -29,7 +29,7 @@ CLOSE = 1e-9
 def first_along(things: Floats, radius: float, start: Point, end: Point) -> Contact | None:
     """Where a disc of `radius` m on the straight way from `start` to `end` first touches one of the `things`; None if
     its way is free. What it overlaps at the start it touches there."""
-    found = already(things, radius, start)
+    found = contact_at_rest(things, radius, start)
     if found or not len(things):
         return found
     apart = radius + things[:, 4] + SKIN
@@ -51,7 +51,7 @@ def first_round(things: Floats, radius: float, centre: Point, orbit: float, begi
     """The same on the circle of radius `orbit` m round `centre`, from the angle `begin` to `end`, rad; more than once
     round is once round."""
     start = centre[0] + orbit * cos(begin), centre[1] + orbit * sin(begin)
-    found = already(things, radius, start)
+    found = contact_at_rest(things, radius, start)
     if found or not len(things) or orbit <= 0.0 or begin == end:
         return found
     apart = radius + things[:, 4] + SKIN
@@ -90,7 +90,7 @@ def _crossings(things: Floats, apart: Floats, centre: Point, orbit: float) -> Fl
     return np.array(found)
 
 
-def already(things: Floats, radius: float, place: Point) -> Contact | None:
+def contact_at_rest(things: Floats, radius: float, place: Point) -> Contact | None:
     """What a disc at `place` overlaps, the deepest; None if it is free."""
     if not len(things):
         return None
@@ -137,7 +137,7 @@ def has_room(bodies: Bodies, x: float, y: float, robot: int, among: Sequence[int
         return False
     others = [other for other in (range(bodies.count) if among is None else among) if other != robot]
     things = np.concatenate((bodies.world.solids, discs(bodies.x, bodies.y, bodies.radii)[others]))
-    if already(things, radius, (x, y)):
+    if contact_at_rest(things, radius, (x, y)):
         return False
     areas = (shape for shape in bodies.world.shapes.values() if isinstance(shape, Area | Circle))
     return not any(_within(area, (x, y)) for area in areas)
@@ -147,7 +147,7 @@ def _within(area: Area | Circle, point: Point) -> bool:
     return bool(inside(area, np.array([point[0]]), np.array([point[1]]))[0])
 
 
-def spots(middle: Point, apart: float) -> Iterator[Point]:
+def lattice(middle: Point, apart: float) -> Iterator[Point]:
     """Places `apart` m from each other in a square lattice: the `middle`, then ring by ring those round it, the nearest
     of a ring first and counter-clockwise from the east."""
     yield middle
@@ -165,7 +165,7 @@ def spread(bodies: Bodies, placed: Sequence[int], middle: Point, apart: Sequence
     polygons = [Area((each.corners,)) for each in bodies.world.shapes.values() if isinstance(each, Polygon)]
     side = [_within(polygon, middle) for polygon in polygons]
     for width in apart:
-        free = (at for at in spots(middle, width) if [_within(each, at) for each in polygons] == side)
+        free = (at for at in lattice(middle, width) if [_within(each, at) for each in polygons] == side)
         done = list(placed)
         for robot in (each for each in range(bodies.count) if each not in placed):
             spot = next((at for at in free if has_room(bodies, *at, robot, done)), None)

@@ -78,7 +78,7 @@ def _check(events: Sequence[tuple[Event, Table]], there: set[str], absent: set[s
             present.discard(event.name)
 
 
-def happen(world: World, events: Sequence[Event], things: Sequence[Shape], after: float, until: float) -> None:
+def apply_events(world: World, events: Sequence[Event], things: Sequence[Shape], after: float, until: float) -> None:
     """Let happen to `world` what is due after the one time and up to the other, s; a run begins after 0. things: all
     that may be added."""
     for event in events:

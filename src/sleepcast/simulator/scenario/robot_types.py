@@ -74,7 +74,7 @@ def _on_its_type(robots: Table) -> Table:
     return found
 
 
-def together(tables: Sequence[Table], sorts: Sequence[RobotSpec]) -> RobotSpec:
+def combined(tables: Sequence[Table], sorts: Sequence[RobotSpec]) -> RobotSpec:
     """What robots of several sorts, as they stand in these tables, have together: every name and the widest ranges.
     Raises SettingsError where two of them mean different things by one name."""
     if len(sorts) == 1:

@@ -30,7 +30,7 @@ from sleepcast.simulator.scenario.robot_settings import (
     read_count,
     read_robots,
 )
-from sleepcast.simulator.scenario.robot_types import robot_tables, together
+from sleepcast.simulator.scenario.robot_types import combined, robot_tables
 from sleepcast.simulator.scenario.signals import Light, PingModel, read_lights, read_pings
 from sleepcast.simulator.scenario.world_settings import MAX_SEED, Changes, WorldSpec, read_world
 from sleepcast.simulator.world.world import Shape
@@ -151,7 +151,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
         lights = read_lights(root, size, [place.name for place in places])
         taken = [*BODY_NAMES, *SIGNAL_NAMES, *(f"{place.name}_{axis}" for place in places for axis in "xy")]
         sorts = tuple(read_robots(*each, size, taken) for each in zip(tables, counts(), groups, strict=True))
-        robots = replace(together(tables, sorts), count=count())
+        robots = replace(combined(tables, sorts), count=count())
         if robots.count > MAX_ROBOTS:
             raise root.error("robots", f"{robots.count} robots in all; at most {MAX_ROBOTS} fit")
         refuse_clashes(root, tables, [*taken, *(store.name for store in robots.stores)], constants, groups)

@@ -15,7 +15,7 @@ from sleepcast.simulator.scenario.robot_settings import LEAST, MAX_WORLD
 from sleepcast.simulator.world.drawing import MAX_NAME, read_drawing
 from sleepcast.simulator.world.maze import maze
 from sleepcast.simulator.world.ros_map import read_map
-from sleepcast.simulator.world.world import Circle, Point, Polygon, Shape, Wall, edge, rooms, rows_of
+from sleepcast.simulator.world.world import Circle, Point, Polygon, Shape, Wall, boundary, rooms, rows_of
 
 MAX_SHAPES = 10_000
 """Polygons, circles or walls in one file: each sort."""
@@ -68,7 +68,7 @@ def read_world(root: Table, robots: Callable[[], int], changes: Changes, seed: i
     if not changes.walls:
         return WorldSpec(*high, width.unit or "m", (), fenced=True)
     if walled:
-        shapes.append(edge(*high))
+        shapes.append(boundary(*high))
     absent_ones = tuple(shape for shape, absent in written if absent)
     return WorldSpec(*high, width.unit or "m", tuple(shapes), fenced=not walled, absent=absent_ones)
 

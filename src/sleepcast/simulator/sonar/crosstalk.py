@@ -12,9 +12,9 @@ No sound is heard after more than twice the greatest range, nor by a sonar whose
 that of the one that sent it, and each of them is heard with the model's chance. So a pause of twice the greatest range
 between one echo and the next ping cures a ring of its own cross-talk.
 
-Bodies stand still for a tick, as in `echoes`, and what another robot sends after its end is not heard in it. A reading
-shortened by another robot does not make the next ping earlier: so no robot waits for another one's answer, and the
-order in which they are worked out says nothing.
+Bodies stand still for a tick, as in `bodies.sonars`, and what another robot sends after its end is not heard in it. A
+reading shortened by another robot does not make the next ping earlier, so the order in which robots are worked out does
+not matter.
 """
 
 from __future__ import annotations
@@ -217,7 +217,7 @@ class Crosstalk:
         return (uniform(key(self._seed, "crosstalk", what, tick, *sort), numbers) < self._model.chance).reshape(shape)
 
 
-def hear_each_other(tick: int, scene: Scene, talks: Sequence[tuple[Crosstalk, Ranges]]) -> None:
+def add_crosstalk(tick: int, scene: Scene, talks: Sequence[tuple[Crosstalk, Ranges]]) -> None:
     """The tick ends: shorten what was read in it by pings of other robots. talks: of each sort, and what its sonars
     read, changed in place."""
     sent = [talk.sent() for talk, _ in talks]

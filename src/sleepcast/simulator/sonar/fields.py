@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.core.arrays import Scratch
+from sleepcast.core.arrays import Arena
 from sleepcast.simulator.simd.formulas import sine_cosine
 from sleepcast.simulator.simd.vectors import LANES
 from sleepcast.simulator.sonar.cones import Cones, Ranges, View
@@ -95,8 +95,8 @@ def solid_columns(solids: Floats) -> Floats:
 class Fields:
     """Makes the field of a view; what depends on the solids alone is kept until they change."""
 
-    def __init__(self, scratch: Scratch) -> None:
-        self._scratch = scratch
+    def __init__(self, arena: Arena) -> None:
+        self._arena = arena
         self._known: Floats | None = None
         self._solids: Floats = np.empty((0, 6))
 
@@ -107,9 +107,9 @@ class Fields:
         if self._known is not view.solids:
             self._known, self._solids = view.solids, solid_columns(view.solids)
         order, start = view.points
-        self._scratch.begin()
-        places = self._scratch.take(np.float64, 4, len(order))
-        short = self._scratch.take(np.float32, 2, len(order) + LANES)
+        self._arena.begin()
+        places = self._arena.take(np.float64, 4, len(order))
+        short = self._arena.take(np.float32, 2, len(order) + LANES)
         short[:, len(order) :] = AWAY
 
         def work(first: int, last: int) -> None:

@@ -37,7 +37,7 @@ class Noise(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Ear:
+class Receiver:
     """How ranges become readings. least, most: m, what is nearer or farther reads as these. front: numbers of the
     sonars in front. noise: None where readings are undisturbed, or disturbed already. wanted: for each sonar, and at
     last for the least of those in front, whether anybody asks for it."""
@@ -73,15 +73,17 @@ def disturb_each(seen: NDArray[np.float32], counters: NDArray[np.uint64], noise:
     seen[nothing] = np.float32(noise.most)
 
 
-def tell(seen: NDArray[np.float32], which: Whole, ear: Ear, sensed: Floats) -> None:
+def tell(seen: NDArray[np.float32], which: Whole, receiver: Receiver, sensed: Floats) -> None:
     """Put what the ranges `seen` (changed on the way) of the robots with these indices read as into their columns of
     those rows of `sensed`, shape (sonars + 1, robots), that are wanted: m, and in the last row the least of those in
     front; NaN stays NaN. The limits are as they were written, whatever became of them in single precision."""
-    if ear.noise is not None:
-        disturb(seen, which, ear.noise)
+    if receiver.noise is not None:
+        disturb(seen, which, receiver.noise)
     read = seen.T
-    told = np.where(read <= np.float32(ear.least), ear.least, np.minimum(read.astype(np.float64), ear.most))
-    for sonar in np.flatnonzero(ear.wanted[:-1]):
+    told = np.where(
+        read <= np.float32(receiver.least), receiver.least, np.minimum(read.astype(np.float64), receiver.most)
+    )
+    for sonar in np.flatnonzero(receiver.wanted[:-1]):
         sensed[sonar, which] = told[sonar]
-    if ear.wanted[-1]:
-        sensed[-1, which] = told[ear.front].min(axis=0)
+    if receiver.wanted[-1]:
+        sensed[-1, which] = told[receiver.front].min(axis=0)

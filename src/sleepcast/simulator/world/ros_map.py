@@ -59,7 +59,7 @@ class RosMap:
         low = min(x for x, _ in box), min(y for _, y in box)
         high = max(x for x, _ in box), max(y for _, y in box)
         move = (-low[0], -low[1]) if at is None else (at[0] + self.x, at[1] + self.y)
-        lines = outlines(self.solid | self.unknown if unknown_is_solid else self.solid)
+        lines = contours(self.solid | self.unknown if unknown_is_solid else self.solid)
         sides = sum(map(len, lines))
         if sides > MAX_SOLIDS:
             raise MisuseError(f"the map's walls have {sides} sides; at most {MAX_SOLIDS} fit: take a coarser map")
@@ -212,7 +212,7 @@ def corners_of(solid: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.
     return np.repeat(column, times), np.repeat(row, times), np.repeat(code, times)
 
 
-def outlines(solid: NDArray[np.bool_]) -> list[list[Corner]]:
+def contours(solid: NDArray[np.bool_]) -> list[list[Corner]]:
     """The closed lines round all that is solid, holes included: for each its corners (column, row), no three of them in
     one line. solid: as above."""
     column, row, code = corners_of(solid)

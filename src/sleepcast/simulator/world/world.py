@@ -201,7 +201,7 @@ def _shifted(points: tuple[Point, ...], across: float, up: float) -> tuple[Point
     return tuple((x + across, y + up) for x, y in points)
 
 
-def edge(width: float, height: float) -> Wall:
+def boundary(width: float, height: float) -> Wall:
     """A wall round the whole world."""
     return Wall(((0.0, 0.0), (width, 0.0), (width, height), (0.0, height), (0.0, 0.0)))
 

@@ -24,7 +24,7 @@ from sleepcast.api import progress
 from sleepcast.api.assembly import assemble
 from sleepcast.cli import main, run
 from sleepcast.console import DEFAULT_PORT
-from sleepcast.console.adapters.swarm import SwarmOnPage
+from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.incoming import MAX_FACTOR, MIN_FACTOR
 from sleepcast.loop import resume, snapshot
 from sleepcast.simulator import Changes, Wall, find_scenario
@@ -341,7 +341,7 @@ def test_the_page_shows_where_the_robots_are(tmp_path: Path) -> None:
     from array import array
 
     built, _ = assemble(small(tmp_path), 1, mission=False)
-    shown = SwarmOnPage(built)
+    shown = SwarmAdapter(built)
     shown.step()
     poses = array("f", shown.poses())
     simulator = built.simulator
@@ -361,14 +361,14 @@ def test_the_page_shows_what_is_solid_where_a_snapshot_goes_on() -> None:
         world.remove(number)
     world.add(Wall(((1.0, 1.0), (2.0, 1.0))))
     built.step()
-    shown = SwarmOnPage(resume(snapshot(built)))
+    shown = SwarmAdapter(resume(snapshot(built)))
     assert shown.scene.obstacles == ((((1.0, 1.0), (2.0, 1.0)),),)
     assert shown.obstacles() is None
 
 
 def test_the_scene_has_the_lights() -> None:
     built, _ = assemble(find_scenario("braitenberg"), None, mission=False)
-    scene = SwarmOnPage(built).scene
+    scene = SwarmAdapter(built).scene
     assert [(light.name, light.x, light.y) for light in scene.lights] == [("the lamp", 140.0, 80.0)]
     assert scene.places == ()
 
@@ -382,7 +382,7 @@ def test_the_outcome_for_people_tells_the_measures() -> None:
 def test_the_scene_is_the_scenario() -> None:
     scenario = find_scenario("bravo")
     built, station = assemble(scenario, None, mission=False)
-    scene = SwarmOnPage(built).scene
+    scene = SwarmAdapter(built).scene
     assert scene.noun == "scouts"
     assert scene.area == (0.0, 0.0, scenario.width, scenario.height)
     assert scene.places[0].name == "vessel X"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sleepcast.console.account_table import MOST_ROWS
-from sleepcast.console.adapters.swarm import SwarmOnPage
+from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.backend import Backend
 from sleepcast.console.driver import Driver
 from sleepcast.console.explanation import ShownStep
@@ -45,7 +45,7 @@ def stand(tmp_path: Path) -> Stand:
     swarm = Swarm(simulator(tmp_path))
     swarm.desk = station = Station(swarm.vocabulary, swarm.minds, swarm.post, swarm, caution=SendPolicy(doubts=True))
     clock = ManualClock()
-    on_page = SwarmOnPage(swarm)
+    on_page = SwarmAdapter(swarm)
     found = Stand(
         swarm, station, clock, Backend(on_page, station, Driver(on_page, Pace(clock, swarm, 1.0), clock), clock)
     )

@@ -11,7 +11,7 @@ from time import thread_time
 import pytest
 
 from console.running import PATIENCE
-from sleepcast.console.adapters.swarm import SwarmOnPage
+from sleepcast.console.adapters.swarm import SwarmAdapter
 from sleepcast.console.driver import FRAME_PERIOD, SLICE, Driver
 from sleepcast.core.clock import WallClock
 from sleepcast.loop import Pace, Swarm
@@ -22,7 +22,7 @@ from small_worlds import simulator
 def driver(tmp_path: Path) -> Driver:
     swarm = Swarm(simulator(tmp_path))
     clock = WallClock()
-    return Driver(SwarmOnPage(swarm), Pace(clock, swarm, 10.0), clock)
+    return Driver(SwarmAdapter(swarm), Pace(clock, swarm, 10.0), clock)
 
 
 def tick_in(frame: bytes) -> int:
@@ -62,7 +62,7 @@ def test_the_page_is_served_while_what_ticks_take_is_prepared(tmp_path: Path) ->
     def prepare() -> None:
         assert ready.wait(PATIENCE)
 
-    driver = Driver(SwarmOnPage(swarm), Pace(clock, swarm, 10.0), clock, prepare)
+    driver = Driver(SwarmAdapter(swarm), Pace(clock, swarm, 10.0), clock, prepare)
 
     async def job() -> None:
         assert tick_in(await driver.frame_after(0)) == 0

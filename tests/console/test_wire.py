@@ -11,9 +11,9 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from console.running import PATIENCE, Page, Program, number, open_page
-from sleepcast.console.app import MAX_PAGES
 from sleepcast.console.connection import MESSAGES_AT_ONCE, MOST_DROPPED, MOST_MALFORMED, TOO_MUCH
 from sleepcast.console.incoming import MAX_BYTES
+from sleepcast.console.server import MAX_PAGES
 
 FULL = "(WHEN (> battery 60%) (JOIN crew))"
 

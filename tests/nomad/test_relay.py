@@ -50,7 +50,7 @@ def test_what_is_asked_goes_to_the_real_robot_until_the_simulated_one_is_wanted(
 def test_a_real_robot_stops_by_itself_even_if_its_program_never_wanted_that() -> None:
     async def scene() -> None:
         async with pair() as (_, theirs, client):
-            real = theirs.nserver.service.behaviours[1]
+            real = theirs.nserver.service.simulated_robots[1]
             await client.ask(Kind.REAL_ROBOT)
             await client.state(Kind.GS)
             assert real.timeout == REAL_TIMEOUT

@@ -178,15 +178,15 @@ def test_two_programs_that_drive_one_robot_are_told_of_once() -> None:
     async def scene() -> None:
         async with served(speed=20.0) as made:
             one, two = await made.caller(), await made.caller()
-            window, behaviour = made.nserver.windows.robots[0], made.nserver.service.behaviours[0]
+            window, simulated_robot = made.nserver.windows.robots[0], made.nserver.service.simulated_robots[0]
             await one.state(Kind.VM, 10, 10, 0)
             await two.state(Kind.GS)
-            behaviour.glance()
+            simulated_robot.glance()
             assert window.rivals == ""
             for _ in range(3):
                 await two.state(Kind.VM, 10, -10, 0)
                 await one.state(Kind.VM, 10, 10, 0)
-            behaviour.glance()
+            simulated_robot.glance()
             names = window.client.split(", ")
             assert window.rivals == " and ".join(sorted(names))
             said = [line for line in made.said if "driven by" in line]

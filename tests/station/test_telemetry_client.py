@@ -16,7 +16,7 @@ from sleepcast.channel.envelope import look
 from sleepcast.channel.payload import TOLD
 from sleepcast.cli.watch import Window
 from sleepcast.console import Scene as Ground
-from sleepcast.console.adapters.channel import EMPTY, FleetOnPage
+from sleepcast.console.adapters.channel import EMPTY, FleetAdapter
 from sleepcast.core.errors import SleepcastError
 from sleepcast.station.network import NetworkStation
 from sleepcast.station.remote import RemoteMinds
@@ -98,7 +98,7 @@ def test_why_over_a_bad_radio() -> None:
         telemetry.explanation(lost, "r1")
 
 
-def poses(fleet: FleetOnPage) -> dict[str, tuple[float, float, float]]:
+def poses(fleet: FleetAdapter) -> dict[str, tuple[float, float, float]]:
     found = struct.unpack(f"<{3 * len(fleet.scene.names)}f", fleet.poses())
     return dict(zip(fleet.scene.names, zip(found[::3], found[1::3], found[2::3], strict=True), strict=True))
 
@@ -107,7 +107,7 @@ def test_a_liar_neither_moves_the_map_nor_breaks_the_page() -> None:
     scene = Scene(robots=3)
     desk, telemetry = looking(scene)
     ground = Ground("air", "", "robots", (), EMPTY, "m", ())
-    fleet = FleetOnPage(desk, telemetry, ground, 1.0, START)
+    fleet = FleetAdapter(desk, telemetry, ground, 1.0, START)
     fleet.hear()
     scene.run(1.0)
     fleet.hear()

@@ -54,7 +54,7 @@ def console(
     """
     with observing_station(air, complain) as (station, telemetry):
         from sleepcast.console import DEFAULT_PORT, Address, Scene, serve_fleet
-        from sleepcast.console.adapters.channel import EMPTY, FleetOnPage
+        from sleepcast.console.adapters.channel import EMPTY, FleetAdapter
         from sleepcast.core.clock import WallClock
 
         if scenario is None:
@@ -69,7 +69,7 @@ def console(
             drawn = scene_of(find_scenario(scenario), ("",))
             ground = replace(drawn, names=(), story=STORY)
         began = station.now
-        fleet = FleetOnPage(station, telemetry, ground, every, began)
+        fleet = FleetAdapter(station, telemetry, ground, every, began)
         serve_fleet(
             fleet,
             station,

@@ -128,13 +128,13 @@ def _page(
 ) -> Callable[[Nserver], Awaitable[None]]:
     """What serves the page of a server until it ends."""
     from sleepcast.console import Address, serve_nomads
-    from sleepcast.console.adapters.nomads import NomadsOnPage
+    from sleepcast.console.adapters.nomads import NomadsAdapter
     from sleepcast.core.clock import WallClock
 
     address, say = Address("127.0.0.1", port, insecure=False, browser=browser), _say if as_json else announce
 
     def page(server: Nserver) -> Awaitable[None]:
-        shown = NomadsOnPage(server, pace, title, world.area)
+        shown = NomadsAdapter(server, pace, title, world.area)
         return serve_nomads(shown, WallClock(), address=address, port_option="--page-port", say=say)
 
     return page

@@ -194,7 +194,7 @@ def _show(
 
     from sleepcast.api.assembly import warm_up
     from sleepcast.console import serve
-    from sleepcast.console.adapters.swarm import SwarmOnPage
+    from sleepcast.console.adapters.swarm import SwarmAdapter
     from sleepcast.core.clock import WallClock
     from sleepcast.loop import Pace
 
@@ -206,7 +206,7 @@ def _show(
 
     try:
         serve(
-            SwarmOnPage(swarm),
+            SwarmAdapter(swarm),
             station,
             Pace(clock, swarm, scenario.speed_up if speed is None else speed),
             clock,

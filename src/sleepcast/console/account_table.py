@@ -1,4 +1,4 @@
-"""The ledger: the account of every command as rows for the page, and what STOP has come to."""
+"""The accounts of all commands as rows for the page, and the progress of STOP."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The desk behind every page: what can be asked of it, and what it tells unasked.
+"""The model behind every page of a simulated swarm: answers to questions, and news.
 
 It puts the station's words and the driver's pictures into the shapes of the wire. All pages share one desk: they see
 the same, and each may command.

@@ -1,4 +1,4 @@
-"""A line to one page: its messages, within a bounded rate, and what it is told.
+"""The WebSocket of one page: it limits the rate of messages, and sends.
 
 Whatever page is served, it is read in the same way: what is no message is refused with a sentence, what comes too fast
 is not read, and a peer that keeps on breaking the rules is not served any more. Urgent messages pass in any case:

@@ -1,4 +1,4 @@
-"""What comes of each request: the robot does something, the windows show something, and the client gets its reply.
+"""The effect and the reply of each request.
 
 Every request has one reply, except the one that disconnects. What is asked without a robot, or in the wrong words, is
 answered with an error, so that no client is left waiting; what connects gets a 0, because a client takes any error for
@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from struct import Struct
+from typing import Literal
 
 from sleepcast.core.errors import SleepcastError
 from sleepcast.nomad import units
@@ -20,6 +21,7 @@ from sleepcast.nomad.simulated_robot import COMMANDS, LONGEST_TIMEOUT, MOTIONS, 
 from sleepcast.nomad.state import (
     BUMPER,
     COMPASS,
+    ENTRIES,
     INFRARED,
     MOTORS,
     POS_BUMPER,
@@ -31,10 +33,12 @@ from sleepcast.nomad.state import (
     SONAR,
     VELOCITY,
     position,
+    ring,
     tail,
 )
+from sleepcast.nomad.windows import LAYERS, SENSORS, TRACES, Layer, Sketch
 from sleepcast.nomad.wire import CONNECTING, Request, text_of
-from sleepcast.nomad.world_requests import ERASED, checked, moved, polygon, prediction, sketch
+from sleepcast.robot import Contact, Pose, SimulatedWorld
 
 
 def answer(session: Session, request: Request) -> Answer:
@@ -56,16 +60,16 @@ def take(session: Session, request: Request) -> Answer:
         raise Refusal(wrong)
     if kind in CONNECTING:
         return _connecting(session, kind, words)
-    behaviour = session.behaviour
-    if behaviour is None:
+    simulated_robot = session.simulated_robot
+    if simulated_robot is None:
         raise Refusal(f"{name_of(kind)} came without a robot", Fault.NO_CONNECTION)
     if session.relay is not None and kind in RELAYED:
-        return _relayed(session, session.relay, behaviour, kind, words)
+        return _relayed(session, session.relay, simulated_robot, kind, words)
     try:
         if kind in COMMANDS:
-            return _command(session, behaviour, kind, words)
-        behaviour.alive()
-        return HANDLERS[kind](session, behaviour, kind, words)
+            return _command(session, simulated_robot, kind, words)
+        simulated_robot.alive()
+        return HANDLERS[kind](session, simulated_robot, kind, words)
     except SleepcastError as error:
         raise Refusal(f"{name_of(kind)}: {error}") from None
 
@@ -78,11 +82,11 @@ def _connecting(session: Session, kind: int, words: Words) -> Answer:
     return session.reply(kind, (session.service.port,))
 
 
-def _relayed(session: Session, relay: Relay, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _relayed(session: Session, relay: Relay, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     """Ask the real robot, which is not moved while all robots are held."""
     if kind == Kind.CT:
         session.mask.configure(words)
-    pending: Pending = relay.ask(*((Kind.ST, ()) if behaviour.held and kind in MOTIONS else (kind, words)))
+    pending: Pending = relay.ask(*((Kind.ST, ()) if simulated_robot.held and kind in MOTIONS else (kind, words)))
 
     def ready() -> bytes | None:
         if pending.reply is not None:
@@ -92,32 +96,32 @@ def _relayed(session: Session, relay: Relay, behaviour: SimulatedRobot, kind: in
     return ready() or Wait(ready, ticks=False)
 
 
-def _command(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _command(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     """Command the robot; the reply has the state once that is done, if it is something that takes its time."""
     if kind in MOTIONS or kind in STOPS:
-        session.drive(behaviour, kind)
+        session.drive(simulated_robot, kind)
     if kind == Kind.CONF_TM:
-        behaviour.timed_by = session.name
-    behaviour.command(kind, words)
+        simulated_robot.timed_by = session.name
+    simulated_robot.command(kind, words)
     if kind == Kind.PLACE_ROBOT:
         return session.reply(Reply.SIMPLE)
     if kind == Kind.ZR:
-        return Wait(lambda: None if behaviour.zeroing else session.state(behaviour))
-    return _state(session, behaviour, kind, words)
+        return Wait(lambda: None if simulated_robot.zeroing else session.state(simulated_robot))
+    return _state(session, simulated_robot, kind, words)
 
 
 # ---- what the robot tells
 
 
-def _state(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _state(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     if session.service.lockstep:
-        return Wait(lambda: session.state(behaviour))
-    return session.state(behaviour)
+        return Wait(lambda: session.state(simulated_robot))
+    return session.state(simulated_robot)
 
 
-def _set_mask(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _set_mask(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     session.mask.configure(words)
-    return _state(session, behaviour, kind, words)
+    return _state(session, simulated_robot, kind, words)
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,43 +148,43 @@ PARTS: dict[int, Part] = {
 }
 
 
-def _part(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _part(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     part = PARTS[kind]
 
     def reply() -> bytes:
         if part.reply is Reply.LASER:
             found = list(NO_LASER)
         elif part.reply is Reply.ACCELERATION:
-            found = list(behaviour.accelerations)
+            found = list(simulated_robot.accelerations)
         else:
-            found = behaviour.state()[part.begin : part.end]
+            found = simulated_robot.state()[part.begin : part.end]
         if part.clock:
-            found += behaviour.posdata(session.mask.posdata & part.posdata)
-            found.append(tail(behaviour.condition())[0])
+            found += simulated_robot.posdata(session.mask.posdata & part.posdata)
+            found.append(tail(simulated_robot.condition())[0])
         return session.reply(part.reply, found)
 
     return session.in_time(reply)
 
 
-def _wait_until_stopped(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _wait_until_stopped(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     """0 as the time to wait means for as long as it takes."""
     *flags, timeout = words
     world = session.service.world
     until = world.time + min(timeout, LONGEST_TIMEOUT) if timeout > 0 else float("inf")
 
     def ready() -> bytes | None:
-        if behaviour.stopped(flags) or world.time >= until:
-            return session.state(behaviour)
+        if simulated_robot.stopped(flags) or world.time >= until:
+            return session.state(simulated_robot)
         return None
 
     return Wait(ready) if session.service.lockstep else ready() or Wait(ready)
 
 
-def _positions(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _positions(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     """x, y and steering of each robot, where it really is."""
 
     def reply() -> bytes:
-        poses = [position(each.condition().real) for each in session.service.behaviours]
+        poses = [position(each.condition().real) for each in session.service.simulated_robots]
         return session.reply(Reply.ROBOT_POSITIONS, [len(poses), *(word for pose in poses for word in pose[:3])])
 
     return session.in_time(reply)
@@ -189,14 +193,14 @@ def _positions(session: Session, behaviour: SimulatedRobot, kind: int, words: Wo
 # ---- the world and the windows
 
 
-def _speak(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _speak(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     text = text_of(words, session.service.tk_order)
-    behaviour.window.said.append((session.service.world.time, text))
+    simulated_robot.window.said.append((session.service.world.time, text))
     session.service.say(f"robot {session.robot + 1} says: {text}")
     return session.reply(Reply.SIMPLE)
 
 
-def _change_obstacle(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _change_obstacle(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     corners = polygon(words)
     world = session.service.world
     if not (world.add(corners) if kind == Kind.ADD_OBSTACLE else world.remove(corners)):
@@ -205,7 +209,7 @@ def _change_obstacle(session: Session, behaviour: SimulatedRobot, kind: int, wor
     return session.reply(Reply.SIMPLE)
 
 
-def _move_obstacle(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _move_obstacle(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     """A client copies as many words as it has sent for the corners, whatever comes: so they come, moved or not."""
     across, up = words[-2:]
     if session.service.world.move(polygon(words, more=2), units.metres(across), units.metres(up)):
@@ -214,34 +218,34 @@ def _move_obstacle(session: Session, behaviour: SimulatedRobot, kind: int, words
     return session.reply(Reply.MOVED, words[:-2])
 
 
-def _new_world(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _new_world(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     session.service.world.clear()
     return session.reply(Reply.SIMPLE)
 
 
-def _draw(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _draw(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     session.service.windows.sketches.append(sketch(kind, words))
     return session.reply(Reply.SIMPLE)
 
 
-def _refresh(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _refresh(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     session.service.windows.erase(session.robot, ERASED[kind])
     return session.reply(Reply.SIMPLE)
 
 
-def _predict(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
-    return session.reply(Reply.STATE, prediction(session.service.world, session.robot, behaviour.pose(words)))
+def _predict(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
+    return session.reply(Reply.STATE, prediction(session.service.world, session.robot, simulated_robot.pose(words)))
 
 
-def _check_motion(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _check_motion(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     return session.reply(kind, checked(session.service.world, session.robot, words))
 
 
-def _ask_for_click(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _ask_for_click(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     """The place that somebody clicks at, or at once where the robot believes to be if there are no windows."""
 
     def reply() -> bytes | None:
-        x, y, heading, turret = position(behaviour.condition().believed)
+        x, y, heading, turret = position(simulated_robot.condition().believed)
         if not session.service.headless:
             clicked = session.clicked()
             if clicked is None:
@@ -257,7 +261,7 @@ def _ask_for_click(session: Session, behaviour: SimulatedRobot, kind: int, words
 # ---- the server itself
 
 
-def _quit(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _quit(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     if not session.service.may_quit:
         raise Refusal("quit_server is not permitted here (--may-quit permits it)")
     session.service.say(f"{session.name} ends the server")
@@ -265,7 +269,7 @@ def _quit(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) 
     return session.reply(Reply.SIMPLE)
 
 
-def _switch_body(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _switch_body(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     if kind == Kind.REAL_ROBOT:
         session.take_real()
     else:
@@ -273,9 +277,23 @@ def _switch_body(session: Session, behaviour: SimulatedRobot, kind: int, words: 
     return session.reply(Reply.SIMPLE)
 
 
-def _special(session: Session, behaviour: SimulatedRobot, kind: int, words: Words) -> Answer:
+def _special(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
     return session.reply(kind, packet_reply(words))
 
+
+ERASED: dict[int, tuple[Layer, ...]] = {
+    Kind.REFRESH_ALL: LAYERS,
+    Kind.REFRESH_ALL_TRACES: TRACES,
+    Kind.REFRESH_ACTUAL_TRACE: ("actual",),
+    Kind.REFRESH_ENCODER_TRACE: ("encoder",),
+    Kind.REFRESH_ALL_SENSORS: SENSORS,
+    Kind.REFRESH_BUMPER_SENSOR: ("bumper",),
+    Kind.REFRESH_INFRARED_SENSOR: ("infrared",),
+    Kind.REFRESH_SONAR_SENSOR: ("sonar",),
+    Kind.REFRESH_LASER_SENSOR: ("laser",),
+    Kind.REFRESH_CLIENT_GRAPHICS: ("graphics",),
+}
+"""The layers of the windows that each request clears."""
 
 HANDLERS: dict[int, Callable[[Session, SimulatedRobot, int, Words], Answer]] = {
     Kind.GS: _state,
@@ -329,3 +347,69 @@ def packet_reply(words: Sequence[int]) -> bytes:
         raise Refusal(f"nobody here understands a user packet of type {kind} with {len(data)} bytes of data")
     answer = DONE + data[WAIT_TIME] if kind == WAIT else DONE
     return HEAD.pack(HEAD.size + len(answer), serial, kind) + answer
+
+
+# ---- the world: polygons, drawings, predicted readings and checked motions
+
+Corners = list[tuple[float, float]]
+
+LEAST_CORNERS = 3
+SEGMENT, ARC = 0, 1
+"""The ways that motion_check knows."""
+
+
+def polygon(words: Words, more: int = 0) -> Corners:
+    """n, x1, y1 ... xn, yn and so many more words as corners in m. Raises Refusal if that is not what they are."""
+    corners = words[0]
+    if corners < LEAST_CORNERS or len(words) != 1 + 2 * corners + more:
+        raise Refusal(f"a polygon of {corners} corners in {len(words)} words")
+    lengths = [units.metres(word) for word in words[1 : 1 + 2 * corners]]
+    return list(zip(lengths[::2], lengths[1::2], strict=True))
+
+
+def moved(words: Words) -> list[int]:
+    """The polygon of move_obstacle, in words, after the move."""
+    across, up = words[-2:]
+    return [words[0], *(units.word(word + (up if place % 2 else across)) for place, word in enumerate(words[1:-2]))]
+
+
+def sketch(kind: int, words: Words) -> Sketch:
+    """What one of the drawing requests draws."""
+    name: dict[int, Literal["robot", "line", "arc"]] = {Kind.DRAW_ROBOT: "robot", Kind.DRAW_LINE: "line"}
+    lengths = {Kind.DRAW_ROBOT: 2}.get(Kind(kind), 4)
+    *numbers, mode = words
+    placed = [units.metres(number) for number in numbers[:lengths]]
+    turned = [units.radians(number) for number in numbers[lengths:]]
+    return Sketch(name.get(kind, "arc"), (*placed, *turned), mode)
+
+
+def prediction(world: SimulatedWorld, robot: int, pose: Pose) -> list[int]:
+    """The words of the reply to predict_sensors: an unused one, the sensors, unused ones, and an empty laser block."""
+    sonars, infrared = world.predict(robot, pose)
+    words = [0] * ENTRIES
+    words[INFRARED:SONAR] = ring(infrared, units.infrared, units.NOTHING_NEAR)
+    words[SONAR:BUMPER] = ring(sonars, units.inches, units.NOTHING_HEARD)
+    return words
+
+
+def checked(world: SimulatedWorld, robot: int, words: Words) -> list[int]:
+    """The words of the reply to motion_check. Raises Refusal for a way of a kind that there is not."""
+    start = (_hundredths(words[1]), _hundredths(words[2]))
+    if words[0] == SEGMENT:
+        met = world.along(robot, start, (_hundredths(words[3]), _hundredths(words[4])))
+    elif words[0] == ARC:
+        centre = (_hundredths(words[6]), _hundredths(words[7]))
+        begin, end = words[3] / units.MILLIONTHS, words[4] / units.MILLIONTHS
+        met = world.round(robot, centre, _hundredths(words[5]), begin, end)
+    else:
+        raise Refusal(f"motion_check knows ways of types {SEGMENT} and {ARC}, not {words[0]}")
+    return [0, 0, 0, 0] if met is None else _contact(met)
+
+
+def _contact(met: Contact) -> list[int]:
+    x, y = (units.word(length / units.TENTH * units.HUNDREDTHS) for length in (met.x, met.y))
+    return [1, x, y, units.word(met.normal * units.MILLIONTHS)]
+
+
+def _hundredths(word: int) -> float:
+    return units.metres(word / units.HUNDREDTHS)

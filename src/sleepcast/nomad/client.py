@@ -1,4 +1,4 @@
-"""A robot behind a Nserver, for Python programs: everything waits for the server's answer, as Nclient does.
+"""A robot behind a Nserver, for Python programs; every call waits for the server's reply, as in Nclient.
 
     with Nomad.connect("127.0.0.1", 7019, robot=1) as nomad:
         nomad.stop_after(1)
@@ -19,7 +19,7 @@ from types import TracebackType
 from typing import NamedTuple, Self
 
 from sleepcast.core.errors import MisuseError, did_you_mean
-from sleepcast.nomad.connection import Connection, LostError, NomadError
+from sleepcast.nomad.client_connection import Connection, LostError, NomadError
 from sleepcast.nomad.nclient import ALL, TIMEOUT, Nclient, RefusedError, RequestError
 from sleepcast.nomad.requests import Kind
 from sleepcast.nomad.state import Stamp, State

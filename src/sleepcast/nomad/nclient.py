@@ -13,7 +13,7 @@ from dataclasses import replace
 from struct import Struct
 
 from sleepcast.core.errors import MisuseError
-from sleepcast.nomad.connection import Connection, NomadError
+from sleepcast.nomad.client_connection import Connection, NomadError
 from sleepcast.nomad.requests import MAX_CORNERS, Kind, Mode, Reply, name_of
 from sleepcast.nomad.state import (
     BUMPER,

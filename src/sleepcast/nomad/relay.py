@@ -1,4 +1,4 @@
-"""A real robot in place of a simulated one: a client's requests go to another server, and its replies come back.
+"""A relay to a real robot: it passes a client's requests to another server, and the replies back.
 
 The other server takes this one for one more program. What it is asked waits its turn, one request at a time, as the
 wire wants it; only to stop the robot does not wait. A real robot that loses whoever drives it is stopped.

@@ -1,4 +1,4 @@
-"""The Nomad's server: it listens, lets simulated time pass, and gives every client its turn.
+"""The Nomad's server: it listens, advances simulated time, and serves the clients in turn.
 
 Everything runs in one loop and one thread: between ticks the sockets are served, a few requests of each client at a
 time. Time goes at a pace on the wall; or in lockstep, where each tick comes as soon as every client waits for one, so
@@ -127,14 +127,14 @@ class Nserver:
     def step(self) -> None:
         """Let one tick pass, and answer who waits for it."""
         self.world.step()
-        for behaviour in self.service.behaviours:
-            behaviour.after_tick()
+        for simulated_robot in self.service.simulated_robots:
+            simulated_robot.after_tick()
         for line in list(self.waiting):
             line.look()
         if not self.service.headless and self.world.time - self._glanced >= GLANCE:
             self._glanced = self.world.time
-            for behaviour in self.service.behaviours:
-                behaviour.glance()
+            for simulated_robot in self.service.simulated_robots:
+                simulated_robot.glance()
 
     # ---- for the page
 
@@ -165,12 +165,12 @@ class Nserver:
     @property
     def held(self) -> bool:
         """Whether all robots are held."""
-        return all(behaviour.held for behaviour in self.service.behaviours)
+        return all(simulated_robot.held for simulated_robot in self.service.simulated_robots)
 
     def hold(self, still: bool) -> None:
         """Keep all robots at rest from now on, whatever is asked, or no longer; real ones too."""
-        for behaviour in self.service.behaviours:
-            behaviour.hold(still)
+        for simulated_robot in self.service.simulated_robots:
+            simulated_robot.hold(still)
         if still:
             for relay in self._relays():
                 relay.stop()
@@ -197,8 +197,8 @@ class Nserver:
 
     async def _keep_pace(self, pace: ServerPace) -> None:
         tick = self.world.tick
-        for behaviour in self.service.behaviours:
-            behaviour.speed = pace.speed
+        for simulated_robot in self.service.simulated_robots:
+            simulated_robot.speed = pace.speed
         loop = asyncio.get_running_loop()
         pace.look(tick)
         now = loop.time()

@@ -1,4 +1,4 @@
-"""One connection of the server: thin; what is said on it is the session's business.
+"""One connection of the server. It moves bytes; `session` and `answers` decide what they mean.
 
 Requests are answered in order, one at a time, a few in a turn of the loop, so that a client that sends many does not
 keep others waiting. Memory is bounded: whoever does not read what it is answered is not read from, and what is too long
@@ -40,10 +40,10 @@ class Host(Protocol):
     waiting: set[ServerConnection | ManualClient]
 
     def admit(self, line: ServerConnection) -> bool:
-        """Take a new line; False if there are too many."""
+        """Take a new connection; False if there are too many."""
 
     def news(self) -> None:
-        """A line has asked, got its answer, or gone."""
+        """A connection has asked, got its answer, or gone."""
 
 
 class ServerConnection(asyncio.BufferedProtocol):
@@ -172,13 +172,16 @@ PAGE = "the page"
 
 
 class ManualClient:
-    """One robot's person. wait: the reply that is still to come. reply: the last. turn: one request at a time."""
+    """A person at the page who commands one robot.
+
+    wait: the reply that is still to come. reply: the last. turn: one request at a time.
+    """
 
     def __init__(self, service: Service, robot: int) -> None:
         self.wait: Wait | None = None
         self.reply = b""
         self.session = Session(service, PAGE, Parser(), self.look)
-        self.session.robot, self.session.behaviour = robot, service.behaviours[robot]
+        self.session.robot, self.session.simulated_robot = robot, service.simulated_robots[robot]
         self.turn = asyncio.Lock()
         self._done = asyncio.Event()
 

@@ -1,4 +1,4 @@
-"""One client of the server, without its socket: which robot it drives, what it wants to see, how it is answered.
+"""One client of the server, without its socket: its robot, its mask, and the layout of its replies.
 
 What each request does stands in `answers`; here is what that needs to know of the client and of what clients share. A
 client connects to a robot by its number, from 1, and may change to another. It may ask for the real robot that stands
@@ -32,7 +32,7 @@ class Service:
 
     world: SimulatedWorld
     windows: Windows
-    behaviours: list[SimulatedRobot]
+    simulated_robots: list[SimulatedRobot]
     say: Callable[[str], None]
     tk_order: ByteOrder
     may_quit: bool
@@ -67,14 +67,14 @@ class Session:
     """See the module.
 
     peer: where the client is, as text; name: the same with its process. robot: its index, -1 before it has one.
-    behaviour: that robot's. mask: what the client wants to see. relay: the real robot that it drives instead. nudge:
-    to be called when something has come that the client may wait for.
+    simulated_robot: the one of that index. mask: what the client wants to see. relay: the real robot that it drives
+    instead. nudge: to be called when something has come that the client may wait for.
     """
 
     def __init__(self, service: Service, peer: str, parser: Parser, nudge: Callable[[], None]) -> None:
         self.service, self.peer, self.name, self.nudge = service, peer, peer, nudge
         self.robot = -1
-        self.behaviour: SimulatedRobot | None = None
+        self.simulated_robot: SimulatedRobot | None = None
         self.mask = Mask()
         self.relay: Relay | None = None
         self._driven: list[SimulatedRobot] = []
@@ -89,75 +89,77 @@ class Session:
     def connect(self, number: int, process: int) -> None:
         """Drive the robot of this number, and no other. Raises Refusal."""
         service = self.service
-        if not 1 <= number <= len(service.behaviours):
-            raise Refusal(f"there is no robot {number}, only 1 to {len(service.behaviours)}", Fault.NO_CONNECTION)
+        if not 1 <= number <= len(service.simulated_robots):
+            raise Refusal(f"there is no robot {number}, only 1 to {len(service.simulated_robots)}", Fault.NO_CONNECTION)
         self.leave()
         self.robot, self.mask = number - 1, Mask()
         self.name = f"{self.peer} (process {process})"
-        self.behaviour = service.behaviours[self.robot]
-        if self.behaviour.timed_by not in self.behaviour.clients:
-            self.behaviour.timeout = 0
-        self.behaviour.clients.append(self.name)
-        self.behaviour.alive()
-        self._tell_window(self.behaviour)
+        self.simulated_robot = service.simulated_robots[self.robot]
+        if self.simulated_robot.timed_by not in self.simulated_robot.clients:
+            self.simulated_robot.timeout = 0
+        self.simulated_robot.clients.append(self.name)
+        self.simulated_robot.alive()
+        self._tell_window(self.simulated_robot)
         service.say(f"{self.name} has connected to robot {number}")
 
     def leave(self) -> None:
         """The client has gone, or lets its robot go."""
         self.let_real_go()
-        if self.behaviour is not None:
+        if self.simulated_robot is not None:
             self._ask(0)
-            self.behaviour.clients.remove(self.name)
-            self._tell_window(self.behaviour)
+            self.simulated_robot.clients.remove(self.name)
+            self._tell_window(self.simulated_robot)
             self.service.say(f"{self.name} has left robot {self.robot + 1}")
-        self.behaviour, self.robot = None, -1
+        self.simulated_robot, self.robot = None, -1
 
     def disconnect(self) -> None:
         """The client lets its robot go, which goes on as it was told."""
         self.leave()
-        for behaviour in self._driven:
-            behaviour.let_go_by(self.name)
+        for simulated_robot in self._driven:
+            simulated_robot.let_go_by(self.name)
         self._driven.clear()
 
     def lost(self) -> None:
         """The client has gone without a word: what it has set in motion stops."""
         self.leave()
-        for behaviour in self._driven:
-            if behaviour.let_go_by(self.name):
-                behaviour.abandon()
+        for simulated_robot in self._driven:
+            if simulated_robot.let_go_by(self.name):
+                simulated_robot.abandon()
                 self.service.say(
-                    f"{self.name} is gone without disconnect_robot: robot {behaviour.robot + 1} is stopped"
+                    f"{self.name} is gone without disconnect_robot: robot {simulated_robot.robot + 1} is stopped"
                 )
         self._driven.clear()
 
-    def drive(self, behaviour: SimulatedRobot, kind: int) -> None:
+    def drive(self, simulated_robot: SimulatedRobot, kind: int) -> None:
         """The client is about to move its robot. The person at the terminal is told if another does so, too; but a
         program that drives may go home over a connection of its own."""
-        alone = not behaviour.rivals()
-        behaviour.driven_by(self.name)
-        if behaviour not in self._driven:
-            self._driven.append(behaviour)
-        if alone and kind != Kind.ZR and (both := behaviour.rivals()):
-            self.service.say(f"robot {behaviour.robot + 1} is driven by {both}: each replaces what the other asks")
+        alone = not simulated_robot.rivals()
+        simulated_robot.driven_by(self.name)
+        if simulated_robot not in self._driven:
+            self._driven.append(simulated_robot)
+        if alone and kind != Kind.ZR and (both := simulated_robot.rivals()):
+            self.service.say(
+                f"robot {simulated_robot.robot + 1} is driven by {both}: each replaces what the other asks"
+            )
 
     @property
     def simulated(self) -> bool:
         """Whether it drives a simulated robot."""
-        return self.behaviour is not None and self.relay is None
+        return self.simulated_robot is not None and self.relay is None
 
-    def _tell_window(self, behaviour: SimulatedRobot) -> None:
-        behaviour.window.client = ", ".join(behaviour.clients)
+    def _tell_window(self, simulated_robot: SimulatedRobot) -> None:
+        simulated_robot.window.client = ", ".join(simulated_robot.clients)
 
     # ---- the real robot
 
     def take_real(self) -> None:
         """From now on what the client asks of its robot is asked of the real one. Raises Refusal if there is none."""
         real = self.service.real.get(self.robot)
-        if real is None or self.behaviour is None:
+        if real is None or self.simulated_robot is None:
             raise Refusal(f"there is no real robot in place of robot {self.robot + 1}", Fault.NO_CONNECTION)
         self.let_real_go()
-        self.behaviour.command(Kind.ST, ())
-        self.relay = Relay(real, self.mask.words, self.behaviour.timeout, self.nudge, self.service.say)
+        self.simulated_robot.command(Kind.ST, ())
+        self.relay = Relay(real, self.mask.words, self.simulated_robot.timeout, self.nudge, self.service.say)
         self.service.say(f"{self.name} drives the real robot at {real}")
 
     def let_real_go(self) -> None:
@@ -172,9 +174,9 @@ class Session:
         """A reply as the client reads it."""
         return encode(self._parser.layout, kind, words)
 
-    def state(self, behaviour: SimulatedRobot) -> bytes:
+    def state(self, simulated_robot: SimulatedRobot) -> bytes:
         """The reply to what gets the state."""
-        return behaviour.state_reply(self._parser.layout, self.mask)
+        return simulated_robot.state_reply(self._parser.layout, self.mask)
 
     def error(self, refusal: Refusal) -> bytes:
         """The reply to what is refused."""
@@ -205,6 +207,6 @@ class Session:
 
     def _ask(self, clicks: int) -> None:
         """From now on wait for so many clicks, 0 or 1."""
-        if self.behaviour is not None:
-            self.behaviour.window.waiting += clicks - self._asks
+        if self.simulated_robot is not None:
+            self.simulated_robot.window.waiting += clicks - self._asks
         self._asks = clicks

@@ -1,4 +1,4 @@
-"""One simulated robot as it behaves behind the wire: commands in words in, motion in SI out, and what it tells.
+"""A simulated robot behind the wire: commands in words of the wire, motion in SI, and the state that it reports.
 
 Every request of a client, and every command from the page, counts as a sign of life: a robot that is told to
 (`conf_tm`) stops when none has come for so many simulated seconds. What it tells is made at most once in a tick, and

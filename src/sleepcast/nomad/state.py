@@ -1,4 +1,4 @@
-"""The state vector: what a client learns of its robot, from the condition of a simulated body.
+"""The state vector and the state reply: built from a simulated body's condition, read by clients.
 
 State has 45 numbers; a state reply has all of them, then a laser block (always empty: no robot here has one), then a
 PosData record for each sensor that was asked for, the clock, and the batteries.

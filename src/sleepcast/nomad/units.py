@@ -1,4 +1,4 @@
-"""The Nomad's units at the edge: the only place where inches and tenths of degrees live.
+"""Conversion between the Nomad's units (1/10 in, 1/10 deg) and SI; no other module converts them.
 
 On the wire lengths are tenths of inches, angles tenths of degrees, sonar readings whole inches, and every number is a
 32-bit word. Everywhere else it is metres and radians. What is too far for a word becomes the farthest that fits.

@@ -1,4 +1,4 @@
-"""What the windows of the Nomad's server show, as plain data that a page reads: pure, and bounded.
+"""The content of the server's windows, as plain data of bounded size that a page reads.
 
 Each robot has what its windows show: where it is and where it believes to be, what it was told and what it said, what
 its sonars saw. The World window also has what clients draw. All in SI units and the world's frame. A client can have

@@ -1,4 +1,4 @@
-"""The wire, pure: bytes come in, requests come out; replies become bytes.
+"""The wire without sockets: bytes to requests, and replies to bytes.
 
 A message is a type (signed, 16 bits), a size (unsigned, 16 bits: how many words follow) and its words, all big-endian.
 A word is a signed number of 32 bits, but how many bytes it takes depends on how the client's program was compiled

@@ -158,7 +158,7 @@ class AskedWhy:
         return self.telemetry.explanation(self.asked, self.robot)
 
 
-class FleetOnPage:
+class FleetAdapter:
     """Robots on the air as the page wants to see them (its `Fleet`). ground: what is drawn under them, with no names
     and no sizes of its own. every: s between two questions to all of them, at least. began: when the page's time began,
     s of the station's clock."""

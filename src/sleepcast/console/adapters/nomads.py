@@ -17,7 +17,7 @@ ASKING = ("gs", "ws")
 Area = tuple[float, float, float, float]
 
 
-class NomadsOnPage:
+class NomadsAdapter:
     """A server of Nomads as the console wants to see it (its `Nomads`)."""
 
     tenth, degree = TENTH, TENTH_DEGREE
@@ -56,7 +56,7 @@ class NomadsOnPage:
 
     def window(self, robot: int) -> RobotWindow:
         """What there is to see of it now, also while time stands still."""
-        self._nserver.service.behaviours[robot].glance()
+        self._nserver.service.simulated_robots[robot].glance()
         return self._nserver.windows.robots[robot]
 
     def sketches(self) -> Sequence[Sketch]:

@@ -16,7 +16,7 @@ ROUND = 32
 """Corners of a circle as it is drawn."""
 
 
-class SwarmOnPage:
+class SwarmAdapter:
     """A simulated swarm as the console wants to see it (its `Swarm`)."""
 
     def __init__(self, swarm: Swarm) -> None:

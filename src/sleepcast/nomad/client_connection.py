@@ -1,4 +1,4 @@
-"""One TCP connection from a program to a Nserver: a request goes out, its one reply comes back.
+"""A program's TCP connection to a Nserver: one reply for each request.
 
 Everything blocks, and everything has a deadline. A server that says something impossible, or nothing in time, costs the
 connection, because from then on nobody knows which reply belongs to which request; the error says so, and every later

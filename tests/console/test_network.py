@@ -128,8 +128,9 @@ def test_what_is_typed_is_foreseen_counted_sent_and_explained(air: Page, channel
     assert many["reason"] == "This is for more than 10 robots: 12 may obey. Type their number to send it."
     assert air.ask("send", text="(WHEN (> id 0) (JOIN all))", count=11)["type"] == "refused"
     assert air.ask("send", text="(WHEN (> id 0) (JOIN all))", count=12)["type"] == "sent"
-    air.tell("watch", robot=names.index("r2"))
-    robot = air.until("robot", lambda news: news["robot"] == names.index("r2") and "bravo" in news["groups"])
+    watched = names.index("r2")
+    air.tell("watch", robot=watched)
+    robot = air.until("robot", lambda news: news["robot"] == watched and "bravo" in news["groups"] and news["rules"])
     assert [rule["name"] for rule in robot["rules"]] == ["keep"]
     assert robot["rules"][0]["value"] == "not told"
     assert {"x", "heading", "fuel"} <= {value["name"] for value in robot["values"]}

@@ -81,10 +81,22 @@ def foretold_within(page: Page, least: int, most: int) -> None:
 
 def send(page: Page) -> Locator:
     """Press Enter in the prompt; gives the account of the command once everybody has answered."""
-    before = page.locator("#commands tr").count()
-    page.locator("#text").press("Enter")
-    expect(page.locator("#commands tr")).to_have_count(before + 1)
-    row = page.locator("#commands tr").first
+    field, rows = page.locator("#text"), page.locator("#commands tr")
+    # Rows of earlier commands may still arrive, so the new one is known by its text among those that were not there.
+    known = rows.evaluate_all("lines => lines.map((line) => line.dataset.id)")
+    text = field.input_value()
+    field.press("Enter")
+    page.wait_for_function(
+        """([known, text]) => {
+          const first = document.querySelector("#commands tr");
+          const typed = text.replace(/\\s+/g, " ");
+          return !known.includes(first?.dataset.id) && first?.querySelector("code").textContent === typed;
+        }""",
+        arg=[known, text],
+        timeout=1000 * PATIENCE,
+    )
+    expect(field).to_have_value("")  # the station's answer may come after the row
+    row = rows.first
     expect(row.locator(".silent")).to_have_text("0")
     return row
 

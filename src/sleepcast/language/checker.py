@@ -104,10 +104,13 @@ class CheckError(MisuseError):
 
 
 class Checker:
-    """One pass over one text. After `part`, see findings, uses (keys fetched or called) and free (learned names)."""
+    """One pass over one text. After `part`, see findings, uses (keys fetched or called) and free (learned names).
 
-    def __init__(self, names: Names, text: str, special: Mapping[str, Special]) -> None:
-        self.names, self.text, self.special = names, text, special
+    warns: whether warnings are wanted; a robot, which shows nobody any, looks for errors alone.
+    """
+
+    def __init__(self, names: Names, text: str, special: Mapping[str, Special], *, warns: bool = True) -> None:
+        self.names, self.text, self.special, self.warns = names, text, special, warns
         self.findings = Findings(text)
         self.uses: set[str] = set()
         self.free: set[str] = set()
@@ -135,18 +138,22 @@ class Checker:
         return Part("const", form, number=nan)
 
     def warn(self, message: str, form: Form, unknown: str = "") -> None:
-        """Note a warning at `form`. unknown: see `Finding`."""
-        self.findings.note("warning", message, form.start, form.end, unknown=unknown)
+        """Note a warning at `form`, if warnings are wanted. unknown: see `Finding`."""
+        if self.warns:
+            self.findings.note("warning", message, form.start, form.end, unknown=unknown)
 
     def unknown(self, what: str, symbol: Symbol) -> None:
-        """Note that nobody has declared a name. what: the sort of it."""
+        """Note that nobody has declared a name, if warnings are wanted. what: the sort of it."""
+        if not self.warns:
+            return
         hint = self._unit(symbol) or self.suggestion(symbol.text)
         self.warn(f'unknown {what} "{symbol.text}" @@{hint}', symbol, symbol.text)
 
     def suggestion(self, name: str) -> str:
-        """` (did you mean X?)` out of every name that this robot knows, for the first unknown names of a text."""
+        """` (did you mean X?)` out of every name that this robot knows, for the first unknown names of a text and a
+        warning that is wanted."""
         self.suggestions += 1
-        if self.suggestions > MAX_SUGGESTIONS:
+        if self.suggestions > MAX_SUGGESTIONS or not self.warns:
             return ""
         if name.casefold() in ALIASES:
             return f" (did you mean {ALIASES[name.casefold()]}?)"

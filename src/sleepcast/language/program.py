@@ -20,13 +20,15 @@ from sleepcast.language.codegen import Code, generate
 from sleepcast.language.evaluate import Memory, Walker
 from sleepcast.language.parts import CHANCY, Part, acts, deciding, is_acting, walk
 from sleepcast.language.reader import Form, height, read_all
-from sleepcast.language.symbols import Names, Operator, reaches, uses_in
+from sleepcast.language.symbols import Group, Names, Operator, Stored, reaches, uses_in
 
 MAX_STEPS = MAX_COST
 """Steps of one evaluation, all buffers and operators it enters included: about two milliseconds of a slow computer."""
 HOT = 20
 """Evaluations of a program by walking before code is generated; generating costs about as much as twenty walks."""
 _SLOTTED = frozenset({"var", "write", "defvar", "set_user"})
+_DECLARES: dict[str, type] = {"rule": Stored, "group": Group}
+"""What a text may declare that reads the same before and after it has been learned."""
 MAX_PROGRAMS = 512
 """Programs kept by their text for one vocabulary; when full, all are forgotten and made again as they are needed."""
 
@@ -40,9 +42,9 @@ class Program:
 
     cost: steps charged when entered. height: levels of parentheses inside one another. uses: keys of buffers, rules
     and operators it names. free: keys of learned names it depends on; meanings: what they were when it was checked, as
-    far as they had been learned. stores: keys that it stores expressions under, with what those use. test: the
-    top-level test as a program of its own, None if everybody matches. acts, chancy: of the whole program. slots: the
-    length of values it needs.
+    far as they had been learned. declares: rules and groups that the text itself makes. stores: keys that it stores
+    expressions under, with what those use. test: the top-level test as a program of its own, None if everybody
+    matches. acts, chancy: of the whole program. slots: the length of values it needs.
     """
 
     def __init__(self, forms: Sequence[Form], root: Part, parameters: int, checker: Checker, steps: int) -> None:
@@ -52,6 +54,7 @@ class Program:
         learned = {key: checker.names.declared(key) for key in sorted(self.free)}
         self.meanings = {key: found for key, found in learned.items() if found is not None}
         self.stores = dict(checker.pending_uses)
+        self.declares = {key: _DECLARES[sort] for key, sort in checker.pending.items() if sort in _DECLARES}
         self.locals, self.cost = checker.locals, steps
         parts = walk(root)
         for index, part in enumerate(parts):
@@ -144,9 +147,11 @@ def _within(root: Part, inside: Part, test: Part) -> Part:
     return Part("let", root.form, (*root.parts[:count], body), slot=root.slot, number=count)
 
 
-def build(text: str, forms: Sequence[Form], names: Names, parameters: tuple[str, ...] = ()) -> tuple[Program, Checker]:
+def build(
+    text: str, forms: Sequence[Form], names: Names, parameters: tuple[str, ...] = (), *, warns: bool = True
+) -> tuple[Program, Checker]:
     """Check `forms` (read from `text`) and make a program of them; look at the checker's findings before using it."""
-    checker = Checker(names, text, special_forms.SPECIAL)
+    checker = Checker(names, text, special_forms.SPECIAL, warns=warns)
     for form in forms:
         checker.declare_all(form)
     with checker.scope([p.casefold() for p in parameters]):
@@ -173,7 +178,7 @@ class Library:
         for sorts, program in self._programs.get((text, parameters), ()):
             if sorts == _sorts(program, names) and not _circular(program, names):
                 return program
-        program, checker = build(text, forms(), names, parameters)
+        program, checker = build(text, forms(), names, parameters, warns=False)
         if count := checker.findings.counts["error"]:
             errors = [finding for finding in checker.findings.shown() if finding.severity == "error"]
             raise CheckError(errors, text, count - len(errors))
@@ -215,7 +220,8 @@ def _sorts(program: Program, names: Names) -> tuple[object, ...]:
     sorts: list[object] = []
     for key in sorted(program.free):
         found = names.declared(key)
-        sorts.append(len(found.parameters) if isinstance(found, Operator) else type(found))
+        sort = program.declares.get(key, type(None)) if found is None else type(found)
+        sorts.append(len(found.parameters) if isinstance(found, Operator) else sort)
     return tuple(sorts)
 
 

@@ -113,8 +113,10 @@ class RuleBase:
         """What depends on a name that has changed its meaning is compiled anew; it has been checked when it came in."""
         for name, rule in self.rules.items():
             if key in rule.program.free:
-                self.rules[name] = replace(rule, program=self.library.again(rule.program, self))
-                self.effects.append(Effect("same", name))
+                program = self.library.again(rule.program, self)
+                if program is not rule.program:
+                    self.rules[name] = replace(rule, program=program)
+                    self.effects.append(Effect("same", name))
         for name, program in self.operators.items():
             found = self.symbols[name]
             if key in program.free and isinstance(found, Operator):

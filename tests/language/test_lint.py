@@ -8,6 +8,7 @@ from sleepcast.channel.message import Kind, Message
 from sleepcast.core.errors import MAX_LINE, with_caret
 from sleepcast.language import CheckError, FreshNames, Vocabulary, check
 from sleepcast.language import checker as checkers
+from sleepcast.language import program as programs
 from sleepcast.language.checker import MAX_FINDINGS
 from sleepcast.node.node import Node
 
@@ -80,3 +81,30 @@ def test_of_a_long_line_what_stands_around_the_caret_is_shown(start: int) -> Non
 
 def test_a_short_line_is_shown_whole() -> None:
     assert with_caret("no", "(+ 1 x)", 5, 6) == "no\n  (+ 1 x)\n       ^"
+
+
+def test_a_robot_suggests_no_names_for_those_it_does_not_know(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr(checkers, "did_you_mean", lambda name, known: asked.append(name) or "")
+    robot = Node("r1", ROVER)
+    robot.receive(Message("desk", 1, 1, Kind.COMMAND, 0.0, 9.0, "(RULE near (+ tme 1))"))
+    robot.think(1, 0.1)
+    assert (robot.outbox[0].body["outcome"], asked) == ("matched", [])
+    check("(RULE near (+ tme 1))", FreshNames(ROVER))
+    assert asked == ["tme"]
+
+
+def test_a_text_is_compiled_once_although_it_learns_the_names_of_its_own_rules(monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled: list[str] = []
+    build = programs.build
+
+    def counting(text: str, *given: object, **options: object) -> object:
+        compiled.append(text)
+        return build(text, *given, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(programs, "build", counting)
+    robot = Node("r1", ROVER)
+    robot.receive(Message("desk", 1, 1, Kind.COMMAND, 0.0, 9.0, "(RULE outer (RULE inner (+ tick 1)))"))
+    for tick in range(1, 9):
+        robot.think(tick, tick / 10)
+    assert compiled == ["(RULE outer (RULE inner (+ tick 1)))", "(RULE inner (+ tick 1))", "(+ tick 1)"]

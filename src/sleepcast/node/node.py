@@ -255,9 +255,8 @@ class Node:
         memory.variables.refresh(memory.values, now)
         if self._deadman.is_over(now) and memory.driven:
             self._let_go()
-        if memory.records.leases:
-            for rule in memory.records.expire(now):
-                self._report(f"lease of {rule.name} ended", ())
+        for rule in memory.records.expire(now):
+            self._report(f"lease of {rule.name} ended", ())
         for _ in range(min(len(self._queue), MAX_QUEUE)):
             self._obey(self._queue.popleft(), now)
         if memory.records.running and not (memory.values[SLEEPING] > 0 or memory.values[FROZEN] > 0):

@@ -41,19 +41,24 @@ class RuleRecord:
 class RuleRecords:
     """Of all rules of one robot, by key. base: the rules; values: the robot's numbers, where the flags of buffers lie.
 
-    running: of the active rules, in the order of the round; leases: whether any of them has a lease; version: grows
-    with every change.
+    version: grows with every change.
     """
 
     def __init__(self, base: RuleBase, values: list[float]) -> None:
         self._base, self._values = base, values
         self._records: dict[str, RuleRecord] = {}
-        self.running: list[RuleRecord] = []
-        self.leases = False
+        self._running: list[RuleRecord] | None = []
         self.version = 0
 
     def __getitem__(self, key: str) -> RuleRecord:
         return self._records[key]
+
+    @property
+    def running(self) -> list[RuleRecord]:
+        """Of the active rules, in the order of the round; sorted when it is asked for after a change."""
+        if self._running is None:
+            self._running = [self._records[rule.key] for rule in running(self._base.rules)]
+        return self._running
 
     def carry_out(self) -> None:
         """Do to this robot what the last changes of its rule base say."""
@@ -73,16 +78,18 @@ class RuleRecords:
                 record.last_value, record.last_fault, record.faults_in_row = nan, "", 0
             elif record is not None and effect.what == "gone":
                 self._records.pop(key).gone = True
+            if key in self._records and key in self._base.rules:
+                self._records[key].rule = self._base.rules[key]
         self._base.effects.clear()
-        self.changed()
+        self.version += 1
+        self._running = None
 
     def changed(self) -> None:
-        """Make the round anew."""
+        """Take over every rule as it is now, and make the round anew."""
         self.version += 1
         for key, rule in self._base.rules.items():
             self._records[key].rule = rule
-        self.running = [self._records[rule.key] for rule in running(self._base.rules)]
-        self.leases = any(record.lease < inf for record in self.running)
+        self._running = None
 
     def deactivate(self, key: str) -> None:
         """Clear the flag of a rule."""

@@ -1,8 +1,7 @@
-"""The machines that do the heavy work of many bodies: NumPy always, numba's compiled kernels where they are installed.
+"""Array backends for motion, contact and sonar: NumPy always, compiled kernels (numba) where they are installed.
 
-Both take and give the same things. What a whole ring sees at once agrees to a few micrometres, because the compiled
-kernels look at most pairs in single precision; everything else agrees to the last bit. What a machine
-computes never depends on its number of threads.
+Both have the same methods. Ranges of whole rings agree to a few micrometres, because the compiled kernels compute most
+pairs in single precision; everything else agrees to the last bit. Results do not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ class Machine(Protocol):
     def sort(self, grid: Grid, x: Floats, y: Floats, /) -> Sorted: ...
 
     def in_sight(self, listed: Listed, solids: Floats, /) -> Seen:
-        """These rows of `solids` as `ranges` and `hear` like them best."""
+        """These rows of `solids` in the form that `ranges` and `hear` use."""
 
     def ranges(self, view: View, which: Whole, /) -> Ranges: ...
 

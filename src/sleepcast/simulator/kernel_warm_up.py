@@ -1,9 +1,8 @@
-"""The first start of all: kernels are compiled by two processes at once.
+"""Warm-up: at the very first start, two processes compile the kernels at once.
 
 Compiling is Python's work as much as LLVM's, and numba does it under one lock, so a second thread would not help. A
 second process lets a few robots look around, and this one lets them move, which takes about as long; each finds what
-the other has compiled where kernels are kept. Whatever goes wrong there, nothing is lost but time: what nobody has
-compiled is compiled when it is needed.
+the other has compiled in the cache. If this fails, only time is lost: kernels are then compiled when first called.
 """
 
 from __future__ import annotations
@@ -49,8 +48,8 @@ def compile_kernels(scenario: Scenario) -> None:
 
 @contextmanager
 def _collector_paused() -> Iterator[None]:
-    """Nobody looks for garbage. Compiling makes a million objects that last, and Python would look through them again
-    and again, which takes a tenth of the time."""
+    """Pause the garbage collector: compiling makes a million long-lived objects, and scanning them takes a tenth of the
+    time."""
     by_itself = gc.isenabled()
     gc.disable()
     try:
@@ -62,7 +61,7 @@ def _collector_paused() -> Iterator[None]:
 
 @contextmanager
 def _other_process(scenario: Scenario) -> Iterator[subprocess.Popen[bytes]]:
-    """The other process, as long as it is wanted."""
+    """The second process; it is killed at the end of the block."""
     command, quiet = [sys.executable, "-P", "-c", OTHER], subprocess.DEVNULL  # -P: nothing of the folder we are in
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet) as other:
         try:

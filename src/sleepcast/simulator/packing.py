@@ -1,7 +1,7 @@
-"""Scenarios as plain data and back, so that a recording holds its own: every dataclass as its name and its fields.
+"""Serialization of scenarios as JSON for recordings and snapshots: every dataclass as its name and its fields.
 
-The way back follows the annotations of the dataclasses: it makes nothing but them, and refuses what does not fit. The
-plain data are what JSON holds, with the infinities that Python's own writes and reads.
+`unpack` follows the annotations of the dataclasses, makes nothing else, and rejects data that do not fit. Renaming a
+packed class or field would break existing files. Infinities are written as Python's JSON does.
 """
 
 from __future__ import annotations

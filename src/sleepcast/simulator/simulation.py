@@ -1,6 +1,4 @@
-"""The simulator as the loop knows it: robots with names and bodies, ticks, readings, pings, and a hash of the
-state.
-"""
+"""The simulator: one tick of all bodies, their readings and pings, and a hash of the state."""
 
 from __future__ import annotations
 
@@ -32,11 +30,11 @@ MOST_CASTE = 254
 
 
 class Simulator:
-    """A scenario brought to life; `seed` replaces the scenario's own. Equal seeds make equal runs, to the
-    last bit, on any number of threads.
+    """A running scenario; `seed` replaces the scenario's own. Equal seeds give equal runs, bit for bit, on any
+    number of threads.
 
-    machine: does the heavy work; None takes the fastest that is installed (see `engine`), on so many `threads` (None:
-    one for each core), or NumPy where nobody touches or hears anything: loading the other one takes a second.
+    machine: the array backend (see `engine`); None is the fastest installed one on `threads` threads (None: one for
+    each core), or NumPy without bumpers and sonars, since loading the other one takes a second.
 
     names, robots: of each robot by its index; a robot's own number is its index + 1. model: what they all
     are.
@@ -87,12 +85,11 @@ class Simulator:
 
     @property
     def said(self) -> deque[Saying]:
-        """The latest things that robots said aloud."""
+        """The latest sayings of robots (`TK`)."""
         return self.bodies.said
 
     def step(self) -> None:
-        """One tick: what the scenario lets happen happens, everything moves, then lights are seen and the pings sent
-        since the last tick are heard."""
+        """One tick: apply the scenario's events, move all bodies, update lights, deliver the pings of the last tick."""
         scenario, until = self.scenario, (self.tick + 1) * self.scenario.tick
         if scenario.events:
             apply_events(self.world, scenario.events, (*scenario.shapes, *scenario.absent), self.time, until)
@@ -161,7 +158,7 @@ class Simulator:
 
 
 class Robots(Sequence[Body]):
-    """The bodies by index. Whatever is asked of many of them means the same as asked of each."""
+    """The bodies by index, and the functions of `Body` for many robots at once, with the same results."""
 
     def __init__(self, bodies: Bodies, model: RobotModel) -> None:
         self._bodies, self._model = bodies, model
@@ -193,7 +190,7 @@ class Robots(Sequence[Body]):
         """See `Robot.hold`; still: for each of them."""
         self._bodies.held[robots] = still
 
-    # ---- what expressions may ask, as of `Body`; a column for each argument
+    # ---- the functions of `Body`, with one array for each argument
 
     def drive(self, robots: Whole, speed: Floats, turn_rate: Floats) -> None:
         bodies, free = self._bodies, ~self._bodies.stopped[robots]
@@ -257,8 +254,8 @@ _BITS = 0xFFFF_FFFF_FFFF_FFFF
 
 
 def step(bodies: Bodies) -> None:
-    """Move all bodies through the tick `bodies.tick`, and count it. Who is near whom is still known from the last look
-    around, unless somebody was put elsewhere."""
+    """Move all bodies through the tick `bodies.tick`, and count it. The spatial index of the last
+    tick is reused unless a body was placed."""
     draws = Draws(
         bodies.tick * GOLDEN & _BITS,
         key(bodies.seed, "slip", "left", bodies.tick),

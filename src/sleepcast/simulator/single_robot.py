@@ -1,6 +1,6 @@
-"""A simulated body with a world of its own, for a mind that is a process of its own.
+"""Single-robot adapter: a simulated body with its own world, for a node in its own process; and safety limits.
 
-Its time goes with a clock: whoever asks what it senses lets the world catch up first. In step, each look is one tick.
+A reading first advances the world to the time of a clock; without a clock each reading is one tick.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.simulation import Simulator
 
 MOST_AT_ONCE = 10
-"""Ticks that a world makes up for in one look; what is beyond is let go."""
+"""Ticks that one reading catches up; more are skipped."""
 
 
 class SingleRobot(Body):
     """The first robot of `simulator`. clock: paces its time, None: a tick for each reading. limits: enforced each tick.
 
-    It is a `Robot` that can be let go of, as those behind a bridge.
+    A `Robot` that can be closed, like those behind a bridge.
     """
 
     __slots__ = ("_clock", "_limits", "_simulator", "_start")
@@ -54,15 +54,15 @@ class SingleRobot(Body):
 
     @property
     def lost(self) -> str:
-        """Why it cannot be reached: it always can."""
+        """Why it cannot be reached: always empty."""
         return ""
 
     def complaints(self) -> list[str]:
-        """What has gone wrong since the last call: nothing does."""
+        """Problems since the last call: none."""
         return []
 
     def close(self) -> None:
-        """Bring the body to rest and let go of it."""
+        """Stop the body."""
         self.stop()
 
     def __enter__(self) -> Self:
@@ -74,7 +74,7 @@ class SingleRobot(Body):
         self.close()
 
     def _due(self) -> int:
-        """Ticks to be made now."""
+        """Ticks that are due now."""
         if self._clock is None:
             return 1
         tick = self._simulator.scenario.tick

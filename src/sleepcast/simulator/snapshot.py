@@ -1,4 +1,4 @@
-"""A simulator as a state, and a simulator that goes on where that one was.
+"""Snapshots: the state of a simulator, and a simulator resumed from it.
 
 The state holds the scenario as it was simulated, so it stands alone: a simulator is made of that scenario, then its
 arrays are overwritten. What comes from the seed alone is not kept; with another seed, another chance goes on from the
@@ -59,14 +59,14 @@ class SimulatorState(msgspec.Struct):
 
 @dataclass(frozen=True, slots=True)
 class Things:
-    """What stands in a world, with its numbers."""
+    """The shapes of a world with their numbers. Its class name is written into snapshots."""
 
     numbers: tuple[int, ...]
     shapes: tuple[Shape, ...]
 
 
 def state_of(simulator: Simulator) -> SimulatorState:
-    """The simulator between two ticks. Nothing of it is changed."""
+    """The state of the simulator between two ticks."""
     world = simulator.world
     return SimulatorState(
         pack(simulator.scenario),

@@ -1,11 +1,10 @@
 """Bodies: the state of all simulated robots as arrays, one column for each robot.
 
 What robots sense lies in one table (`sensed`), a row for each sensor of the model, so that a reading is a column.
-What a body knows of itself without looking (`known`: where its encoders believe it to be, its speed, its stores and so
-on) lies in the same memory, unless sensors are noisy; sonars and noise are brought up to date when somebody looks
-(`sense`). A body on wheels may be wrong about its pose, so there the real one lies apart. What a body was last asked to
-do lies beside it. Everything is float64, SI, and changed in place; chance comes from the seed and the robot's number
-alone.
+Proprioception (`known`: encoder pose, speed, stores and so on) shares that memory unless sensors are noisy; `sense`
+updates noise and sonars on request. A body on wheels has slip, so its true pose is stored apart from its encoder pose.
+The last command of each body is stored beside its state. Everything is float64, SI, and changed in place; random
+numbers depend on the seed and the robot's number only.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ Whole = NDArray[np.intp]
 MAX_REDRAWS = 200
 """Until every robot has found a start outside of solid areas: enough where one place in ten is open."""
 MAX_SAYINGS = 1_000
-"""Latest sayings that are kept for whoever listens."""
+"""Latest sayings that are kept."""
 TURN = 2.0 * pi
 ROW = 20.0
 """Metres from row to row, where robots are numbered along rows: those whom sonars see are in the same or the next."""
@@ -207,13 +206,13 @@ class Bodies:
         return np.array([uses.get(name, 0.0) for name in self.store_names])
 
     def forget(self) -> None:
-        """Bodies have moved: what is known of who is near whom, and what was heard, is no longer so."""
+        """Invalidate the spatial index and the sonar readings: bodies have moved."""
         self.near.forget()
         if self.sonars:
             self.sonars.forget()
 
     def place(self, number: int, x: float, y: float, heading: float) -> None:
-        """Put a body somewhere, at rest, and let it know: both its real and its believed pose (m, rad)."""
+        """Place a body at rest: sets its true and its encoder pose (m, rad)."""
         for across, up, towards in (
             (self.x, self.y, self.heading),
             (self.encoder_x, self.encoder_y, self.encoder_heading),
@@ -262,7 +261,7 @@ class Bodies:
         return rows
 
     def _disturb(self, which: Whole | slice) -> None:
-        """Put what these bodies know into the table, with noise."""
+        """Copy proprioception of these bodies into the table, with noise."""
         self.sensed[: len(self.known), which] = self.known[:, which]
         for row, sensor in enumerate(self.sensors):
             deviation = self.scenario.noise.get(sensor.name, 0.0)
@@ -337,7 +336,7 @@ class Bodies:
             first += 1
 
     def _start_alike(self) -> None:
-        """What holds for all bodies of one sort at the start."""
+        """Set the initial state of the bodies of one type."""
         robots = self.scenario.robots
         self.speed[:] = robots.wander.speed if robots.wanders else 0.0
         self.left[:] = self.right[:] = self.speed

@@ -1,8 +1,6 @@
-"""One simulated body: a light view of its column in the arrays, and the functions that expressions may call
-on it.
+"""One simulated body: a view of its column in the arrays, with the functions that expressions may call.
 
-A `Body` is a `Robot`. It only notes what it is asked; `motion` carries it out, within the limits, at the next
-tick.
+A `Body` is a `Robot`. It only stores commands; the next tick executes them within the limits.
 """
 
 from __future__ import annotations
@@ -27,7 +25,7 @@ TUMBLE = 67.0 * pi / 180.0
 
 
 class LackError(SleepcastError):
-    """A robot is asked for what its sort does not have."""
+    """A robot was asked for something that its type does not have."""
 
 
 class Body:

@@ -1,6 +1,6 @@
-"""Bumpers: bodies that stop where they touch something, and feel where it is.
+"""Bumpers: bodies stop at contact and sense where it is; bodies that overlap at the start are moved apart.
 
-`contact` says how far each body gets; here its answer is put into the bodies, and bodies are set apart at the start.
+`motion.contact` computes how far each body gets.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ CELL = 3.0
 
 
 class Bumpers:
-    """What lets bodies touch each other and the solids of the world. radii: of the bodies, m; reach: how far away a
-    solid may be that any of them can touch in one tick, m."""
+    """Contact of bodies with each other and with solids. radii: of the bodies, m; reach: greatest distance of a solid
+    that a body can touch within one tick, m."""
 
     def __init__(self, radii: Floats, reach: float, near: Neighbours, machine: Machine) -> None:
         self.radii = radii
@@ -34,7 +34,7 @@ class Bumpers:
         self._near, self._machine, self._reach = near, machine, reach
 
     def settle(self, x: Floats, y: Floats, across: Floats, up: Floats, settled: Settled) -> None:
-        """How far bodies at x, y (m) get on their way `across` and `up` (m), put into `settled`."""
+        """Write into `settled` how far bodies at x, y (m) get along `across` and `up` (m)."""
         near = self._near
         listed = near.solids(self._reach)
         self._machine.settle(
@@ -42,8 +42,8 @@ class Bumpers:
         )
 
     def part(self, x: Floats, y: Floats, anew: Callable[[int], tuple[Floats, Floats]]) -> None:
-        """Move bodies until none overlaps another one or a solid. anew: other places for all of them, by the number of
-        the attempt. Of two that overlap the one with the higher index moves. Raises MisuseError if they do not fit."""
+        """Move bodies until none overlaps another one or a solid. anew: new places for all of them,
+        by attempt. Of two that overlap the one with the higher index moves. Raises MisuseError if they do not fit."""
         wide = self._near.grid  # its cells are made for sonars, in which a full room has too many pairs
         fine = grid_over(wide.across * wide.size, wide.up * wide.size, CELL * self.radii.max(), len(x))
         for attempt in range(MAX_ATTEMPTS):

@@ -1,6 +1,4 @@
-"""Who is near whom: the grid over a world, with the bodies sorted into it and the solids listed by it, made anew only
-when something has moved.
-"""
+"""A grid over the world with bodies sorted by cell and solids listed by cell, rebuilt only when something has moved."""
 
 from __future__ import annotations
 
@@ -11,7 +9,7 @@ from sleepcast.simulator.world.world import World
 
 
 class Neighbours:
-    """What motion and sonar ask of the grid. size: of the world, m; cell: least side of a cell, m; count: of bodies."""
+    """The spatial index of motion and sonar. size: of the world, m; cell: least side, m; count: of bodies."""
 
     def __init__(self, size: tuple[float, float], cell: float, count: int, world: World, machine: Machine) -> None:
         self.grid = grid_over(*size, cell, count)
@@ -23,7 +21,7 @@ class Neighbours:
         self._version = -1
 
     def forget(self) -> None:
-        """Bodies have moved."""
+        """Invalidate the sorted bodies: they have moved."""
         self._points = None
 
     def points(self, x: Floats, y: Floats) -> Sorted:
@@ -40,7 +38,7 @@ class Neighbours:
         return self._listed[reach]
 
     def in_sight(self, reach: float) -> Seen:
-        """The same solids as the machine's sonars want them."""
+        """The same solids in the form that the machine's sonars use."""
         self._keep_up()
         if reach not in self._in_sight:
             listed = list_solids(self.grid, self.world, reach)
@@ -48,7 +46,7 @@ class Neighbours:
         return self._in_sight[reach]
 
     def _keep_up(self) -> None:
-        """Forget the lists of a world that has changed."""
+        """Drop the lists if the world has changed."""
         if self._version != self.world.version:
             self._listed.clear()
             self._in_sight.clear()

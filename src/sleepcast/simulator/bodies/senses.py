@@ -1,9 +1,9 @@
-"""Senses: what robots see of the lights and hear of each other's pings, tick by tick.
+"""Light sensors and ping receivers of all robots, tick by tick.
 
 A ping sent in one tick is heard in the next one, by every robot in reach but its sender, each of which may miss it by
-chance. It is noted with its range and bearing of that moment and waits in the hearer's queue; in each tick one ping is
-taken from the queue and presented for that tick. What arrives together is queued in an order that chance draws anew
-for each hearer, from the numbers of the tick, the sender and the hearer alone: nobody is heard first for his number.
+chance. It is stored with its range and bearing of that moment in the receiver's queue; in each tick one ping is taken
+from the queue and presented for that tick. Pings that arrive together are queued in a random order for each receiver,
+drawn from the numbers of the tick, the sender and the receiver, so that low robot numbers have no advantage.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ CELLS_IN_REACH = 2.0
 
 
 class Senses:
-    """The eyes and ears of all robots of `bodies`; they write into its table of what is sensed."""
+    """Light sensors and ping receivers of all `bodies`; they write into its table of sensor values."""
 
     def __init__(self, bodies: Bodies) -> None:
         scenario = bodies.scenario
@@ -56,7 +56,7 @@ class Senses:
             self._pings.step()
 
     def state(self) -> Iterator[NDArray[np.generic]]:
-        """What must be the same for runs to be the same, besides what lies in the bodies' own arrays."""
+        """The arrays that the next ticks depend on besides those of the bodies, for the state hash."""
         if self._pings is not None:
             yield from self._pings.state()
 
@@ -65,7 +65,7 @@ class Senses:
         return self._pings.arrays() if self._pings is not None else {}
 
     def _look(self) -> None:
-        """Let each robot with an eye see the nearest light in reach; those without one know nothing of lights."""
+        """Update flag, range and bearing of the nearest light in reach, for robots with a light sensor."""
         bodies, sees = self._bodies, self._sees
         x, y, heading = bodies.x[sees], bodies.y[sees], bodies.heading[sees]
         flags, ranges, bearings = np.zeros(sees.size), np.full(sees.size, np.nan), np.full(sees.size, np.nan)
@@ -80,7 +80,7 @@ class Senses:
 
 
 class _PingReceiver:
-    """The queues of pings. presented: the rows of PING_NAMES in the table of what is sensed, shape (4, robots)."""
+    """The queues of pings. presented: the rows of PING_NAMES in the table of sensor values, shape (4, robots)."""
 
     def __init__(self, bodies: Bodies, model: PingModel, presented: Floats) -> None:
         self._bodies, self._model, self._presented = bodies, model, presented
@@ -103,7 +103,7 @@ class _PingReceiver:
         self._castes[robots[new]] = castes[first[new]]
 
     def step(self) -> None:
-        """Clear what was presented, take in what was sent, present the oldest that waits."""
+        """Clear the presented pings, queue those sent in the last tick, present the oldest of each queue."""
         self._presented[0] = 0.0
         senders = np.flatnonzero(self._sent)
         if senders.size:
@@ -130,7 +130,7 @@ class _PingReceiver:
         }
 
     def _hear(self, senders: NDArray[np.intp], castes: Floats) -> None:
-        """Let all who are in reach hear what was sent, so many of them at a time that their pairs fit into memory."""
+        """Queue the sent pings at all receivers in reach, in blocks whose pairs fit into memory."""
         bodies = self._bodies
         points = sort(self._grid, bodies.x[senders], bodies.y[senders])
         points = Sorted(senders[points.order].astype(np.int32), points.start)
@@ -143,7 +143,7 @@ class _PingReceiver:
             self._hear_block(points, caste, some)
 
     def _hear_block(self, points: Sorted, caste: Floats, hearers: NDArray[np.intp]) -> None:
-        """Let some robots hear what was sent, each in an order of its own, and no more than fits into a queue."""
+        """The same for one block of receivers, each in a random order, at most one queue length each."""
         bodies, model = self._bodies, self._model
         hearers, sources = pairs(self._grid, points, bodies.x, bodies.y, self._reach, hearers)
         across, up = bodies.x[sources] - bodies.x[hearers], bodies.y[sources] - bodies.y[hearers]
@@ -166,7 +166,7 @@ class _PingReceiver:
             self._queue(hearers[chosen], ping[:, chosen])
 
     def _queue(self, hearers: NDArray[np.int64], ping: Floats) -> None:
-        """Put one ping into the queue of each of `ears`; ping: its range, bearing and caste, shape (3, ears)."""
+        """Put one ping into the queue of each of `hearers`; ping: range, bearing, caste, shape (3, hearers)."""
         self._drop_oldest(hearers[self._length[hearers] == self._model.queue])
         self._waiting[self._length[hearers], :, hearers] = ping.T
         self._length[hearers] += 1
@@ -177,5 +177,5 @@ class _PingReceiver:
 
 
 def bearing(across: Floats, up: Floats, heading: Floats) -> Floats:
-    """FRONT or REAR: on which side something lies that is so far to the east and north, seen along `heading`."""
+    """FRONT or REAR: on which side a point `across` m east and `up` m north lies, seen along `heading` (rad)."""
     return np.where(across * np.cos(heading) + up * np.sin(heading) > 0.0, FRONT, REAR)

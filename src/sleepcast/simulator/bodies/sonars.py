@@ -1,8 +1,7 @@
-"""What the sonars of all robots read: the exact ranges of their cones with noise, losses, limits and age.
+"""Sonar readings of all robots: exact cone ranges with noise, dropouts, limits and age.
 
-Without a firing order every sonar fires in every tick, and readings are made when somebody asks for them. With one, a
-robot's sonars fire one after the other (see `firing`). A sonar keeps its reading until it fires again, so a reading is
-as old as it would be.
+Without a firing order every sonar fires in every tick, and readings are computed on request. With one, a robot's
+sonars fire one after the other (see `sonar.firing`), and a sonar keeps its reading until it fires again.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from sleepcast.simulator.sonar.noise import Noise, Receiver
 from sleepcast.simulator.world.grid import Floats, Whole
 
 AT_ONCE = 65_536
-"""Robots that are told what their sonars have kept at a time: what is needed for a moment stays small."""
+"""Robots whose kept readings are copied at a time: bounds the temporary arrays."""
 FRONT = pi / 2
 """Sonars whose axis is at most this far from the heading count as front sonars, rad."""
 
@@ -34,14 +33,13 @@ FRONT = pi / 2
 class Sonars:
     """The sonars of many robots.
 
-    sensed: where the robots find what their sonars read, and in the last row the least of those in front: m, shape
-    (sonars + 1, robots); brought up to date by `sense`. firing: which sonar fires when. Where they fire in order,
-    readings: what each read when it last fired, m, shape (robots, sonars), float32, NaN for one that has not fired yet.
-    turret: what the ring is turned by against each robot's heading, rad; None for not at all. It belongs to whoever
-    gives it, who changes it between ticks.
+    sensed: readings, m, shape (sonars + 1, robots), updated by `sense`; the last row is the least of the front sonars.
+    firing: which sonar fires when. readings: with a firing order, the last reading of each sonar, m, shape (robots,
+    sonars), float32, NaN before the first. turret: angle of the ring from each robot's heading, rad, changed by its
+    owner between ticks; None: 0.
 
-    Where there are other sorts of robots, robots: which of all have these sonars; radii: of all bodies, m. Then the
-    arrays have only these robots, and indices are still those of all.
+    With several robot types, robots: the slice of robots that have these sonars; radii: of all bodies, m. The arrays
+    then hold only these robots, while indices in arguments are those of all.
     """
 
     def __init__(
@@ -78,10 +76,10 @@ class Sonars:
         self._wanted = np.ones(ring.count + 1, bool)
 
     def arrange(self, robot: int, order: Sequence[int], pause: float) -> None:
-        """Let the sonars of the robot with this index fire in this order from now on, each `pause` s after the echo of
-        the one before; none for an empty order. The ping that is under way and its pause come first. A sonar that does
-        not fire keeps its reading, unknown if it has never fired in order. Raises MisuseError for a sonar that there is
-        not, or too long an order or pause, and IndexError for a robot that has not got these sonars."""
+        """Set the firing order of one robot, each sonar `pause` s after the echo of the one before; an empty order
+        turns all off. Takes effect after the ping under way and its pause. A sonar that does not fire keeps its
+        reading. Raises MisuseError for an unknown sonar or too long an order or pause, IndexError for a robot without
+        these sonars."""
         row = robot - self.robots.start
         if not 0 <= row < self.sensed.shape[1]:
             raise IndexError(f"robot {robot} has not got these sonars")
@@ -90,19 +88,19 @@ class Sonars:
         self.firing.arrange(row, order, pause)
 
     def part(self) -> None:
-        """Have room for orders and pauses of each robot's own."""
+        """Allocate a separate order and pause for each robot."""
         if self.crosstalk and not self.firing.arranged:
             self.crosstalk.make_room()
         self.firing.part()
         self._make_room()
 
     def _make_room(self) -> None:
-        """Room for readings, where sonars fire in order."""
+        """Allocate readings if sonars fire in order."""
         if self.firing.in_order and not len(self.readings):
             self.readings = np.full((self.sensed.shape[1], self.ring.count), np.nan, np.float32)
 
     def forget(self) -> None:
-        """Bodies or obstacles have moved: what was looked at is no longer so."""
+        """Invalidate the readings: bodies or obstacles have moved."""
         self._fresh[:] = False
 
     def sense(
@@ -112,9 +110,8 @@ class Sonars:
         pose: tuple[Floats, Floats, Floats],
         rows: Collection[int] | None = None,
     ) -> None:
-        """Bring the readings of the robots with indices `which` (None: all that have these sonars) up to date for this
-        tick; those in these `rows` of `sensed` at least (None: all). pose: where all bodies really are: x, y in m and
-        heading in rad."""
+        """Update `sensed` for the robots `which` (indices; None: all with these sonars), at least in these `rows`
+        (None: all). pose: true x, y (m) and heading (rad) of all bodies."""
         if self._version != self._near.world.version:
             self.forget()
             self._version = self._near.world.version
@@ -142,7 +139,7 @@ class Sonars:
             self._machine.hear(self._view(pose), old, receiver, self.sensed)
 
     def _old(self, own: Whole | None, rows: Collection[int] | None) -> Whole:
-        """Which of these robots (None: all) have not got up to date readings in these rows."""
+        """Indices of those robots (None: all) whose readings in these rows are out of date."""
         wanted = np.full(len(self._wanted), rows is None)
         wanted[list(rows or ())] = True
         if not self._fresh.any():
@@ -154,13 +151,12 @@ class Sonars:
         return np.flatnonzero(~self._fresh) if own is None else own[~self._fresh[own]]
 
     def fire(self, tick: int, until: float, pose: tuple[Floats, Floats, Floats]) -> None:
-        """Fire the sonars that are due before the time `until` (s), keep what they read, and let robots hear each
-        other's."""
+        """Fire the sonars that are due before the time `until` (s), store their readings, and apply cross-talk."""
         self.shoot(tick, until, pose)
         exchange_crosstalk(tick, pose, [self])
 
     def shoot(self, tick: int, until: float, pose: tuple[Floats, Floats, Floats]) -> None:
-        """The same, but for hearing each other."""
+        """As `fire`, without cross-talk between robots."""
         firing = self.firing
         if not firing.in_order:
             return
@@ -173,8 +169,7 @@ class Sonars:
             fire(firing, now, self._machine.look, partial(self.crosstalk.hear, tick))
 
     def turned(self, heading: Floats) -> Floats:
-        """Where the rings of these robots look, whose bodies have this heading, of all bodies, rad; others are as they
-        were."""
+        """The headings of all bodies with the turrets of these robots added, rad."""
         if self.turret is None:
             return heading
         heading = heading.copy()
@@ -182,11 +177,11 @@ class Sonars:
         return heading
 
     def state(self) -> Iterable[NDArray[np.generic]]:
-        """What the next ticks depend on."""
+        """The arrays that the next ticks depend on, for the state hash."""
         yield from self.arrays().values()
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """The arrays that a run changes and that the next ticks depend on, by name."""
+        """The same by name, for snapshots."""
         if not self.firing.in_order:
             return {}
         return {
@@ -196,7 +191,7 @@ class Sonars:
         }
 
     def _view(self, pose: tuple[Floats, Floats, Floats], alone: bool = False) -> View:
-        """What there is to see, for whole rings or for sonars alone."""
+        """The scene that cones are evaluated in: for whole rings, or for single sonars (`alone`)."""
         near, (x, y, heading), far = self._near, pose, self.cones.radius + self.cones.most
         heading = self.turned(heading)
         listed = near.solids(far) if alone else near.in_sight(far)
@@ -206,17 +201,17 @@ class Sonars:
         return Receiver(self.ring.least, self.ring.most, self.front, noise, self._wanted)
 
     def _noise(self, tick: int) -> Noise | None:
-        """What disturbs the echoes of this tick."""
+        """Noise and dropout of this tick, None for neither."""
         ring = self.ring
         if not (ring.noise or ring.dropout):
             return None
-        sort = (self.robots.start,) if self.robots.start else ()  # each sort of robots has chance of its own
+        sort = (self.robots.start,) if self.robots.start else ()  # each robot type has its own random numbers
         keys = (key(self._seed, what, tick, *sort) for what in ("echo", "dropout"))
         return Noise(ring.noise, ring.dropout, ring.most, *keys)
 
 
 def exchange_crosstalk(tick: int, pose: tuple[Floats, Floats, Floats], rings: Sequence[Sonars]) -> None:
-    """Let the sonars of these rings, and of no others, that have cross-talk hear each other."""
+    """Apply cross-talk among those of these rings that model it."""
     talks = [(ring.crosstalk, ring.readings) for ring in rings if ring.crosstalk]
     if not talks:
         return
@@ -228,22 +223,19 @@ def exchange_crosstalk(tick: int, pose: tuple[Floats, Floats, Floats], rings: Se
     add_crosstalk(tick, Scene(x, y, heading, radii), talks)
 
 
-# The sonars of several sorts of robots: each sort has a ring of its own, and all of them one table of readings.
-
-
 class SonarGroups:
-    """The sonars `rings` of some robots each. sensed: the table of all, shape (sonars + 1, robots), in the last row the
-    least of those in front."""
+    """Sonars of several robot types: one ring for each type, one table for all. sensed: m, shape (sonars + 1, robots),
+    NaN where a type has fewer sonars; the last row is the least of the front sonars."""
 
     def __init__(self, rings: Sequence[Sonars], sensed: Floats) -> None:
         self.rings, self.sensed = rings, sensed
 
     def of(self, robot: int) -> Sonars | None:
-        """The sonars of the robot with this index, if it has any."""
+        """The sonars of the robot with this index, None without any."""
         return next((ring for ring in self.rings if ring.robots.start <= robot < ring.robots.stop), None)
 
     def forget(self) -> None:
-        """Bodies or obstacles have moved: what was looked at is no longer so."""
+        """Invalidate the readings: bodies or obstacles have moved."""
         for ring in self.rings:
             ring.forget()
 
@@ -254,8 +246,7 @@ class SonarGroups:
         pose: tuple[Floats, Floats, Floats],
         rows: Collection[int] | None = None,
     ) -> None:
-        """Bring the readings of the robots with indices `which` (None: all) up to date, whatever rows they ask for; see
-        `Sonars`."""
+        """Update all rows of `sensed` for the robots `which` (indices; None: all); see `Sonars.sense`."""
         for ring in self.rings:
             first, last = ring.robots.start, ring.robots.stop
             mine = None if which is None else which[(which >= first) & (which < last)]
@@ -266,12 +257,12 @@ class SonarGroups:
             self.sensed[-1, there] = heard[-1]
 
     def fire(self, tick: int, until: float, pose: tuple[Floats, Floats, Floats]) -> None:
-        """Fire the sonars that are due before the time `until` (s), and let all of them hear each other."""
+        """Fire the sonars that are due before the time `until` (s), then apply cross-talk among all of them."""
         for ring in self.rings:
             ring.shoot(tick, until, pose)
         exchange_crosstalk(tick, pose, self.rings)
 
     def state(self) -> Iterable[NDArray[np.generic]]:
-        """What the next ticks depend on."""
+        """The arrays that the next ticks depend on, for the state hash."""
         for ring in self.rings:
             yield from ring.state()

@@ -1,4 +1,4 @@
-"""Events: what a scenario lets happen to the things of its world, by name, and when.
+"""Events: timed additions, removals and moves of the named things of a world.
 
     [[events]]
     at = "20s"
@@ -63,7 +63,7 @@ def read_events(
 
 
 def _check(events: Sequence[tuple[Event, Table]], there: set[str], absent: set[str]) -> None:
-    """Raise SettingsError for an event that nothing is there for."""
+    """Raise SettingsError for an event whose thing is not there."""
     known = there | absent
     present = set(there)
     for event, table in events:
@@ -79,8 +79,7 @@ def _check(events: Sequence[tuple[Event, Table]], there: set[str], absent: set[s
 
 
 def apply_events(world: World, events: Sequence[Event], things: Sequence[Shape], after: float, until: float) -> None:
-    """Let happen to `world` what is due after the one time and up to the other, s; a run begins after 0. things: all
-    that may be added."""
+    """Apply to `world` the events due in (after, until], s; a run begins after 0. things: all that may be added."""
     for event in events:
         if after < event.time <= until or event.time <= 0.0 == after:
             numbers = [number for number, shape in world.shapes.items() if shape.name == event.name]

@@ -1,4 +1,4 @@
-"""Groups: several sorts of robots in one world, each with values of its own, and the names that rules give to numbers.
+"""Groups of robots with their own values, and named constants for rules.
 
     [constants]
     EYES = 4

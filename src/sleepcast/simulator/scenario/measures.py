@@ -1,4 +1,4 @@
-"""Measures: what a scenario itself wants to know of a run, as series of numbers over time.
+"""Measures: time series of a run that the scenario asks for.
 
     [measures.distance_to_light]
     of = "distance"
@@ -88,7 +88,7 @@ class Measuring:
         return [(ticks, list(series)) for ticks, series in zip(self._ticks, self._series, strict=True)]
 
     def restore(self, state: list[tuple[int, list[list[float]]]]) -> None:
-        """Be as that was. Raises SerialError."""
+        """Restore a `state`. Raises SerialError."""
         if len(state) != len(self._specs):
             raise SerialError(f"{len(state)} measures, wanted {len(self._specs)}")
         for ticks, series in state:

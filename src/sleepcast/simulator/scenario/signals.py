@@ -2,7 +2,7 @@
 
 After Hoskins's vehicles: a ping carries the caste of its sender and is heard with its range and from the front or the
 rear; a light is seen in the same way. One ping at a time is presented, in pFlag, pRange, pBearing and pCaste, for one
-tick; the light in sFlag, sRange and sBearing, for as long as it is seen. `senses` brings them to life.
+tick; the light in sFlag, sRange and sBearing, for as long as it is seen. `bodies.senses` simulates them.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""How kernels are compiled, and how their code is kept: under a name that tells all that it depends on, wherever the
-package is installed. (numba's own way goes by the path, the time and the text of one file.)
+"""Decorators that compile kernels, and a cache of their code under a name made of everything that it depends on,
+independent of where the package is installed. (numba's own cache goes by path, time and text of one file.)
 
-Contractions to fused multiply-adds are not allowed (they would differ between processors), nor, but for `strict` ones,
-may numbers be infinite or unknown. Each function says which it is, as one that did not would take it from whoever
-happened to be the first to call it. Compiled functions let other threads run.
+Contraction to fused multiply-adds is off (results would differ between processors). Only `strict` kernels allow
+infinities and NaN. Every function states its mode, or it would inherit that of its first caller. Compiled functions
+release the GIL.
 
-Only kernels make arrays, not their parts: then numba need not count, at every call, who holds which array. It does that
-with instructions that lock memory, and a part may be called some times for each robot.
+Only kernels make arrays, not their parts, so that numba need not count references (with atomic instructions) at every
+call of a part.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Cross-talk: sonars that take late echoes of another ping for their own, and so read too short a range.
+"""Cross-talk: a sonar takes a late echo of another ping for its own and reads too short a range.
 
 A sonar listens from its own ping to the first sound that it takes for an echo, and blanks the time of the least
 range. What may come in between, with path lengths in m and times through the speed of sound:
@@ -104,7 +104,7 @@ class Crosstalk:
         self._grid, self._first = grid, first
 
     def make_room(self) -> None:
-        """From now on a ring may have any pause: keep as many pings as there may be under way with none."""
+        """Allocate for rings with any pause: as many pings as can be under way without one."""
         more = self._most_under_way(0.0) - self._sent.shape[1]
         oldest_first = (self._next[:, None] + np.arange(self._sent.shape[1])) % self._sent.shape[1]
         self._next[:] = self._sent.shape[1] if more else 0
@@ -149,7 +149,7 @@ class Crosstalk:
         return Pings.joined(self._now), before
 
     def end(self) -> None:
-        """The tick is over."""
+        """Finish the tick: keep the pings that may still be heard."""
         self._now = []
         self._draws = 0  # each tick's chance is its own
 
@@ -208,7 +208,7 @@ class Crosstalk:
         return near
 
     def _by_chance(self, what: str, tick: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-        """Whether each sound is loud enough."""
+        """Whether each sound is heard, drawn with the model's chance."""
         if self._model.chance >= 1.0:
             return np.ones(shape, bool)
         numbers = np.arange(self._draws, self._draws + int(np.prod(shape)), dtype=np.uint64)

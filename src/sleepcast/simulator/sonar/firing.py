@@ -28,7 +28,7 @@ AT_ONCE = -1
 
 
 class Firing:
-    """The firing of so many robots' sonars.
+    """The firing of the sonars of `count` robots.
 
     order: numbers of sonars, shape (1 or count, width), int8; length: how many of those, 0 for none at all, or AT_ONCE;
     pause: s, of the same shape (1 or count,): one for all robots, or one for each of them. due: when each robot's next

@@ -1,4 +1,4 @@
-"""From ranges to readings: noise, losses and limits, the same from every machine, for a robot whoever else is asked.
+"""From ranges to readings: noise, dropout and limits; the same bits on every machine and for any subset of robots.
 
 A draw hashes a key and a counter (robot and sonar) to 64 bits. Noise is the sum of their four quarters, less its mean:
 Irwin and Hall's distribution, close to normal up to two deviations and never beyond three and a half, and whole
@@ -26,8 +26,8 @@ SCALE = sqrt(3.0) / QUARTER
 
 
 class Noise(NamedTuple):
-    """What disturbs ranges. share: standard deviation as a share of the range; dropout: the chance that an echo is
-    missed; most: m, what is read where there is nothing; key, dropout_key: 64 bits, other ones at each tick."""
+    """Sonar noise. share: standard deviation as a share of the range; dropout: the chance that an echo is
+    missed; most: the reading without an echo, m; key, dropout_key: 64 bits, new in each tick."""
 
     share: float
     dropout: float
@@ -38,9 +38,8 @@ class Noise(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Receiver:
-    """How ranges become readings. least, most: m, what is nearer or farther reads as these. front: numbers of the
-    sonars in front. noise: None where readings are undisturbed, or disturbed already. wanted: for each sonar, and at
-    last for the least of those in front, whether anybody asks for it."""
+    """How ranges become readings. least, most: limits, m. front: numbers of the front sonars. noise: None without,
+    or if already applied. wanted: which rows of the readings are asked for, shape (sonars + 1,)."""
 
     least: float
     most: float
@@ -56,7 +55,7 @@ def deviates(bits: NDArray[np.uint64]) -> Floats:
 
 
 def disturb(seen: NDArray[np.float32], which: Whole, noise: Noise) -> None:
-    """Disturb the ranges `seen` (m, shape (robots, sonars)) of the robots with these indices, in place."""
+    """Apply noise and dropout in place to the ranges `seen` (m, shape (robots, sonars)) of the robots `which`."""
     sonars = np.arange(seen.shape[1], dtype=np.uint64)
     disturb_each(seen, which.astype(np.uint64)[:, None] * np.uint64(seen.shape[1]) + sonars, noise)
 
@@ -74,9 +73,9 @@ def disturb_each(seen: NDArray[np.float32], counters: NDArray[np.uint64], noise:
 
 
 def tell(seen: NDArray[np.float32], which: Whole, receiver: Receiver, sensed: Floats) -> None:
-    """Put what the ranges `seen` (changed on the way) of the robots with these indices read as into their columns of
-    those rows of `sensed`, shape (sonars + 1, robots), that are wanted: m, and in the last row the least of those in
-    front; NaN stays NaN. The limits are as they were written, whatever became of them in single precision."""
+    """Write the readings of ranges `seen` (overwritten) of the robots `which` into their columns of `sensed`, m, shape
+    (sonars + 1, robots), in the wanted rows; the last row is the least of the front sonars. NaN stays NaN. Limits are
+    applied in double precision."""
     if receiver.noise is not None:
         disturb(seen, which, receiver.noise)
     read = seen.T

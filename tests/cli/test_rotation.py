@@ -17,9 +17,8 @@ from sleepcast.console.adapters.recording import load_timeline
 from sleepcast.console.adapters.swarm import outlines
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Changes, Circle, Wall, find_scenario, load
-from sleepcast.simulator.recording.recorder import Recorder
+from sleepcast.simulator.recording.recorder import Recorder, Rotation, part_file, read_rotation
 from sleepcast.simulator.recording.recording import Recording, load_recording
-from sleepcast.simulator.recording.rotation import Rotation, part_file, read_rotation
 from small_worlds import SCOUTS, write
 
 MISSION = """

@@ -214,7 +214,7 @@ def rotate(file: Path, at: str | None) -> int:
             found.limits = Limits()
             put(f"{file} moves into an archive only when you say so")
         else:
-            from sleepcast.simulator.recording.rotation import read_rotation
+            from sleepcast.simulator.recording.recorder import read_rotation
 
             rotation = read_rotation(at)
             found.limits = Limits(rotation.size, rotation.age)

@@ -21,17 +21,18 @@ from sleepcast.simulator import Scenario
 from sleepcast.simulator.recording.recorder import (
     ACCOUNTING,
     MARKS,
+    ONE_FILE,
     READINGS,
     RULES,
     STATE,
     AccountBody,
     MarksBody,
     Recorder,
+    Rotation,
     RuleBody,
     RulesBody,
     WorldChange,
 )
-from sleepcast.simulator.recording.rotation import ONE_FILE, Rotation
 from sleepcast.station import Command, Station
 
 PICTURES_PER_SECOND = 10.0

@@ -329,7 +329,7 @@ def _wanted(options: Options) -> RecordingPlan | None:
     if options["record"] is None:
         return None
     from sleepcast.cli.recording import RecordingPlan
-    from sleepcast.simulator.recording.rotation import ONE_FILE, read_rotation
+    from sleepcast.simulator.recording.recorder import ONE_FILE, read_rotation
 
     rotation = ONE_FILE if options["record_rotate"] is None else read_rotation(options["record_rotate"])
     return RecordingPlan(options["record"], options["record_pictures"], options["record_readings"], rotation)

@@ -11,7 +11,7 @@ import pytest
 
 from sleepcast.simulator import Area, Circle, SettingsError, Shape, Simulator, Wall, load
 from sleepcast.simulator.world.drawing import MAX_DEPTH, TOLERANCE, Drawing, read_drawing
-from sleepcast.simulator.world.svg_paths import Arc, Bezier, PathError, read_path
+from sleepcast.simulator.world.svg import Arc, Bezier, PathError, read_path
 from sleepcast.simulator.world.world import MAX_SOLIDS, Point
 from small_worlds import SCOUTS, write
 

@@ -16,9 +16,10 @@ is the scenario as `packing` writes it. With the posted messages that is all tha
 repeated to the last bit. If the run went on from a snapshot, the attachment `snapshot` is the swarm as it was then. All
 times in the file are simulated ones, from 0.
 
-A long recording may be kept in parts (`rotation`). Each can be read by itself: its metadata say which part it is and
-from which time on, and it begins with all that went before as far as it still counts: every message that was posted,
-the solid things, accounts, rules, marks, a picture and readings. The metadata `following` at its end name the next.
+A long recording may be kept in parts (`Rotation`): run.mcap, run-0002.mcap, run-0003.mcap ... Each can be read by
+itself: its metadata give its number and start time, and it begins with everything earlier that still counts: every
+posted message, the solid things, accounts, rules, marks, poses and readings. The metadata `following` at its end name
+the next part.
 
 What is written gathers in memory and goes to the file in whole chunks: when `CHUNK` bytes have come together, and every
 `FLUSH_PERIOD` of real time, for which a thread sees. A process that is killed loses no more than that; a file that
@@ -29,9 +30,11 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from io import BytesIO, FileIO
+from math import inf
 from pathlib import Path
 from threading import Event, RLock, Thread
 from types import TracebackType
@@ -44,10 +47,10 @@ from numpy.typing import NDArray
 
 from sleepcast.channel import Message
 from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.units import UNITS
 from sleepcast.simulator.packing import pack
 from sleepcast.simulator.recording import foxglove
 from sleepcast.simulator.recording.foxglove import Level
-from sleepcast.simulator.recording.rotation import MOST_PARTS, ONE_FILE, Rotation, part_file
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.world.world import Shape
 
@@ -71,6 +74,53 @@ MAX_RECORD = 64 * 1_048_576
 MAX_START = MAX_RECORD // 2
 """Bytes of a snapshot that is recorded: that of a hundred thousand robots."""
 _OBJECT = b'{"type":"object"}'
+
+
+LEAST_BYTES, MOST_BYTES = 1e5, 1e12
+"""A part: smaller ones hold little but what each begins with, and no disk is larger."""
+LEAST_SECONDS, MOST_SECONDS = 1.0, 1e9
+MOST_PARTS = 9_999
+"""What four digits number; the last part goes on to the end."""
+
+_BYTES = {"kb": 1e3, "mb": 1e6, "gb": 1e9}
+_TIMES = ("s", "min", "h")
+_PIECE = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)([a-z]+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Rotation:
+    """When a part is full. size: bytes of its file; age: simulated s; whichever comes first."""
+
+    size: float = inf
+    age: float = inf
+
+
+ONE_FILE = Rotation()
+"""Never full."""
+
+
+def read_rotation(text: str) -> Rotation:
+    """`100MB`, `10min` of simulated time, or both: `100MB,10min`. Raises MisuseError."""
+    found = {"size": inf, "age": inf}
+    for piece in text.lower().split(","):
+        match = _PIECE.fullmatch(piece.strip())
+        if match is not None and match[2] in _BYTES:
+            kind, value, least, most = "size", float(match[1]) * _BYTES[match[2]], LEAST_BYTES, MOST_BYTES
+        elif match is not None and match[2] in _TIMES:
+            kind, value = "age", float(match[1]) * UNITS[match[2]].factor
+            least, most = LEAST_SECONDS, MOST_SECONDS
+        else:
+            raise MisuseError(f'"{piece[:40]}" says not when to begin another file: write 100MB, 10min, or 100MB,10min')
+        if not least <= value <= most:
+            unit = "bytes" if kind == "size" else "s"
+            raise MisuseError(f"{piece.strip()}: another file begins after {least:g} to {most:g} {unit}, not {value:g}")
+        found[kind] = min(found[kind], value)
+    return Rotation(**found)
+
+
+def part_file(first: Path, number: int) -> Path:
+    """The file of the part with this number, from 1, where the first one is `first`."""
+    return first if number == 1 else first.with_name(f"{first.stem}-{number:04}{first.suffix}")
 
 
 class RecordingError(SleepcastError):

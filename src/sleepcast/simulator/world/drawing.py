@@ -16,8 +16,19 @@ from pathlib import Path
 from xml.parsers import expat
 
 from sleepcast.core.settings import SettingsError, read_text
-from sleepcast.simulator.world.svg_paths import MAX_NUMBER, Line, PathError, read_path
-from sleepcast.simulator.world.svg_values import Matrix, Page, length, page_of, rules, style_of, transform
+from sleepcast.simulator.world.svg import (
+    MAX_NUMBER,
+    Line,
+    Matrix,
+    Page,
+    PathError,
+    length,
+    page_of,
+    read_path,
+    rules,
+    style_of,
+    transform,
+)
 from sleepcast.simulator.world.world import MAX_SOLIDS, Area, Circle, Point, Shape, Wall
 
 TOLERANCE = 0.001

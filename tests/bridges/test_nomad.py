@@ -270,7 +270,7 @@ def test_what_is_stopped_does_nothing_until_it_is_asked_anew(robot: NomadRobot, 
 def test_more_errands_than_it_remembers_are_refused(robot: NomadRobot) -> None:
     for _ in range(MAX_ERRANDS):
         robot.say("x")
-    with pytest.raises(BusyError, match="64 things wait"):
+    with pytest.raises(BusyError, match="64 requests wait"):
         robot.say("x")
     robot.sense()
     robot.say("x")
@@ -330,7 +330,7 @@ def test_a_body_that_was_out_of_reach_is_at_rest_when_it_is_found_again(running:
         until(lambda: robot.state.right_speed > 0.25, keep_on(robot, 0.3))
         found = robot.complaints()
         assert found[0].startswith("the body is out of reach: ")
-        assert found[-1] == "the body is within reach again, and at rest until it is told to move"
+        assert found[-1] == "the body is within reach again, and at rest until a command moves it"
 
 
 def test_zeroing_takes_its_time_and_stop_does_not_wait_for_it(running: Served) -> None:
@@ -416,7 +416,7 @@ def test_a_fence_holds_whatever_the_mind_asks(stepped: Served, world: NomadWorld
             lambda: robot.place(0.0, 0.0, 0.0),
             robot.zero,
         ):
-            with pytest.raises(FencedError, match="may not be told where it is"):
+            with pytest.raises(FencedError, match="its position may not be set"):
                 talk()
 
 

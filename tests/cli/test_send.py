@@ -83,7 +83,7 @@ def test_a_name_that_no_robot_has_is_told_before_anything_is_sent(channel: str, 
             refused = on_air(*asked)
             assert (refused.status, refused.out) == (2, ""), asked
             assert "did you mean" in refused.err
-            assert "none of the 3 robots that told of themselves has " in refused.err
+            assert "none of the 3 robots that have sent telemetry has " in refused.err
             assert "nothing was sent. Send it as it is with --anyway" in refused.err
         insisted = on_air("ask", "feul", "--anyway")
         assert (insisted.status, "none of them knows the value" in insisted.out) == (0, True)

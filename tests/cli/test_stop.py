@@ -40,7 +40,7 @@ def test_it_goes_on_until_each_expected_robot_has_confirmed(channel: str, tmp_pa
         assert "silent 0 of 3 robots heard so far" in on_air("ask", "id").out
         assert "would obey 3" in on_air("who", "(> id 0)").out
         who = json.loads(on_air("who", "(> id 0)", "--expect", str(fleet), "--json").out)
-        assert (who["n_yes"], who["unknown"]) == (3, {"r4": "it has told nothing of itself yet"})
+        assert (who["n_yes"], who["unknown"]) == (3, {"r4": "it has sent no telemetry yet"})
         watched = json.loads(on_air("watch", "--once", "--expect", str(fleet), "--json").out)
         assert (len(watched["robots"]), watched["expected"], watched["silent"]) == (4, 4, 1)
 

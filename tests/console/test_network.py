@@ -132,7 +132,7 @@ def test_what_is_typed_is_foreseen_counted_sent_and_explained(air: Page, channel
     air.tell("watch", robot=watched)
     robot = air.until("robot", lambda news: news["robot"] == watched and "bravo" in news["groups"] and news["rules"])
     assert [rule["name"] for rule in robot["rules"]] == ["keep"]
-    assert robot["rules"][0]["value"] == "not told"
+    assert robot["rules"][0]["value"] == "not reported"
     assert {"x", "heading", "fuel"} <= {value["name"] for value in robot["values"]}
 
 
@@ -174,7 +174,7 @@ def test_who_comes_later_is_on_the_map_and_a_pause_asks_nobody(air: Page, channe
         counted(air, "(WHEN (> fuel 0) (JOIN bravo))", "yes", 13)
     air.tell("pace", running=False)
     air.tell("watch", robot=0)
-    air.until("robot", lambda news: any("last told" in word for word in news["state"]))
+    air.until("robot", lambda news: any("last telemetry" in word for word in news["state"]))
     counted(air, "(WHEN (> fuel 0) (JOIN bravo))", "unknown", 13)
     air.tell("pace", running=True)
 

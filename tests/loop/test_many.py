@@ -25,14 +25,14 @@ def manned(scenario: str) -> tuple[Swarm, Station]:
 
 @pytest.fixture(scope="module")
 def bravo() -> tuple[Swarm, Station]:
-    """Scouts that have told of themselves."""
+    """Scouts whose telemetry is there."""
     swarm, station = manned("bravo")
     swarm.run(1.2)
     return swarm, station
 
 
 def tell(swarm: Swarm) -> None:
-    """Go on until the robots have just told of themselves."""
+    """Go on until the robots have just sent telemetry."""
     swarm.step()
     while swarm.simulator.tick % swarm.telemetry_ticks:
         swarm.step()

@@ -51,5 +51,5 @@ class Far:
         """A desk that knows what has been told."""
         station = Station(self.minds.vocabulary, self.minds, [].append, self.clock)
         for mind in self.minds.values():
-            station.observe(mind.told_at, [mind])
+            station.observe(mind.reported_at, [mind])
         return station

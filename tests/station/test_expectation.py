@@ -86,7 +86,7 @@ def test_robots_that_were_never_heard_may_obey_too() -> None:
     text = "(WHEN (> id 1) (DRIVE 1))"
     assert desk.forecast(text).may == 100
     assert desk.forecast(text, only=["r1"]).may == 1
-    assert desk.preview(text).reasons == {"it has told nothing of itself yet": 100}
+    assert desk.preview(text).reasons == {"it has sent no telemetry yet": 100}
     with pytest.raises(CountNeededError, match="100 may obey"):
         desk.send(text)
     only = desk.send(text, only=["r1"])

@@ -8,7 +8,7 @@ from random import Random
 import pytest
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.payload import TOLD, Inspection
+from sleepcast.channel.payload import TELEMETRY, Inspection
 from sleepcast.core.model import Constant, HostFunction, Quantity
 from sleepcast.language import Vocabulary
 from sleepcast.mind.telemetry import TelemetryError, digest, read_why
@@ -173,11 +173,11 @@ def test_a_type_whose_names_cannot_be_united_is_left_out_with_a_reason() -> None
 
 
 def told(sender: str, what: object) -> Message:
-    return Message(sender, 1, 1, Kind.ANSWER, 0.0, body={TOLD: what})
+    return Message(sender, 1, 1, Kind.ANSWER, 0.0, body={TELEMETRY: what})
 
 
 def telemetry_of(far: Far, robot: str, **changes: object) -> dict[str, object]:
-    found = far.answers(robot, Inspection.TELEMETRY).body[TOLD]
+    found = far.answers(robot, Inspection.TELEMETRY).body[TELEMETRY]
     assert isinstance(found, dict)
     return found | changes
 
@@ -265,8 +265,8 @@ def test_whatever_is_told_the_desk_goes_on() -> None:
     far.nodes["s"].evaluate("(RULE slow (WHEN (> x 1) (SETQ speed 1)))")
     far.look()
     station = Station(far.minds.vocabulary, far.minds, [].append, far.clock)
-    texts = [far.answers("s", look).body[TOLD] for look in (Inspection.VOCABULARY, Inspection.MIND)]
-    plain = far.answers("s", Inspection.TELEMETRY).body[TOLD]
+    texts = [far.answers("s", look).body[TELEMETRY] for look in (Inspection.VOCABULARY, Inspection.MIND)]
+    plain = far.answers("s", Inspection.TELEMETRY).body[TELEMETRY]
     accepted = 0
     for turn in range(3_000):
         who = f"f{turn % 50}"
@@ -281,7 +281,7 @@ def test_whatever_is_told_the_desk_goes_on() -> None:
             far.minds.take(told(who, plain | about), 1_000.0)
         for mind in far.minds.take(told(who, what), 1_000.0):
             accepted += 1
-            station.observe(mind.told_at, [mind])
+            station.observe(mind.reported_at, [mind])
             mind.variables(), mind.rules(), mind.heard()
         if turn % 100 == 0:
             Station(far.minds.vocabulary, far.minds, [].append, far.clock).preview("(WHEN (> x 1) (SETQ speed 1))")
@@ -296,11 +296,11 @@ def test_whatever_is_told_the_desk_goes_on() -> None:
 
 def test_why_comes_back_as_it_was() -> None:
     far = Far(taught().minds)
-    found = read_why(str(far.answers("s1", Inspection.WHY, "slow").body[TOLD]))
+    found = read_why(str(far.answers("s1", Inspection.WHY, "slow").body[TELEMETRY]))
     here = far.nodes["s1"].why("slow")
     assert found.render() == here.render()
     refused = far.answers("s1", Inspection.WHY, "desk-1.99").body
-    assert TOLD not in refused
+    assert TELEMETRY not in refused
     assert "remembers no command or rule desk-1.99" in str(refused["fault"])
 
 
@@ -310,7 +310,7 @@ def test_a_long_why_is_told_in_its_upper_parts() -> None:
         "(RULE big (WHEN (OR " + " ".join(f"(= x {i} {'1' * 50}{i})" for i in range(99)) + ") (SETQ speed 1)))"
     )
     far = Far({"s": node})
-    text = str(far.answers("s", Inspection.WHY, "big").body[TOLD])
+    text = str(far.answers("s", Inspection.WHY, "big").body[TELEMETRY])
     assert len(text.encode()) < 49_152
     assert len(read_why(text).root.children[0].children) == 99
 
@@ -318,7 +318,7 @@ def test_a_long_why_is_told_in_its_upper_parts() -> None:
 def test_an_explanation_is_checked_like_everything_else() -> None:
     chance = Random(6)
     far = Far(taught().minds)
-    good = json.loads(str(far.answers("s1", Inspection.WHY, "slow").body[TOLD]))
+    good = json.loads(str(far.answers("s1", Inspection.WHY, "slow").body[TELEMETRY]))
     refused = 0
     for _ in range(1_000):
         try:

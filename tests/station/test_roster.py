@@ -21,7 +21,7 @@ def test_hearing_is_not_news() -> None:
     found = Roster(["s1"])
     place = found.hear("s1", 5.0)
     assert place == 0
-    assert (found.heard[place], found.told[place]) == (5.0, -inf)
+    assert (found.heard[place], found.reported[place]) == (5.0, -inf)
 
 
 def test_an_unknown_robot_is_named_with_what_might_be_meant() -> None:

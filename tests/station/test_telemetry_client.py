@@ -13,7 +13,7 @@ from rich.console import Console
 from safety.scene import KEYS, START, Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import look
-from sleepcast.channel.payload import TOLD
+from sleepcast.channel.payload import TELEMETRY
 from sleepcast.cli.watch import Window
 from sleepcast.console import Scene as Ground
 from sleepcast.console.adapters.channel import EMPTY, FleetAdapter
@@ -112,7 +112,7 @@ def test_a_liar_neither_moves_the_map_nor_breaks_the_page() -> None:
     scene.run(1.0)
     fleet.hear()
     assert telemetry.minds["r1"].values[telemetry.minds.vocabulary.first_sensor] == 1.0
-    told = telemetry.minds["r1"].told
+    told = telemetry.minds["r1"].telemetry
     numbers = list(struct.unpack(f"<{len(told.values) // 8}d", told.values))
     asked = telemetry.look()
     lies = {
@@ -126,7 +126,7 @@ def test_a_liar_neither_moves_the_map_nor_breaks_the_page() -> None:
         "stopped": True,
     }
     for number, lie in enumerate((lies, lies | {"values": b"123"}, lies | {"groups": [1]}, "junk", 5, None)):
-        body = {"command": asked.id, "outcome": "answer", "value": None, "fault": None, TOLD: lie}
+        body = {"command": asked.id, "outcome": "answer", "value": None, "fault": None, TELEMETRY: lie}
         scene.say(
             Message("r[/9]", 1, number, Kind.ANSWER, scene.clock.now(), scene.clock.now() + 5.0, body=body), KEYS["r*"]
         )

@@ -101,7 +101,7 @@ class NomadRobot:
         """Held to change what follows; never while anybody waits for the server."""
         self._motion = REST
         self._told: Motion | None = None
-        """What the server was last told, the very object."""
+        """The setpoint that the server was last sent, the very object."""
         self._stopped = self._held = False
         self._errands: deque[Callable[[Nomad], object]] = deque()
         self._complaints: deque[str] = deque(maxlen=MAX_COMPLAINTS)
@@ -112,7 +112,7 @@ class NomadRobot:
         """Seconds to the next try to find it, and when that is."""
         self._state = nomad.state
         self._before = 0.0
-        """Seconds that other servers had told before this one began to count."""
+        """Seconds that other servers had counted before this one began to count."""
         self._attended = self._heard = self._clock.now()
         self._wake, self._ending = Event(), False
         self._greet(nomad)
@@ -122,7 +122,7 @@ class NomadRobot:
             self._courier.start()
 
     def _greet(self, nomad: Nomad) -> None:
-        """What a server is told first."""
+        """What a server is sent first."""
         nomad.conf_tm(TIMEOUT)
         nomad.st()
         nomad.sp(*self.base.words(self.base.speeds))
@@ -137,7 +137,7 @@ class NomadRobot:
 
     @property
     def state(self) -> State:
-        """What the server last told."""
+        """What the server last sent."""
         return self._state
 
     def sense(self) -> Reading:
@@ -295,7 +295,7 @@ class NomadRobot:
     def _keep_its_place(self) -> None:
         """A fence means nothing to a body that can be talked into being elsewhere."""
         if self.base.limits.fence is not None:
-            raise FencedError("this robot is kept within a fence, so it may not be told where it is")
+            raise FencedError("this robot is kept within a fence, so its position may not be set")
 
     # ---- what the mind leaves for the courier
 
@@ -310,7 +310,7 @@ class NomadRobot:
         with self._lock:
             self._check_reach()
             if len(self._errands) >= MAX_ERRANDS:
-                raise BusyError(f"{MAX_ERRANDS} things wait already to be told to the robot")
+                raise BusyError(f"{MAX_ERRANDS} requests wait already to be sent to the robot")
             self._errands.append(errand)
         self._wake.set()
 
@@ -387,7 +387,7 @@ class NomadRobot:
         self._before = max(self._before, last - found.state.time)  # a server that was started anew counts from 0
         self._nomad, self._state, self._heard = found, found.state, self._clock.now()
         self._lost = None
-        self._complaints.append("the body is within reach again, and at rest until it is told to move")
+        self._complaints.append("the body is within reach again, and at rest until a command moves it")
 
     def _may_go_on(self, motion: Motion) -> bool:
         """Whether this motion keeps the body within its fence and off what is in its way."""

@@ -25,7 +25,7 @@ _MAX_NOTICES = 4
 AGAIN = 60.0
 """Seconds after which a `NoticeLog` repeats something that goes on."""
 _WORSE = 10.0
-"""A rate this many times the one last told is told at once."""
+"""A rate this many times the one last reported is reported at once."""
 _MANY_REPEATED = 500.0
 """Repeated messages of one key in a second that are an attack: a STOP is repeated a hundred times in its first."""
 _MANY_LATE = 5.0
@@ -153,7 +153,7 @@ _SENTENCES: Mapping[DropReason, tuple[float, str]] = {
     DropReason.EARLY: (LEAST, "{much} a second of {name} come from the future, by our clock"),
     DropReason.MALFORMED: (LEAST, "{much} a second come that sleepcast cannot read"),
 }
-"""The rate (a second) from which each reason is told, and the sentence."""
+"""The rate (a second) from which each reason is reported, and the sentence."""
 
 
 def _much(rate: float, what: str = "") -> str:
@@ -171,19 +171,19 @@ class NoticeLog:
         self, drops: DropCounter, owners: Owners, clock: Clock, others: Callable[[], Iterable[str]] = tuple
     ) -> None:
         self._drops, self._owners, self._clock, self._others = drops, owners, clock, others
-        self._told: dict[tuple[bytes, DropReason], tuple[float, float]] = {}
-        """When each was told, and its rate then."""
+        self._reported: dict[tuple[bytes, DropReason], tuple[float, float]] = {}
+        """When each was reported, and its rate then."""
         self._said: dict[str, float] = {}
-        """When each of the other sentences was told."""
+        """When each of the other sentences was reported."""
 
     def lines(self) -> list[str]:
         """Lines that are due."""
         now, found = self._clock.now(), []
-        self._told = {which: told for which, told in self._told.items() if 0.0 <= now - told[0] < AGAIN}
+        self._reported = {which: last for which, last in self._reported.items() if 0.0 <= now - last[0] < AGAIN}
         for key, reason, rate, text in self._drops.notices(self._owners):
-            _, told = self._told.get((key, reason), (now, 0.0))
-            if rate >= _WORSE * told:
-                self._told[key, reason] = now, rate
+            _, last = self._reported.get((key, reason), (now, 0.0))
+            if rate >= _WORSE * last:
+                self._reported[key, reason] = now, rate
                 found.append(text)
         self._said = {text: at for text, at in self._said.items() if 0.0 <= now - at < AGAIN}
         for text in self._others():

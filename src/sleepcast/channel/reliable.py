@@ -311,7 +311,7 @@ class ReliableDelivery:
         )
 
     def _noted(self, found: list[Message], now: float) -> list[Message]:
-        """These messages; if any is standing, our progress is told to the others."""
+        """These messages; if any is standing, our progress is sent to the others."""
         for message in found:
             if message.standing:
                 self._tell_progress(now)

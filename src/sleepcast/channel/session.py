@@ -41,7 +41,7 @@ _MAX_ASKED = 256
 MAX_ANSWERED = 64
 """Answers that can be sent again, as many as a robot can explain."""
 _MAX_REPORTED = 8
-"""Ids of missed commands in one report; of more, only the number is told."""
+"""Ids of missed commands in one report; of more, only the number is sent."""
 GATHER_FOR = 0.001
 """Seconds to wait after something was received, so that datagrams which come close together are handled together: a
 flood does not wake us for each datagram."""

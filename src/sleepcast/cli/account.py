@@ -12,13 +12,13 @@ if TYPE_CHECKING:
     from sleepcast.station.validation import Forecast
 
 FEW = 12
-"""Names that are listed; of more, their number is told."""
+"""Names that are listed; of more, their number is shown."""
 MANY = 1_000
 """Names that scripts get; of more, their number alone."""
 ASK, STOP, RELEASE = "ask", "stop", "release"
 """Kinds of messages, by their values: the kinds themselves are loaded when something is sent."""
 WORDS = {ASK: "answered", STOP: "stopped", RELEASE: "released"}
-"""What those have done that did what they were told."""
+"""What robots have done that obeyed."""
 
 
 SORTS = ("matched", "not_matched", "fault", "silent")

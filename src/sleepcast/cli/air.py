@@ -154,7 +154,7 @@ def station_for(
 def observing_station(
     air: AirOptions, say: Callable[[str], None], *, strict: bool = False, expected: Expectation | None = None
 ) -> Iterator[tuple[NetworkStation, TelemetryClient]]:
-    """The same, with what asks robots to tell of themselves. It remembers what they told, too."""
+    """The same, with a client that requests telemetry and keeps it."""
     from sleepcast.core.clock import UnixClock
     from sleepcast.core.errors import MisuseError, printable
     from sleepcast.station.cache import CacheError, PeerCache, TelemetryCache

@@ -3,7 +3,7 @@
 Python raises KeyboardInterrupt wherever it stands: in an import, a finalizer or a callback from compiled code, where it
 is swallowed, or in the middle of a record for a file. So while a run is set up, when nothing is open yet, Ctrl-C ends
 the process on the spot; and while it goes on, Ctrl-C waits until a tick is over. Pressed once more there, it is raised
-at once. If the process was told to ignore Ctrl-C (as nohup does), it does.
+at once. If the process was started to ignore Ctrl-C (as nohup does), it does.
 
 SIGTERM, by which services and containers are ended, does the same: bodies are stopped, files closed, and the account is
 told. Only the exit status is another.
@@ -51,7 +51,7 @@ class Interrupts:
     """What Ctrl-C and SIGTERM do while this is entered: they end the process on the spot; after `defer`, they wait for
     `check`.
 
-    said: what a person is told if one ends the process on the spot; `{}` is which."""
+    said: what is printed if one ends the process on the spot; `{}` is which."""
 
     def __init__(self, said: str = TOO_EARLY) -> None:
         self._said = said

@@ -176,8 +176,8 @@ def verify(file: Path, head: str | None, as_json: bool) -> int:
             broken = f"no entry has the hash {head}: what it stood for was changed or taken away"
         first, files, lost = reader.first, len(reader.files), reader.lost
     if as_json:
-        told = {"entries": found.count, "first": first, "last": found.last, "files": files, "head": found.hash.hex()}
-        put(json.dumps(told | {"lost_archive": lost or None, "broken": broken or None}))
+        summary = {"entries": found.count, "first": first, "last": found.last, "files": files, "head": found.hash.hex()}
+        put(json.dumps(summary | {"lost_archive": lost or None, "broken": broken or None}))
     elif broken:
         raise BrokenChainError(f"{broken}; the {found.count} entries before it are as they were written")
     else:
@@ -231,7 +231,7 @@ def _tell_lost(reader: JournalReader) -> None:
         complain(f"entries before {reader.first} were moved into {reader.lost}, which is not there any more")
 
 
-# ---- how entries are told
+# ---- how entries are printed
 
 
 def _as_json(written: Written) -> str:

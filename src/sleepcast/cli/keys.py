@@ -1,6 +1,6 @@
 """`sleepcast keys`: make keys, say whom this machine believes, and tell the fleet if asked to.
 
-A change that the fleet is told is a standing command, by a commander's key: robots that join later hear it too, and
+A change that is sent to the fleet is a standing command, by a commander's key: robots that join later hear it too, and
 every robot answers, so that the account tells which robots do not know it yet. When a commander's key ends, its
 standing commands are first gathered from the robots, as a robot that joins late gathers them, and signed again: its
 rules still reach robots that join later, and nothing else that is signed with it does.
@@ -365,7 +365,7 @@ def rotate(
     as_json: bool,
 ) -> int:
     """Make a new key pair for OWNER, whose key is on this machine, and stop trusting the old one. With --channel the
-    fleet is told: by the old key and then the new one if it is a commander's, else by a commander's key.
+    fleet hears it signed by the old key and then the new one if it is a commander's, else by a commander's key.
 
     \b
     Example:

@@ -168,8 +168,8 @@ class NodeProcess:
             return clock.now() < end
 
         rules = len(self.node.rules())
-        told = "1 rule" if rules == 1 else f"{rules} rules"
-        announce(f"{self.node.name} is up, with {told}; Ctrl-C stops its body and ends it")
+        rules_text = "1 rule" if rules == 1 else f"{rules} rules"
+        announce(f"{self.node.name} is up, with {rules_text}; Ctrl-C stops its body and ends it")
         try:
             sleep = time.sleep if session is None else session.wait
             run_robot(
@@ -223,14 +223,14 @@ def seek_time(
         session.flush()
         say(took([session.delivery.name], whose, differs(-behind)))
 
-    say("this computer's clock is plainly wrong: nothing but STOP is obeyed until an operator has told the time")
+    say("this computer's clock is plainly wrong: nothing but STOP is obeyed until an operator has sent the time")
     listening.seek_time(take)
 
 
 OPERATOR, SENDER = "terminal", "datagram"
 """Who sends what is typed and what stands in a file, and who sends plain datagrams."""
 MAX_WAITING = 64
-"""Datagrams that wait: one is told the robot in each tick, as they come faster than that only from a fault."""
+"""Datagrams that wait: the robot receives one in each tick; only a fault makes them come faster."""
 PIECE = 65_536
 """Bytes of standard input that are looked at in one tick."""
 SAFETY = {"stopped": "and at rest until RELEASE", "released": "and free to be moved again"}
@@ -303,8 +303,9 @@ class LocalInput:
     """The channel of one node: see the module.
 
     orders: what is to be done when, s after the start. typed: where an operator types. listener: plain datagrams, of
-    which one is told in each tick. session: the radio, if there is one. All this is received in the order given here.
-    epoch: of what is typed and told. stops: those that hold the robot, which a RELEASE that is typed here ends.
+    which one is delivered in each tick. session: the radio, if there is one. They are polled in this order. epoch: of
+    the messages that are made of typed lines and datagrams. stops: those that hold the robot; a RELEASE that is typed
+    here ends them.
     """
 
     def __init__(

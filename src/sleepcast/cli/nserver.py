@@ -153,8 +153,8 @@ async def _serve(
     from sleepcast.nomad import unheard
 
     await server.listen(hosts, port)
-    if told := unheard(hosts):
-        _say(told)
+    if sentence := unheard(hosts):
+        _say(sentence)
     robots = server.world.count
     if as_json:
         announce(json.dumps({"hosts": list(hosts), "port": server.port, "robots": robots}))

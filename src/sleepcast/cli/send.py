@@ -113,7 +113,7 @@ def send(
 
 
 def warn(station: NetworkStation, telemetry: TelemetryClient, text: str) -> None:
-    """Tell what the checker doubts, in the names of the robots that told of themselves."""
+    """Print what the checker doubts, with the names of the robots that have sent telemetry."""
     if telemetry.minds:
         checked = station.check(text)
         for line in (*(finding.render(text) for finding in checked.warnings), *and_more(checked.more)):
@@ -121,7 +121,7 @@ def warn(station: NetworkStation, telemetry: TelemetryClient, text: str) -> None
 
 
 def refuse_unknown(station: NetworkStation, telemetry: TelemetryClient, text: str, as_json: bool) -> None:
-    """Let the desk refuse names that no robot has, where all have told their names; a person may insist."""
+    """Let the desk refuse names that no robot has, where all have sent their names; a person may insist."""
     from sleepcast.station.validation import UnknownNameError
 
     names, robots = station.check(text).unknown, len(telemetry.minds) if telemetry.minds.complete else 0
@@ -142,7 +142,7 @@ def _confirmed(station: NetworkStation, telemetry: TelemetryClient, draft: Draft
         return draft  # `settle` says it, and writes it down
     if draft.confirmed or checked.errors or not checked.doubts or as_json or not somebody_there():
         return draft
-    if not telemetry.minds:  # else they were told already
+    if not telemetry.minds:  # else they have been printed
         complain(DoubtError(checked).shown)
     click.confirm("Send it as it stands?", abort=True, err=True)
     return replace(draft, confirmed=True)
@@ -153,7 +153,7 @@ def _refuse_early(station: NetworkStation, draft: Draft) -> None:
     from sleepcast.station.roster import UnknownRobotError
 
     if station.caution.strict or not station.names:
-        return  # which names there are, and who is there, is known only when robots have told it
+        return  # which names there are, and who is there, is known only from their telemetry
     try:
         may: int | None = station.forecast(draft.text, only=draft.audience.only).may
     except UnknownRobotError:

@@ -29,11 +29,11 @@ UNWATCHED = 10.0
 """Seconds after which a STOP gives up on silent robots where nobody has said which robots there are, and nobody sits at
 a terminal who could give up."""
 PATIENCE = 2.0
-"""Seconds without any answer after which the reasons for that are told."""
+"""Seconds without any answer after which the possible reasons are printed."""
 PAUSE = 0.05
 """Seconds between two looks at what has come, and whether somebody wants to end it."""
 STRANGERS = 4
-"""Unknown keys on the air that are told, those with the most messages."""
+"""Unknown keys on the air that are printed, those with the most messages."""
 NAMED = 3
 """Silent robots that are named while it goes on; the account at the end names more."""
 

@@ -97,7 +97,7 @@ class Window:
             station.check(text).required()
 
     def columns(self) -> list[str]:
-        """The variables that are shown. Raises MisuseError for one that no robot has, once any has told of itself."""
+        """The variables that are shown. Raises MisuseError for one that no robot has, once any has sent telemetry."""
         from sleepcast.language import Variable
 
         names = [name for mind in list(self.telemetry.minds.values())[:1] for name, _ in mind.variables()]
@@ -127,10 +127,10 @@ class Window:
         return found | {"expected": self.station.fleet_size or None, "silent": self.silent()}
 
     def silent(self) -> int:
-        """How many robots have told nothing of late, those included that are expected and were never heard."""
+        """How many robots have stale telemetry, including expected ones that were never heard."""
         roster, late = self.station.roster, self.station.now - self.station.stale_after
-        told = sum(mind.told_at >= late for name, mind in self.telemetry.minds.items() if name in roster)
-        return max(self.station.fleet_size, len(roster)) - told
+        recent = sum(mind.reported_at >= late for name, mind in self.telemetry.minds.items() if name in roster)
+        return max(self.station.fleet_size, len(roster)) - recent
 
     def _robot(self, name: str, heard: float | None, columns: Sequence[str], now: float) -> dict[str, object]:
         found: dict[str, object] = {"name": name, "heard": None if heard is None else now - heard}
@@ -139,8 +139,8 @@ class Window:
         if mind is None:
             return found | {"told": None}
         values = {key: None if value != value else value for key, value in _values(mind, columns).items()}
-        groups = sorted(mind.told.groups)
-        found |= {"told": now - mind.told_at, "stopped": mind.stopped, "driven": mind.told.driven}
+        groups = sorted(mind.telemetry.groups)
+        found |= {"told": now - mind.reported_at, "stopped": mind.stopped, "driven": mind.telemetry.driven}
         found |= {"doubt": mind.doubt, "flags": _flags(mind), "groups": groups}
         return found | {"rules": len(mind.rules()), "values": values}
 
@@ -154,7 +154,7 @@ class Window:
         heard, table = self.station.roster, Table(box=SIMPLE_HEAD, pad_edge=False)
         table.caption, table.caption_justify = Text(self._caption(len(names), most)), "left"
         table.add_column("robot", no_wrap=True)
-        table.add_column("told", justify="right", no_wrap=True)
+        table.add_column("age", justify="right", no_wrap=True)
         table.add_column("state", no_wrap=True)
         table.add_column("groups", no_wrap=True)
         for name in columns:
@@ -173,8 +173,8 @@ class Window:
         unheard = f", {size - known} of them never heard, and nobody knows their names" if size > known else ""
         among = of_robots(max(size, known), size > 0)
         standing = self.telemetry.minds.standing()
-        told = [f"{count} {which}{more}; silent {self.silent()} {among}{unheard}", *filter(None, [standing])]
-        return "\n".join(map(printable, (*told, *self.station.notices())))
+        lines = [f"{count} {which}{more}; silent {self.silent()} {among}{unheard}", *filter(None, [standing])]
+        return "\n".join(map(printable, (*lines, *self.station.notices())))
 
     def _row(self, name: str, heard: float | None, columns: Sequence[str], now: float) -> list[str]:
         mind = self.telemetry.minds.get(name)
@@ -186,15 +186,15 @@ class Window:
                 "",
                 *("" for _ in columns),
             ]
-        age = now - mind.told_at
+        age = now - mind.reported_at
         late = "silent " if age > self.station.stale_after else ""
-        state = " ".join(["STOPPED"] * mind.stopped + ["driven"] * mind.told.driven + _flags(mind))
+        state = " ".join(["STOPPED"] * mind.stopped + ["driven"] * mind.telemetry.driven + _flags(mind))
         values = _values(mind, columns)
         return [
             name,
             _age(age),
             f"{late}{state}",
-            ", ".join(sorted(mind.told.groups)),
+            ", ".join(sorted(mind.telemetry.groups)),
             *map(self._shown, columns, values.values()),
         ]
 

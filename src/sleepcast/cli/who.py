@@ -64,7 +64,7 @@ class Obeyers:
         found["standing"] = self.standing
         return found | {"oldest": self.oldest} | {s: names for s, names in sorts.items() if len(names) <= MANY}
 
-    def told(self) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         """For a person."""
         from sleepcast.station.roster import of_robots
 
@@ -81,7 +81,7 @@ class Obeyers:
         if self.standing:
             yield f"  {self.standing}"
         if self.oldest is not None and (self.yes or self.no):
-            yield f"  from what they told up to {self.oldest:.1f} s ago"
+            yield f"  from telemetry up to {self.oldest:.1f} s ago"
 
 
 @click.command("who", cls=NegativeNumbersAllowed, short_help="Show which robots would obey an expression.")
@@ -118,7 +118,7 @@ def who(text: str, poll: bool, told: bool, air: AirOptions, as_json: bool) -> in
     if as_json:
         put(json.dumps(found.as_dict(text)))
         return 0
-    for line in found.told():
+    for line in found.lines():
         put(line)
     return 0
 
@@ -144,7 +144,7 @@ def look_around(
 
 
 def _foreseen(station: NetworkStation, text: str) -> Obeyers:
-    """By what the robots told."""
+    """By the robots' telemetry."""
     found = station.preview(text)
     unknown = dict(sorted(found.unknown.items()))
     return Obeyers(sorted(found.yes), sorted(found.no), unknown, found.everybody, found.oldest, nameless=found.nameless)

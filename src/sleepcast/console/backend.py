@@ -105,7 +105,7 @@ class Backend:
         count: int | None = None,
         confirmed: bool = False,
     ) -> outgoing.Sent:
-        """Broadcast `text`. count, confirmed: where the station wants to be told, see `Station.send`."""
+        """Broadcast `text`. count, confirmed: where the station asks for confirmation, see `Station.send`."""
         if sort == "ask":
             return outgoing.Sent(serial, self._station.ask(text).id)
         sent = self._station.send(

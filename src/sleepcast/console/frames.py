@@ -15,10 +15,10 @@ Everything is little endian. A frame of n robots has 32 + 14 n bytes, or 32 + 15
     24       f32         wanted speed: simulated seconds in a second
     28       f32         speed that was reached in the last second or so
     32       f32 x 3n    x (m), y (m), heading (rad, counter-clockwise from x) of each robot in turn; heading NaN: it
-                         has told no position and stands aside
+                         has no known position and stands aside
     32+12n   u8 x n      group: 0 for none, else the place of its newest group in the list of groups, from 1
     32+13n   u8 x n      flags: bit 0 stopped, 1 frozen, 2 sleeping, 3 marked and showing it,
-                         4 silent: what it told is old
+                         4 silent: its telemetry is stale
     32+14n   u8 x n      pings: 0 for who has not pinged since the frame before, else the caste + 1
 """
 

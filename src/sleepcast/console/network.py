@@ -25,12 +25,12 @@ from sleepcast.station.roster import of_robots
 LISTEN = 0.02
 """Seconds between two looks at the air: a robot's answer is on the page before anybody could say it is late."""
 AT_LEAST_EVERY = 0.5
-"""Seconds after which a new frame is drawn even if nobody told anything: the clock goes on."""
+"""Seconds after which a new frame is drawn even without telemetry: the clock goes on."""
 LONGEST_WHY = 3.0
 """Seconds for which a robot is waited for that is to say why."""
 MOST_NOTICES = 2
 """Sentences on what else is going on."""
-NOT_TOLD = "not told"
+NOT_SENT = "not reported"
 """What a rule last came to on a robot, which nobody knows but the robot."""
 
 
@@ -61,7 +61,7 @@ class Fleet(SwarmView, Protocol):
         """What other operators said of STOP, the latest first."""
 
     def stopped(self, since: float) -> int:
-        """How many robots report stopped, of those that told of themselves since then (station's clock)."""
+        """How many robots report stopped, of those whose telemetry is of later (station's clock)."""
 
     def standing(self) -> str:
         """Who stands although nobody may have said STOP, and why, in a sentence; "" if nobody does."""
@@ -73,10 +73,10 @@ class Fleet(SwarmView, Protocol):
         """What else is going on that a person should know of, as sentences."""
 
     def silent(self) -> NDArray[np.bool_]:
-        """Who has told nothing of himself of late."""
+        """Robots with stale telemetry."""
 
     def age(self, robot: str) -> float | None:
-        """Seconds since a robot told of itself, None if it never did."""
+        """Age of a robot's telemetry in s, None if there is none."""
 
     def ask_why(self, robot: str, command: str) -> AskedWhy:
         """Ask a robot how it evaluated a command."""
@@ -171,7 +171,7 @@ class NetworkBackend(Backend):
         return outgoing.Explained(serial, show_why(found, self._swarm.vocabulary))
 
     def _safety(self) -> outgoing.Safety:
-        """Of our own STOP the account; of what other operators said, what robots have told of themselves since."""
+        """The account of our own STOP; for a STOP of other operators, the telemetry since."""
         own = next((c for c in reversed(self._station.commands()) if c.kind in ("stop", "release")), None)
         other = next(self._fleet.orders(), None)
         found, since, by = super()._safety(), self._began if own is None else own.message.issued, ""
@@ -194,10 +194,10 @@ class NetworkBackend(Backend):
     def _states(self, mind: MindView) -> list[str]:
         age = self._fleet.age(mind.name)
         if age is None:
-            return ["has told nothing of itself"]
-        old = [f"last told {age:.0f} s ago"] if age > self._station.stale_after else []
+            return ["has sent no telemetry"]
+        old = [f"last telemetry {age:.0f} s ago"] if age > self._station.stale_after else []
         doubt = self._fleet.doubt(mind.name)
         return super()._states(mind) + [f"until RELEASE, as {doubt}"] * bool(doubt) + old
 
     def _show_rule(self, rule: RuleView) -> outgoing.ShownRule:
-        return outgoing.ShownRule(rule.name, rule.text, rule.active, NOT_TOLD, rule.last_fault)
+        return outgoing.ShownRule(rule.name, rule.text, rule.active, NOT_SENT, rule.last_fault)

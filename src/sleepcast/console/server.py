@@ -179,7 +179,7 @@ async def serve_pages(
 
     make: gives the application that this door is for. live: lets what is shown live. say: tells the person at the
     terminal what is going on. port_option: the option for the port. around: entered once there is a port, before
-    anybody is told of it, and left when all has ended. Raises MisuseError for a host that others can reach, PortError
+    anybody hears of it, and left when all has ended. Raises MisuseError for a host that others can reach, PortError
     for a port that is taken or forbidden.
     """
     _check_host(address.host, address.insecure)

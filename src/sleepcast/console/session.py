@@ -67,7 +67,7 @@ class Session:
                 self._drawn.set()
             case incoming.Watch(robot):
                 self._watched = robot
-                self._sent.pop(Robot.__name__, None)  # the page has forgotten what it was told of it
+                self._sent.pop(Robot.__name__, None)  # the page has forgotten what it was sent of it
             case incoming.Pace(running, factor):
                 desk.driver.set_pace(running, factor)
             case incoming.Seek(time):

@@ -1,4 +1,4 @@
-"""Settings: a TOML file read key by key, so that every mistake is told with its file, its line and its key.
+"""Settings: a TOML file read key by key, so that every mistake is reported with its file, its line and its key.
 
 The standard parser gives values without places, so the text is looked through once more for the line of each
 key. A `Table` is asked for its keys one by one; leaving its `with` block refuses every key that nobody asked

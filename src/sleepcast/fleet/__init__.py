@@ -6,7 +6,7 @@ minds         what robots have learned, kept once               machine   one wa
 scheduler     which rules run in a tick                         rule_statistics  how each rule has fared
 messages      what waits, and what robots say                   bodies    stopping, releasing, holding still
 evaluation_log  explanations, by evaluating again               read_set  which variables robots look at
-telemetry     what robots last told of themselves               native/   native code for rules, through LLVM
+telemetry     the latest telemetry of each robot                native/   native code for rules, through LLVM
 schema        the serialized state                              snapshot  to it, and back
 fleet         messages and readings in, a tick of all; the robots by name, and each seen as a mind of its own
 """

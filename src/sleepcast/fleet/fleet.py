@@ -304,7 +304,7 @@ class Fleet(Mapping[str, RobotView]):
         self.scheduler = BatchScheduler(self.memory)
         self._bodies = Bodies(self.state, bodies)
         self.telemetry = FleetTelemetry(self.state, self.minds)
-        """What the robots last told the operator of themselves."""
+        """The latest telemetry that the robots have sent."""
         self._read_set = ReadSet(self.memory)
         self.inbox = Inbox(count)
         self.minds_used = 1

@@ -37,8 +37,8 @@ class ColumnsState(msgspec.Struct):
 
 
 class TelemetryState(msgspec.Struct):
-    """What robots last told of themselves, and who was stopped then. asked: of a large fleet, the slots that are told,
-    each with who has told it; None where that was not kept yet. last: those who told last."""
+    """The latest telemetry of each robot, and who was stopped then. asked: of a large fleet, the slots in it, each
+    with the robots that did; None where that was not kept yet. last: those who reported last."""
 
     values: ValuesState
     stopped: Array

@@ -1,12 +1,12 @@
 """Telemetry of a fleet: the values that its robots reported last, and what a test would give by these values.
 
-The columns are copies of the fleet's, each robot's as it was when it last told. A test is evaluated on them for all
+The columns are copies of the fleet's, each robot's as of its latest telemetry. A test is evaluated on them for all
 robots at once, and nothing it could do is done; what the columns cannot say leaves a robot undecided, with the reason.
 What buffers and operators hold is asked of the robots' minds as they are now.
 
 A second copy of all variables is little in a small fleet and a quarter of all memory in a large one, where hardly any
 is ever looked at. So a large fleet tells the variables that a test has asked for, from the first time on: the robots
-that told last tell them then and there, and the others when they tell again.
+that reported last report them at once, and the others with their next telemetry.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ MAX_REASONS = 200
 
 MANY = 30_000
 """Robots from which on a fleet is large: fewer have less than ten megabytes of variables."""
-NOT_YET = "it has not told yet what the test reads"
+NOT_YET = "its telemetry does not yet hold what the test reads"
 
 
 class FleetTelemetry:
@@ -48,9 +48,9 @@ class FleetTelemetry:
         self._stopped: Mask = np.zeros(state.count, np.bool_)
         self._large = state.count >= MANY
         self._last = Rows.run(0, 0)
-        """Those who told last."""
+        """Those who reported last."""
         self._asked: dict[int, Mask] = {}
-        """The slots that a large fleet tells, each with who has told it."""
+        """The slots that a large fleet reports, each with who has reported it."""
 
     def take(self, robots: Index) -> None:
         """These robots tell of themselves now."""
@@ -62,27 +62,27 @@ class FleetTelemetry:
             those[rows.index] = True
 
     def stopped(self, robots: Index) -> Mask:
-        """Which of these robots were stopped when they last told."""
+        """Which of these robots were stopped at their latest telemetry."""
         found: Mask = self._stopped[robots]
         return found
 
     def state(self) -> TelemetryState:
-        """All that they told."""
+        """All of it, as plain data."""
         asked = {slot: Array.of(those) for slot, those in self._asked.items()}
         last = Array.of(self._last.robots.astype(np.int32))
         return TelemetryState(self._then.values(), Array.of(self._stopped), asked, last)
 
     def restore(self, state: TelemetryState) -> None:
-        """Have been told that. Raises SerialError."""
+        """Go on with that. Raises SerialError."""
         self._then.refill(state.values)
         shape = self._stopped.shape
         self._stopped = state.stopped.made(np.bool_, shape, "who was stopped")
         self._last = Rows.of(ascending(state.last, len(self._stopped))) if state.last else Rows.run(0, 0)
         asked = state.asked
-        if asked is None:  # before it was kept, every robot that told anything told everything
+        if asked is None:  # before it was kept, every robot that reported anything reported everything
             self._asked = {slot: np.ones(shape, np.bool_) for slot in state.values.columns} if self._large else {}
         else:
-            self._asked = {slot: those.made(np.bool_, shape, f"who told of {slot}") for slot, those in asked.items()}
+            self._asked = {slot: those.made(np.bool_, shape, f"who reported {slot}") for slot, those in asked.items()}
 
     def judge(self, test: Program, robots: Index) -> tuple[Mask, NDArray[np.uint8], list[str]]:
         """What a test says of these robots: where it holds; where that cannot be said, which of the reasons, listed
@@ -96,17 +96,17 @@ class FleetTelemetry:
         return is_true(values) & (reason == 0), reason, memory.reasons
 
     def _ask(self, test: Program, rows: Rows) -> Mask:
-        """Let all that a test can read of these robots be told from now on; gives which of them have told it."""
+        """From now on these robots report everything that the test reads; gives which of them already have."""
         minds = {self._minds[number] for number in np.unique(self._state.mind[rows.index]).tolist()}
         slots, _ = reads_of(test, minds)
-        told = np.ones(rows.size, np.bool_)
+        reported = np.ones(rows.size, np.bool_)
         for slot in self._state.slots() if slots is None else sorted(slots & {*self._state.slots()}):
             if slot not in self._asked:
                 self._then.copy_from(self._state, self._last, [slot])
                 self._asked[slot] = np.zeros(self._state.count, np.bool_)
                 self._asked[slot][self._last.index] = True
-            told &= self._asked[slot][rows.index]
-        return told
+            reported &= self._asked[slot][rows.index]
+        return reported
 
 
 class QuietMemory(FleetMemory):
@@ -117,11 +117,11 @@ class QuietMemory(FleetMemory):
         self.reason: NDArray[np.uint8] = np.zeros(state.count, np.uint8)
         self.reasons: list[str] = []
 
-    def know(self, rows: Rows, told: Mask) -> None:
-        """Of these robots only those are known that have `told`."""
-        if not told.all():
+    def know(self, rows: Rows, reported: Mask) -> None:
+        """Of these robots only the `reported` ones are known."""
+        if not reported.all():
             self.reasons.append(NOT_YET)
-            self.reason[rows.take(~told).index] = len(self.reasons)
+            self.reason[rows.take(~reported).index] = len(self.reasons)
 
     def _undecided(self, rows: Rows, reason: str) -> Column:
         """These robots take no further part."""

@@ -185,15 +185,15 @@ def _opened(data: bytes, name: str) -> Document:
 
 def _resumed(document: Document, seed: int | None, threads: int | None) -> Swarm:
     room = room_for(document.robots)
-    told = unpack(SimulatorState, document.simulator, room, "the part of the simulator")
-    if simulators.scenario_of(told.scenario).robots.count != document.robots:
+    state = unpack(SimulatorState, document.simulator, room, "the part of the simulator")
+    if simulators.scenario_of(state.scenario).robots.count != document.robots:
         raise SerialError(f"a scenario with another number of robots than {document.robots}")
     fleet = unpack(FleetSnapshot, document.fleet, room, "the part of the minds")
     radio = unpack(RadioState, document.radio, room, "the part of the radio")
     loop = unpack(LoopState, document.loop, room, "the part of the loop")
     if max(len(loop.orders), len(loop.posted)) > MAX_ORDERS:
         raise SerialError(f"more than {MAX_ORDERS} orders")
-    simulator = simulators.resume(told, seed, threads)
+    simulator = simulators.resume(state, seed, threads)
     swarm = Swarm(simulator, [Order(*order) for order in loop.orders])
     fleets.restore(swarm.fleet, fleet, simulator.time)
     swarm.radio.restore(radio, simulator.names)

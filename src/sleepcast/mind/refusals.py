@@ -56,4 +56,4 @@ def failed(function: HostFunction, error: Exception) -> str:
 
 
 def too_long(text: str) -> str:
-    return f"a text of {len(text)} characters cannot be told: at most {MAX_TEXT} fit"
+    return f"a text of {len(text)} characters cannot be sent by TELL: at most {MAX_TEXT} fit"

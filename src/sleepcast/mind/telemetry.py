@@ -1,15 +1,15 @@
-"""Telemetry: what robots tell of themselves when they are asked, so that a desk far away can check names and foresee
-who obeys. Both ends: what a robot makes of itself, and what a desk makes of that.
+"""Telemetry: what robots report when they are asked, so that a remote desk can check names and predict who will obey.
+Both ends are here: how a robot describes itself, and how a desk reads that.
 
     telemetry    its numbers in the order of its vocabulary, groups, flags: small, asked for often
     vocabulary   the names of its type: asked for once for all robots of the type
     mind         what it has learned: asked for once for all robots that have learned the same
     why          how it evaluated a command
 
-Vocabulary, mind and explanation are JSON texts, and telemetry names the first two by a digest of their bytes: who has
-the text of that digest need not ask for it, and nobody has to be believed about what a digest stands for. What comes in
-may have been written by anybody: sorts, lengths and names are checked before anything is made of it, and whatever else
-comes is a `TelemetryError`, and no other. docs/wire.md has the layouts.
+Vocabulary, mind and explanation are JSON texts. Telemetry names the first two by a digest of their bytes, so a desk
+requests only texts that it does not have, and computes the digest of each text itself. Input is untrusted: types,
+lengths and names are checked before it is used, and anything malformed raises `TelemetryError`. docs/wire.md has the
+layouts.
 """
 
 from __future__ import annotations
@@ -44,25 +44,25 @@ from sleepcast.language.vocabulary import (
 MAX_NAMES = 512
 """Sensors, actuators, constants and functions of one type, of each sort."""
 MAX_TEXT_BYTES = 49_152
-"""Bytes of a vocabulary, a mind or an explanation that a robot tells: well within one message."""
+"""Bytes of a vocabulary, a mind or an explanation that a robot sends: well within one message."""
 MAX_TEXT_READ = 65_536
-"""Characters of a text that is looked at: more does not come in one message."""
+"""Characters of a text that is read: more does not fit into one message."""
 MAX_DOC = 200
-"""Characters of what a vocabulary says about a name."""
+"""Characters of a name's description in a vocabulary."""
 STEPS_SENT = (250, 60, 15, 1)
-"""Parts of an explained expression that are told, fewer where their texts are too long together."""
+"""Parts of an explained expression that are sent, fewer where their texts are too long together."""
 MAX_STEP_TEXT = 120
 """Characters of the text of one of them."""
 MAX_EXPONENT = 9
 """Of a dimension, either way."""
 MAX_LEVELS = 200
-"""Parts of an explanation within each other: an expression has a hundred at most, through all that it enters."""
+"""Nesting of an explanation: an expression has at most a hundred levels, including all that it enters."""
 MAX_DOUBT = 200
-"""Characters of why a robot stands although nobody may have stopped it."""
+"""Characters of the reason why a robot stands although nobody may have stopped it."""
 DIGEST_BYTES = 8
-"""Bytes of a digest: nobody comes upon two texts of one digest by accident, and who makes them lies about himself."""
+"""Bytes of a digest: two texts do not share one by accident, and a forged pair only misrepresents its own robot."""
 TOLD_SUPPORT = len(SUPPORT) - (BUFFERS - 1)
-"""Support variables that are told as numbers; the others are the active flags of buffers."""
+"""Support variables that are sent as numbers; the others are the active flags of buffers."""
 
 Name = Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
 Words = Annotated[str, msgspec.Meta(max_length=1_024)]
@@ -206,9 +206,9 @@ class TelemetryRecord(msgspec.Struct):
 
     def body(self) -> dict[str, object]:
         """As it stands in an answer."""
-        told = msgspec.structs.asdict(self)
-        doubt = {"doubt": told.pop("doubt")} if self.doubt else {}
-        return doubt | {key: value for key, value in told.items() if key != "doubt"}
+        fields = msgspec.structs.asdict(self)
+        doubt = {"doubt": fields.pop("doubt")} if self.doubt else {}
+        return doubt | {key: value for key, value in fields.items() if key != "doubt"}
 
     def numbers(self) -> Sequence[float]:
         """The numbers, NaN for unknown: the support variables but for the active flags, sensors, actuators."""
@@ -233,14 +233,14 @@ class StepRecord(msgspec.Struct, array_like=True):
     def of(cls, root: Step, most: int) -> StepRecord:
         """The first `most` parts of a tree, level by level."""
         found = cls._alone(root)
-        level, told = [(root, found)], 1
+        level, sent = [(root, found)], 1
         while level:
             below: list[tuple[Step, StepRecord]] = []
             for step, record in level:
-                for child in step.children[: max(0, most - told)]:
+                for child in step.children[: max(0, most - sent)]:
                     record.parts.append(cls._alone(child))
                     below.append((child, record.parts[-1]))
-                    told += 1
+                    sent += 1
             level = below
         return found
 
@@ -347,10 +347,10 @@ def _finite(value: float) -> float | None:
 # ---- what a desk makes of it
 
 
-def read_telemetry(told: object) -> TelemetryRecord:
+def read_telemetry(record: object) -> TelemetryRecord:
     """Telemetry as it comes in a body. Raises TelemetryError."""
     try:
-        found = msgspec.convert(told, TelemetryRecord, strict=True)
+        found = msgspec.convert(record, TelemetryRecord, strict=True)
     except UNREADABLE as error:
         raise TelemetryError(str(error)) from None
     found.groups = [name for name in found.groups if is_name(name)]
@@ -361,22 +361,22 @@ def read_telemetry(told: object) -> TelemetryRecord:
 
 def read_vocabulary(text: str) -> Vocabulary:
     """A vocabulary. Its functions cannot be called. Raises TelemetryError."""
-    told = _decoded(VocabularyRecord, text)
+    record = _decoded(VocabularyRecord, text)
     try:
-        return told.made()
+        return record.made()
     except VocabularyError as error:
         raise TelemetryError(str(error)) from None
 
 
 def read_mind(text: str) -> MindRecord:
     """What a robot has learned. Raises TelemetryError."""
-    told = _decoded(MindRecord, text)
-    for name in (*told.groups, *(found[0] for found in (*told.operators, *told.rules))):
+    record = _decoded(MindRecord, text)
+    for name in (*record.groups, *(found[0] for found in (*record.operators, *record.rules))):
         _named(name)
-    for _, parameters, _ in told.operators:
+    for _, parameters, _ in record.operators:
         for name in parameters:
             _named(name)
-    return told
+    return record
 
 
 def read_why(text: str) -> Explanation:
@@ -401,16 +401,16 @@ def _named(name: str) -> None:
         raise TelemetryError(f"a name {name!r}, which cannot stand in an expression")
 
 
-def _dimension(told: Exponents | None) -> Dimension | None:
-    if told is None:
+def _dimension(exponents: Exponents | None) -> Dimension | None:
+    if exponents is None:
         return None
-    if max(map(abs, told)) > MAX_EXPONENT:
-        raise TelemetryError(f"a dimension of {told}")
-    return Dimension(*told)
+    if max(map(abs, exponents)) > MAX_EXPONENT:
+        raise TelemetryError(f"a dimension of {exponents}")
+    return Dimension(*exponents)
 
 
-def _value(told: float | str | None) -> float:
-    return float(told) if isinstance(told, float | int) else nan
+def _value(sent: float | str | None) -> float:
+    return float(sent) if isinstance(sent, float | int) else nan
 
 
 def _far_away(body: object, *arguments: float) -> float:

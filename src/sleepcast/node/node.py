@@ -419,7 +419,7 @@ class Node:
             self._answer(
                 message,
                 "answer",
-                told=answer_inspection(message.body, memory, self.stopped, self.doubt, stops, self.why),
+                details=answer_inspection(message.body, memory, self.stopped, self.doubt, stops, self.why),
             )
             return
         if message.kind is Kind.COMMAND and LEASE in message.body:
@@ -438,8 +438,8 @@ class Node:
             return
         if message.kind is Kind.ASK:
             found = rehearse(program, memory.rehearsal(), command=message.id)
-            told = {MATCHED: found.matched} if MATCHED in message.body else NOTHING
-            self._answer(message, "answer", found.value, "; ".join(found.faults), told)
+            details = {MATCHED: found.matched} if MATCHED in message.body else NOTHING
+            self._answer(message, "answer", found.value, "; ".join(found.faults), details)
             return
         memory.moved = False
         memory.base.merging.begin(place_of(message, self.zero) if self._on_air else None)
@@ -470,10 +470,10 @@ class Node:
         )
 
     def _answer(
-        self, message: Message, outcome: str, value: float = nan, fault: str = "", told: Details = NOTHING
+        self, message: Message, outcome: str, value: float = nan, fault: str = "", details: Details = NOTHING
     ) -> None:
         said = {"command": message.id, "outcome": outcome, "value": None if isnan(value) else value}
-        self._say(Kind.ANSWER, body={**said, "fault": fault or None, **told})
+        self._say(Kind.ANSWER, body={**said, "fault": fault or None, **details})
         self.evaluated.append((message, outcome, self._now if self.clock is None else self.clock.now() - self.zero))
 
     def _report(self, label: str, values: tuple[float, ...]) -> None:

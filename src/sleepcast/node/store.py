@@ -1,17 +1,17 @@
-"""The store: what the robots of one process know outlives it, also if it is killed at any moment.
+"""The store: the state of the robots of one process survives its end, even if it is killed at any moment.
 
-Every tick of a robot has two moments for it, the same for all robots of the process and each one transaction at most:
+Every tick writes at two moments, for all robots of the process together, each in one transaction at most:
 
-    before    what was taken from the channel is written down, before it is evaluated; and how far each stream has come
-    after     what became of it, and what the robot has learned by it
+    before    the messages from the channel, before they are evaluated; and the progress of each stream
+    after     the results, and what the robot has learned
 
-So a command is evaluated once: one that was begun when the process ended is told as interrupted, and not begun again;
-one that stands is evaluated again, since nothing that it did was kept. What rules change by themselves is written at
-most once in a second. Answers go on the air afterwards.
+So a command is evaluated once: one that was begun when the process ended is reported as interrupted and not begun
+again; a standing one is evaluated again, since nothing that it did was kept. Changes that rules make by themselves are
+written at most once in a second. Answers are sent afterwards.
 
-If nothing can be written - a full disk, a file that has become read-only - the robots go on, and say so; it is tried
-again and again. A robot that cannot be sure that it knows its latest STOP begins its life stopped, and stands until
-RELEASE: its store is damaged, gone, old or cannot be written (`integrity`), or a STOP found no room on the disk.
+If nothing can be written - a full disk, a file that has become read-only - the robots continue, say so, and try again.
+A robot that cannot be sure that it knows its latest STOP starts stopped and stands until RELEASE: its store is damaged,
+gone, old or cannot be written (`integrity`), or a STOP found no room on the disk.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ LOOK_EVERY = 1.0
 TRY_AGAIN = 5.0
 """Seconds after which it is tried again to write what could not be written."""
 MAX_BEGUN = 3
-"""Lives in which a command that stands is begun: one that ends them all is then told as interrupted."""
+"""Lives in which a command that stands is begun: one that ends them all is then reported as interrupted."""
 MAX_UNWRITTEN = 100_000
 """Evaluations that wait for a disk that has room again; older ones are forgotten."""
 MARK_EVERY = 10.0

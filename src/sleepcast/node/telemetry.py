@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
-from sleepcast.channel.payload import LOOK, OF, STOPS, TOLD, Inspection
+from sleepcast.channel.payload import LOOK, OF, STOPS, TELEMETRY, Inspection
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.language.explain import Explanation
 from sleepcast.language.symbols import Group, Operator, UserVariable
@@ -41,18 +41,18 @@ def answer_inspection(
     stops: Sequence[object],
     why: Callable[[str | None], Explanation],
 ) -> Details:
-    """What is told to a question with this body. stopped, doubt: see `Node`; stops: see `Authority.stops`. why:
+    """The answer to a request with this body. stopped, doubt: see `Node`; stops: see `Authority.stops`. why:
     explains a command, a rule, or the last command."""
     what, of = body.get(LOOK), body.get(OF)
     try:
         if what == Inspection.TELEMETRY:
-            return {TOLD: telemetry(memory, stopped, doubt).body(), **({STOPS: stops} if stops else {})}
+            return {TELEMETRY: telemetry(memory, stopped, doubt).body(), **({STOPS: stops} if stops else {})}
         if what == Inspection.VOCABULARY:
-            return {TOLD: _fitting(vocabulary_text(memory.vocabulary), "it has more names")}
+            return {TELEMETRY: _fitting(vocabulary_text(memory.vocabulary), "it has more names")}
         if what == Inspection.MIND:
-            return {TOLD: _fitting(mind_text(memory), "it has learned more")}
+            return {TELEMETRY: _fitting(mind_text(memory), "it has learned more")}
         if what == Inspection.WHY:
-            return {TOLD: why_text(why(of if isinstance(of, str) else None))}
+            return {TELEMETRY: why_text(why(of if isinstance(of, str) else None))}
         known = ", ".join(Inspection)
         raise InspectionError(f"no look called {printable(str(what))[:80]!r}: there are {known}")
     except SleepcastError as error:

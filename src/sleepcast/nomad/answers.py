@@ -42,7 +42,7 @@ from sleepcast.robot import Contact, Pose, SimulatedWorld
 
 
 def answer(session: Session, request: Request) -> Answer:
-    """Do what a request asks; what is wrong with it is told to the person at the terminal, and to the client."""
+    """Do what a request asks; errors are printed at the terminal and sent to the client."""
     try:
         return take(session, request)
     except Refusal as refusal:

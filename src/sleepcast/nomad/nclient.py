@@ -75,7 +75,7 @@ class Nclient:
     def __init__(self, connection: Connection, *, timeout: float = TIMEOUT, big_endian_text: bool = False) -> None:
         self.connection, self.timeout = connection, timeout
         self.state = State()
-        """What the robot last told of itself."""
+        """The robot's latest state."""
         self.mask: list[int] = []
         """Which of State[1] to State[43] the server measures (1) or not (0), and at place 0 the bits of those sensors
         that are to come with a record of where they measured; `ct` tells it."""
@@ -102,7 +102,7 @@ class Nclient:
         self.robot = robot
 
     def disconnect_robot(self) -> None:
-        """Let go of the robot, which goes on as it was told until its timeout (`conf_tm`), and hang up."""
+        """Let go of the robot, which keeps its last setpoint until its timeout (`conf_tm`), and hang up."""
         if self.connection.open and self.robot:
             self.connection.send(Kind.DISCONNECT_ROBOT, (self.robot, os.getpid()))
         self.robot = 0

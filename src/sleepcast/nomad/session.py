@@ -113,7 +113,7 @@ class Session:
         self.simulated_robot, self.robot = None, -1
 
     def disconnect(self) -> None:
-        """The client lets its robot go, which goes on as it was told."""
+        """The client lets go of its robot, which keeps its last setpoint."""
         self.leave()
         for simulated_robot in self._driven:
             simulated_robot.let_go_by(self.name)
@@ -131,7 +131,7 @@ class Session:
         self._driven.clear()
 
     def drive(self, simulated_robot: SimulatedRobot, kind: int) -> None:
-        """The client is about to move its robot. The person at the terminal is told if another does so, too; but a
+        """The client is about to move its robot. The terminal reports if another client does so, too; but a
         program that drives may go home over a connection of its own."""
         alone = not simulated_robot.rivals()
         simulated_robot.driven_by(self.name)

@@ -47,9 +47,9 @@ def state_of(condition: Condition, *, steers: bool, speed: float, compass: bool)
     return state
 
 
-def ring(readings: Sequence[float], told: Callable[[float], int], nothing: int) -> list[int]:
+def ring(readings: Sequence[float], encode: Callable[[float], int], nothing: int) -> list[int]:
     """What sixteen sensors say, of which the robot may have fewer."""
-    found = [told(reading) for reading in readings[:RING]]
+    found = [encode(reading) for reading in readings[:RING]]
     return found + [nothing] * (RING - len(found))
 
 
@@ -162,7 +162,7 @@ class Stamp(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """One robot as its server last told.
+    """One robot as its server last reported it.
 
     words: State[0] to State[44] of a C program. laser: the scan, `laser_numbers` for each point. stamps: by sensor,
     where they were asked for. clock: ms. batteries: raw readings of the computer's and of the motors', 0..255.

@@ -1,6 +1,6 @@
 """The content of the server's windows, as plain data of bounded size that a page reads.
 
-Each robot has what its windows show: where it is and where it believes to be, what it was told and what it said, what
+Each robot has what its windows show: where it is and where it believes to be, what it received and what it sent, what
 its sonars saw. The World window also has what clients draw. All in SI units and the world's frame. A client can have
 each layer erased; a page that keeps a copy sees that from the counters in `erased`.
 """

@@ -56,7 +56,7 @@ class Parser:
         self._skip = 0
         """Bytes still to come of a message that is too long."""
         self._long: Request | None = None
-        """That message, told when all of it has been read past."""
+        """That message, given once all of it has been skipped."""
 
     @property
     def buffered(self) -> int:
@@ -87,8 +87,8 @@ class Parser:
         if self._long is not None:
             if self._skip:
                 return None
-            told, self._long = self._long, None
-            return told
+            long, self._long = self._long, None
+            return long
         buffer = self._buffer
         if len(buffer) < HEADER.size:
             return None

@@ -13,7 +13,7 @@ import msgspec
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import MAX_NAME
-from sleepcast.channel.payload import TOLD
+from sleepcast.channel.payload import TELEMETRY
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.files import data_folder, replace_file
 from sleepcast.core.serial import SerialError, pack, unpack
@@ -80,11 +80,11 @@ VERSION = 1
 MAX_SEEN = 256 * 1024**2
 """Bytes of what is kept, unpacked: the longest minds and tellings that one desk holds are less."""
 MAX_AGE = 3_600.0
-"""Seconds for which what a robot told is worth being kept."""
+"""Seconds for which telemetry is worth keeping."""
 
 
 class CachedTelemetry(msgspec.Struct):
-    """texts: of types and minds. tellers: name, when it told (s of Unix time), what."""
+    """texts: of types and minds. tellers: name, time (s of Unix time) and telemetry of each robot."""
 
     version: int
     texts: list[str]
@@ -103,23 +103,27 @@ class TelemetryCache:
         return cls(data_folder() / "seen" / fleet.encode().hex())
 
     def restore(self, minds: RemoteMinds, now: float) -> None:
-        """Take in what another desk was told. now: s of Unix time."""
+        """Read the telemetry that another desk has kept. now: s of Unix time."""
         try:
             with self.file.open("rb") as opened:
-                state = unpack(CachedTelemetry, opened.read(MAX_SEEN), MAX_SEEN, "what robots told")
+                state = unpack(CachedTelemetry, opened.read(MAX_SEEN), MAX_SEEN, "telemetry")
         except (OSError, SerialError):
             return
         if state.version != VERSION:
             return
-        for name, at, told in state.tellers[:MAX_TELLERS]:
+        for name, at, telemetry in state.tellers[:MAX_TELLERS]:
             if 0 < len(name) <= MAX_NAME and isfinite(at) and now - at <= MAX_AGE:
-                minds.take(_said(name, msgspec.to_builtins(told, builtin_types=(bytes,))), min(at, now))
+                minds.take(_answer(name, msgspec.to_builtins(telemetry, builtin_types=(bytes,))), min(at, now))
         for text in state.texts[: MAX_TYPES + MAX_MINDS]:
-            minds.take(_said("desk", text), now)
+            minds.take(_answer("desk", text), now)
 
     def save(self, minds: RemoteMinds, now: float) -> None:
-        """Keep what was told of late. Raises ContactsLostError; the file is then as it was."""
-        tellers = [(mind.name, mind.told_at, mind.told) for mind in minds.values() if now - mind.told_at <= MAX_AGE]
+        """Keep recent telemetry. Raises ContactsLostError; the file is then as it was."""
+        tellers = [
+            (mind.name, mind.reported_at, mind.telemetry)
+            for mind in minds.values()
+            if now - mind.reported_at <= MAX_AGE
+        ]
         try:
             self.file.parent.mkdir(parents=True, exist_ok=True)
             replace_file(self.file, pack(CachedTelemetry(VERSION, minds.texts(), tellers), MAX_SEEN))
@@ -127,5 +131,5 @@ class TelemetryCache:
             raise CacheError(f"cannot save telemetry ({self.file}: {error})") from None
 
 
-def _said(name: str, told: object) -> Message:
-    return Message(name, 0, 0, Kind.ANSWER, 0.0, body={TOLD: told})
+def _answer(name: str, telemetry: object) -> Message:
+    return Message(name, 0, 0, Kind.ANSWER, 0.0, body={TELEMETRY: telemetry})

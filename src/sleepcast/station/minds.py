@@ -69,10 +69,10 @@ Judged = tuple[Mask, NDArray[np.uint8], list[str]]
 
 
 class TelemetryTable(Protocol):
-    """What robots told of themselves when they last did, by their places."""
+    """The latest telemetry of robots, by their places."""
 
     def judge(self, test: Program, robots: Index) -> Judged:
-        """What a test says of these robots, all of which have told of themselves."""
+        """The value of a test for these robots, all of which have sent telemetry."""
 
 
 class FleetTelemetry(TelemetryTable, Protocol):
@@ -82,7 +82,7 @@ class FleetTelemetry(TelemetryTable, Protocol):
         """These robots tell of themselves now."""
 
     def stopped(self, robots: Index) -> Mask:
-        """Which of these robots were stopped when they last told."""
+        """Which of these robots were stopped at their latest telemetry."""
 
 
 @runtime_checkable

@@ -48,7 +48,7 @@ LEAST_WITHIN = 0.02
 ABOVE = 10
 """Robots that may obey without anybody being asked whether so many are meant."""
 LEASE = 1.0
-"""Seconds for which a robot that is driven goes on without hearing anything, unless it is told otherwise."""
+"""Seconds for which a robot that is driven goes on without hearing anything, unless set otherwise."""
 MAX_DRIVERS = 64
 """Commands whose robots are kept moving; the oldest is dropped first."""
 MAX_NEWS = 100

@@ -1,4 +1,4 @@
-"""The preview: who would obey a command if it were sent now, from what the robots last told of themselves.
+"""The preview: who would obey a command if it were sent now, from the robots' latest telemetry.
 
 Only the command's top-level test is evaluated, on a copy of each robot's last numbers, and nothing it could do is
 done. What the desk cannot know (chance, what a robot's own function would say, news too old) makes a robot `unknown`
@@ -26,7 +26,7 @@ from sleepcast.language.vocabulary import Variable
 from sleepcast.station.minds import Index, Judged, Mind, Minds, Telemetry, TelemetryTable
 from sleepcast.station.roster import Roster
 
-NEVER_HEARD = "it has told nothing of itself yet"
+NEVER_HEARD = "it has sent no telemetry yet"
 STALE = "its last news is too old"
 MAX_REASONS = 200
 """Different reasons told apart in one preview, so that one fits a byte; the rest counts as the last of them."""
@@ -108,7 +108,7 @@ class PreviewMemory:
         raise Undecided(CHANCE)
 
     def read(self, part: Part) -> float:
-        """A linked variable: known only if the robot told it with the others."""
+        """A linked variable: known only if it is part of the robot's telemetry."""
         value = self.values[part.slot] if part.slot < len(self.values) else nan
         if value != value:
             raise Undecided("its test reads a variable that lies in the robot's own memory")
@@ -160,7 +160,7 @@ class PreviewMemory:
 
 
 class Rows:
-    """What robots told one by one (a `TelemetryTable`). minds: theirs, as far as they can be asked."""
+    """Telemetry of single robots (a `TelemetryTable`). minds: theirs, as far as they can be asked."""
 
     def __init__(self, minds: Minds) -> None:
         self._minds = minds
@@ -192,10 +192,11 @@ class Rows:
         return yes, reason, list(reasons)
 
 
-def preview(program: Program, roster: Roster, told: TelemetryTable, now: float, stale_after: float) -> Preview:
-    """Who would obey `program`. told: news of the roster; older than `stale_after` s at `now` it decides nothing."""
+def preview(program: Program, roster: Roster, table: TelemetryTable, now: float, stale_after: float) -> Preview:
+    """Who would obey `program`. table: telemetry by place on the roster, which decides nothing where it is older than
+    `stale_after` s at `now`."""
     count = len(roster)
-    times = roster.told[:count].copy()
+    times = roster.reported[:count].copy()
     fresh = now - times <= stale_after
     codes, reason = np.full(count, UNKNOWN, np.uint8), np.where(np.isfinite(times), np.uint8(2), np.uint8(1))
     listed, oldest = [NEVER_HEARD, STALE], now
@@ -207,7 +208,7 @@ def preview(program: Program, roster: Roster, told: TelemetryTable, now: float, 
         listed.append(obstacle)
     else:
         robots = np.flatnonzero(fresh)
-        yes, why, reasons = told.judge(test, robots)
+        yes, why, reasons = table.judge(test, robots)
         known = why == 0
         codes[robots] = np.where(known, yes, UNKNOWN)
         reason[robots] = why + np.uint8(len(listed))

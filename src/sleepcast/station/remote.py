@@ -1,11 +1,11 @@
-"""Minds far away: what robots on the air have told of themselves, in the shape in which a desk asks about minds.
+"""Remote minds: the telemetry of robots on the air, in the form in which a desk asks about minds.
 
 Robots of several types may be in one fleet. The desk checks texts in the names of all of them (`uniting`), so every
 robot's numbers are put into the slots of that one vocabulary; a variable that a type does not have is unknown on its
-robots. What a robot has learned is shared by all that have learned the same, and known once one of them has told it;
-until then a preview that depends on it says so.
+robots. Robots that have learned the same share one record, which is known as soon as one of them has sent it; until
+then a preview that depends on it says so.
 
-Nobody is believed about a digest: a text is taken for what it is worth itself, and a robot that lies lies about itself.
+The desk computes the digest of each text itself, so a robot can only give false telemetry about itself.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 from sleepcast.channel.message import Message
 from sleepcast.channel.name_index import natural_order
-from sleepcast.channel.payload import TOLD, Inspection
+from sleepcast.channel.payload import TELEMETRY, Inspection
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.language.explain import Explanation
 from sleepcast.language.functions import FUNCTIONS
@@ -42,17 +42,17 @@ from sleepcast.station.preview import Undecided
 from sleepcast.station.schema_merge import SlotMap, merge_schemas
 
 MAX_TYPES = 32
-"""Types of robots in one fleet; robots of others are heard, but nobody knows their names."""
+"""Types of robots in one fleet; robots of further types are heard, but their names stay unknown."""
 MAX_MINDS = 1_024
-"""Different minds that are kept; the one that was told longest ago goes first."""
+"""Different minds that are kept; the one received longest ago is dropped first."""
 MAX_TELLERS = 20_000
-"""Robots of which is kept what they told."""
+"""Robots whose telemetry is kept."""
 MAX_ASKED = 4_096
-"""Digests of which is kept when they were asked for."""
+"""Digests whose last request is remembered."""
 ASK_AGAIN = 1.0
-"""Seconds after which names or a mind that nobody told are asked for again; each time twice as long after that."""
+"""Seconds until names or a mind that did not arrive are requested again; the wait doubles each time."""
 MAX_WAIT = 300.0
-"""Seconds between two such questions at most: what is too long to tell costs next to nothing."""
+"""Seconds between two such requests at most: a text that is too long to send costs next to nothing."""
 FEW = 3
 """Names in a sentence."""
 AT_ONCE = 32
@@ -81,45 +81,45 @@ class RemoteRule:
 
 
 class RemoteMind:
-    """One robot as it told of itself (a `Mind`). told_at: when, s of the desk's clock."""
+    """One robot as its telemetry describes it (a `Mind`). reported_at: its time, s of the desk's clock."""
 
-    def __init__(self, name: str, minds: RemoteMinds, told: TelemetryRecord, now: float) -> None:
-        self.name, self.told, self.told_at = name, told, now
+    def __init__(self, name: str, minds: RemoteMinds, telemetry: TelemetryRecord, now: float) -> None:
+        self.name, self.telemetry, self.reported_at = name, telemetry, now
         self.values: list[float] = []
         self._minds = minds
 
     @property
     def groups(self) -> frozenset[str]:
         """Keys of the groups that it is in."""
-        return frozenset(name.casefold() for name in self.told.groups)
+        return frozenset(name.casefold() for name in self.telemetry.groups)
 
     @property
     def stopped(self) -> bool:
-        return self.told.stopped
+        return self.telemetry.stopped
 
     @property
     def doubt(self) -> str:
         """Why it stands although nobody may have said STOP; "" otherwise."""
-        return printable(self.told.doubt) if self.stopped else ""
+        return printable(self.telemetry.doubt) if self.stopped else ""
 
     @property
     def learned(self) -> SymbolTable | None:
-        """What it has learned; None if nobody has told that yet."""
-        return self._minds.learned(self.told.mind)
+        """What it has learned; None if no robot has sent that yet."""
+        return self._minds.learned(self.telemetry.mind)
 
     def place(self, fitted: SlotMap, vocabulary: Vocabulary) -> None:
-        """Put what it told where it belongs in the fleet's vocabulary. Raises TellingError for numbers of another
+        """Put its numbers into the slots of the fleet's vocabulary. Raises TellingError for numbers of another
         type, VocabularyError where a variable of its own finds no room."""
-        numbers = self.told.numbers()
+        numbers = self.telemetry.numbers()
         if len(numbers) != len(fitted.slots):
             raise TelemetryError(f"{len(numbers)} numbers of a type that has {len(fitted.slots)}")
-        own = [(_user_slot(name, vocabulary), value) for name, value in self.told.user.items()]
+        own = [(_user_slot(name, vocabulary), value) for name, value in self.telemetry.user.items()]
         self.values = [nan] * (vocabulary.size + len(vocabulary.user_slots))
         for slot, value in (*zip(fitted.slots, numbers, strict=True), *fitted.fixed, *own):
             if slot is not None:
                 self.values[slot] = value if -inf < value < inf else nan
         for number in range(1, BUFFERS):
-            self.values[ACTIVE0 + number] = float(self.told.active >> number - 1 & 1)
+            self.values[ACTIVE0 + number] = float(self.telemetry.active >> number - 1 & 1)
 
     def declared(self, key: str) -> Declared | None:
         """What it has learned under this key. Raises Undecided where that is not known."""
@@ -133,24 +133,24 @@ class RemoteMind:
         vocabulary, learned = self._minds.vocabulary, self.learned
         if learned is not None and (found := learned.found(key, vocabulary)) is not None:
             return found
-        for name in self.told.groups:
+        for name in self.telemetry.groups:
             if name.casefold() == key:
                 return Group(name)
-        for name in self.told.user:
+        for name in self.telemetry.user:
             if name.casefold() == key and key in vocabulary.user_slots:
                 return UserVariable(name, vocabulary.user_slots[key])
         return None
 
     def heard(self) -> Iterable[str]:
         """Every learned name that is known, as written."""
-        return (*self.told.user, *(self.told.groups if self.learned is None else self.learned.names))
+        return (*self.telemetry.user, *(self.telemetry.groups if self.learned is None else self.learned.names))
 
     def fetch(self, part: Part) -> Program | None:
-        """The program in the buffer or rule that a `fetch` part names. Raises Undecided where nobody told it."""
+        """The program in the buffer or rule that a `fetch` part names. Raises Undecided where it is unknown."""
         return self._program(part)
 
     def operator(self, part: Part) -> Program | None:
-        """The program of the operator that a `call` part names. Raises Undecided where nobody told it."""
+        """The program of the operator that a `call` part names. Raises Undecided where it is unknown."""
         return self._program(part)
 
     def _program(self, part: Part) -> Program | None:
@@ -171,7 +171,7 @@ class RemoteMind:
     def variables(self) -> list[tuple[str, float]]:
         """Every variable that its type has, by name, and those of its own."""
         vocabulary = self._minds.vocabulary
-        own = self._minds.types.get(self.told.type, vocabulary).bindings
+        own = self._minds.types.get(self.telemetry.type, vocabulary).bindings
         found = [
             (binding.name, self.values[binding.slot])
             for key, binding in vocabulary.bindings.items()
@@ -179,19 +179,19 @@ class RemoteMind:
         ]
         return found + [
             (name, self.values[slot])
-            for name in self.told.user
+            for name in self.telemetry.user
             if (slot := vocabulary.user_slots.get(name.casefold())) is not None
         ]
 
     def rules(self) -> list[RemoteRule]:
         """Every kept expression that is known."""
         learned = self.learned
-        told = () if learned is None else learned.told.rules
-        return [RemoteRule(name, text, self.told.runs(at), own) for at, (name, text, own) in enumerate(told)]
+        rules = () if learned is None else learned.record.rules
+        return [RemoteRule(name, text, self.telemetry.runs(at), own) for at, (name, text, own) in enumerate(rules)]
 
 
 class RemoteMinds(Mapping[str, RemoteMind]):
-    """The robots that have told of themselves, by name; see the module. vocabulary: of the fleet, another one as soon
+    """The robots that have sent telemetry, by name; see the module. vocabulary: of the fleet, another one as soon
     as robots of another type are heard. types: of robots, by digest. refused: why a type is left out."""
 
     def __init__(self) -> None:
@@ -202,7 +202,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         """Tellings that said something else than they should."""
         self._fitted: dict[Digest, SlotMap] = {}
         self._texts: dict[Digest, str] = {}
-        """The texts of types and minds, as they were told."""
+        """The texts of types and minds, as they were received."""
         self._learned: OrderedDict[Digest, SymbolTable] = OrderedDict()
         self._minds: dict[str, RemoteMind] = {}
         self._waiting: dict[str, RemoteMind] = {}
@@ -220,7 +220,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         return len(self._minds)
 
     def learned(self, mind: Digest) -> SymbolTable | None:
-        """What robots of this mind have learned, if it was told."""
+        """What robots of this mind have learned, if it is known."""
         return self._learned.get(mind)
 
     def declared(self, key: str) -> Declared | None:
@@ -239,7 +239,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
 
     @property
     def complete(self) -> bool:
-        """Whether every robot that told of itself has told all the names that it knows."""
+        """Whether all names are known of every robot that has sent telemetry."""
         return not self._waiting and all(mind.learned is not None for mind in self._minds.values())
 
     def standing(self) -> str:
@@ -248,46 +248,46 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         for name in sorted(self._minds, key=natural_order):
             if doubt := self._minds[name].doubt:
                 found.setdefault(doubt, []).append(printable(name))
-        told = (
+        reasons = (
             f"{', '.join(names[:FEW])}{f' and {len(names) - FEW} more' if len(names) > FEW else ''}: {doubt}"
             for doubt, names in islice(found.items(), FEW)
         )
-        return f"until RELEASE stand {'; '.join(told)}" if found else ""
+        return f"until RELEASE stand {'; '.join(reasons)}" if found else ""
 
     def texts(self) -> list[str]:
-        """What was told of types and minds, those of types first."""
+        """The texts of types and minds, those of types first."""
         return [self._texts[which] for which in (*self.types, *self._learned)]
 
     # ---- what comes in
 
     def take(self, message: Message, now: float) -> list[RemoteMind]:
         """Take in an answer that tells something; gives the robots of which another thing is known now, each with the
-        time at which it told that (`told_at`)."""
-        told = message.body.get(TOLD)
+        time of that telemetry (`reported_at`)."""
+        sent = message.body.get(TELEMETRY)
         try:
-            if isinstance(told, str):
-                return self._take_text(told)
-            return self._take_telemetry(message.sender, read_telemetry(told), now)
+            if isinstance(sent, str):
+                return self._take_text(sent)
+            return self._take_telemetry(message.sender, read_telemetry(sent), now)
         except TelemetryError:
             self.malformed += 1
             return []
 
-    def _take_telemetry(self, name: str, told: TelemetryRecord, now: float) -> list[RemoteMind]:
+    def _take_telemetry(self, name: str, telemetry: TelemetryRecord, now: float) -> list[RemoteMind]:
         if name not in self._minds and len(self._minds) + len(self._waiting) >= MAX_TELLERS:
             return []
-        mind = self._minds.get(name) or RemoteMind(name, self, told, now)
-        fitted = self._fitted.get(told.type)
+        mind = self._minds.get(name) or RemoteMind(name, self, telemetry, now)
+        fitted = self._fitted.get(telemetry.type)
         if fitted is None:
             self._minds.pop(name, None)
-            mind.told, mind.told_at = told, now
+            mind.telemetry, mind.reported_at = telemetry, now
             self._waiting[name] = mind
             return []
-        before = mind.told, mind.told_at
-        mind.told, mind.told_at = told, now
+        before = mind.telemetry, mind.reported_at
+        mind.telemetry, mind.reported_at = telemetry, now
         try:
             mind.place(fitted, self.vocabulary)
         except (TelemetryError, VocabularyError) as error:
-            mind.told, mind.told_at = before
+            mind.telemetry, mind.reported_at = before
             raise TelemetryError(str(error)) from None
         self._waiting.pop(name, None)
         self._minds[name] = mind
@@ -296,11 +296,11 @@ class RemoteMinds(Mapping[str, RemoteMind]):
     def _take_text(self, text: str) -> list[RemoteMind]:
         """A vocabulary or a mind, if it is one that somebody has."""
         which = digest(text)
-        if any(mind.told.type == which for mind in self._waiting.values()) and len(self.types) < MAX_TYPES:
+        if any(mind.telemetry.type == which for mind in self._waiting.values()) and len(self.types) < MAX_TYPES:
             self.types[which] = read_vocabulary(text)
             self._texts[which] = text
             return self._unite(which)
-        minds = [mind for mind in self._minds.values() if mind.told.mind == which]
+        minds = [mind for mind in self._minds.values() if mind.telemetry.mind == which]
         if minds and which not in self._learned:
             self._learned[which], self._texts[which] = SymbolTable(read_mind(text)), text
             if len(self._learned) > MAX_MINDS:
@@ -315,10 +315,10 @@ class RemoteMinds(Mapping[str, RemoteMind]):
             _user_slot(key, self.vocabulary)
         found = list(self._minds.values())
         for mind in found:
-            mind.place(self._fitted[mind.told.type], self.vocabulary)
-        for mind in [mind for mind in self._waiting.values() if mind.told.type == news]:
+            mind.place(self._fitted[mind.telemetry.type], self.vocabulary)
+        for mind in [mind for mind in self._waiting.values() if mind.telemetry.type == news]:
             try:
-                found += self._take_telemetry(mind.name, mind.told, mind.told_at)
+                found += self._take_telemetry(mind.name, mind.telemetry, mind.reported_at)
             except TelemetryError:
                 self.malformed += 1
         return found
@@ -326,10 +326,12 @@ class RemoteMinds(Mapping[str, RemoteMind]):
     # ---- what is missing
 
     def wanted(self, now: float) -> list[TelemetryRequest]:
-        """Whom to ask for what at `now`: names of types and minds that nobody has told, one robot for each."""
+        """Requests that are due at `now`: for types and minds that are not known yet, one robot for each."""
         room = len(self.types) < MAX_TYPES
-        types = ((m.told.type, m.name) for m in self._waiting.values() if room and m.told.type not in self.types)
-        minds = ((m.told.mind, m.name) for m in self._minds.values() if m.told.mind not in self._learned)
+        types = (
+            (m.telemetry.type, m.name) for m in self._waiting.values() if room and m.telemetry.type not in self.types
+        )
+        minds = ((m.telemetry.mind, m.name) for m in self._minds.values() if m.telemetry.mind not in self._learned)
         asked = ((Inspection.VOCABULARY, types), (Inspection.MIND, minds))
         return [TelemetryRequest(look, found) for look, lacking in asked if (found := self._chosen(lacking, now))]
 
@@ -360,11 +362,11 @@ def _user_slot(name: str, vocabulary: Vocabulary) -> int | None:
 class SymbolTable:
     """What all robots of one mind have learned."""
 
-    def __init__(self, told: MindRecord) -> None:
-        self.told = told
-        self._groups = {name.casefold(): name for name in told.groups}
-        self._operators = {name.casefold(): (name, tuple(given), text) for name, given, text in told.operators}
-        self._rules = {name.casefold(): (name, text) for name, text, _ in told.rules}
+    def __init__(self, record: MindRecord) -> None:
+        self.record = record
+        self._groups = {name.casefold(): name for name in record.groups}
+        self._operators = {name.casefold(): (name, tuple(given), text) for name, given, text in record.operators}
+        self._rules = {name.casefold(): (name, text) for name, text, _ in record.rules}
         self._compiling: Compiling | None = None
 
     @property

@@ -35,9 +35,9 @@ LATCHING = frozenset({Kind.STOP, Kind.RELEASE})
 
 
 class Retransmission:
-    """Of one desk. delivery: what is said leaves there; sent, roster: the desk's own. within: seconds over which so
-    many robots are to spread their answers. note: told of each command of which something is sent again; over: of each
-    that is gone after no longer."""
+    """Of one desk. delivery: where messages leave; sent, roster: the desk's own. within: seconds over which so many
+    robots are to spread their answers. note: called with each command of which something is sent again; over: with each
+    that has timed out."""
 
     def __init__(
         self,

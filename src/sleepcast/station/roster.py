@@ -50,16 +50,16 @@ def of_robots(count: int, expected: bool) -> str:
 class Roster:
     """Robots by name, in the order in which they were enrolled.
 
-    heard: when each last sent anything, told: when it last told of itself; s of the desk's clock, -inf for never, by
-    place, with room for robots that are still to come. size: how many robots there are at least, heard or not; 0 where
-    nobody has said.
+    heard: when each last sent anything, reported: when its last telemetry arrived; s of the desk's clock, -inf for
+    never, by place, with room for robots that are still to come. size: how many robots there are at least, heard or
+    not; 0 where that is unknown.
     """
 
     def __init__(self, names: Iterable[str] = (), size: int = 0) -> None:
         self.size = size
         self.names = names.copy() if isinstance(names, NameIndex) else NameIndex()
         self.heard: Seconds = np.full(len(self.names), -inf)
-        self.told: Seconds = np.full(len(self.names), -inf)
+        self.reported: Seconds = np.full(len(self.names), -inf)
         if not isinstance(names, NameIndex):
             for name in names:
                 self.enrol(name)
@@ -85,7 +85,7 @@ class Roster:
         if place is None and len(self.names) < MAX_ROBOTS:
             place = self.names.add(name)
             if place >= len(self.heard):
-                self.heard, self.told = _longer(self.heard), _longer(self.told)
+                self.heard, self.reported = _longer(self.heard), _longer(self.reported)
         return place
 
     def hear(self, name: str, now: float) -> int | None:
@@ -98,7 +98,7 @@ class Roster:
     def state(self, minds: int) -> RosterState:
         """All of it. minds: so many of the robots, from the first on, are known by their minds."""
         listed = len(self.names)
-        return RosterState(list(self.names[minds:]), Array.of(self.heard[:listed]), Array.of(self.told[:listed]))
+        return RosterState(list(self.names[minds:]), Array.of(self.heard[:listed]), Array.of(self.reported[:listed]))
 
     def restore(self, state: RosterState) -> None:
         """Know what that roster knew. Raises SerialError."""
@@ -106,12 +106,12 @@ class Roster:
             self.enrol(name)
         shape = (len(self.names),)
         self.heard = state.heard.made(np.float64, shape, "when robots were heard")
-        self.told = state.told.made(np.float64, shape, "when robots told of themselves")
+        self.reported = state.told.made(np.float64, shape, "times of telemetry")
 
     def observe(self, robots: Index | slice, now: float) -> None:
-        """Note that these robots have told of themselves at `now`, which may be some time ago."""
+        """Note that telemetry of these robots is of `now`, which may be some time ago."""
         self.heard[robots] = np.maximum(self.heard[robots], now)
-        self.told[robots] = now
+        self.reported[robots] = now
 
 
 class RobotNames(Sequence[str]):

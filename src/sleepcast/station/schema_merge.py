@@ -106,6 +106,6 @@ def _least(function: HostFunction) -> int:
 
 def _fitted(found: Vocabulary, vocabulary: Vocabulary) -> SlotMap:
     slots = {key: binding.slot for key, binding in vocabulary.bindings.items() if isinstance(binding, Variable)}
-    told = [slots[quantity.name.casefold()] for quantity in (*found.sensors, *found.actuators)]
+    named = [slots[quantity.name.casefold()] for quantity in (*found.sensors, *found.actuators)]
     fixed = [(slots[key], c.value) for c in found.constants if (key := c.name.casefold()) in slots]
-    return SlotMap((*NUMBERED, *told), tuple(fixed))
+    return SlotMap((*NUMBERED, *named), tuple(fixed))

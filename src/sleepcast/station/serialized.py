@@ -61,7 +61,7 @@ class ReportState(msgspec.Struct, array_like=True):
 
 
 class RosterState(msgspec.Struct):
-    """others: names on the roster that are none of the minds'. heard, told: see `Roster`."""
+    """others: names on the roster that are none of the minds'. heard, told (`reported`): see `Roster`."""
 
     others: list[str]
     heard: Array

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message_batch import Answers, MessageBatch
-from sleepcast.channel.payload import FOR, TOLD
+from sleepcast.channel.payload import FOR, TELEMETRY
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.serial import SerialError, pack, room_for, unpack
@@ -93,7 +93,7 @@ class Station:
         self._minds, self._clock = minds, clock
         self._roster = Roster(minds.names if isinstance(minds, ManyMinds) else minds, len(minds))
         self._rows = Rows(minds)
-        self._told: FleetTelemetry | None = minds.telemetry if isinstance(minds, ManyMinds) else None
+        self._fleet_telemetry: FleetTelemetry | None = minds.telemetry if isinstance(minds, ManyMinds) else None
         self._sent = SentCommands()
         self._lock = RLock()
         self.epoch, self.stale_after = epoch, stale_after
@@ -129,7 +129,7 @@ class Station:
         return self._roster.size
 
     def state(self) -> bytes:
-        """Everything that it knows, but for what robots told of themselves one by one. Raises SerialError for more than
+        """Everything that it knows, except the telemetry of single robots. Raises SerialError for more than
         fits."""
         with self._lock:
             commands, latch = self._sent.state()
@@ -165,8 +165,8 @@ class Station:
         return self._preview(self._program(text))
 
     def _preview(self, program: Program) -> Preview:
-        told = self._rows if self._told is None else self._told
-        return preview(program, self._roster, told, self._clock.now(), self.stale_after)
+        table = self._rows if self._fleet_telemetry is None else self._fleet_telemetry
+        return preview(program, self._roster, table, self._clock.now(), self.stale_after)
 
     def _program(self, text: str, *, sure: bool = True) -> Program:
         """The program of a text that may be sent. sure: whether its sender means it although it is doubted."""
@@ -234,8 +234,8 @@ class Station:
 
         A one-shot command (the default) is evaluated within `deadline` seconds from now (`DEADLINE` unless given) or
         never; a standing one is good until it has reached everybody. count: how many robots may obey (see `foresee`),
-        where the desk wants to be told. only, but: for these robots, or for all except these. confirmed: it is meant as
-        it stands, whatever is doubted. Raises ReadError and CheckError for a text that no robot could run, DoubtError
+        where the desk asks for confirmation. only, but: for these robots, or for all except these. confirmed: send it
+        although the checker doubts it. Raises ReadError and CheckError for a text that no robot could run, DoubtError
         for one that is hardly meant, where the desk asks about that, AddressError if it would go to everybody and
         neither `everybody` nor `only` says so, CountNeededError for a missing or wrong count, SortError for a standing
         command that has a test and joins a group (who matches is a matter of the moment) or a deadline,
@@ -344,7 +344,7 @@ class Station:
                 answer = answer_from(message.body, now)
                 if command is not None and answer is not None and place is not None:
                     command.answers.add(place, answer)
-                if TOLD in message.body or (command is not None and command.is_look):
+                if TELEMETRY in message.body or (command is not None and command.is_look):
                     return
             else:
                 return
@@ -374,26 +374,26 @@ class Station:
     def observe(self, now: float, rows: Iterable[Telemetry]) -> None:
         """Take in telemetry of `now` (s of the desk's clock): what robots tell of themselves. Nodes are such rows."""
         with self._lock:
-            told, stopped = [], []
+            heard, stopped = [], []
             for row in rows:
                 place = self._roster.enrol(row.name)
                 if place is not None:
                     self._rows.take(place, row)
-                    told.append(place)
+                    heard.append(place)
                     stopped.append(row.stopped)
-            robots = np.array(told, np.intp)
+            robots = np.array(heard, np.intp)
             self._roster.observe(robots, now)
             self._update_latch(robots, np.array(stopped, np.bool_), now)
 
     def observe_many(self, now: float, robots: Index) -> None:
         """The same of these robots, whose minds answer for many. Raises MisuseError for minds that do not."""
-        if self._told is None:
+        if self._fleet_telemetry is None:
             raise MisuseError("these minds tell one by one: give their rows to observe")
         with self._lock:
-            self._told.take(robots)
+            self._fleet_telemetry.take(robots)
             self._roster.observe(robots, now)
             if self._sent.latch is not None:
-                self._update_latch(robots, self._told.stopped(robots), now)
+                self._update_latch(robots, self._fleet_telemetry.stopped(robots), now)
 
     def _update_latch(self, robots: Index, stopped: Mask, now: float) -> None:
         """Robots that tell that they are stopped, or not, account for a STOP or RELEASE that was sent before."""

@@ -1,4 +1,4 @@
-"""Looking: asking robots on the air to tell of themselves, and keeping what they told where the desk finds it.
+"""Requesting telemetry from robots on the air, and keeping it where the desk finds it.
 
 A look goes to everybody, or to some; answers come spread over a time, and those that are lost are asked for again, as
 for every question. What has to be known besides (the names of a type, what was learned) is asked for as soon as a
@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.payload import LOOK, OF, TOLD, Inspection
+from sleepcast.channel.payload import LOOK, OF, TELEMETRY, Inspection
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.language import Explanation
 from sleepcast.language.vocabulary import Vocabulary
@@ -41,7 +41,7 @@ class Requester(Protocol):
 
 
 class TelemetryClient:
-    """See the module. minds: where it is kept what robots told."""
+    """See the module. minds: where the telemetry is kept."""
 
     def __init__(self, station: Requester, minds: RemoteMinds) -> None:
         self.minds = minds
@@ -80,20 +80,20 @@ class TelemetryClient:
                 continue
             if (command, message.sender) in self._whys:
                 self._whys[command, message.sender] = _why(message)
-            elif TOLD in message.body and command in self._looks:
+            elif TELEMETRY in message.body and command in self._looks:
                 self._take(message, self._looks[command].message.issued)
         for look, robots in self.minds.wanted(self._station.now):
             self._ask({LOOK: look}, robots)
 
     def _take(self, message: Message, asked: float) -> None:
-        """asked: s; what is told is of that time or later, since answers wait for their moment."""
+        """asked: s; the telemetry is of that time or later, since answers are spread over time."""
         self._tell(self.minds.take(message, asked))
 
     def _tell(self, minds: Iterable[RemoteMind]) -> None:
         """Give the desk what is known of these."""
         self._station.vocabulary = self.minds.vocabulary
         for mind in minds:
-            self._station.observe(mind.told_at, [mind])
+            self._station.observe(mind.reported_at, [mind])
 
     def _ask(self, body: Mapping[str, object], robots: Sequence[str] | None) -> Command:
         command = self._station.post(Kind.ASK, body=body, only=robots)
@@ -113,10 +113,10 @@ class TelemetryClient:
 
 
 def _why(message: Message) -> Explanation | SleepcastError:
-    told, fault = message.body.get(TOLD), message.body.get("fault")
-    if isinstance(told, str):
+    sent, fault = message.body.get(TELEMETRY), message.body.get("fault")
+    if isinstance(sent, str):
         try:
-            return read_why(told)
+            return read_why(sent)
         except TelemetryError as error:
             return SleepcastError(f"{message.sender} explained it in a way that cannot be read: {error}")
     return SleepcastError(printable(fault)[:MAX_FAULT] if isinstance(fault, str) else f"{message.sender} does not tell")

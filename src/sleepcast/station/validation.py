@@ -95,10 +95,10 @@ class CountNeededError(MisuseError):
 
 
 class UnknownNameError(MisuseError):
-    """A text with names that none of the robots has that told of themselves. why: the same in a sentence."""
+    """A text with names that no robot that has sent telemetry has. why: the same in a sentence."""
 
     def __init__(self, names: Sequence[str], robots: int) -> None:
-        self.why = f"none of the {robots} robots that told of themselves has {' or '.join(names)}"
+        self.why = f"none of the {robots} robots that have sent telemetry has {' or '.join(names)}"
         super().__init__(f"{self.why}, so nothing was sent. Send it as it is with --anyway")
 
 
@@ -114,7 +114,7 @@ class DoubtError(MisuseError):
 @dataclass(frozen=True, slots=True)
 class SendPolicy:
     """When a desk asks how many are meant. above: more than so many that may obey, None for never; irreversible: a form
-    that cannot be undone. strict: whether it refuses what is only doubtful (warnings); known: how many robots have told
+    that cannot be undone. strict: whether it refuses what is only doubtful (warnings); known: how many robots have sent
     all their names, where it refuses other names, 0 where it does not. doubts: whether it asks once more for what is
     hardly meant (see `Checked.doubts`)."""
 

@@ -1,4 +1,4 @@
-"""Completion at the terminal desk: the names that robots have told, each with what it is worth over the fleet."""
+"""Completion at the terminal desk: the names in the robots' telemetry, each with its value over the fleet."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def names_of(minds: RemoteMinds) -> list[str]:
 
 
 def range_of(name: str, minds: RemoteMinds) -> tuple[float, float] | None:
-    """The least and the greatest value of a variable over the fleet; None if nobody has told one."""
+    """The least and the greatest value of a variable over the fleet; None if no telemetry has one."""
     binding = minds.vocabulary.bindings.get(name.casefold())
     if not isinstance(binding, Variable):
         return None

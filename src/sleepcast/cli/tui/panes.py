@@ -52,12 +52,12 @@ def safety(session: Session, width: int) -> Line:
     latch, minds = session.latch, session.telemetry.minds
     stopped = sum(mind.stopped for mind in minds.values())
     if latch is None:
-        told = f"{stopped} {_of_all(session)} report stopped"
+        text = f"{stopped} {_of_all(session)} report stopped"
         if standing := minds.standing():
-            told += f"; {standing}"
+            text += f"; {standing}"
         if not stopped:
-            told = "STOP: F9 or Ctrl-X"
-        return [("class:warned" if stopped else "", _filled(f" {told}", width))]
+            text = "STOP: F9 or Ctrl-X"
+        return [("class:warned" if stopped else "", _filled(f" {text}", width))]
     found = session.station.accounting(latch.id)
     ago = f"{max(0.0, session.station.now - latch.message.issued):.0f} s ago"
     if latch.kind is Kind.STOP:
@@ -94,9 +94,9 @@ def robots(session: Session, width: int, height: int, first: int) -> list[Line]:
         letters = ("?" if mind is None else "S" if mind.stopped else "o") + ("L" if lost else " ")
         style = "class:warned" if lost or mind is None else "class:stopped" if mind.stopped else ""
         code = _outcome(latest, silent, name)
-        told = [_value(session, name, each).rjust(room - 8) for each in session.shown]
-        told += [",".join(sorted(mind.told.groups))] if mind is not None and mind.told.groups else []
-        text = f"{clipped(printable(name), room):<{room}} {code} {_age(age):>5}  {'  '.join(told)}"
+        cells = [_value(session, name, each).rjust(room - 8) for each in session.shown]
+        cells += [",".join(sorted(mind.telemetry.groups))] if mind is not None and mind.telemetry.groups else []
+        text = f"{clipped(printable(name), room):<{room}} {code} {_age(age):>5}  {'  '.join(cells)}"
         answered = "class:warned" if code in "F-" else ""
         found.append([(style, f"{letters} "), (answered, clipped(printable(text), width - 3))])
     return found or _plain("no robot heard yet: are robots up, on this channel, with these keys?", width)
@@ -179,8 +179,8 @@ def _became(command: Command, found: Account) -> str:
         return found.sentence()
     if command.kind is Kind.ASK:
         values = found.values
-        told = f" mean {values.mean:.4g} ({span((values.least, values.greatest))})," if values is not None else ""
-        return f"answered {found.n_matched},{told} {_silence(found)}"
+        mean = f" mean {values.mean:.4g} ({span((values.least, values.greatest))})," if values is not None else ""
+        return f"answered {found.n_matched},{mean} {_silence(found)}"
     verb = "stopped" if command.kind is Kind.STOP else "released"
     return f"{verb} {found.n_matched}, {_silence(found)}"
 
@@ -216,10 +216,10 @@ def hint(session: Session, text: str, width: int, height: int, indent: int) -> l
         lines = [line for each in session.said.split("\n") for line in _folded(printable(each), width)]
         return [[(style, line)] for line in lines[:height]]
     found = session.forecast(text)
-    told: list[Line] = [] if found.spot is None else _carets(found.spot, width, indent)
+    excerpt: list[Line] = [] if found.spot is None else _carets(found.spot, width, indent)
     sentence = _plain(printable(found.sentence), width) if found.sentence else []
     wrong = found.spot is not None and found.spot.wrong
-    return (told + sentence if wrong else [*told[:1], *sentence, *told[1:]])[:height]
+    return (excerpt + sentence if wrong else [*excerpt[:1], *sentence, *excerpt[1:]])[:height]
 
 
 def _carets(spot: Spot, width: int, indent: int) -> list[Line]:
@@ -249,8 +249,8 @@ def trouble(session: Session, width: int) -> Line:
 
 def notice(session: Session, width: int) -> Line:
     """What else is going on, the worst of it: clocks that are wrong, forgeries, keys that nobody trusts."""
-    told = session.station.notices()
-    return [("class:warned", _filled(f" {printable(told[0])}" if told else "", width))]
+    notices = session.station.notices()
+    return [("class:warned", _filled(f" {printable(notices[0])}" if notices else "", width))]
 
 
 def keys(width: int) -> Line:

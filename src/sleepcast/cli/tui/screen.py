@@ -147,7 +147,7 @@ class Screen:
                 heard.clear()
                 await asyncio.sleep(0.0)  # a flood of datagrams must not keep a key waiting
         except Exception as error:
-            self._end(error)  # a fault of ours: it is told on the plain screen, where it can be read
+            self._end(error)  # a fault of ours: it is printed on the plain screen, where it can be read
 
     # ---- keys
 
@@ -260,8 +260,8 @@ class Screen:
         noticed = Condition(lambda: bool(session.station.notices()))
         robots = _headed(lambda: panes.robots_title(session), Pane(self._robots), Dimension(weight=3))
         sent = _headed(lambda: "Commands", Pane(lambda w, h: panes.commands(session, w, h)), Dimension(weight=5))
-        told = _headed(lambda: "Reports", Pane(lambda w, h: panes.reports(session, w, h)), Dimension(weight=5))
-        right = HSplit([sent, ConditionalContainer(told, ~low)], width=Dimension(weight=5))
+        reports = _headed(lambda: "Reports", Pane(lambda w, h: panes.reports(session, w, h)), Dimension(weight=5))
+        right = HSplit([sent, ConditionalContainer(reports, ~low)], width=Dimension(weight=5))
         beside = VSplit(
             [ConditionalContainer(robots, ~narrow), ConditionalContainer(_rule(), ~narrow), right],
             height=Dimension(min=2),

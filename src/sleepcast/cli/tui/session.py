@@ -133,7 +133,7 @@ class Session:
     def addressees(self) -> list[Addressee]:
         """Everybody to whom a text can go, in the order in which Tab goes through them."""
         minds = self.telemetry.minds
-        groups = sorted({name for mind in minds.values() for name in mind.told.groups}, key=str.casefold)
+        groups = sorted({name for mind in minds.values() for name in mind.telemetry.groups}, key=str.casefold)
         return [AS_WRITTEN, EVERYBODY, *(Addressee(name, f"(IN {name})") for name in groups), *self._own]
 
     def next_addressee(self) -> None:
@@ -386,7 +386,7 @@ class Session:
             self._asked_why = None
             self.complain(f"{robot} does not answer")
 
-    # ---- what the person is told
+    # ---- what the person is shown
 
     def say(self, sentence: str) -> None:
         """Tell the person something."""
@@ -412,7 +412,7 @@ class Session:
         return self._listed
 
     def mind(self, robot: str) -> RemoteMind | None:
-        """What a robot has told of itself."""
+        """A robot's telemetry."""
         return self.telemetry.minds.get(robot)
 
 

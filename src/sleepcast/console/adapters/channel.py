@@ -35,23 +35,23 @@ MARGIN = 0.1
 LEAST_SIDE = 2.0
 """m: a map of one robot has a size, too."""
 ROW = 0.05
-"""Of the map's height: from the map to the row of those that have told no position, and to the next such row."""
+"""Of the map's height: from the map to the row of robots without a position, and to the next such row."""
 A_ROW = 40
 """Robots in one such row."""
 RADIUS = 0.2
-"""m: a robot whose size nobody told; the page draws it large enough to be seen."""
+"""m: a robot of unknown size; the page draws it large enough to be seen."""
 FARTHEST = 1e7
 """m: positions farther away are ignored; robots stay on the Earth."""
 SHARE = 0.002
 """Seconds for each robot between two questions to all: their answers take half of that."""
 EMPTY = (0.0, 0.0, 10.0, 10.0)
-"""m: the map before anybody has told where he is."""
+"""m: the map before any position is known."""
 
 Area = tuple[float, float, float, float]
 
 
 class SilentRobot:
-    """A robot that was heard and has not told anything of itself (a `RobotMind`)."""
+    """A robot that was heard and has sent no telemetry (a `RobotMind`)."""
 
     stopped = False
     groups: frozenset[str] = frozenset()
@@ -99,7 +99,7 @@ class FleetMinds:
         self.stopped: NDArray[np.bool_] = np.zeros(0, np.bool_)
 
     def look(self, names: tuple[str, ...]) -> None:
-        """Take what these robots told last."""
+        """Take the latest telemetry of these robots."""
         vocabulary = self._minds.vocabulary
         self._names = names
         self._values = np.full((len(names), vocabulary.size + len(vocabulary.user_slots)), nan)
@@ -222,13 +222,13 @@ class FleetAdapter:
         return found.tobytes()
 
     def _places(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """x and y of each robot, m; NaN for both where it has told no position."""
+        """x and y of each robot, m; NaN for both where its position is unknown."""
         x, y = self.minds.named(X), self.minds.named(Y)
         there = (np.abs(x) <= FARTHEST) & (np.abs(y) <= FARTHEST)
         return np.where(there, x, nan), np.where(there, y, nan)
 
     def _aside(self, number: int) -> tuple[float, float]:
-        """Where a robot stands that has told no position."""
+        """Where a robot without a position is drawn."""
         left, low, right, high = self.scene.area
         row, column = divmod(number, A_ROW)
         return left + (column + 0.5) * (right - left) / A_ROW, low - (row + 0.6) * ROW * (high - low)
@@ -253,8 +253,8 @@ class FleetAdapter:
                 yield SafetyOrder(message.sender, message.kind is Kind.STOP, message.issued)
 
     def stopped(self, since: float) -> int:
-        """How many robots report stopped, of those that told of themselves since then."""
-        return sum(mind.stopped for mind in self._telemetry.minds.values() if mind.told_at >= since)
+        """How many robots report stopped, of those whose telemetry is of later."""
+        return sum(mind.stopped for mind in self._telemetry.minds.values() if mind.reported_at >= since)
 
     def standing(self) -> str:
         """Who stands although nobody may have said STOP, and why."""
@@ -270,16 +270,16 @@ class FleetAdapter:
         return self._station.notices()
 
     def silent(self) -> NDArray[np.bool_]:
-        """Who has told nothing of himself of late."""
+        """Robots with stale telemetry."""
         late = self._station.now - self._station.stale_after
         return np.array([self._told(name) < late for name in self.scene.names], np.bool_)
 
     def _told(self, robot: str) -> float:
         mind = self._telemetry.minds.get(robot)
-        return -inf if mind is None else mind.told_at
+        return -inf if mind is None else mind.reported_at
 
     def age(self, robot: str) -> float | None:
-        """Seconds since a robot told of itself, None if it never did."""
+        """Age of a robot's telemetry in s, None if there is none."""
         age = self._station.now - self._told(robot)
         return age if age < inf else None
 

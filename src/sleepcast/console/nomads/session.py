@@ -1,4 +1,4 @@
-"""A session of the Nomads' page: one page that is open, what it asks, and what it is told.
+"""A session of the Nomads' page: one open page, its requests, and what it is sent.
 
 Four tasks, as for any page: one reads, one sends pictures, one sends news, one says that there is a server. A picture
 goes out only when the page has drawn the one before. Who drives by hand must say so again and again: a page that falls
@@ -73,7 +73,7 @@ class NomadSession:
                 self._drawn.set()
             case Watch(robot):
                 self._pictures.choose(robot)
-                self._before = b""  # the page has forgotten what it was told of it
+                self._before = b""  # the page has forgotten what it was sent of it
             case Pace(running, factor):
                 desk.set_pace(running, factor)
             case Step():
@@ -106,7 +106,7 @@ class NomadSession:
             await self._line.say(Done(serial))
 
     async def _has_room(self, serial: int | None) -> bool:
-        """Whether one more order may be begun; otherwise the page is told."""
+        """Whether one more order may be begun; otherwise the page gets a refusal."""
         if len(self._under_way) < MOST_UNDER_WAY:
             return True
         await self._line.say(Refused("too many orders wait to be done; this one was not begun", serial))

@@ -181,8 +181,8 @@ class Recorder:
     """A run's recording in `file`, which must not be there yet; see the module for what is in it.
 
     version: of the program. first: the tick that the run goes on from, and the swarm as it was then, unless it is too
-    large for a record. complain: is told in a sentence when nothing more can be written, or no further part be begun;
-    may be called from another thread. rotation: when a part is full. Raises MisuseError for a file that is there
+    large for a record. complain: called with a sentence when nothing more can be written, or no further part be begun,
+    possibly from another thread. rotation: when a part is full. Raises MisuseError for a file that is there
     already, RecordingError where none can be made.
     """
 

@@ -30,7 +30,7 @@ from sleepcast.robot import BodyConstant
 MAX_CONSTANTS = 64
 """Names that the people who write the rules can still tell apart."""
 MAX_GROUPS = 16
-"""Sorts of robots in one world: more are a table of data, not a scenario that is told."""
+"""Groups of robots in one world: more belong into a table of data, not into a scenario."""
 MAX_VALUES = 16
 """Each is one variable on every robot."""
 

@@ -130,7 +130,7 @@ class Ring:
 class RobotSpec:
     """The robots: how many of which type, where they start (evenly in x and y, m), and how they are made.
 
-    wanders: whether they roam from the start; otherwise they lie still until they are told to move. wheels: None for
+    wanders: whether they roam from the start; otherwise they stand until a command moves them. wheels: None for
     a craft that turns and drives without them. ring: None without sonars. bumpers: parts of the bumper, 0 for bodies
     that nothing stops. speed_unit: in which people read their speed. disc: x, y and radius (m) of the disc in which
     they start instead, if there is one. in_rows: whether their numbers go along rows of the world, so that neighbours

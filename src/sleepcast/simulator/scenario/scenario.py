@@ -1,7 +1,7 @@
 """Scenarios: what a world is like at the start, as data in a TOML file.
 
 `load` reads a scenario's folder (or its scenario.toml) into plain frozen dataclasses in SI; nothing is
-simulated here. Whatever is wrong in the file is told with its line and key. The keys are explained in
+simulated here. Errors in the file are reported with their line and key. The keys are explained in
 docs/scenarios.md.
 """
 

@@ -122,7 +122,7 @@ class Tick(NamedTuple):
 
 def fire(firing: Firing, tick: Tick, look: Look, hear: Hear | None = None) -> None:
     """Fire all sonars that are due in this tick, one of each robot at a time. look: see `cones.look`; hear: what they
-    read (m) that are told robots, sonars, times of their pings and what they would read of themselves."""
+    read (m) that are given to robots, sonars, times of their pings and what they would read of themselves."""
     count, most = tick.readings.shape[1], tick.view.cones.most
     while len(rows := firing.ready(tick.until)):
         sonars = firing.next(rows)

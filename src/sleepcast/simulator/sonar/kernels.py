@@ -143,20 +143,20 @@ def collect(squares, seen):
 def tell(seen, which, least, most, front, wanted, sensed):
     """See `noise.tell`, without noise. front: numbers of the sonars in front; wanted: which rows of `sensed` are."""
     sonars, shortest = seen.shape[1], F(least)
-    told = np.empty(sonars)
+    reported = np.empty(sonars)
     for q in range(which.shape[0]):
         for k in range(sonars):
             value = float(seen[q, k])
             value = most if value > most else value
-            told[k] = least if seen[q, k] <= shortest else value
-        o, nearest = which[q], told[front[0]]
+            reported[k] = least if seen[q, k] <= shortest else value
+        o, nearest = which[q], reported[front[0]]
         for k in range(sonars):
             if wanted[k]:
-                sensed[k, o] = told[k]
+                sensed[k, o] = reported[k]
         if not wanted[sonars]:
             continue
         for k in front:
-            nearest = told[k] if (told[k] < nearest) | (told[k] != told[k]) else nearest
+            nearest = reported[k] if (reported[k] < nearest) | (reported[k] != reported[k]) else nearest
         sensed[sonars, o] = nearest
 
 
@@ -168,7 +168,7 @@ def hear(squares, which, noise, least, most, front, wanted, sensed, edge):
     (share, dropout, key, dropout_key), sonars, count = noise, sensed.shape[0] - 1, which.shape[0]
     room, multiples = np.empty(squares.shape[1] * BLOCK + 2 * LINE, F), np.zeros(BLOCK, U)
     turned = room[-room.ctypes.data % 64 // 4 :]
-    told, nearest = np.empty(LANES), np.full(LANES, most)
+    reported, nearest = np.empty(LANES), np.full(LANES, most)
     ahead = np.zeros(sonars, np.bool_)
     for k in front:
         ahead[k] = wanted[sonars]
@@ -192,9 +192,9 @@ def hear(squares, which, noise, least, most, front, wanted, sensed, edge):
                 if ahead[k]:
                     put(nearest, 0, least_of(at(nearest, 0), value))
                 if wanted[k]:
-                    spread(value, some, q, sensed, k, streams, told)
+                    spread(value, some, q, sensed, k, streams, reported)
             if wanted[sonars]:
-                spread(at(nearest, 0), some, q, sensed, sonars, streams, told)
+                spread(at(nearest, 0), some, q, sensed, sonars, streams, reported)
                 put(nearest, 0, every(most))
         begin, end = end, end + BLOCK
     all_passed()
@@ -225,11 +225,11 @@ def listen(squared, multiple, share, dropout, key, dropout_key, least, most):
 
 
 @inlined
-def spread(values, which, first, sensed, row, streams, told):
-    """Put what robots, from the `first` of these on, are told where they look for it."""
+def spread(values, which, first, sensed, row, streams, reported):
+    """Store the readings of robots, from the `first` of these on, in the sensor array."""
     if streams:
         put_by(sensed, row, which[0] + first, values)
         return
-    put(told, 0, values)
+    put(reported, 0, values)
     for q in range(min(which.shape[0] - first, LANES)):
-        sensed[row, which[first + q]] = told[q]
+        sensed[row, which[first + q]] = reported[q]

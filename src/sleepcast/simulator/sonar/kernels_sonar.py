@@ -115,15 +115,15 @@ def list_pieces(solids, items, begin, end, room, pieces):
 
 
 @inlined
-def tell_pieces(zero, pieces, count, room, own_x, own_y, told):
+def local_pieces(zero, pieces, count, room, own_x, own_y, local):
     """Put into a sixth run of `pieces` how far on the left of a robot the lines of `count` pieces pass, and into runs
-    of `room` numbers of `told` where these begin and end along them, in the precision of `zero`."""
+    of `room` numbers of `local` where these begin and end along them, in the precision of `zero`."""
     for p in range(U(0), count, U(LANES)):
         ex, ey = at(pieces, p), at(pieces, room + p)
         origin = ex * own_x + ey * own_y
         put(pieces, U(5) * room + p, at(pieces, U(2) * room + p) - (ex * own_y - ey * own_x))
-        put(told, p, like(zero, at(pieces, U(3) * room + p) - origin))
-        put(told, room + p, like(zero, at(pieces, U(4) * room + p) - origin))
+        put(local, p, like(zero, at(pieces, U(3) * room + p) - origin))
+        put(local, room + p, like(zero, at(pieces, U(4) * room + p) - origin))
 
 
 @inlined
@@ -160,8 +160,8 @@ def look_along(zero, low, high, met, on, begin, end):
 
 
 @inlined
-def walls(zero, axis_x, axis_y, pieces, told, room, news, begin, count, own, cosine, sine, grazing, nothing):
-    """What all cones see of `count` pieces of walls, see `tell_pieces`, those of the entries from `begin` on, and how
+def walls(zero, axis_x, axis_y, pieces, local, room, news, begin, count, own, cosine, sine, grazing, nothing):
+    """What all cones see of `count` pieces of walls, see `local_pieces`, those of the entries from `begin` on, and how
     barely any of them is met: squared metres and metres. In the precision of `zero`."""
     real = type(zero)
     grazing, nothing = real(grazing), real(nothing)
@@ -193,7 +193,7 @@ def walls(zero, axis_x, axis_y, pieces, told, room, news, begin, count, own, cos
             found = least_of(found, away * away + foot * foot)
             away, foot = like(zero, pieces[U(5) * room + p] - off), far
             low, high, met = meet(zero, away, near, beyond, before, after, grazing)
-        its, width = look_along(zero, low, high, met, on, told[p], told[room + p])
+        its, width = look_along(zero, low, high, met, on, local[p], local[room + p])
         foot, barely = least_of(foot, its), least_of(barely, width)
     foot = most_of(foot, zero)
     return least_of(found, away * away + foot * foot), barely
@@ -201,24 +201,26 @@ def walls(zero, axis_x, axis_y, pieces, told, room, news, begin, count, own, cos
 
 @part
 def look_precisely(
-    axis_cos, axis_sin, first, co, si, pieces, told, room, news, begin, count, own_x, own_y, own, cosine, sine, grazing,
-    nothing, seen, place,
+    axis_cos, axis_sin, first, co, si, pieces, local, room, news, begin, count, own_x, own_y, own, cosine, sine,
+    grazing, nothing, seen, place,
 ):  # fmt: skip
     """Put into `seen`, from `place` on, what sixteen cones from `first` on see of walls, in double precision."""
     axis_x, axis_y = axes(axis_cos, axis_sin, first, co, si)
-    tell_pieces(0.0, pieces, count, room, own_x, own_y, told)
-    precise, _ = walls(0.0, axis_x, axis_y, pieces, told, room, news, begin, count, own, cosine, sine, grazing, nothing)
+    local_pieces(0.0, pieces, count, room, own_x, own_y, local)
+    precise, _ = walls(
+        0.0, axis_x, axis_y, pieces, local, room, news, begin, count, own, cosine, sine, grazing, nothing
+    )
     put(seen, place, singles(precise))
 
 
 @inlined
 def look_at_solids(
-    axis_cos, axis_sin, first, co, si, solids, items, pieces, told, again, room, news, begin, end, own_x, own_y, own,
+    axis_cos, axis_sin, first, co, si, solids, items, pieces, local, again, room, news, begin, end, own_x, own_y, own,
     cosine, sine, graze, grazing, most, seen, place,
 ):  # fmt: skip
     """Put into `seen`, from `place` on, what sixteen cones from `first` on see of the listed solids from `begin` up to
     `end`, squared metres, in single precision. The walls among them are `pieces`, which have room for a sixth run, see
-    `list_pieces`. told, again: scratch memory."""
+    `list_pieces`. local, again: scratch memory."""
     nothing = most * most
     axis_x, axis_y = axes(axis_cos, axis_sin, first, co, si)
     found = every(F(nothing))
@@ -231,9 +233,9 @@ def look_at_solids(
         begin += U(1)
     if begin < end:
         count = end - begin
-        tell_pieces(F(0), pieces, count, room, own_x, own_y, told)
+        local_pieces(F(0), pieces, count, room, own_x, own_y, local)
         lines, barely = walls(
-            F(0), axis_x, axis_y, pieces, told, room, news, begin, count, own, cosine, sine, grazing, nothing
+            F(0), axis_x, axis_y, pieces, local, room, news, begin, count, own, cosine, sine, grazing, nothing
         )
         if any_of(barely < F(BARELY * (own + most))):
             look_precisely(
@@ -398,7 +400,7 @@ def see(
     far_x, far_y = np.empty(room), np.empty(room)
     near_x, near_y, near_number = np.empty(near_room, I), np.empty(near_room, I), np.empty(near_room, I)
     least, pairs, whose = np.empty(BATCH * count, F), np.empty(2 * room, F), np.empty(room, I)
-    pieces, told, again = np.zeros(6 * pieces_room), np.empty(2 * pieces_room, F), np.empty(2 * pieces_room)
+    pieces, local, again = np.zeros(6 * pieces_room), np.empty(2 * pieces_room, F), np.empty(2 * pieces_room)
     batch = np.empty(BATCH, np.int64)
     cosines, sines, turned = np.empty(BLOCK), np.empty(BLOCK), np.empty(2 * BATCH)
     own_x, own_y = np.empty(BLOCK), np.empty(BLOCK)
@@ -433,7 +435,7 @@ def see(
                     first_wall += U(1)
                 if walls_to - first_wall > U(pieces_room):
                     pieces_room = (np.int64(walls_to - first_wall) // LANES + 1) * 2 * LANES
-                    pieces, told, again = (
+                    pieces, local, again = (
                         np.zeros(6 * pieces_room),
                         np.empty(2 * pieces_room, F),
                         np.empty(2 * pieces_room),
@@ -454,7 +456,7 @@ def see(
                         place = U(held * count + k)
                         if walls_from < walls_to:
                             look_at_solids(
-                                axis_cos, axis_sin, k, co, si, solids, items, pieces, told, again,
+                                axis_cos, axis_sin, k, co, si, solids, items, pieces, local, again,
                                 U(pieces_room), news, walls_from, walls_to, own_x[i - block], own_y[i - block],
                                 own, cosine, sine, graze, grazing, most, least, place,
                             )  # fmt: skip

@@ -79,10 +79,10 @@ def tell(seen: NDArray[np.float32], which: Whole, receiver: Receiver, sensed: Fl
     if receiver.noise is not None:
         disturb(seen, which, receiver.noise)
     read = seen.T
-    told = np.where(
+    reported = np.where(
         read <= np.float32(receiver.least), receiver.least, np.minimum(read.astype(np.float64), receiver.most)
     )
     for sonar in np.flatnonzero(receiver.wanted[:-1]):
-        sensed[sonar, which] = told[sonar]
+        sensed[sonar, which] = reported[sonar]
     if receiver.wanted[-1]:
-        sensed[-1, which] = told[receiver.front].min(axis=0)
+        sensed[-1, which] = reported[receiver.front].min(axis=0)

@@ -97,8 +97,7 @@ def digest(before: bytes, line: str) -> bytes:
 
 
 def line_of(entry: Entry, written: float) -> str:
-    """An entry as it is written; what JSON cannot say is told as near as it can: bytes in hexadecimal, and nothing
-    (`null`) for what is unknown or never comes."""
+    """An entry as a line of JSON: bytes in hexadecimal, and `null` for what is unknown or never comes."""
     details: dict[str, object] = {}
     for key, value in entry.details.items():
         if isinstance(value, RobotNames) and len(value) > MAX_LISTED:

@@ -90,7 +90,7 @@ def in_swarm() -> Entered:
 
 def on_air() -> Entered:
     """The way over UDP."""
-    from sleepcast.cli.air import FLEET, AirOptions, station_for
+    from sleepcast.api.connection import FLEET, AirOptions, station_for
 
     with socket(AF_INET, SOCK_DGRAM) as free, TemporaryDirectory() as home:
         free.bind(("127.0.0.1", 0))

@@ -20,9 +20,9 @@ from contextlib import closing
 import numpy as np
 
 from benchmarks.report import Json
+from sleepcast.api.connection import FLEET, AirOptions, session_for
 from sleepcast.channel import Kind
 from sleepcast.channel.payload import WITHIN
-from sleepcast.cli.air import FLEET, AirOptions, session_for
 from sleepcast.core.clock import UnixClock
 from sleepcast.language import Vocabulary
 from sleepcast.station.account import Command

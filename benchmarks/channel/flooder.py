@@ -16,12 +16,12 @@ import sys
 import time
 from random import Random
 
+from sleepcast.api.connection import FLEET
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import HEAD, encode
 from sleepcast.channel.keys import ID_BYTES, KeyPair
 from sleepcast.channel.message import MAX_TEXT, Role
 from sleepcast.channel.transports.udp import UdpTransport
-from sleepcast.cli.air import FLEET
 
 MADE = 4_096
 """Datagrams that differ."""

@@ -31,6 +31,7 @@ from unittest import mock
 from benchmarks.channel.proofs import YARD, Proof, seconds
 from benchmarks.channel.receivers import PUBLISH, TOPIC, mqtt_connected, mqtt_packet, mqtt_text
 from benchmarks.report import Bar, number
+from sleepcast.api.connection import FLEET, AirOptions, session_for
 from sleepcast.api.progress import steps
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import encode
@@ -39,7 +40,6 @@ from sleepcast.channel.keys import KeyPair
 from sleepcast.channel.message import Role
 from sleepcast.channel.payload import WITHIN
 from sleepcast.channel.transports.udp import UdpTransport
-from sleepcast.cli.air import FLEET, AirOptions, session_for
 
 BAR = 2.0
 """Times the 99th percentile of plain UDP."""

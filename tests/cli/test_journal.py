@@ -18,8 +18,8 @@ import pytest
 from channel.test_udp import free_port
 from cli.calling import Called, called
 from cli.test_swarm import account, swarm
+from sleepcast.api.connection import journal_of, open_journal
 from sleepcast.cli import main
-from sleepcast.cli.air import journal_of, open_journal
 from sleepcast.core.clock import ManualClock
 from sleepcast.station import Event
 from sleepcast.station.journal.sqlite import SqliteJournal

@@ -13,10 +13,10 @@ import pytest
 
 from cli.calling import LONGEST, called
 from cli.test_swarm import account, channel, swarm
+from sleepcast.api.connection import FLEET, AirOptions, session_for
 from sleepcast.channel.keyring import KeyFileLostError, add_trust, key_file, load_trust, save_key, save_trust
 from sleepcast.channel.keys import KeyChange, KeyPair, Trust
 from sleepcast.channel.message import Kind, Role
-from sleepcast.cli.air import FLEET, AirOptions, session_for
 
 __all__ = ["channel"]  # a fixture
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from tests.cli.calling import Called, called
 
+from sleepcast.api.connection import AirOptions
+from sleepcast.api.connection import chosen_keys as keys_of
 from sleepcast.channel.keyring import development_keys, find_key, keys_folder, load_key, load_trust
 from sleepcast.channel.message import Role
-from sleepcast.cli.air import AirOptions
-from sleepcast.cli.air import _keys as keys_of
 from sleepcast.cli.keys import commander
 
 PUBLIC = "03a107bff3ce10be1d70dd18e74bc09967e4d6309ba50d5f1ddc8664125531b8"

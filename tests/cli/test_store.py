@@ -19,9 +19,9 @@ import pytest
 from channel.test_udp import free_port
 from cli.calling import LONGEST, called
 from processes import SLEEPCAST, running
+from sleepcast.api.connection import AirOptions, session_for
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.session import ChannelSession
-from sleepcast.cli.air import AirOptions, session_for
 
 NAMES = {"r1", "r2", "r3"}
 PATIENCE = 5.0

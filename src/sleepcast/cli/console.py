@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import click
 
-from sleepcast.cli.air import AirOptions, observing_station, on_air
+from sleepcast.api.connection import AirOptions, observing_station
+from sleepcast.cli.air import on_air
 from sleepcast.cli.options import allow_host_option
 from sleepcast.cli.streams import announce, complain
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.air import AirOptions, observing_station, on_air
+from sleepcast.api.connection import AirOptions, observing_station
+from sleepcast.cli.air import on_air
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import MisuseError
 

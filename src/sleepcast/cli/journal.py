@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.air import FLEET, journal_of, journal_option
+from sleepcast.api.connection import FLEET, journal_of
+from sleepcast.cli.air import journal_option
 from sleepcast.cli.options import Moment
 from sleepcast.cli.streams import announce, complain, put
 from sleepcast.core.errors import MisuseError, SleepcastError, printable

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
+from sleepcast.api.connection import FLEET, AirOptions, session_for, station_for
 from sleepcast.cli.account import account_lines, as_dict
-from sleepcast.cli.air import FLEET, AirOptions, session_for, station_for
 from sleepcast.cli.streams import complain, put
 from sleepcast.core.errors import MisuseError
 

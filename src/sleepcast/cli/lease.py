@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.air import AirOptions, operator, station_for
+from sleepcast.api.connection import AirOptions, station_for
+from sleepcast.cli.air import operator
 from sleepcast.cli.send import GRACE, gathered
 from sleepcast.cli.streams import complain
 from sleepcast.core.errors import printable

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.air import AirOptions, chosen_store, no_store_option, open_store, options, session_for, store_option
+from sleepcast.api.connection import AirOptions, open_store, session_for
+from sleepcast.cli.air import chosen_store, no_store_option, options, store_option
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.options import restraints
 from sleepcast.cli.streams import complain

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.air import CHANNEL, FLEET
+from sleepcast.api.connection import CHANNEL, FLEET
 from sleepcast.cli.streams import put
 from sleepcast.core.errors import MisuseError, did_you_mean, printable
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import click
 
+from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.cli.account import account_lines, as_dict, forecast_text, stages_as_dict
-from sleepcast.cli.air import AirOptions, observing_station, operator
+from sleepcast.cli.air import operator
 from sleepcast.cli.eval import NegativeNumbersAllowed
 from sleepcast.cli.options import Seconds
 from sleepcast.cli.streams import complain, put, somebody_there
-from sleepcast.cli.who import look_around
 from sleepcast.core.errors import SleepcastError, and_more
 
 if TYPE_CHECKING:
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 GRACE = 1.0
 """Seconds after the time for answers for which they are still taken: for a robot's tick, and for repairs."""
-AHEAD = 0.3
-"""The same before anything is sent: who is silent then counts as one who may obey."""
 PATIENCE = 2.0
 """The same for a question, which is asked again where its answer was lost."""
 MAX_HOLD = 86_400.0
@@ -82,6 +80,7 @@ def send(
       sleepcast send --only r7 --hold 10 '(SETQ drive_speed 1m/s)'
       sleepcast send --staged --count 48 '(WHEN (> fuel 20%) (GOTO 10mi 5mi))'
     """
+    from sleepcast.station.asking import ask_first
     from sleepcast.station.validation import Audience, CountNeededError, Draft
 
     if staged and only is not None:
@@ -94,7 +93,7 @@ def send(
         station.holding = hold is not None
         if not blind:
             _refuse_early(station, draft)
-            _ask_first(station, telemetry, text)
+            ask_first(station, telemetry, text)
         warn(station, telemetry, text)
         if not (blind or anyway):
             refuse_unknown(station, telemetry, text, as_json)
@@ -122,10 +121,11 @@ def warn(station: NetworkStation, telemetry: TelemetryClient, text: str) -> None
 
 def refuse_unknown(station: NetworkStation, telemetry: TelemetryClient, text: str, as_json: bool) -> None:
     """Let the desk refuse names that no robot has, where all have sent their names; a person may insist."""
+    from sleepcast.station.asking import unknown_names
     from sleepcast.station.validation import UnknownNameError
 
-    names, robots = station.check(text).unknown, len(telemetry.minds) if telemetry.minds.complete else 0
-    if not (names and robots):
+    names, robots = unknown_names(station, telemetry, text)
+    if not names:
         return
     person = not as_json and somebody_there()
     if not (person and click.confirm(f"{UnknownNameError(names, robots).why}. Send it all the same?", err=True)):
@@ -161,19 +161,6 @@ def _refuse_early(station: NetworkStation, draft: Draft) -> None:
     except SleepcastError:
         may = None  # `settle` says it once more, and writes it down
     station.validate(replace(draft, count=may, confirmed=True))  # what is doubted is asked when all is known
-
-
-def _ask_first(station: NetworkStation, telemetry: TelemetryClient, text: str) -> None:
-    """Have robots tell of themselves, and those decide whose answer cannot be foreseen from that; nothing is done."""
-    from sleepcast.language.rehearsal import CHANCE
-    from sleepcast.station.preview import NEVER_HEARD, STALE
-    from sleepcast.station.validation import MAX_LISTED
-
-    look_around(station, telemetry, patience=AHEAD)
-    unknown = station.preview(text).unknown
-    asked = [name for name, why in unknown.items() if why not in (NEVER_HEARD, STALE, CHANCE)]
-    if asked:
-        station.poll(text, AHEAD, only=asked if len(asked) <= MAX_LISTED else None)
 
 
 def _at_once(station: NetworkStation, draft: Draft, as_json: bool) -> int:
@@ -229,6 +216,8 @@ def ask(text: str, anyway: bool, air: AirOptions, as_json: bool) -> int:
       sleepcast ask fuel
       sleepcast ask '(DIST x y 0 0)' --json
     """
+    from sleepcast.station.asking import AHEAD, look_around
+
     with observing_station(air, complain) as (station, telemetry):
         if not anyway and station.check(text).unknown:
             look_around(station, telemetry, patience=AHEAD)
@@ -247,6 +236,8 @@ def release(air: AirOptions, as_json: bool) -> int:
     Examples:
       sleepcast release
     """
+    from sleepcast.station.asking import AHEAD, look_around
+
     with observing_station(air, complain) as (station, telemetry):
         decided = station.now
         look_around(station, telemetry, patience=AHEAD)  # whose STOPs hold, which a RELEASE has to name

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from sleepcast.api.connection import AirOptions, expectation, station_for
 from sleepcast.cli.account import account_lines, as_dict
-from sleepcast.cli.air import AirOptions, expectation, operator, station_for
+from sleepcast.cli.air import operator
 from sleepcast.cli.interrupts import Interrupts, Terminated
 from sleepcast.cli.options import Seconds
 from sleepcast.cli.progress import Status

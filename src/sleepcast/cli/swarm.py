@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.air import AirOptions, open_store, options, sessions_for, store_option
+from sleepcast.api.connection import AirOptions, open_store, sessions_for
+from sleepcast.cli.air import options, store_option
 from sleepcast.cli.interrupts import Interrupts
 from sleepcast.cli.options import restraints
 from sleepcast.cli.streams import announce, complain

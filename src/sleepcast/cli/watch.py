@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.air import AirOptions, observing_station, operator
+from sleepcast.api.connection import AirOptions, observing_station
+from sleepcast.cli.air import operator
 from sleepcast.cli.eval import NegativeNumbersAllowed
 from sleepcast.cli.streams import announce, complain, put
-from sleepcast.cli.who import look_around
 from sleepcast.core.errors import MisuseError, did_you_mean, printable
 
 if TYPE_CHECKING:
@@ -61,6 +61,8 @@ def watch(text: str | None, show: str | None, every: float, once: bool, air: Air
       sleepcast watch --show x,y,fuel '(< fuel 30%)'
       sleepcast watch --once --json
     """
+    from sleepcast.station.asking import look_around
+
     with observing_station(air, complain) as (station, telemetry):
         window = Window(station, telemetry, text, None if show is None else show.replace(",", " ").split())
         look_around(station, telemetry)

@@ -9,28 +9,20 @@ from typing import TYPE_CHECKING
 
 import click
 
+from sleepcast.api.connection import AirOptions, observing_station
 from sleepcast.cli.account import FEW, MANY, listed
-from sleepcast.cli.air import AirOptions, observing_station, operator
+from sleepcast.cli.air import operator
 from sleepcast.cli.eval import NegativeNumbersAllowed
 from sleepcast.cli.streams import complain, put
-from sleepcast.core.errors import SleepcastError, and_more, printable
+from sleepcast.core.errors import and_more, printable
 
 if TYPE_CHECKING:
     from sleepcast.language.program import Program
     from sleepcast.station.network import NetworkStation
-    from sleepcast.station.telemetry_client import TelemetryClient
 
-PATIENCE = 1.0
-"""Seconds after the time for answers for which they are still taken: they are asked for again where they were lost."""
-PAUSE = 0.02
-"""Seconds between two looks at whether something has come."""
 NO_ANSWER = "it did not answer"
 TESTS = frozenset({"or", "known", "in", "prob"})
 """Special forms that are no more than tests."""
-
-
-class SilentError(SleepcastError):
-    """A robot that does not answer."""
 
 
 @dataclass(slots=True)
@@ -103,6 +95,8 @@ def who(text: str, poll: bool, told: bool, air: AirOptions, as_json: bool) -> in
       sleepcast who '(> fuel 50%)'
       sleepcast who --poll '(WHEN (< (SONAR 0) 1m) (ST))'
     """
+    from sleepcast.station.asking import look_around
+
     with observing_station(air, complain) as (station, telemetry):
         if not (poll or told):
             look_around(station, telemetry)
@@ -131,18 +125,6 @@ def _is_test(program: Program) -> bool:
     return root.op in TESTS or (root.op == "pure" and root.function.rule in ("compare", "truth"))
 
 
-def look_around(
-    station: NetworkStation, telemetry: TelemetryClient, robots: list[str] | None = None, patience: float = PATIENCE
-) -> None:
-    """Ask robots (None: all) for telemetry, and for whatever is missing then, and wait for it. patience: s for which
-    answers are waited for beyond their time, and what is missing as long again."""
-    began = station.now
-    station.gather(telemetry.look(robots), patience)
-    until = station.now + patience
-    while telemetry.learning(began) and station.now < until:
-        station.wait(PAUSE)
-
-
 def _foreseen(station: NetworkStation, text: str) -> Obeyers:
     """By the robots' telemetry."""
     found = station.preview(text)
@@ -152,6 +134,8 @@ def _foreseen(station: NetworkStation, text: str) -> Obeyers:
 
 def _polled(station: NetworkStation, text: str) -> Obeyers:
     """By what the robots say."""
+    from sleepcast.station.asking import PATIENCE
+
     asked, poll = station.poll(text, PATIENCE)
     found, account = Obeyers(everybody=station.preview(text).everybody), station.accounting(asked.id)
     found.nameless = account.n_nameless
@@ -184,15 +168,10 @@ def why(robot: str, command: str | None, air: AirOptions, as_json: bool) -> int:
       sleepcast why r7 desk-1763763151000.4
       sleepcast why r7 keep
     """
+    from sleepcast.station.asking import ask_why
+
     with observing_station(air, complain) as (station, telemetry):
-        if robot not in station.roster:  # it may be there all the same: everybody is asked who he is
-            look_around(station, telemetry)
-        asked = telemetry.ask_why(robot, command)
-        until = station.now + PATIENCE
-        while (found := telemetry.explanation(asked, robot)) is None and station.now < until:
-            station.wait(PAUSE)
-    if found is None:
-        raise SilentError(f"{robot} does not answer ({station.accounting(asked.id).ago(robot)})")
+        found = ask_why(station, telemetry, robot, command)
     if as_json:
         put(json.dumps({"robot": robot, **found.to_dict()}))
     else:

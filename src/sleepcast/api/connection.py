@@ -1,0 +1,305 @@
+"""How a party gets onto the air: its channel, fleet and keys, and where journals and stores lie."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from random import Random, SystemRandom
+from typing import TYPE_CHECKING
+from urllib.parse import quote
+
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.files import data_folder
+
+if TYPE_CHECKING:
+    from sleepcast.channel.keys import KeyPair, Trust
+    from sleepcast.channel.reliable import ReliableDelivery
+    from sleepcast.channel.session import ChannelSession, Receiver
+    from sleepcast.channel.transports.multiplexer import Multiplexer
+    from sleepcast.node.store import Store
+    from sleepcast.station.journal.sqlite import DeferredJournal
+    from sleepcast.station.network import NetworkStation
+    from sleepcast.station.roster import Expectation
+    from sleepcast.station.telemetry_client import TelemetryClient
+
+FLEET = "sleepcast"
+"""Whose messages are heard, unless another fleet is named."""
+CHANNEL = "udp://239.255.83.76:47123?interface=lo"
+"""Unless another one is said: multicast that stays on this machine."""
+
+
+@dataclass(frozen=True, slots=True)
+class AirOptions:
+    """channel: its address; fleet: its name. key: the owner of ours, None for the one in use, or the development key of
+    this machine; trust: the file of those who are believed, None for the one beside the keys, or for the development
+    keys alone. folder: where keys lie, None for the one in the user's settings. within: s for answers, None: by the
+    roster. journal: the file in which it is written down, None for the fleet's own. skew: s that others' clocks may be
+    wrong; rate: signatures of one key that are looked at in a second; None for what is usual. expect: how many robots
+    there are, or the file of their names; None for what is kept of this channel and fleet."""
+
+    channel: str
+    fleet: str
+    key: str | None
+    trust: Path | None
+    folder: Path | None
+    within: float | None = None
+    journal: Path | None = None
+    skew: float | None = None
+    rate: float | None = None
+    expect: str | None = None
+
+
+def expectation(air: AirOptions) -> Expectation:
+    """Which robots there are, by what was said with this command, or is kept. Raises ExpectationError."""
+    from sleepcast.station.roster import FleetFile, read_expectation
+
+    return FleetFile(air.channel, air.fleet).read() if air.expect is None else read_expectation(air.expect)
+
+
+@contextmanager
+def station_for(
+    air: AirOptions, say: Callable[[str], None], *, strict: bool = False, expected: Expectation | None = None
+) -> Iterator[NetworkStation]:
+    """An operator's desk on this channel, which remembers at its end who was heard. say: tells the person what he must
+    know. strict: whether what is only doubtful is refused. expected: which robots there are, None for `expectation`.
+    Raises what the channel raises, and ExpectationError."""
+    with observing_station(air, say, strict=strict, expected=expected) as (station, _):
+        yield station
+
+
+@contextmanager
+def observing_station(
+    air: AirOptions, say: Callable[[str], None], *, strict: bool = False, expected: Expectation | None = None
+) -> Iterator[tuple[NetworkStation, TelemetryClient]]:
+    """The same, with a client that requests telemetry and keeps it."""
+    from sleepcast.core.clock import UnixClock
+    from sleepcast.core.errors import printable
+    from sleepcast.station.cache import CacheError, PeerCache, TelemetryCache
+    from sleepcast.station.network import ABOVE, NetworkStation
+    from sleepcast.station.remote import RemoteMinds
+    from sleepcast.station.roster import NOBODY_SAID
+    from sleepcast.station.telemetry_client import TelemetryClient
+    from sleepcast.station.validation import SendPolicy
+
+    if expected is None:
+        try:
+            expected = expectation(air)
+        except MisuseError as error:
+            if air.expect is not None:
+                raise
+            expected = NOBODY_SAID
+            say(f"{error}. Until then silence is counted among robots heard so far")
+    contacts, minds, seen = PeerCache.of(air.fleet), RemoteMinds(), TelemetryCache.of(air.fleet)
+    seen.restore(minds, UnixClock().now())
+    with (
+        closing(session_for(air, None, robot=False, say=say)) as session,
+        closing(open_journal(air.journal, air.fleet)) as journal,
+    ):
+        station = NetworkStation(
+            session,
+            UnixClock(),
+            minds.vocabulary,
+            minds,
+            heard=contacts.heard,
+            journal=journal,
+            caution=SendPolicy(ABOVE, irreversible=True, strict=strict, doubts=True),
+            within=air.within,
+            expected=expected,
+        )
+        telemetry = TelemetryClient(station, minds)
+        station.listeners.append(telemetry.hear)
+        try:
+            yield station, telemetry
+        finally:
+            station.conclude()
+            for sentence in (*station.notices(), *filter(None, [station.trouble])):
+                say(printable(sentence))
+            try:
+                contacts.save({name: at for name, at in station.roster.items() if at is not None})
+                seen.save(minds, station.now)
+            except CacheError as error:
+                say(str(error))
+
+
+def session_for(
+    air: AirOptions, name: str | None, *, robot: bool, say: Callable[[str], None], store: Store | None = None
+) -> ChannelSession:
+    """A line on this channel. name: of what we say, None for the key's owner. say: tells the person which keys are in
+    use if nobody chose them. store: of a robot; an operator has one of his own, in which his life goes on, and which
+    is closed with the line. Raises what the channel raises."""
+    from sleepcast.channel.admission import ROBOT_KINDS
+    from sleepcast.channel.message import Kind
+    from sleepcast.channel.session import ChannelSession
+    from sleepcast.channel.transports import open_transport
+    from sleepcast.channel.transports.transport import listen_for
+    from sleepcast.core.clock import UnixClock
+
+    key, trust = chosen_keys(air, robot, say)
+    if not robot:
+        store = operator_store(air.fleet, key.public.owner, say)
+    delivery = _delivery(air, key.public.owner if name is None else name, key, trust, store, robot=robot)
+    transport = open_transport(air.channel)
+    listen_for(transport, ROBOT_KINDS if robot else Kind)
+    session = ChannelSession(transport, delivery, UnixClock(), _chance())
+    if not robot and store is not None:
+        session.ends.append(store.close)
+    return session
+
+
+def sessions_for(
+    air: AirOptions, names: Sequence[str], say: Callable[[str], None], store: Store | None = None
+) -> tuple[Multiplexer, Receiver, list[ChannelSession]]:
+    """Sessions of robots with these names, and the receiver for all of them, on one multiplexer. store: of these
+    robots. Raises what the channel raises."""
+    from sleepcast.channel.admission import ROBOT_KINDS
+    from sleepcast.channel.session import ChannelSession, Receiver, receiver_name
+    from sleepcast.channel.transports import open_transport
+    from sleepcast.channel.transports.multiplexer import Multiplexer
+    from sleepcast.core.clock import UnixClock
+
+    key, trust = chosen_keys(air, True, say)
+    deliveries = [_delivery(air, name, key, trust, store, robot=True) for name in names]
+    listening = deliveries[0]
+    if len(names) > 1:
+        listening = _delivery(air, receiver_name(names), key, trust, store, robot=True)
+    if store is not None:
+        store.listen(listening)
+    multiplexer, clock = Multiplexer(open_transport(air.channel), listening.admission.drops), UnixClock()
+    receiver = Receiver(multiplexer.port(ROBOT_KINDS), listening, clock)
+    return (
+        multiplexer,
+        receiver,
+        [ChannelSession(multiplexer.port(()), delivery, clock, _chance(), listens=False) for delivery in deliveries],
+    )
+
+
+def _delivery(
+    air: AirOptions,
+    name: str,
+    key: KeyPair,
+    trust: Trust,
+    store: Store | None,
+    *,
+    robot: bool,
+) -> ReliableDelivery:
+    """The delivery of a party of this name. Raises MisuseError if the key is not its own."""
+    from sleepcast.channel.admission import Admission
+    from sleepcast.channel.reliable import ReliableDelivery
+    from sleepcast.core.clock import UnixClock, epoch_at
+
+    if not key.public.is_of(name):
+        raise MisuseError(f"the key of {key.public.owner!r} cannot speak for {name!r}: take another with --key")
+    clock, chance = UnixClock(), _chance()
+    admission = Admission(trust, air.fleet, clock, robot=robot, rate=air.rate, skew=air.skew)
+    if store is None:  # a life begins later than all before, so that its numbers are news
+        return ReliableDelivery(name, epoch_at(clock.now()), key, admission, chance)
+    if robot:
+        return ReliableDelivery(name, store.life(name), key, admission, chance)
+    epoch, first = store.numbers(name)
+    delivery = ReliableDelivery(name, epoch, key, admission, chance, first=first, keep=store.keep)
+    store.attend(delivery)
+    return delivery
+
+
+def _chance() -> Random:
+    return Random(SystemRandom().getrandbits(64))
+
+
+def chosen_keys(air: AirOptions, robot: bool, say: Callable[[str], None]) -> tuple[KeyPair, Trust]:
+    """Our key, and whom we believe. What is heard on the air of whom to trust goes into the trust file."""
+    from sleepcast.channel.keyring import (
+        DEVELOPMENT_TRUST,
+        TRUST_FILE,
+        add_trust,
+        development_keys,
+        find_key,
+        keys_folder,
+        load_trust,
+        used_keys,
+    )
+    from sleepcast.channel.keys import Trust
+    from sleepcast.core.errors import SleepcastError
+
+    folder = air.folder or keys_folder()
+    file = air.trust or folder / TRUST_FILE
+    owner = used_keys(folder).of(robot=robot) if air.key is None else air.key
+    if owner is None and air.trust is None:
+        file = folder / DEVELOPMENT_TRUST
+        desk, robots = development_keys(folder)
+        say(f"development keys of this machine, in {folder}: to try things out; anybody who can read them can command")
+        pair, trust = (robots if robot else desk), load_trust(file) if file.exists() else Trust()
+        trust.merge(Trust((desk.public, robots.public)))
+    else:
+        pair = development_keys(folder)[robot] if owner is None else find_key(folder, owner)
+        trust = load_trust(file)
+
+    def keep(trust: Trust) -> None:
+        try:
+            add_trust(trust, file)
+        except SleepcastError as error:  # it counts all the same, until we end
+            say(str(error))
+
+    trust.keep = keep
+    return pair, trust
+
+
+LONGEST = 200
+"""Bytes of a file's name for a fleet, so that the names of its archives fit into 255."""
+
+HASTE = 0.25
+"""Seconds that a desk waits for another writer: it has robots to hear, and writes later what it could not."""
+
+
+def journal_of(fleet: str) -> Path:
+    """The file of a fleet's own journal."""
+    name = quote(fleet, safe=" ")
+    return data_folder() / "journals" / f"{name if len(name) <= LONGEST else sha256(fleet.encode()).hexdigest()}.db"
+
+
+def open_journal(journal: Path | None, fleet: str) -> DeferredJournal:
+    """A journal for a desk to write to: the file, or that of the fleet."""
+    from sleepcast.core.clock import UnixClock
+    from sleepcast.station.journal.sqlite import DeferredJournal
+
+    return DeferredJournal(journal or journal_of(fleet), UnixClock(), HASTE)
+
+
+MAX_LIVES = 16
+"""Processes of one operator at a time whose lives go on; one more begins a new life."""
+
+
+def open_store(file: Path, say: Callable[[str], None]) -> Store:
+    """The store in a file; see `Store`."""
+    from sleepcast.core.clock import UnixClock
+    from sleepcast.node.store import Store
+
+    return Store(file, UnixClock(), say)
+
+
+def operator_store(fleet: str, owner: str, say: Callable[[str], None]) -> Store | None:
+    """Where an operator's life goes on: the first of his stores that no other process of his uses. None if he must
+    begin a new one, because nothing can be written."""
+    from sleepcast.node.store import InUseError, StoreError
+
+    for number in range(1, MAX_LIVES + 1):
+        try:
+            store = open_store(store_file("operators", fleet, f"{owner}-{number}"), say)
+        except InUseError:
+            continue
+        except StoreError as error:
+            say(f"{error}. Until then what is sent begins a new life, as if nothing had been sent before")
+            return None
+        if store.lasts:
+            return store
+        store.close()
+        return None
+    return None
+
+
+def store_file(what: str, fleet: str, name: str) -> Path:
+    """The file of a store in this user's data. what: "operators" or "robots"."""
+    # A leading point would hide the file, or name a folder.
+    return data_folder() / what / f"_{quote(fleet, safe='')}" / f"_{quote(name, safe='')}.store"

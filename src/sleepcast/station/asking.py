@@ -1,0 +1,69 @@
+"""What a desk asks robots on the air for itself: to tell of themselves, whether they would obey, and why they did."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sleepcast.core.errors import SleepcastError
+from sleepcast.language import Explanation
+from sleepcast.language.rehearsal import CHANCE
+from sleepcast.station.preview import NEVER_HEARD, STALE
+from sleepcast.station.validation import MAX_LISTED
+
+if TYPE_CHECKING:
+    from sleepcast.station.network import NetworkStation
+    from sleepcast.station.telemetry_client import TelemetryClient
+
+PATIENCE = 1.0
+"""Seconds after the time for answers for which they are still taken: they are asked for again where they were lost."""
+AHEAD = 0.3
+"""The same before anything is sent: who is silent then counts as one who may obey."""
+PAUSE = 0.02
+"""Seconds between two looks at whether something has come."""
+
+
+class SilentError(SleepcastError):
+    """A robot that does not answer."""
+
+
+def look_around(
+    station: NetworkStation, telemetry: TelemetryClient, robots: list[str] | None = None, patience: float = PATIENCE
+) -> None:
+    """Ask robots (None: all) for telemetry, and for whatever is missing then, and wait for it. patience: s for which
+    answers are waited for beyond their time, and what is missing as long again."""
+    began = station.now
+    station.gather(telemetry.look(robots), patience)
+    until = station.now + patience
+    while telemetry.learning(began) and station.now < until:
+        station.wait(PAUSE)
+
+
+def ask_first(station: NetworkStation, telemetry: TelemetryClient, text: str) -> None:
+    """Have robots tell of themselves, and those decide whose answer cannot be foreseen from that; nothing is done.
+    Raises what `preview` raises."""
+    look_around(station, telemetry, patience=AHEAD)
+    unknown = station.preview(text).unknown
+    asked = [name for name, why in unknown.items() if why not in (NEVER_HEARD, STALE, CHANCE)]
+    if asked:
+        station.poll(text, AHEAD, only=asked if len(asked) <= MAX_LISTED else None)
+
+
+def unknown_names(station: NetworkStation, telemetry: TelemetryClient, text: str) -> tuple[list[str], int]:
+    """The names in a text that no robot has, and how many robots have told all of theirs; none where not all have.
+    Raises ReadError."""
+    robots = len(telemetry.minds) if telemetry.minds.complete else 0
+    return (station.check(text).unknown, robots) if robots else ([], 0)
+
+
+def ask_why(station: NetworkStation, telemetry: TelemetryClient, robot: str, command: str | None) -> Explanation:
+    """Ask a robot, see `TelemetryClient.ask_why`, and wait for its answer. Raises UnknownRobotError, SilentError, and
+    SleepcastError for what the robot says it cannot tell."""
+    if robot not in station.roster:  # it may be there all the same: everybody is asked who he is
+        look_around(station, telemetry)
+    asked = telemetry.ask_why(robot, command)
+    until = station.now + PATIENCE
+    while (found := telemetry.explanation(asked, robot)) is None and station.now < until:
+        station.wait(PAUSE)
+    if found is None:
+        raise SilentError(f"{robot} does not answer ({station.accounting(asked.id).ago(robot)})")
+    return found

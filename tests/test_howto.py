@@ -27,8 +27,10 @@ from channel.test_udp import free_port
 from sleepcast.cli import program
 from test_docs import ROOT, SHELL, blocks_of, write_files
 
-PAGE = ROOT / "docs" / "howto" / "on-the-air.md"
+PAGES = {"on-the-air": 20, "use-from-python": 1}
+"""Commands at least that each page shows."""
 USUAL, GROUP = "239.255.83.76 47123", "239.255.83.79"
+SAID = "udp://239.255.83.76:47123?interface=lo"
 URI = f"udp://{GROUP}:{{}}?interface=lo"
 LONGEST = 120.0
 """Seconds to wait for what a program prints at its start, or for its end."""
@@ -87,7 +89,6 @@ class Reader:
 
 @pytest.fixture
 def reader(tmp_path: Path) -> Iterator[Reader]:
-    write_files(PAGE, tmp_path)
     found = Reader(tmp_path, free_port())
     yield found
     for process in found.running.values():
@@ -95,9 +96,13 @@ def reader(tmp_path: Path) -> Iterator[Reader]:
         process.wait()
 
 
-def test_the_how_to_on_the_air_can_be_followed(reader: Reader) -> None:
-    followed = 0
-    for block in blocks_of(PAGE):
+@pytest.mark.parametrize("page", PAGES)
+def test_a_how_to_on_the_air_can_be_followed(reader: Reader, page: str) -> None:
+    followed, path = 0, ROOT / "docs" / "howto" / f"{page}.md"
+    write_files(path, reader.folder)
+    for file in reader.folder.glob("*.py"):
+        file.write_text(file.read_text().replace(SAID, URI.format(reader.port)))
+    for block in blocks_of(path):
         for session in re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:]:
             line, _, shown = session.partition("\n")
             if block.sort == "terminal":
@@ -105,4 +110,4 @@ def test_the_how_to_on_the_air_can_be_followed(reader: Reader) -> None:
             elif block.sort == "air":
                 reader.run(line, shown)
                 followed += 1
-    assert followed > 20
+    assert followed >= PAGES[page]

@@ -16,16 +16,31 @@ from typing import TYPE_CHECKING
 from sleepcast.core.version import VERSION
 
 if TYPE_CHECKING:
-    from sleepcast.api.fleet import CommandResult, SimulatedFleet, open, resume
+    from sleepcast.api.commands import CommandResult, Fleet
+    from sleepcast.api.connected import ConnectedFleet, connect
+    from sleepcast.api.fleet import SimulatedFleet, open, resume
     from sleepcast.api.history import History
     from sleepcast.api.table import DataTable
     from sleepcast.core import errors
 
 __version__ = VERSION
-__all__ = ["CommandResult", "DataTable", "History", "SimulatedFleet", "errors", "open", "resume"]
+__all__ = [
+    "CommandResult",
+    "ConnectedFleet",
+    "DataTable",
+    "Fleet",
+    "History",
+    "SimulatedFleet",
+    "connect",
+    "errors",
+    "open",
+    "resume",
+]
 
 _MODULES = {
-    **dict.fromkeys(("CommandResult", "SimulatedFleet", "open", "resume"), "sleepcast.api.fleet"),
+    **dict.fromkeys(("CommandResult", "Fleet"), "sleepcast.api.commands"),
+    **dict.fromkeys(("ConnectedFleet", "connect"), "sleepcast.api.connected"),
+    **dict.fromkeys(("SimulatedFleet", "open", "resume"), "sleepcast.api.fleet"),
     "DataTable": "sleepcast.api.table",
     "History": "sleepcast.api.history",
 }

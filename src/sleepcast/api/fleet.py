@@ -7,107 +7,31 @@ from contextlib import closing
 from math import isfinite
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.api.assembly import assemble, assemble_from, warm_up
+from sleepcast.api.commands import CommandResult, Fleet, read_only
 from sleepcast.api.history import History
 from sleepcast.api.picture import picture
 from sleepcast.api.progress import steps
-from sleepcast.api.table import DataTable
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import CheckError, Explanation
-from sleepcast.language.parts import acts
 from sleepcast.loop import Swarm, load, save, snapshot
 from sleepcast.simulator import Changes, Scenario, find_scenario, read_scenario
-from sleepcast.station import Account, Command, Preview, Station
-
-WAIT = 2.0
-"""Seconds for which a command waits for answers: robots answer at once, and a lossy radio asks them again."""
-
-Given = TypeVar("Given", bound=np.generic)
+from sleepcast.station import Command, Station
 
 
-class CommandResult:
-    """A command that was sent, with what has become of it so far; it goes on counting while the fleet runs."""
-
-    def __init__(self, station: Station, command: Command) -> None:
-        self._station, self._command = station, command
-
-    @property
-    def id(self) -> str:
-        """Of the message."""
-        return self._command.id
-
-    @property
-    def text(self) -> str:
-        """The expression; `STOP` or `RELEASE` for these two."""
-        return self._command.text
-
-    @property
-    def account(self) -> Account:
-        """Everything that is known of it now."""
-        return self._station.accounting(self.id)
-
-    @property
-    def matched(self) -> tuple[str, ...]:
-        """The robots that obeyed; of a question, that answered; of STOP, that are stopped."""
-        return self.account.matched
-
-    @property
-    def not_matched(self) -> tuple[str, ...]:
-        """The robots that decided that it was not for them."""
-        return self.account.not_matched
-
-    @property
-    def fault(self) -> tuple[str, ...]:
-        """The robots on which something went wrong."""
-        return self.account.fault
-
-    @property
-    def silent(self) -> tuple[str, ...]:
-        """The robots that were never heard to answer."""
-        return self.account.silent
-
-    @property
-    def values(self) -> dict[str, float | None]:
-        """What each robot answered that the expression came to, SI; None for unknown."""
-        return {name: answer.value for name, answer in self.account.answers.items()}
-
-    def why(self, robot: str) -> Explanation:
-        """How this robot evaluated it: the tree of values, and the first test that did not hold. Raises what
-        `Station.why` raises."""
-        return self._station.why(robot, self.id)
-
-    def table(self) -> DataTable:
-        """A row for each robot: `robot`, `outcome`, `value` (SI), `fault`."""
-        found = self.account
-        names = [*found.answers, *found.silent]
-        answers = [found.answers.get(name) for name in names]
-        values = [np.nan if each is None or each.value is None else each.value for each in answers]
-        return DataTable(
-            {
-                "robot": names,
-                "outcome": ["silent" if each is None else str(each.outcome) for each in answers],
-                "value": np.array(values),
-                "fault": ["" if each is None else each.fault or "" for each in answers],
-            }
-        )
-
-    def __repr__(self) -> str:
-        return f"{self.text}: {self.account.sentence()}"
-
-
-class SimulatedFleet:
+class SimulatedFleet(Fleet):
     """A simulated fleet and its operator's desk; `open` and `resume` make one.
 
     swarm, station: the parts, for what is not offered here.
     """
 
     def __init__(self, swarm: Swarm, station: Station) -> None:
-        self.swarm, self.station = swarm, station
+        super().__init__(station)
+        self.swarm = swarm
         self._histories: list[tuple[int, History]] = []
 
     # ---- time
@@ -125,14 +49,9 @@ class SimulatedFleet:
         count = round(seconds / self.swarm.simulator.scenario.tick)
         with closing(steps(count, self.swarm.simulator.scenario.name, quiet=quiet)) as ticks:
             for _ in ticks:
-                self._step()
+                with self._turn():
+                    self._step()
         return self
-
-    async def arun(self, seconds: float, *, quiet: bool = False) -> SimulatedFleet:
-        """The same for a program with asyncio: the run is on a thread of its own."""
-        from asyncio import to_thread  # loading it takes longer than the rest of this module
-
-        return await to_thread(self.run, seconds, quiet=quiet)
 
     def _step(self) -> None:
         self.swarm.step()
@@ -140,133 +59,63 @@ class SimulatedFleet:
             if self.swarm.simulator.tick % ticks == 0:
                 self._sample(history)
 
-    def _until(self, sent: CommandResult, seconds: float) -> CommandResult:
-        """Let time pass until everybody has answered, for so long at most."""
-        until = self.time + seconds
-        while self.time < until and not sent.account.complete:
-            self._step()
-        return sent
+    def _until(self, sent: Command, seconds: float) -> CommandResult:
+        until, result = self.time + seconds, CommandResult(self, sent)
+        while self.time < until and not result.account.complete:
+            with self._turn():
+                self._step()
+        return result
 
-    # ---- the operator's desk
-
-    def preview(self, text: str) -> Preview:
-        """Who would obey an expression now, by what robots last reported to the desk: `yes`, `no`, and `unknown` with
-        the reasons. Nothing is sent. A text that does nothing, as `(> fuel 50%)`, is taken for a test. Raises ReadError
-        and CheckError for a text that no robot could run."""
-        root = self.station.check(text).required()
-        return self.station.preview(f"(WHEN {text} 1)" if root.test is None and not acts(root.root) else text)
-
-    def send(
-        self,
-        text: str,
-        *,
-        wait: float = WAIT,
-        standing: bool = False,
-        deadline: float | None = None,
-        everybody: bool = False,
-        only: Sequence[str] | None = None,
-        but: Sequence[str] | None = None,
-        sure: bool = False,
-    ) -> CommandResult:
-        """Broadcast an expression. wait: simulated seconds that may pass until all have answered; 0 sends several at
-        the same moment. sure: it is meant as it stands, though the checker doubts it. The rest, and what is raised: see
-        `Station.send`."""
-        return self._until(
-            self._sent(
-                self.station.send(
-                    text,
-                    standing=standing,
-                    deadline=deadline,
-                    everybody=everybody,
-                    only=only,
-                    but=but,
-                    confirmed=sure,
-                )
-            ),
-            wait,
-        )
-
-    def ask(
-        self, text: str, *, wait: float = WAIT, only: Sequence[str] | None = None, but: Sequence[str] | None = None
-    ) -> CommandResult:
-        """Ask for the value of an expression over the radio; nothing changes on the robots. The answers are in
-        `values`. Raises what `Station.ask` raises."""
-        return self._until(self._sent(self.station.ask(text, only=only, but=but)), wait)
-
-    def stop(self, *, wait: float = WAIT) -> CommandResult:
-        """Stop every body at once, until `release`."""
-        return self._until(self._sent(self.station.stop()), wait)
-
-    def release(self, *, wait: float = WAIT) -> CommandResult:
-        """End STOP on every robot; nothing old resumes by itself."""
-        return self._until(self._sent(self.station.release()), wait)
+    def _prepare(self, text: str, sure: bool) -> None:
+        """Nothing: the desk looks into its robots."""
 
     def why(self, robot: str, sent: CommandResult | None = None) -> Explanation:
-        """How a robot evaluated a command (None: its last one)."""
         return self.station.why(robot, None if sent is None else sent.id)
-
-    def _sent(self, command: Command) -> CommandResult:
-        return CommandResult(self.station, command)
 
     # ---- what is so now
 
     @property
     def names(self) -> Sequence[str]:
-        """The robots, in the order of all arrays."""
         return self.swarm.simulator.names
-
-    def __len__(self) -> int:
-        return len(self.names)
 
     @property
     def x(self) -> NDArray[np.float64]:
-        """Where the robots are, m to the east, shape (robots,), read-only."""
-        return _read_only(self.swarm.simulator.x)
+        return read_only(self.swarm.simulator.x)
 
     @property
     def y(self) -> NDArray[np.float64]:
-        """The same to the north."""
-        return _read_only(self.swarm.simulator.y)
+        return read_only(self.swarm.simulator.y)
 
     @property
     def heading(self) -> NDArray[np.float64]:
-        """Where they look, rad, counter-clockwise from east."""
-        return _read_only(self.swarm.simulator.bodies.heading)
+        return read_only(self.swarm.simulator.bodies.heading)
 
     def __getitem__(self, expression: str) -> NDArray[np.float64]:
-        """What an expression comes to on each robot now: a sensor, a variable, or anything that only reads, as
-        `fleet["fuel"]` or `fleet["(DIST x y 0 0)"]`. SI, NaN for unknown, shape (robots,). No radio is needed, and
-        nothing changes. Raises ReadError, CheckError, and FleetError for what would do something."""
+        """See `Fleet`: no radio is needed, and nothing changes."""
         checked = self.station.check(expression)
         if checked.unknown:
             raise CheckError(checked.findings, expression, checked.more)
-        return self._values(expression)
+        with self._turn():
+            return self._values(expression)
 
     def _values(self, expression: str) -> NDArray[np.float64]:
         self.swarm.sense()
-        return _read_only(self.swarm.fleet.values_of(expression))
+        return read_only(self.swarm.fleet.values_of(expression))
 
     @property
     def groups(self) -> dict[str, tuple[str, ...]]:
-        """The members of each group."""
         names = np.array(self.names)
         found = {key: tuple(names[members].tolist()) for key, members in self.swarm.fleet.groups.items()}
         return {key: members for key, members in sorted(found.items()) if members}
 
     @property
     def stopped(self) -> NDArray[np.bool_]:
-        """Which robots STOP holds, shape (robots,)."""
-        return _read_only(self.swarm.fleet.stopped)
+        return read_only(self.swarm.fleet.stopped)
 
     @property
     def hash(self) -> str:
         """Equal for equal states: the same scenario, seed and commands give the same one on every machine."""
         return self.swarm.simulator.state_hash()
-
-    def table(self, *expressions: str) -> DataTable:
-        """A row for each robot: `robot`, and a column for each expression (none: all sensors), SI."""
-        wanted = expressions or tuple(sensor.name for sensor in self.swarm.vocabulary.sensors)
-        return DataTable({"robot": tuple(self.names)} | {each: self[each] for each in wanted})
 
     def history(self, *expressions: str, every: float = 1.0) -> History:
         """Sample expressions on all robots from now on, every so many simulated seconds. Raises what `fleet[...]`
@@ -281,8 +130,9 @@ class SimulatedFleet:
         for each in expressions:
             self[each]  # what is wrong with it is said now
         history = History(tuple(self.names), expressions, ticks * tick)
-        self._sample(history)
-        self._histories.append((ticks, history))
+        with self._turn():
+            self._sample(history)
+            self._histories.append((ticks, history))
         return history
 
     def _sample(self, history: History) -> None:
@@ -306,12 +156,6 @@ class SimulatedFleet:
     def close(self) -> None:
         """Stop sampling."""
         self._histories.clear()
-
-    def __enter__(self) -> SimulatedFleet:
-        return self
-
-    def __exit__(self, *ended: object) -> None:
-        self.close()
 
     # ---- shown
 
@@ -366,10 +210,3 @@ def resume(
         return SimulatedFleet(*assemble_from(snapshot, seed, threads))
     name = fspath(snapshot)
     return SimulatedFleet(*assemble_from(load(Path(name)), seed, threads, name=name))
-
-
-def _read_only(values: NDArray[Given]) -> NDArray[Given]:
-    """A view that cannot be written through."""
-    view = values.view()
-    view.flags.writeable = False
-    return view

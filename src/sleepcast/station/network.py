@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import inf
+from math import inf, nan
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +27,8 @@ from sleepcast.channel.session import MAX_SPREAD, ChannelSession
 from sleepcast.channel.stop_latch import MAX_MARKS, Life, Mark, mark_of, marks_and_ages
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
-from sleepcast.language.parts import rules
+from sleepcast.language import CheckError
+from sleepcast.language.parts import acts, rules
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.account import MATCHED, Command, account
@@ -184,6 +185,22 @@ class NetworkStation(Station):
                     codes[at] = YES if said[at] else NO
         return codes, places
 
+    def values(self, text: str) -> tuple[NDArray[np.float64], list[str]]:
+        """What an expression that only reads comes to by what robots told of late, by place on the roster, SI, NaN for
+        unknown; and the robots that would have to be asked. Raises ReadError, CheckError, and MisuseError for an
+        expression that would do something."""
+        checked = self.check(text)
+        program = checked.required()
+        if checked.unknown:
+            raise CheckError(checked.findings, text, checked.more)
+        if acts(program.root):
+            raise MisuseError(f"cannot say what {text} comes to without doing it")
+        count = len(self._roster)
+        found = np.full(count, nan)
+        fresh = np.flatnonzero(self.now - self._roster.reported[:count] <= self.stale_after)
+        found[fresh], reason, _ = self._rows.values(program, fresh)
+        return found, [self._roster.names[place] for place in fresh[reason > 0].tolist()]
+
     def stop(self) -> Command:
         """As every station: it leaves at once."""
         self._drivers.clear()
@@ -281,8 +298,12 @@ class NetworkStation(Station):
         """Wait until everybody has answered, or the time for answers and `patience` s more are over, or nobody is on
         the roster who could be missed and that time is over."""
         until = self.answered(command) + patience
-        while (now := self._clock.now()) < until and (command.n_silent or not (command.size or command.addressed)):
+        while (now := self._clock.now()) < until and self.awaits(command):
             self.wait(min(LEAST_WITHIN, until - now))
+
+    def awaits(self, command: Command) -> bool:
+        """Whether somebody may still answer: a robot is silent, or nobody is on the roster who could be missed."""
+        return command.n_silent > 0 or not (command.size or command.addressed)
 
     def answered(self, command: Command) -> float:
         """When the time for answers to a command is over, s of Unix time."""

@@ -171,9 +171,15 @@ class Rows:
         self._rows[place] = (news.name, list(news.values), news.groups)
 
     def judge(self, test: Program, robots: Index) -> Judged:
+        values, reason, reasons = self.values(test, robots)
+        return (values < 0.0) | (values > 0.0), reason, reasons
+
+    def values(self, program: Program, robots: Index) -> tuple[NDArray[np.float64], NDArray[np.uint8], list[str]]:
+        """What a program that does nothing comes to on robots by their places, NaN for unknown; and why it cannot be
+        told, see `Judged`."""
         memory = PreviewMemory()
-        nameless = [part.name.casefold() for part in walk(test.root) if part.op in ("absent", "missing")]
-        yes, reason = np.zeros(len(robots), np.bool_), np.zeros(len(robots), np.uint8)
+        nameless = [part.name.casefold() for part in walk(program.root) if part.op in ("absent", "missing")]
+        values, reason = np.full(len(robots), nan), np.zeros(len(robots), np.uint8)
         reasons: dict[str, int] = {}
         for at, place in enumerate(robots.tolist()):
             name, memory.values, memory.groups = self._rows[place]
@@ -182,14 +188,12 @@ class Rows:
                 for key in nameless:
                     if mind is not None:
                         mind.declared(key)  # a mind that may know it says so here
-                value = evaluate(test, memory)
+                values[at] = evaluate(program, memory)
             except Undecided as why:
                 if len(reasons) < MAX_REASONS:
                     reasons.setdefault(str(why), len(reasons) + 1)
                 reason[at] = reasons.get(str(why), MAX_REASONS)
-            else:
-                yes[at] = value < 0.0 or value > 0.0
-        return yes, reason, list(reasons)
+        return values, reason, list(reasons)
 
 
 def preview(program: Program, roster: Roster, table: TelemetryTable, now: float, stale_after: float) -> Preview:

@@ -1,0 +1,294 @@
+"""What a fleet offers whether it is simulated or real: commands and their results, previews, values, tables."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from threading import Lock
+from typing import Concatenate, ParamSpec, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.api.table import DataTable, Numbers, Texts
+from sleepcast.core.errors import MisuseError
+from sleepcast.language import Explanation
+from sleepcast.language.parts import acts
+from sleepcast.station import Account, Command, Preview, Station
+
+WAIT = 2.0
+"""Seconds for which a command waits for answers: robots answer at once, and a lossy radio asks them again."""
+
+Given = TypeVar("Given", bound=np.generic)
+Result = TypeVar("Result")
+Arguments = ParamSpec("Arguments")
+
+
+class CommandResult:
+    """A command that was sent, with what has become of it so far; it goes on counting while the fleet runs."""
+
+    def __init__(self, fleet: Fleet, command: Command) -> None:
+        self._fleet, self._command = fleet, command
+
+    @property
+    def id(self) -> str:
+        """Of the message."""
+        return self._command.id
+
+    @property
+    def text(self) -> str:
+        """The expression; `STOP` or `RELEASE` for these two."""
+        return self._command.text
+
+    @property
+    def account(self) -> Account:
+        """Everything that is known of it now."""
+        return self._fleet.station.accounting(self.id)
+
+    @property
+    def matched(self) -> tuple[str, ...]:
+        """The robots that obeyed; of a question, that answered; of STOP, that are stopped."""
+        return self.account.matched
+
+    @property
+    def not_matched(self) -> tuple[str, ...]:
+        """The robots that decided that it was not for them."""
+        return self.account.not_matched
+
+    @property
+    def fault(self) -> tuple[str, ...]:
+        """The robots on which something went wrong."""
+        return self.account.fault
+
+    @property
+    def silent(self) -> tuple[str, ...]:
+        """The robots that were never heard to answer."""
+        return self.account.silent
+
+    @property
+    def values(self) -> dict[str, float | None]:
+        """What each robot answered that the expression came to, SI; None for unknown."""
+        return {name: answer.value for name, answer in self.account.answers.items()}
+
+    def why(self, robot: str) -> Explanation:
+        """How this robot evaluated it: the tree of values, and the first test that did not hold. Raises what
+        `Fleet.why` raises."""
+        return self._fleet.why(robot, self)
+
+    def table(self) -> DataTable:
+        """A row for each robot: `robot`, `outcome`, `value` (SI), `fault`."""
+        found = self.account
+        names = [*found.answers, *found.silent]
+        answers = [found.answers.get(name) for name in names]
+        values = [np.nan if each is None or each.value is None else each.value for each in answers]
+        return DataTable(
+            {
+                "robot": names,
+                "outcome": ["silent" if each is None else str(each.outcome) for each in answers],
+                "value": np.array(values),
+                "fault": ["" if each is None else each.fault or "" for each in answers],
+            }
+        )
+
+    def __repr__(self) -> str:
+        return f"{self.text}: {self.account.sentence()}"
+
+
+def beside(
+    method: Callable[Concatenate[Fleet, Arguments], Result],
+) -> Callable[Concatenate[Fleet, Arguments], Awaitable[Result]]:
+    """The same method for a program with asyncio: it waits on a thread of its own."""
+
+    async def awaited(fleet: Fleet, /, *given: Arguments.args, **named: Arguments.kwargs) -> Result:
+        from asyncio import to_thread  # loading it takes longer than the rest of this module
+
+        found: Result = await to_thread(getattr(fleet, method.__name__), *given, **named)
+        return found
+
+    awaited.__doc__ = beside.__doc__
+    return awaited
+
+
+class Fleet(ABC):
+    """A fleet and its operator's desk. station: the desk, for what is not offered here.
+
+    Several threads may call methods: they take turns.
+    """
+
+    def __init__(self, station: Station) -> None:
+        self.station = station
+        self._open, self._next, self._turns = True, Lock(), Lock()
+
+    @contextmanager
+    def _turn(self) -> Iterator[None]:
+        """The fleet for one thread alone, in the order in which threads came; not within another turn. Raises
+        MisuseError once the fleet is closed."""
+        with self._next:
+            self._turns.acquire()
+        try:
+            if not self._open:
+                raise MisuseError("this fleet is closed: connect again")
+            yield
+        finally:
+            self._turns.release()
+
+    # ---- time
+
+    @property
+    @abstractmethod
+    def time(self) -> float:
+        """Seconds since the start; simulated ones of a simulated fleet."""
+
+    @abstractmethod
+    def run(self, seconds: float, *, quiet: bool = False) -> Self:
+        """Let time pass; gives the fleet itself. quiet: without a progress bar. Raises MisuseError for a time that is
+        none."""
+
+    @abstractmethod
+    def _until(self, sent: Command, seconds: float) -> CommandResult:
+        """Let time pass until everybody has answered, for so long at most."""
+
+    # ---- the operator's desk
+
+    @abstractmethod
+    def _prepare(self, text: str, sure: bool) -> None:
+        """Learn what the desk has to know before it sends a text. sure: whether it is meant as it stands."""
+
+    def preview(self, text: str) -> Preview:
+        """Who would obey an expression now, by what robots last reported to the desk: `yes`, `no`, and `unknown` with
+        the reasons. Nothing is done. A text that does nothing, as `(> fuel 50%)`, is taken for a test. Raises ReadError
+        and CheckError for a text that no robot could run."""
+        root = self.station.check(text).required()
+        return self.station.preview(f"(WHEN {text} 1)" if root.test is None and not acts(root.root) else text)
+
+    def send(
+        self,
+        text: str,
+        *,
+        wait: float = WAIT,
+        standing: bool = False,
+        deadline: float | None = None,
+        everybody: bool = False,
+        count: int | None = None,
+        only: Sequence[str] | None = None,
+        but: Sequence[str] | None = None,
+        sure: bool = False,
+    ) -> CommandResult:
+        """Broadcast an expression. wait: seconds that may pass until all have answered; 0 sends several at the same
+        moment. count: how many robots are meant, which a real fleet asks for where many may obey. sure: it is meant as
+        it stands, though the checker doubts it. The rest, and what is raised: see `Station.send`."""
+        self._prepare(text, sure)
+        with self._turn():
+            sent = self.station.send(
+                text,
+                standing=standing,
+                deadline=deadline,
+                everybody=everybody,
+                count=count,
+                only=only,
+                but=but,
+                confirmed=sure,
+            )
+        return self._until(sent, wait)
+
+    def ask(
+        self, text: str, *, wait: float = WAIT, only: Sequence[str] | None = None, but: Sequence[str] | None = None
+    ) -> CommandResult:
+        """Ask for the value of an expression over the radio; nothing changes on the robots. The answers are in
+        `values`. Raises what `Station.ask` raises."""
+        with self._turn():
+            sent = self.station.ask(text, only=only, but=but)
+        return self._until(sent, wait)
+
+    def stop(self, *, wait: float = WAIT) -> CommandResult:
+        """Stop every body at once, until `release`."""
+        with self._turn():
+            sent = self.station.stop()
+        return self._until(sent, wait)
+
+    def release(self, *, wait: float = WAIT) -> CommandResult:
+        """End STOP on every robot; nothing old resumes by itself."""
+        with self._turn():
+            sent = self.station.release()
+        return self._until(sent, wait)
+
+    @abstractmethod
+    def why(self, robot: str, sent: CommandResult | None = None) -> Explanation:
+        """How a robot evaluated a command (None: its last one). Raises SleepcastError where it cannot say."""
+
+    # ---- what is so now
+
+    @property
+    @abstractmethod
+    def names(self) -> Sequence[str]:
+        """The robots, in the order of all arrays."""
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @abstractmethod
+    def __getitem__(self, expression: str) -> NDArray[np.float64]:
+        """What an expression comes to on each robot now: a sensor, a variable, or anything that only reads, as
+        `fleet["fuel"]` or `fleet["(DIST x y 0 0)"]`. SI, NaN for unknown, shape (robots,), read-only. Raises ReadError,
+        CheckError, and SleepcastError for what would do something."""
+
+    @property
+    def x(self) -> NDArray[np.float64]:
+        """Where the robots are, m to the east, shape (robots,), read-only."""
+        return self["x"]
+
+    @property
+    def y(self) -> NDArray[np.float64]:
+        """The same to the north."""
+        return self["y"]
+
+    @property
+    def heading(self) -> NDArray[np.float64]:
+        """Where they look, rad, counter-clockwise from east."""
+        return self["heading"]
+
+    @property
+    @abstractmethod
+    def groups(self) -> Mapping[str, tuple[str, ...]]:
+        """The members of each group."""
+
+    @property
+    @abstractmethod
+    def stopped(self) -> NDArray[np.bool_]:
+        """Which robots STOP holds, shape (robots,)."""
+
+    def table(self, *expressions: str) -> DataTable:
+        """A row for each robot: `robot`, and a column for each expression (none: all sensors), SI."""
+        wanted = expressions or tuple(sensor.name for sensor in self.station.vocabulary.sensors)
+        columns: dict[str, Texts | Numbers] = {each: self[each] for each in wanted}
+        return DataTable({"robot": tuple(self.names)} | columns)
+
+    # ---- closed
+
+    @abstractmethod
+    def close(self) -> None:
+        """Give back what it holds."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *ended: object) -> None:
+        self.close()
+
+    # ---- for programs with asyncio: each waits on a thread of its own
+
+    arun = beside(run)
+    apreview = beside(preview)
+    asend = beside(send)
+    aask = beside(ask)
+    astop = beside(stop)
+    arelease = beside(release)
+    awhy = beside(why)
+
+
+def read_only(values: NDArray[Given]) -> NDArray[Given]:
+    """A view that cannot be written through."""
+    view = values.view()
+    view.flags.writeable = False
+    return view

@@ -1,0 +1,208 @@
+"""A real fleet on the air, with the methods of a simulated one."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, closing
+from math import ceil, inf, isfinite
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Self
+from weakref import finalize
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.api.commands import WAIT, CommandResult, Fleet, read_only
+from sleepcast.api.connection import CHANNEL, FLEET, AirOptions, observing_station
+from sleepcast.api.progress import steps
+from sleepcast.core.errors import MisuseError
+from sleepcast.language import Explanation
+from sleepcast.station import Command, Preview
+from sleepcast.station.asking import AHEAD, ask_first, ask_why, look_around, unknown_names
+from sleepcast.station.network import NetworkStation
+from sleepcast.station.telemetry_client import TelemetryClient
+from sleepcast.station.validation import MAX_LISTED, UnknownNameError
+
+TURN = 0.05
+"""Seconds of hearing in one turn, after which another thread may have its own."""
+FRESH = 1.0
+"""Seconds for which telemetry is as good as new: several arrays in a row are of the same moment."""
+KEY = ".key"
+"""How the name of a key's file ends."""
+
+
+class ConnectedFleet(Fleet):
+    """A real fleet and its operator's desk; `connect` makes one.
+
+    Robots are heard while a method runs; driven robots then go on, and stop by themselves a second after the last one.
+    telemetry: what robots reported.
+    """
+
+    station: NetworkStation
+
+    def __init__(self, station: NetworkStation, telemetry: TelemetryClient, channel: str, ends: ExitStack) -> None:
+        super().__init__(station)
+        station.holding = True
+        self.telemetry, self.channel = telemetry, channel
+        self._began, self._looked = station.now, -inf
+        self._end = finalize(self, ends.close)
+
+    # ---- time
+
+    @property
+    def time(self) -> float:
+        """Seconds since it was connected."""
+        return self.station.now - self._began
+
+    def run(self, seconds: float, *, quiet: bool = False) -> Self:
+        if not (isfinite(seconds) and seconds >= 0.0):
+            raise MisuseError(f"cannot run for {seconds} s: wanted a number of seconds, 0 or more")
+        began = self.station.now
+        with closing(steps(ceil(seconds / TURN), self.channel, quiet=quiet)) as turns:
+            for turn in turns:
+                with self._turn():
+                    self.station.wait(min(began + seconds, began + (turn + 1) * TURN) - self.station.now)
+        return self
+
+    def _until(self, sent: Command, seconds: float) -> CommandResult:
+        self._looked = -inf  # robots may have changed
+        until = self.station.answered(sent) + seconds if seconds else -inf
+        while (now := self.station.now) < until and self.station.awaits(sent):
+            with self._turn():
+                self.station.wait(min(TURN / 2.0, until - now))
+        return CommandResult(self, sent)
+
+    # ---- the operator's desk
+
+    def _look(self) -> None:
+        """Ask robots for telemetry unless they have told it a moment ago."""
+        with self._turn():
+            if self.station.now - self._looked > FRESH:
+                look_around(self.station, self.telemetry)
+                self._looked = self.station.now
+
+    def _prepare(self, text: str, sure: bool) -> None:
+        with self._turn():
+            ask_first(self.station, self.telemetry, text)
+            if not sure:
+                self._refuse_unknown(text)
+
+    def _refuse_unknown(self, text: str) -> None:
+        """Raises UnknownNameError for names that no robot has, where all have told theirs."""
+        names, robots = unknown_names(self.station, self.telemetry, text)
+        if names:
+            raise UnknownNameError(names, robots)
+
+    def preview(self, text: str) -> Preview:
+        self._look()
+        return super().preview(text)
+
+    def ask(
+        self, text: str, *, wait: float = WAIT, only: Sequence[str] | None = None, but: Sequence[str] | None = None
+    ) -> CommandResult:
+        with self._turn():
+            if self.station.check(text).unknown:
+                look_around(self.station, self.telemetry, patience=AHEAD)
+            self._refuse_unknown(text)
+        return super().ask(text, wait=wait, only=only, but=but)
+
+    def release(self, *, wait: float = WAIT) -> CommandResult:
+        with self._turn():
+            decided = self.station.now
+            look_around(self.station, self.telemetry, patience=AHEAD)  # whose STOPs hold, which a RELEASE has to name
+            sent = self.station.release(decided)
+        return self._until(sent, wait)
+
+    def why(self, robot: str, sent: CommandResult | None = None) -> Explanation:
+        with self._turn():
+            return ask_why(self.station, self.telemetry, robot, None if sent is None else sent.id)
+
+    # ---- what is so now
+
+    @property
+    def names(self) -> Sequence[str]:
+        """The robots that were ever heard, in the order of all arrays; new ones come at the end."""
+        return tuple(self.station.names)
+
+    def __getitem__(self, expression: str) -> NDArray[np.float64]:
+        """See `Fleet`: robots are asked for telemetry, unless they told it a second ago; those whose telemetry does not
+        tell are asked for the value. NaN for robots that do not answer."""
+        self._look()
+        values, asked = self.station.values(expression)
+        if asked:
+            said = super().ask(expression, only=asked if len(asked) <= MAX_LISTED else None).values
+            for place, name in enumerate(self.names[: len(values)]):
+                value = said.get(name)
+                values[place] = values[place] if value is None else value
+        return read_only(values)
+
+    @property
+    def groups(self) -> Mapping[str, tuple[str, ...]]:
+        self._look()
+        found: dict[str, tuple[str, ...]] = {}
+        for name in self.names:
+            mind = self.telemetry.minds.get(name)
+            for key in sorted(mind.groups) if mind is not None else ():
+                found[key] = (*found.get(key, ()), name)
+        return dict(sorted(found.items()))
+
+    @property
+    def stopped(self) -> NDArray[np.bool_]:
+        """Which robots last told that STOP holds them, shape (robots,)."""
+        self._look()
+        minds = map(self.telemetry.minds.get, self.names)
+        return read_only(np.array([mind is not None and mind.stopped for mind in minds], np.bool_))
+
+    # ---- closed, and shown
+
+    def close(self) -> None:
+        """Leave the channel, and remember who was heard. Driven robots stop by themselves."""
+        with self._turns:
+            self._open = False
+            self._end()
+
+    def __repr__(self) -> str:
+        return f"{self.channel}: {len(self):,} robots after {self.time:.0f} s, as {self.station.operator}"
+
+    def _repr_html_(self) -> str:
+        return self.table()._repr_html_()
+
+
+def connect(
+    channel: str = CHANNEL,
+    *,
+    key: str | PathLike[str] | None = None,
+    fleet: str = FLEET,
+    trust: str | PathLike[str] | None = None,
+    keys: str | PathLike[str] | None = None,
+    expect: int | str | PathLike[str] | None = None,
+    within: float | None = None,
+    journal: str | PathLike[str] | None = None,
+) -> ConnectedFleet:
+    """A real fleet on a channel, with the options of the command line.
+
+    key: its owner's name or its file, None for the key in use or this machine's development key. fleet: messages of
+    other fleets are ignored. trust: the file of trusted keys, None for the one beside the keys. keys: the folder of
+    keys. expect: how many robots there are, or a file of their names. within: seconds for answers, None: one
+    millisecond per robot. journal: a file, None for the fleet's own. What a person has to know is logged by the logger
+    `sleepcast`. Raises SleepcastError for a channel, keys or numbers that will not do.
+    """
+    owner, folder = (None if key is None else fspath(key)), _path(keys)
+    if owner is not None and owner.endswith(KEY):
+        file = Path(owner).expanduser()
+        owner, folder = file.stem, file.parent
+    if within is not None and not 0.0 <= within <= inf:
+        raise MisuseError(f"answers within {within} s: wanted a number of seconds, 0 or more")
+    expected = None if expect is None else str(expect) if isinstance(expect, int) else fspath(expect)
+    air = AirOptions(channel, fleet, owner, _path(trust), folder, within, _path(journal), expect=expected)
+    with ExitStack() as ends:
+        station, telemetry = ends.enter_context(observing_station(air, logging.getLogger("sleepcast").warning))
+        found = ConnectedFleet(station, telemetry, channel, ends.pop_all())
+    found._look()
+    return found
+
+
+def _path(given: str | PathLike[str] | None) -> Path | None:
+    return None if given is None else Path(given).expanduser()

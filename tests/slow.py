@@ -32,6 +32,7 @@ SLOW = {
     "console/test_replay.py": 15,
     "cli/test_stop.py": 15,
     "test_docs.py": 13,
+    "api/test_connected.py": 13,
     "fleet/test_snapshot.py": 12,
     "simulator/test_scouts.py": 10,
     "cli/test_looks.py": 10,

@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 
 from benchmarks.language.timing import Batch, in_turns
 from sleepcast.api.assembly import assemble
-from sleepcast.cli.recording import RecordingPlan, recorded
+from sleepcast.api.recording import RecordingPlan, recorded
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Order, Scenario, find_scenario
 
@@ -78,7 +78,7 @@ def measure(run: str, scenario: Scenario, turns: int, seconds: float) -> list[Ro
                 swarm.step()
             if rates is not None:
                 files[name] = Path(folder, f"{number}.mcap")
-                stack.enter_context(recorded(swarm, station, RecordingPlan(files[name], *rates)))
+                stack.enter_context(recorded(swarm, station, RecordingPlan(files[name], *rates), print))
             swarms[name], batches[name] = swarm, _ticks(swarm)
         times = in_turns(batches, turns, seconds)
         stack.close()

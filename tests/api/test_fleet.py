@@ -13,6 +13,7 @@ import sleepcast as sc
 from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.loop.snapshots import SnapshotError
 from sleepcast.simulator import SettingsError, find_scenario
+from sleepcast.simulator.recording.recording import load_recording
 from sleepcast.station import AddressError
 
 NEAR = "(WHEN (AND (< (DIST x y vessel_x vessel_y) 5mi) (> fuel 50%)) (JOIN bravo))"
@@ -201,6 +202,43 @@ class TestRuns:
             sc.open("\n" * 10_000_000)
         with pytest.raises(sc.errors.MisuseError, match="taken as it is"):
             sc.open(find_scenario("bravo"), robots=5)
+
+
+class TestRecorded:
+    def test_a_recording_is_that_of_the_command_line(self, tmp_path: Path) -> None:
+        file = tmp_path / "run.mcap"
+        with bravo() as fleet:
+            recording = fleet.record(file)
+            fleet.send(NEAR)
+            fleet.run(5)
+            assert not recording.failed
+        found = load_recording(file)
+        assert found.complete
+        assert [posted.message.text for posted in found.posted] == [NEAR]
+        assert recording.file == file
+
+    def test_it_may_begin_later_and_end_earlier(self, tmp_path: Path) -> None:
+        fleet = bravo().run(1)
+        with fleet.record(tmp_path / "first.mcap", pictures=0.1, readings=0.5):
+            fleet.run(1)
+            with pytest.raises(sc.errors.MisuseError, match="recorded already"):
+                fleet.record(tmp_path / "second.mcap")
+        fleet.run(1)
+        found = load_recording(tmp_path / "first.mcap")
+        assert (found.complete, found.seconds) == (True, pytest.approx(2.0))
+        fleet.record(tmp_path / "second.mcap").close()
+
+    def test_what_cannot_be_recorded(self, tmp_path: Path) -> None:
+        fleet = bravo()
+        fleet.record(tmp_path / "run.mcap").close()
+        with pytest.raises(sc.errors.MisuseError, match=r"run\.mcap"):
+            fleet.record(tmp_path / "run.mcap")
+        with pytest.raises(sc.errors.MisuseError, match="every nan s"):
+            fleet.record(tmp_path / "other.mcap", pictures=float("nan"))
+        with pytest.raises(sc.errors.MisuseError):
+            fleet.record(tmp_path / "other.mcap", rotate="often")
+        with pytest.raises(sc.errors.SleepcastError, match="nowhere"):
+            fleet.record(tmp_path / "nowhere" / "run.mcap")
 
 
 class TestShown:

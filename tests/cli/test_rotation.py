@@ -12,7 +12,8 @@ import pytest
 from cli.calling import LONGEST, called
 from console.running import Program, open_page
 from sleepcast.api.assembly import assemble
-from sleepcast.cli.recording import RecordingPlan, recorded
+from sleepcast.api.recording import RecordingPlan, recorded
+from sleepcast.cli.streams import complain
 from sleepcast.console.adapters.recording import load_timeline
 from sleepcast.console.adapters.swarm import outlines
 from sleepcast.core.errors import MisuseError
@@ -189,7 +190,7 @@ def changed(tmp_path: Path) -> Recording:
     swarm, station = assemble(find_scenario("crowd", Changes(robots=40)), 5, mission=True)
     world, file = swarm.simulator.world, tmp_path / "run.mcap"
     first = world.add(Circle(5.0, 5.0, 0.4))
-    with recorded(swarm, station, RecordingPlan(file, 0.5, 0.5, Rotation(age=4.0))):
+    with recorded(swarm, station, RecordingPlan(file, 0.5, 0.5, Rotation(age=4.0)), complain):
         swarm.run(2.0)
         number = world.add(Wall(((2.0, 2.0), (8.0, 2.0))))
         swarm.run(1.0)
@@ -233,7 +234,7 @@ def test_what_the_scenario_lets_happen_is_recorded_and_happens_once_when_it_is_r
     scenario = load(write(tmp_path, ("count = 1", "count = 9"), more=EVENTS, text=SCOUTS))
     swarm, station = assemble(scenario, None, mission=False)
     file = tmp_path / "run.mcap"
-    with recorded(swarm, station, RecordingPlan(file, 0.1, 0.1)):
+    with recorded(swarm, station, RecordingPlan(file, 0.1, 0.1), complain):
         swarm.run(0.9)
         swarm.simulator.world.add(Circle(3.0, 3.0, 0.3))  # in the tick in which the ball moves
         swarm.run(2.1)

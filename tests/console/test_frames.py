@@ -5,8 +5,9 @@ from __future__ import annotations
 import struct
 
 from sleepcast.channel import Kind, Message
-from sleepcast.console.frames import MAX_GROUPS, Groups, flags_of, pack
+from sleepcast.console.frames import pack
 from sleepcast.fleet import Fleet
+from sleepcast.fleet.marks import MAX_GROUPS, Groups, flags_of
 from station.fleet import vocabulary
 
 

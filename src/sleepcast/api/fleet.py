@@ -7,6 +7,7 @@ from contextlib import closing
 from math import isfinite
 from os import PathLike, fspath
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,9 @@ from sleepcast.loop import Swarm, load, save, snapshot
 from sleepcast.simulator import Changes, Scenario, find_scenario, read_scenario
 from sleepcast.station import Command, Station
 
+if TYPE_CHECKING:
+    from sleepcast.api.recording import RunRecording
+
 
 class SimulatedFleet(Fleet):
     """A simulated fleet and its operator's desk; `open` and `resume` make one.
@@ -33,6 +37,7 @@ class SimulatedFleet(Fleet):
         super().__init__(station)
         self.swarm = swarm
         self._histories: list[tuple[int, History]] = []
+        self._recording: RunRecording | None = None
 
     # ---- time
 
@@ -153,9 +158,31 @@ class SimulatedFleet(Fleet):
         same, so that all differences come from what you do."""
         return resume(self.snapshot(), seed=seed)
 
+    def record(
+        self,
+        file: str | PathLike[str],
+        *,
+        pictures: float | None = None,
+        readings: float | None = None,
+        rotate: str | None = None,
+    ) -> RunRecording:
+        """Record the run into an MCAP file from now on, until `close` of the recording or of the fleet. pictures,
+        readings: simulated seconds between two of them, None: as the scenario's speed suggests. rotate: when another
+        file begins, as "100MB,10min". What goes wrong later is logged by the logger `sleepcast`. Raises MisuseError for
+        a file that is there already, RecordingError where none can be made."""
+        from sleepcast.api.recording import RecordingPlan, RunRecording
+        from sleepcast.simulator.recording.recorder import ONE_FILE, read_rotation
+
+        plan = RecordingPlan(Path(file), pictures, readings, ONE_FILE if rotate is None else read_rotation(rotate))
+        with self._turn():
+            self._recording = RunRecording(self.swarm, self.station, plan)
+        return self._recording
+
     def close(self) -> None:
-        """Stop sampling."""
+        """Stop sampling and recording."""
         self._histories.clear()
+        if self._recording is not None:
+            self._recording.close()
 
     # ---- shown
 

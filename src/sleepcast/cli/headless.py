@@ -19,7 +19,7 @@ from sleepcast.loop.snapshots import SnapshotLostError
 from sleepcast.station import Station
 
 if TYPE_CHECKING:
-    from sleepcast.cli.recording import RecordingPlan
+    from sleepcast.api.recording import RecordingPlan
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,9 +98,9 @@ def run_headless(
     recorder, lost = None, False
     with _told(swarm, wanted, keeping), ExitStack() as stack:
         if wanted is not None:
-            from sleepcast.cli.recording import recorded
+            from sleepcast.api.recording import recorded
 
-            recorder = stack.enter_context(recorded(swarm, station, wanted))
+            recorder = stack.enter_context(recorded(swarm, station, wanted, complain))
         for _ in stack.enter_context(closing(steps(ticks, scenario.name, quiet=quiet))):
             swarm.step()
             if keeping is not None and swarm.simulator.tick == due:

@@ -19,8 +19,8 @@ from sleepcast.cli.streams import announce, put
 from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
+    from sleepcast.api.recording import RecordingPlan
     from sleepcast.cli.headless import SnapshotPlan
-    from sleepcast.cli.recording import RecordingPlan
     from sleepcast.console import Address
     from sleepcast.loop import Swarm
     from sleepcast.simulator import Changes
@@ -229,9 +229,10 @@ def _kept(swarm: Swarm, station: Station, wanted: RecordingPlan | None, keeping:
         if keeping is not None:
             stack.callback(keeping.take, swarm)
         if wanted is not None:
-            from sleepcast.cli.recording import recorded
+            from sleepcast.api.recording import recorded
+            from sleepcast.cli.streams import complain
 
-            stack.enter_context(recorded(swarm, station, wanted))
+            stack.enter_context(recorded(swarm, station, wanted, complain))
         yield
 
 
@@ -328,7 +329,7 @@ def _wanted(options: Options) -> RecordingPlan | None:
     """What is to be recorded; None for nothing."""
     if options["record"] is None:
         return None
-    from sleepcast.cli.recording import RecordingPlan
+    from sleepcast.api.recording import RecordingPlan
     from sleepcast.simulator.recording.recorder import ONE_FILE, read_rotation
 
     rotation = ONE_FILE if options["record_rotate"] is None else read_rotation(options["record_rotate"])

@@ -202,10 +202,9 @@ class Window:
 
     def _unit(self, name: str) -> str:
         """The unit in which people read a variable."""
-        from sleepcast.language import Variable
+        from sleepcast.language.vocabulary import unit_of
 
-        binding = self.telemetry.minds.vocabulary.bindings.get(name.casefold())
-        return (binding.quantity.shown_as or binding.quantity.unit) if isinstance(binding, Variable) else ""
+        return unit_of(name, self.telemetry.minds.vocabulary)
 
     def _shown(self, name: str, value: float) -> str:
         from sleepcast.core.units import shown

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import msgspec
 
-from sleepcast.console.explanation import shown_value, unit_of
 from sleepcast.console.view import SwarmView
-from sleepcast.language import Vocabulary
 from sleepcast.station import Account, Command, Station
+from sleepcast.station.account import values_in_words
 
 MOST_ROWS = 50
 """Commands that a page shows, the latest; the journal has them all."""
@@ -99,14 +98,3 @@ class AccountTable:
             )
         said = f"{found.n_matched:,} {found.scope} report stopped"
         return f"STOP: {said}; silent: {found.missing(NAMED)}."
-
-
-def values_in_words(command: Command, account: Account, vocabulary: Vocabulary) -> str:
-    """What was answered to a question, as people read it; "" for what is none."""
-    if command.kind != "ask":
-        return ""
-    found, unit = account.values, unit_of(command.text.strip(), vocabulary)
-    if found is None:
-        return "no value yet"
-    least, mean, greatest = (shown_value(each, unit) for each in (found.least, found.mean, found.greatest))
-    return f"{found.count:,} values: min {least}, mean {mean}, max {greatest}"

@@ -15,13 +15,14 @@ from sleepcast.console import outgoing
 from sleepcast.console.account_table import AccountTable
 from sleepcast.console.completion import names_of
 from sleepcast.console.driver import Driver
-from sleepcast.console.explanation import show_why, shown_value, unit_of
+from sleepcast.console.explanation import show_why
 from sleepcast.console.incoming import Sort
 from sleepcast.console.view import MindView, RuleView, SwarmView
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, and_more
+from sleepcast.core.units import shown_value
 from sleepcast.language import Checked, Finding, ReadError, Variable, format_value
-from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEEPING, SUPPORT, TIME_SLOT
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, FROZEN, MARKED, SLEEPING, SUPPORT, TIME_SLOT, unit_of
 from sleepcast.station import NO, UNKNOWN, YES, Preview, Report, Station
 
 STOP_AGAIN = 0.5

@@ -6,8 +6,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.console.explanation import shown_value
 from sleepcast.console.view import MindsView, SwarmView
+from sleepcast.core.units import shown_value
 from sleepcast.language import Constant, HostFunction, Variable
 from sleepcast.language.functions import FUNCTIONS
 from sleepcast.language.symbols import Group, Operator, UserVariable

@@ -13,9 +13,10 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from threading import Thread
 
-from sleepcast.console.frames import Groups, flags_of, pack
+from sleepcast.console.frames import pack
 from sleepcast.console.view import Pace, SwarmView
 from sleepcast.core.clock import Clock
+from sleepcast.fleet.marks import Groups, flags_of
 
 SLICE = 0.004
 """Seconds for which ticks may run before the server is served: unnoticed by people, long against a switch."""

@@ -7,9 +7,10 @@ from math import isnan
 
 import msgspec
 
-from sleepcast.core.units import UNITS, shown
-from sleepcast.language import Explanation, Step, Variable, Vocabulary
+from sleepcast.core.units import UNITS, shown_value
+from sleepcast.language import Explanation, Step, Vocabulary
 from sleepcast.language.functions import FUNCTIONS
+from sleepcast.language.vocabulary import unit_of
 
 _LITERAL = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?(%|[a-z]+(?:/[a-z]+)?\d?)?\Z", re.IGNORECASE)
 _TRUTHS = frozenset({"compare", "truth"})
@@ -80,18 +81,3 @@ def _unit_inside(step: Step, vocabulary: Vocabulary) -> str:
     units = [match[1] or "" for part in step.children if (match := _LITERAL.match(part.text))]
     units += [unit_of(part.text, vocabulary) for part in step.children]
     return next((unit.casefold() for unit in units if unit.casefold() in UNITS), "")
-
-
-def unit_of(name: str, vocabulary: Vocabulary) -> str:
-    """The unit in which people read the variable `name`; "" for a plain number or no variable."""
-    binding = vocabulary.bindings.get(name.casefold())
-    return (binding.quantity.shown_as or binding.quantity.unit) if isinstance(binding, Variable) else ""
-
-
-def shown_value(value: float | None, unit: str) -> str:
-    """A value with its unit, in as many digits as people read: `43.1 %`; large plain numbers without an exponent."""
-    if value is None:
-        return ""
-    if isnan(value):
-        return "unknown"
-    return shown(value, unit) if unit else f"{value:.6g}"

@@ -25,20 +25,10 @@ Everything is little endian. A frame of n robots has 32 + 14 n bytes, or 32 + 15
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable
-
-import numpy as np
-
-from sleepcast.console.view import MindsView
-from sleepcast.language.vocabulary import FROZEN, MARKED, MARKING, SLEEPING
 
 VERSION = 1
-MAX_GROUPS = 255
-"""Groups that one byte can tell apart; robots of later ones are shown as in no group."""
 
 _HEADER = struct.Struct("<BBBxIIIdff")
-_BITS = ((FROZEN, 2), (SLEEPING, 4))
-_MARK = 8
 SILENT = 16
 
 
@@ -57,50 +47,3 @@ def pack(
     bits = sum(bit << place for place, bit in enumerate(state))
     header = _HEADER.pack(VERSION, bits, bool(pings), len(marks[0]), number, tick & 0xFFFFFFFF, time, *speeds)
     return b"".join((header, poses, *marks, pings))
-
-
-def flags_of(minds: MindsView) -> bytes:
-    """The flags of each robot."""
-    found = minds.stopped.astype(np.uint8)
-    for slot, bit in _BITS:
-        found |= np.where(minds.column(slot) > 0.0, np.uint8(bit), np.uint8(0))
-    shown = (minds.column(MARKED) > 0.0) & (minds.column(MARKING) > 0.0)
-    found |= np.where(shown, np.uint8(_MARK), np.uint8(0))
-    return found.tobytes()
-
-
-class Groups:
-    """The groups of a fleet, numbered from 1 in the order in which they were first seen.
-
-    names: as written in the first message that named each. counts: members of each. shown: robots that the map shows
-    in each, because it is the newest that they are in.
-    """
-
-    def __init__(self) -> None:
-        self.names: list[str] = []
-        self.counts: list[int] = []
-        self.shown: list[int] = []
-        self._codes: dict[str, int] = {}
-
-    def look(self, minds: MindsView) -> bytes:
-        """The code of each robot's newest group (0: none), and the counts brought up to date."""
-        codes = np.zeros(len(minds), np.uint8)
-        counts = [0] * MAX_GROUPS
-        for key, members in minds.groups.items():
-            count = int(np.count_nonzero(members))
-            if key not in self._codes and count and len(self.names) < MAX_GROUPS:
-                declared = minds.declared(key)
-                self.names.append(declared.name if declared is not None else key)
-                self._codes[key] = len(self.names)
-            if key in self._codes:
-                counts[self._codes[key] - 1] = count
-        for key, code in self._codes.items():
-            if counts[code - 1]:
-                codes[minds.groups[key]] = code
-        self.counts = counts[: len(self.names)]
-        self.shown = np.bincount(codes, minlength=len(self.names) + 1)[1:].tolist()
-        return codes.tobytes()
-
-    def code(self, groups: Iterable[str]) -> int:
-        """The number of the newest of these groups, 0 of none."""
-        return max((self._codes.get(key, 0) for key in groups), default=0)

@@ -18,12 +18,12 @@ import msgspec
 from sleepcast.console import outgoing
 from sleepcast.console.account_table import MOST_ROWS, Row
 from sleepcast.console.driver import FRAME_PERIOD, FrameSource
-from sleepcast.console.explanation import shown_value
 from sleepcast.console.frames import pack
 from sleepcast.console.incoming import Sort
 from sleepcast.console.view import Outline, Scene
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError
+from sleepcast.core.units import shown_value
 
 MOST_SAID = 20
 """Lines of the watched robot that a page shows."""

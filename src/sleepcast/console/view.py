@@ -5,15 +5,13 @@ The console knows no simulator and no loop. The roof gives it something with the
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Protocol
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
+from sleepcast.fleet.marks import ManyMinds
 from sleepcast.language import Vocabulary
-from sleepcast.language.symbols import Declared
 from sleepcast.station import Mind
 
 
@@ -83,25 +81,10 @@ class MindView(Mind, Protocol):
         """Every kept expression."""
 
 
-class MindsView(Protocol):
+class MindsView(ManyMinds, Protocol):
     """All minds: one by its name, and what the page asks of all of them, in the order of `scene.names`."""
 
-    def __len__(self) -> int: ...
-
     def __getitem__(self, name: str, /) -> MindView: ...
-
-    @property
-    def stopped(self) -> NDArray[np.bool_]: ...
-
-    @property
-    def groups(self) -> Mapping[str, NDArray[np.bool_]]:
-        """Who is in which group, by its key; the newest group last."""
-
-    def column(self, slot: int) -> NDArray[np.float64]:
-        """A variable of all robots in SI, NaN for unknown."""
-
-    def declared(self, key: str) -> Declared | None:
-        """What any robot has learned under this key."""
 
     def heard(self) -> Iterable[str]:
         """Every name that any robot has learned, as written."""

@@ -99,3 +99,12 @@ def shown(value: float, suffix: str, digits: int = 4) -> str:
     if not suffix:
         return f"{value:.{digits}g}"
     return f"{value / UNITS[suffix].factor:.{digits}g} {suffix}"
+
+
+def shown_value(value: float | None, unit: str) -> str:
+    """A value with its unit, in as many digits as people read: `43.1 %`; large plain numbers without an exponent."""
+    if value is None:
+        return ""
+    if math.isnan(value):
+        return "unknown"
+    return shown(value, unit) if unit else f"{value:.6g}"

@@ -8,6 +8,7 @@ messages      what waits, and what robots say                   bodies    stoppi
 evaluation_log  explanations, by evaluating again               read_set  which variables robots look at
 telemetry     the latest telemetry of each robot                native/   native code for rules, through LLVM
 schema        the serialized state                              snapshot  to it, and back
+marks         groups and flags of each robot, for pictures
 fleet         messages and readings in, a tick of all; the robots by name, and each seen as a mind of its own
 """
 

@@ -169,3 +169,9 @@ def describe(binding: Binding) -> str:
 def constants(named: Mapping[str, float]) -> tuple[Constant, ...]:
     """Constants from a mapping of names to SI values, each of no stated dimension."""
     return tuple(Constant(name, value) for name, value in named.items())
+
+
+def unit_of(name: str, vocabulary: Vocabulary) -> str:
+    """The unit in which people read the variable `name`; "" for a plain number or no variable."""
+    binding = vocabulary.bindings.get(name.casefold())
+    return (binding.quantity.shown_as or binding.quantity.unit) if isinstance(binding, Variable) else ""

@@ -24,6 +24,8 @@ from sleepcast.channel.name_index import NameIndex, natural_order
 from sleepcast.channel.payload import LOOK
 from sleepcast.core.errors import MisuseError, did_you_mean, printable
 from sleepcast.core.serial import Array, SerialError, within
+from sleepcast.core.units import shown_value
+from sleepcast.language.vocabulary import Vocabulary, unit_of
 from sleepcast.station.roster import Index, Seconds, of_robots
 from sleepcast.station.serialized import AnswersState, CommandState
 
@@ -594,3 +596,14 @@ class SentCommands:
         if latch is not None:
             kept = Command.restored(latch, names)
             self.latch = self._commands.get(kept.id, kept)
+
+
+def values_in_words(command: Command, account: Account, vocabulary: Vocabulary) -> str:
+    """What was answered to a question, as people read it; "" for what is none."""
+    if command.kind != "ask":
+        return ""
+    found, unit = account.values, unit_of(command.text.strip(), vocabulary)
+    if found is None:
+        return "no value yet"
+    least, mean, greatest = (shown_value(each, unit) for each in (found.least, found.mean, found.greatest))
+    return f"{found.count:,} values: min {least}, mean {mean}, max {greatest}"

@@ -1,20 +1,23 @@
-"""What of a swarm is recorded, and how often: the roof's part of recording, which alone sees minds, desk and bodies."""
+"""What of a swarm is recorded, and how often: the part of recording that sees minds, desk and bodies."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
+from typing import Self
+from weakref import finalize
 
 import numpy as np
 
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message_batch import MessageBatch
-from sleepcast.cli.streams import complain
-from sleepcast.console.account_table import values_in_words
-from sleepcast.console.frames import Groups, flags_of
+from sleepcast.core.errors import MisuseError
 from sleepcast.core.version import VERSION
+from sleepcast.fleet.marks import Groups, flags_of
 from sleepcast.language import format_value
 from sleepcast.loop import Swarm, snapshot
 from sleepcast.simulator import Scenario
@@ -34,6 +37,7 @@ from sleepcast.simulator.recording.recorder import (
     WorldChange,
 )
 from sleepcast.station import Command, Station
+from sleepcast.station.account import values_in_words
 
 PICTURES_PER_SECOND = 10.0
 """Pictures in a second of a person's time, when the scenario runs at its own speed: motion is seen as such."""
@@ -221,10 +225,12 @@ def periods(scenario: Scenario, wanted: RecordingPlan) -> tuple[int, int]:
 
 
 @contextmanager
-def recorded(swarm: Swarm, station: Station, wanted: RecordingPlan) -> Iterator[Recorder]:
+def recorded(
+    swarm: Swarm, station: Station, wanted: RecordingPlan, complain: Callable[[str], None]
+) -> Iterator[Recorder]:
     """Record what happens to `swarm` inside. A recording that breaks off says so, and leaves `failed` in the recorder.
 
-    Raises what Recorder raises.
+    complain: called with a sentence then, see `Recorder`. Raises what Recorder raises.
     """
     simulator = swarm.simulator
     first = (simulator.tick, snapshot(swarm)) if simulator.tick else (0, b"")
@@ -244,3 +250,38 @@ def recorded(swarm: Swarm, station: Station, wanted: RecordingPlan) -> Iterator[
         finally:
             swarm.witness = None
             witness.finish()
+
+
+class RunRecording:
+    """The recording of a run that goes on until `close`, or until nobody holds it any more."""
+
+    def __init__(self, swarm: Swarm, station: Station, wanted: RecordingPlan) -> None:
+        for seconds in (wanted.pictures, wanted.readings):
+            if seconds is not None and not (isfinite(seconds) and seconds > 0.0):
+                raise MisuseError(f"cannot record every {seconds} s: wanted a number of simulated seconds above 0")
+        if swarm.witness is not None:
+            raise MisuseError("this run is recorded already: close that recording first")
+        with ExitStack() as ends:
+            say = logging.getLogger("sleepcast").warning
+            self._recorder = ends.enter_context(recorded(swarm, station, wanted, say))
+            self._end = finalize(self, ends.pop_all().close)
+
+    @property
+    def file(self) -> Path:
+        """The file that is written now: the last one where there are several."""
+        return self._recorder.file
+
+    @property
+    def failed(self) -> bool:
+        """Whether it broke off, because nothing more could be written."""
+        return self._recorder.failed
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._end()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *ended: object) -> None:
+        self.close()

@@ -1,0 +1,84 @@
+"""What a picture of a fleet marks robots with, a byte each: the newest group of each, and its flags."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.language.symbols import Declared
+from sleepcast.language.vocabulary import FROZEN, MARKED, MARKING, SLEEPING
+
+MAX_GROUPS = 255
+"""Groups that one byte can tell apart; robots of later ones are shown as in no group."""
+
+_BITS = ((FROZEN, 2), (SLEEPING, 4))
+_MARK = 8
+
+
+class ManyMinds(Protocol):
+    """The minds of a fleet, as arrays in the order of its robots."""
+
+    def __len__(self) -> int: ...
+
+    @property
+    def stopped(self) -> NDArray[np.bool_]: ...
+
+    @property
+    def groups(self) -> Mapping[str, NDArray[np.bool_]]:
+        """Who is in which group, by its key; the newest group last."""
+
+    def column(self, slot: int) -> NDArray[np.float64]:
+        """A variable of all robots in SI, NaN for unknown."""
+
+    def declared(self, key: str) -> Declared | None:
+        """What any robot has learned under this key."""
+
+
+def flags_of(minds: ManyMinds) -> bytes:
+    """The flags of each robot."""
+    found = minds.stopped.astype(np.uint8)
+    for slot, bit in _BITS:
+        found |= np.where(minds.column(slot) > 0.0, np.uint8(bit), np.uint8(0))
+    shown = (minds.column(MARKED) > 0.0) & (minds.column(MARKING) > 0.0)
+    found |= np.where(shown, np.uint8(_MARK), np.uint8(0))
+    return found.tobytes()
+
+
+class Groups:
+    """The groups of a fleet, numbered from 1 in the order in which they were first seen.
+
+    names: as written in the first message that named each. counts: members of each. shown: robots that the map shows
+    in each, because it is the newest that they are in.
+    """
+
+    def __init__(self) -> None:
+        self.names: list[str] = []
+        self.counts: list[int] = []
+        self.shown: list[int] = []
+        self._codes: dict[str, int] = {}
+
+    def look(self, minds: ManyMinds) -> bytes:
+        """The code of each robot's newest group (0: none), and the counts brought up to date."""
+        codes = np.zeros(len(minds), np.uint8)
+        counts = [0] * MAX_GROUPS
+        for key, members in minds.groups.items():
+            count = int(np.count_nonzero(members))
+            if key not in self._codes and count and len(self.names) < MAX_GROUPS:
+                declared = minds.declared(key)
+                self.names.append(declared.name if declared is not None else key)
+                self._codes[key] = len(self.names)
+            if key in self._codes:
+                counts[self._codes[key] - 1] = count
+        for key, code in self._codes.items():
+            if counts[code - 1]:
+                codes[minds.groups[key]] = code
+        self.counts = counts[: len(self.names)]
+        self.shown = np.bincount(codes, minlength=len(self.names) + 1)[1:].tolist()
+        return codes.tobytes()
+
+    def code(self, groups: Iterable[str]) -> int:
+        """The number of the newest of these groups, 0 of none."""
+        return max((self._codes.get(key, 0) for key in groups), default=0)

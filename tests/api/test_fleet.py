@@ -184,6 +184,32 @@ class TestRuns:
         assert len(set(found)) == 1
         assert len(sc.open(text.replace("mission =", "# mission ="), robots=5)) == 5
 
+    def test_any_key_of_a_scenario_can_be_changed(self) -> None:
+        over = {"radio.loss": 0.25, "robots.count": np.int64(30), "radio.reach": "3km", "places.vessel.title": "home"}
+        scenario = sc.open("bravo", over=over).swarm.simulator.scenario
+        assert (scenario.radio.loss, scenario.robots.count, scenario.radio.reach) == (0.25, 30, 3000.0)
+        assert [place.title for place in scenario.places] == ["home"]
+        assert sc.open("bravo", over={"radio.loss": 0.5}, robots=5).swarm.simulator.scenario.robots.count == 5
+
+    @pytest.mark.parametrize(
+        ("key", "value", "complaint"),
+        [
+            ("radio.los", 0.1, r"over radio\.los: unknown key \(did you mean loss\?\)"),
+            ("radoi.loss", 0.1, r"over radoi: unknown key \(did you mean radio\?\)"),
+            ("radio.loss", 2, r"over radio\.loss: .*not 2"),
+            ("radio.loss", "much", r"over radio\.loss: wanted"),
+            ("radio.loss", None, r"over radio\.loss: wanted"),
+            ("title.more", 1, r"over title\.more: there is no such place"),
+            ("commands[99].title", "x", r"over commands\[99\]: there is no such place"),
+            ("radio..loss", 1, "wanted a key such as"),
+            ("", 1, "wanted a key such as"),
+            ("title", float("nan"), "over title: wanted a text"),
+        ],
+    )
+    def test_what_cannot_be_changed_is_refused(self, key: str, value: object, complaint: str) -> None:
+        with pytest.raises(SettingsError, match=complaint):
+            sc.open("bravo", over={key: value})
+
     def test_the_mission_is_sent_where_it_is_wanted(self) -> None:
         assert sc.open("bravo", robots=20, mission=True).run(60).station.commands()
         assert not bravo().run(60).station.commands()

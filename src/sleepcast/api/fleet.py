@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from math import isfinite
 from os import PathLike, fspath
@@ -205,17 +205,20 @@ def open(
     robots: int | None = None,
     area_per_robot: float | None = None,
     walls: bool = True,
+    over: Mapping[str, object] | None = None,
     mission: bool = False,
     threads: int | None = None,
 ) -> SimulatedFleet:
     """A simulated fleet at the start of its scenario.
 
     scenario: a name of the gallery, the path of a folder or file, TOML text, or a `Scenario`. seed: what all chance
-    depends on, None for the scenario's. robots, area_per_robot (m2), walls: changes of the scenario. mission: whether
-    the desk sends the scenario's own commands. threads: None is one for each core; any number gives the same bits.
+    depends on, None for the scenario's. robots, area_per_robot (m2), walls: changes of the scenario. over: any of its
+    keys, each with what it says instead, as {"radio.loss": 0.3, "robots.limits.speed": "2m/s"}. mission: whether the
+    desk sends the scenario's own commands. threads: None is one for each core; any number gives the same bits.
     Raises MisuseError for no such scenario, SettingsError for what is wrong in it.
     """
-    changes = Changes(robots, area_per_robot, walls, seed)
+    changed = (each.item() if isinstance(each, np.generic) else each for each in (over or {}).values())
+    changes = Changes(robots, area_per_robot, walls, seed, tuple(zip(over or (), changed, strict=True)))
     if isinstance(scenario, Scenario):
         if changes != Changes(seed=seed):
             raise MisuseError("a Scenario object is taken as it is: give its name, path or text to change it")

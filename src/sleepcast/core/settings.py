@@ -31,6 +31,8 @@ _NAME = r"""(?:[\w-]+|"[^"]*"|'[^']*')"""
 _KEY = re.compile(rf"\s*({_NAME}(?:\s*\.\s*{_NAME})*)\s*=")
 _HEADER = re.compile(rf"\s*(\[\[?)\s*({_NAME}(?:\s*\.\s*{_NAME})*)\s*\]")
 _PART = re.compile(_NAME)
+_SHOWN_PART = re.compile(r"[\w-]+|\[\d{1,6}\]")
+_SHOWN_KEY = re.compile(r"[\w-]+(?:\.[\w-]+|\[\d{1,6}\])*")
 _CHOSEN = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}\Z")
 
 Path_ = tuple[str | int, ...]
@@ -52,12 +54,33 @@ class Document:
 
     def __init__(self, path: Path, values: dict[str, object], lines: dict[Path_, int]) -> None:
         self.path, self.values, self.lines = path, values, lines
+        self._changed: set[Path_] = set()
 
     def root(self) -> Table:
         return Table(self, self.values, ())
 
+    def change(self, key: str, value: object) -> None:
+        """Have a key, as `shown_key` writes it, say something else than the file does; errors then name no line.
+        Raises SettingsError for a key that is none, or in something that is no table."""
+        if not _SHOWN_KEY.fullmatch(key):
+            raise SettingsError(f'over "{key:.80}": wanted a key such as radio.loss or commands[0].title')
+        where: Path_ = tuple(int(part[1:-1]) if part[0] == "[" else part for part in _SHOWN_PART.findall(key))
+        here: object = self.values
+        for depth, part in enumerate(where, 1):
+            self._changed |= {where[:depth]} - self.lines.keys() | {where}
+            last = depth == len(where)
+            if isinstance(part, str) and isinstance(here, dict):
+                inside = here[part] = value if last else here.get(part, {})
+            elif isinstance(part, int) and isinstance(here, list) and part < len(here):
+                inside = here[part] = value if last else here[part]
+            else:
+                raise self.error(where[:depth], "there is no such place to be changed")
+            here = inside
+
     def error(self, where: Path_, sentence: str) -> SettingsError:
         """An error at the key `where`, or at the nearest table around it that has a line of its own."""
+        if any(where[:n] in self._changed for n in range(1, len(where) + 1)):
+            return SettingsError(f"{self.path}: over {shown_key(where)}: {sentence}")
         line = next((self.lines[where[:n]] for n in range(len(where), 0, -1) if where[:n] in self.lines), 1)
         return SettingsError(f"{self.path}:{line}: {shown_key(where)}: {sentence}")
 

@@ -128,6 +128,8 @@ def read_scenario(text: str, changes: Changes = Changes()) -> Scenario:  # noqa:
 
 def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> Scenario:
     document = toml_document(file, text)
+    for key, value in changes.over:
+        document.change(key, value)
     with document.root() as root:
         _check_format(root)
         root.has("nomad")  # for `sites`

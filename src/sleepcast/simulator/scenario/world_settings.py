@@ -31,12 +31,14 @@ EDGES = ("fence", "wall")
 @dataclass(frozen=True, slots=True)
 class Changes:
     """What a run changes of its scenario's file. robots: so many; area_per_robot: in a world of so many m2 for each;
-    walls: False leaves out everything solid. seed: what all chance depends on, a maze with it."""
+    walls: False leaves out everything solid. seed: what all chance depends on, a maze with it. over: keys of the file
+    as errors write them (`radio.loss`), each with what it says instead."""
 
     robots: int | None = None
     area_per_robot: float | None = None
     walls: bool = True
     seed: int | None = None
+    over: tuple[tuple[str, object], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -213,7 +213,7 @@ def open(
 
     scenario: a name of the gallery, the path of a folder or file, TOML text, or a `Scenario`. seed: what all chance
     depends on, None for the scenario's. robots, area_per_robot (m2), walls: changes of the scenario. over: any of its
-    keys, each with what it says instead, as {"radio.loss": 0.3, "robots.limits.speed": "2m/s"}. mission: whether the
+    keys, each with what it says instead, as {"radio.loss": 0.3}. mission: whether the
     desk sends the scenario's own commands. threads: None is one for each core; any number gives the same bits.
     Raises MisuseError for no such scenario, SettingsError for what is wrong in it.
     """

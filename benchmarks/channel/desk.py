@@ -22,7 +22,7 @@ import numpy as np
 from benchmarks.report import Json
 from sleepcast.api.connection import FLEET, AirOptions, session_for
 from sleepcast.channel import Kind
-from sleepcast.channel.payload import WITHIN
+from sleepcast.channel.message import WITHIN
 from sleepcast.core.clock import UnixClock
 from sleepcast.language import Vocabulary
 from sleepcast.station.account import Command

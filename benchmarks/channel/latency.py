@@ -37,8 +37,7 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import encode
 from sleepcast.channel.keyring import development_keys
 from sleepcast.channel.keys import KeyPair
-from sleepcast.channel.message import Role
-from sleepcast.channel.payload import WITHIN
+from sleepcast.channel.message import WITHIN, Role
 from sleepcast.channel.transports.udp import UdpTransport
 
 BAR = 2.0

@@ -25,7 +25,7 @@ import numpy as np
 
 from sleepcast.simulator import Changes, Machine, Simulator, choose, find_scenario
 from sleepcast.simulator.bodies.bodies import Floats, Mode
-from sleepcast.simulator.motion.contact import Settled
+from sleepcast.simulator.motion.steps import Settled
 
 Clock = Callable[[], float]
 """Seconds since some time or other."""

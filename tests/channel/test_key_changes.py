@@ -21,8 +21,7 @@ from sleepcast.channel.keys import (
     Trust,
     fingerprint,
 )
-from sleepcast.channel.message import Role
-from sleepcast.channel.payload import KEYS
+from sleepcast.channel.message import KEYS, Role
 
 CHIEF = KeyPair("chief", Role.COMMANDER, b"c" * 32)
 ANNA = KeyPair("anna", Role.OPERATOR, b"a" * 32)

@@ -17,8 +17,8 @@ from sleepcast.channel.drops import DropCounter, DropReason
 from sleepcast.channel.envelope import encode
 from sleepcast.channel.keys import KeyPair
 from sleepcast.channel.message import Role
+from sleepcast.channel.session import MAX_QUEUE, Multiplexer, Port
 from sleepcast.channel.transports import open_transport
-from sleepcast.channel.transports.multiplexer import MAX_QUEUE, Multiplexer, Port
 from sleepcast.channel.transports.transport import Transport
 from sleepcast.core.clock import WallClock
 

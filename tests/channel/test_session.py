@@ -7,8 +7,7 @@ from random import Random
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.admission import Admission
 from sleepcast.channel.keys import KeyPair, Trust
-from sleepcast.channel.message import Role
-from sleepcast.channel.payload import AGAIN, FOR, WITHIN
+from sleepcast.channel.message import AGAIN, FOR, WITHIN, Role
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.channel.session import MAX_ANSWERED, ChannelSession
 from sleepcast.channel.transports import open_transport

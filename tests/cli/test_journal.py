@@ -22,7 +22,7 @@ from sleepcast.api.connection import journal_of, open_journal
 from sleepcast.cli import main
 from sleepcast.core.clock import ManualClock
 from sleepcast.station import Event
-from sleepcast.station.journal.sqlite import SqliteJournal
+from sleepcast.station.journal.file import SqliteJournal
 
 WRITTEN = 1_795_298_400.0
 """2026-11-21 22:00 UTC."""

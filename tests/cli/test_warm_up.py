@@ -21,7 +21,7 @@ SONARS = {"all at once": 'noise = "3%"', "in order": 'noise = "3%"\npause = "4ms
 def test_what_a_tick_takes_is_compiled_beforehand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sonar: str) -> None:
     """Every kernel meets the same types in a warm-up as in a tick."""
     numba = pytest.importorskip("numba")
-    from sleepcast.simulator.motion import kernels_contact, kernels_motion
+    from sleepcast.simulator.motion import kernels_motion
     from sleepcast.simulator.sonar import kernels, kernels_firing, kernels_sonar
 
     called: set[tuple[str, object]] = set()
@@ -36,7 +36,7 @@ def test_what_a_tick_takes_is_compiled_beforehand(tmp_path: Path, monkeypatch: p
     rooms = ("[robots]\n", '[world.rooms]\nsize = "6m"\ndoor = "1.5m"\n\n[robots]\n')
     sim = scouts(tmp_path, ("count = 1\n", "count = 40\n"), rooms, more=sonar, machine=choose("numba", 1))
     warm_up(sim.scenario, 1)  # nothing can be compiled once there is a listener in the place of a kernel
-    for module in (kernels, kernels_contact, kernels_firing, kernels_motion, kernels_sonar):
+    for module in (kernels, kernels_firing, kernels_motion, kernels_sonar):
         for name, kernel in vars(module).items():
             if hasattr(kernel, "signatures") and kernel.__module__ == module.__name__:
                 monkeypatch.setattr(module, name, listen(name, kernel))
@@ -72,7 +72,7 @@ def test_the_first_start_compiles_in_two_processes(tmp_path: Path) -> None:
     ran = subprocess.run([sys.executable, "-c", COLD], env=environment, capture_output=True, text=True, check=True)
     rows = [row.split() for row in ran.stdout.splitlines()]
     compiled = {(module.rpartition(".")[2], kernel): int(times) for module, kernel, times in rows}
-    assert compiled["kernels_motion", "propose"] == compiled["kernels_contact", "stop_at_old"] == 1
+    assert compiled["kernels_motion", "propose"] == compiled["kernels_motion", "stop_at_old"] == 1
     assert compiled["kernels_sonar", "see"] == compiled["kernels", "hear"] == 0
     kept = {file.name.split("-")[1] for file in tmp_path.rglob("kernels/*")}
     assert kept >= {"kernels_motion.propose", "kernels_sonar.see", "kernels.hear"}

@@ -18,7 +18,7 @@ from sleepcast.language import CheckError, ReadError, Vocabulary
 from sleepcast.language.parts import Template
 from sleepcast.mind import limits
 from sleepcast.node import node
-from sleepcast.station.minds import FleetNames
+from sleepcast.station.preview import FleetNames
 
 X = [sensor.name for sensor in SENSORS].index("x")
 

@@ -16,7 +16,7 @@ from sleepcast.fleet.schema import FleetSnapshot
 from sleepcast.fleet.snapshot import restore, state_of
 from sleepcast.fleet.telemetry import NOT_YET
 from sleepcast.language import read
-from sleepcast.station.minds import FleetNames
+from sleepcast.station.preview import FleetNames
 
 ROBOTS = 6
 EVERYBODY = list(range(ROBOTS))

@@ -10,7 +10,7 @@ import pytest
 from sleepcast.channel import Kind, Message
 from sleepcast.core.errors import MisuseError
 from sleepcast.loop import vocabulary_of
-from sleepcast.mind.lease import read_lease
+from sleepcast.mind.authority import read_lease
 from sleepcast.node.node import Node
 from sleepcast.robot import Setpoint
 from sleepcast.simulator import Simulator

@@ -20,8 +20,8 @@ from sleepcast.core.clock import ManualClock
 from sleepcast.core.model import Quantity
 from sleepcast.language import HostFunction, Vocabulary
 from sleepcast.node.node import Node
-from sleepcast.station.minds import Minds
 from sleepcast.station.network import NetworkStation
+from sleepcast.station.preview import Minds
 from sleepcast.station.roster import NOBODY_SAID, Expectation
 from sleepcast.station.validation import SendPolicy
 

@@ -6,8 +6,8 @@ import pytest
 
 from safety.scene import KEYS, Scene
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.payload import LEASE, LeaseAction
-from sleepcast.mind.lease import MAX_LEASE, MAX_LEASES
+from sleepcast.channel.message import LEASE, LeaseAction
+from sleepcast.mind.authority import MAX_LEASE, MAX_LEASES
 from sleepcast.station import Account
 from sleepcast.station.leases import LeaseError, describe_request, lease_body
 from sleepcast.station.network import NetworkStation

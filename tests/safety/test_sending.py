@@ -6,7 +6,7 @@ import pytest
 
 from safety.scene import Scene
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.payload import FOR, NOT
+from sleepcast.channel.message import FOR, NOT
 from sleepcast.language import CheckError
 from sleepcast.station import (
     AddressError,

@@ -13,8 +13,7 @@ from sleepcast.channel.admission import TIMES_A_SECOND
 from sleepcast.channel.clock_sync import MAX_TRIP, SLOWEST
 from sleepcast.channel.envelope import encode, look, read_message, read_piece
 from sleepcast.channel.keys import KeyPair
-from sleepcast.channel.message import Role
-from sleepcast.channel.payload import TIME, TOOK
+from sleepcast.channel.message import TIME, TOOK, Role
 from sleepcast.channel.reliable import TIME_REPLIES_A_SECOND
 from sleepcast.core.clock import ManualClock, epoch_at
 

@@ -14,7 +14,7 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Simulator
 from sleepcast.simulator.bodies.body import TUMBLE
 from sleepcast.simulator.engine import Machine
-from sleepcast.simulator.motion.contact import SKIN
+from sleepcast.simulator.motion.steps import SKIN
 from sleepcast.simulator.world.grid import distance
 from sleepcast.simulator.world.world import Circle, Wall
 from small_worlds import scouts

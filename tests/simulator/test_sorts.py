@@ -12,7 +12,7 @@ from simulator.sonar.sonar_reference import readings as reference
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Changes, Simulator, choose, load
 from sleepcast.simulator.engine import Machine
-from sleepcast.simulator.motion.contact import SKIN
+from sleepcast.simulator.motion.steps import SKIN
 from small_worlds import write
 
 WORLD = """

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from itertools import count
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.payload import LOOK, OF, Inspection
+from sleepcast.channel.message import LOOK, OF, Inspection
 from sleepcast.core.clock import ManualClock
 from sleepcast.node.node import Node
 from sleepcast.station import Station

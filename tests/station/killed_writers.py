@@ -17,7 +17,7 @@ from typing import BinaryIO
 
 from sleepcast.core.clock import UnixClock
 from sleepcast.station import Event
-from sleepcast.station.journal.sqlite import SqliteJournal
+from sleepcast.station.journal.file import SqliteJournal
 
 WRITERS = 2
 MOST = 12

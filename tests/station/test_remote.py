@@ -8,7 +8,7 @@ from random import Random
 import pytest
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.payload import TELEMETRY, Inspection
+from sleepcast.channel.message import TELEMETRY, Inspection
 from sleepcast.core.model import Constant, HostFunction, Quantity
 from sleepcast.language import Vocabulary
 from sleepcast.mind.telemetry import TelemetryError, digest, read_why

@@ -13,7 +13,7 @@ from rich.console import Console
 from safety.scene import KEYS, START, Scene
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.envelope import look
-from sleepcast.channel.payload import TELEMETRY
+from sleepcast.channel.message import TELEMETRY
 from sleepcast.cli.watch import Window
 from sleepcast.console import Scene as Ground
 from sleepcast.console.adapters.channel import EMPTY, FleetAdapter

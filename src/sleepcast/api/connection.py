@@ -17,10 +17,9 @@ from sleepcast.core.files import data_folder
 if TYPE_CHECKING:
     from sleepcast.channel.keys import KeyPair, Trust
     from sleepcast.channel.reliable import ReliableDelivery
-    from sleepcast.channel.session import ChannelSession, Receiver
-    from sleepcast.channel.transports.multiplexer import Multiplexer
+    from sleepcast.channel.session import ChannelSession, Multiplexer, Receiver
     from sleepcast.node.store import Store
-    from sleepcast.station.journal.sqlite import DeferredJournal
+    from sleepcast.station.journal.file import DeferredJournal
     from sleepcast.station.network import NetworkStation
     from sleepcast.station.roster import Expectation
     from sleepcast.station.telemetry_client import TelemetryClient
@@ -155,9 +154,8 @@ def sessions_for(
     """Sessions of robots with these names, and the receiver for all of them, on one multiplexer. store: of these
     robots. Raises what the channel raises."""
     from sleepcast.channel.admission import ROBOT_KINDS
-    from sleepcast.channel.session import ChannelSession, Receiver, receiver_name
+    from sleepcast.channel.session import ChannelSession, Multiplexer, Receiver, receiver_name
     from sleepcast.channel.transports import open_transport
-    from sleepcast.channel.transports.multiplexer import Multiplexer
     from sleepcast.core.clock import UnixClock
 
     key, trust = chosen_keys(air, True, say)
@@ -262,7 +260,7 @@ def journal_of(fleet: str) -> Path:
 def open_journal(journal: Path | None, fleet: str) -> DeferredJournal:
     """A journal for a desk to write to: the file, or that of the fleet."""
     from sleepcast.core.clock import UnixClock
-    from sleepcast.station.journal.sqlite import DeferredJournal
+    from sleepcast.station.journal.file import DeferredJournal
 
     return DeferredJournal(journal or journal_of(fleet), UnixClock(), HASTE)
 

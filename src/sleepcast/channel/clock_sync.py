@@ -19,8 +19,7 @@ from collections.abc import Callable, Sequence
 from math import inf
 from secrets import token_bytes
 
-from sleepcast.channel.message import Message
-from sleepcast.channel.payload import TIME
+from sleepcast.channel.message import TIME, Message
 from sleepcast.core.clock import MADE
 
 ENOUGH, LATEST = 3, 16

@@ -19,8 +19,7 @@ from nacl.bindings import crypto_sign_BYTES
 from nacl.exceptions import BadSignatureError
 from nacl.signing import SigningKey, VerifyKey
 
-from sleepcast.channel.message import MAX_NAME, Kind, Message, Role
-from sleepcast.channel.payload import KEYS
+from sleepcast.channel.message import KEYS, MAX_NAME, Kind, Message, Role
 from sleepcast.core.errors import MisuseError, did_you_mean
 
 _SEED_BYTES = _PUBLIC_BYTES = 32
@@ -123,7 +122,7 @@ class KeyChange:
     revoke: frozenset[bytes] = field(default_factory=frozenset)
 
     def written(self) -> dict[str, object]:
-        """As the field `payload.KEYS` of a message's body; bytes as hexadecimal digits."""
+        """As the field `message.KEYS` of a message's body; bytes as hexadecimal digits."""
         return {
             "trust": [[key.owner, key.role.value, key.public.hex()] for key in self.trust],
             "vouch": sorted(print_.hex() for print_ in self.vouch),

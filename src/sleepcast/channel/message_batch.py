@@ -13,8 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.message import MAX_NUMBER, Kind, Message, message_id
-from sleepcast.channel.payload import HOPS
+from sleepcast.channel.message import HOPS, MAX_NUMBER, Kind, Message, message_id
 from sleepcast.core.serial import Array, SerialError, within
 
 Index = NDArray[np.intp]

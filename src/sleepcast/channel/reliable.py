@@ -5,11 +5,11 @@ It has no socket and no clock: datagrams and the time go in, messages and datagr
     send     a command is sent at once, and a few times more at growing intervals
     order    each command names the one before it and the standing one before it, so that gaps show (`sequencer`).
              Commands after a gap wait until it is filled, or until the missing one is too late anyway
-    repair   who misses a command asks for it. Anybody who has it sends it again, after a random moment in which he
-             listens whether somebody else does. The datagrams are the sender's own, so nobody needs to be trusted
-             (`message_store`)
-    rules    everybody stores standing commands. Digests tell how far each party has come: more and more rarely while
-             all agree, at once when somebody differs (`digest_timer`)
+    repair   a party that misses a command requests it. Any party that has it sends it again, after a random wait in
+             which it listens whether another one does. The datagrams are the original sender's, so no repairer needs to
+             be trusted (`message_store`)
+    rules    all parties store standing commands. Digests report the progress of each party: more and more rarely while
+             all agree, at once after a difference (`sequencer.DigestTimer`)
 
 Messages of other kinds are passed on as they come.
 """
@@ -26,16 +26,13 @@ from typing import NamedTuple, TypeVar
 
 import msgspec
 
-from sleepcast.channel.admission import Admission
+from sleepcast.channel.admission import Admission, RateLimit, TokenBucket
 from sleepcast.channel.clock_sync import MAX_TRIP, NONCE_BYTES, TimeRequest
-from sleepcast.channel.digest_timer import DigestTimer, mostly_late
 from sleepcast.channel.envelope import MAX_PARTS, Part, encode
 from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal
-from sleepcast.channel.message import Kind, Message, Role
+from sleepcast.channel.message import KEYS, TIME, Kind, Message, Role, age_of
 from sleepcast.channel.message_store import DeliveryState, MessageStore, StreamId
-from sleepcast.channel.payload import KEYS, TIME, age_of
-from sleepcast.channel.rate_limit import RateLimit, TokenBucket
-from sleepcast.channel.sequencer import MAX_STREAMS, Sequencer, Skipped, Stream
+from sleepcast.channel.sequencer import MAX_STREAMS, DigestTimer, Sequencer, Skipped, Stream, mostly_late
 from sleepcast.core.clock import MADE
 
 _REPEATS = (0.03, 0.09, 0.21, 0.45)

@@ -12,8 +12,7 @@ from collections.abc import Iterable, Mapping
 from math import inf
 from typing import NamedTuple
 
-from sleepcast.channel.message import MAX_NAME, MAX_NUMBER, Message, message_id
-from sleepcast.channel.payload import ENDS, FIRST, age_of
+from sleepcast.channel.message import ENDS, FIRST, MAX_NAME, MAX_NUMBER, Message, age_of, message_id
 
 MAX_MARKS = 64
 """Senders, per epoch, whose STOPs hold at once, and as many whose ended STOPs are remembered; the one that was silent

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from sleepcast.channel.admission import Admission
 from sleepcast.channel.clock_sync import differs
 from sleepcast.channel.drops import NoticeLog
-from sleepcast.channel.payload import TOOK
+from sleepcast.channel.message import TOOK
 from sleepcast.cli.standard_memory import reported_body
 from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import printable

@@ -203,8 +203,7 @@ def rotate(file: Path, at: str | None) -> int:
     from contextlib import closing
 
     from sleepcast.core.clock import UnixClock
-    from sleepcast.station.journal.file import open_reading
-    from sleepcast.station.journal.sqlite import Limits, SqliteJournal
+    from sleepcast.station.journal.file import Limits, SqliteJournal, open_reading
 
     open_reading(file).close()  # there must be one
     with closing(SqliteJournal(file, UnixClock())) as found:

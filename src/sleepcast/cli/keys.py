@@ -88,7 +88,7 @@ def tell(
     """Tell the fleet, and show what became of the last of these changes. The exit status is 1 if nobody took it: then
     nobody can hand it on either. more: for the JSON."""
     from sleepcast.channel import Kind
-    from sleepcast.channel.payload import KEYS
+    from sleepcast.channel.message import KEYS
 
     with station_for(air, complain) as station:
         for change in changes:

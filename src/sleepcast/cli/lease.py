@@ -13,7 +13,7 @@ from sleepcast.cli.streams import complain
 from sleepcast.core.errors import printable
 
 if TYPE_CHECKING:
-    from sleepcast.channel.payload import LeaseAction
+    from sleepcast.channel.message import LeaseAction
     from sleepcast.station.network import NetworkStation
 
 SECONDS = 60.0
@@ -45,7 +45,7 @@ def lease(deed: str, group: str, seconds: float, to: str, keep: bool, air: AirOp
       sleepcast lease take bravo --keep
       sleepcast lease grant bravo --to anna
     """
-    from sleepcast.channel.payload import LeaseAction
+    from sleepcast.channel.message import LeaseAction
 
     if keep and deed not in ("take", "request", "force"):
         raise click.UsageError("--keep goes with take, request and force")
@@ -68,7 +68,7 @@ def _done(station: NetworkStation, deed: LeaseAction, group: str, seconds: float
 def _keep(station: NetworkStation, group: str, seconds: float, as_json: bool) -> None:
     """Renew the lease until Ctrl-C, telling what others say about it; then give it back."""
     from sleepcast.channel import Kind
-    from sleepcast.channel.payload import LeaseAction
+    from sleepcast.channel.message import LeaseAction
     from sleepcast.station.leases import describe_request, lease_body
 
     complain(f"{group} is yours until Ctrl-C")

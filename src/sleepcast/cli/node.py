@@ -119,7 +119,7 @@ def node(
         from sleepcast.bridges import SCHEMES, UNLIMITED, open_robot
         from sleepcast.channel.plain_datagrams import Datagrams
         from sleepcast.cli.node_life import NodeProcess, StartScript, read_start_script
-        from sleepcast.mind.lease import read_lease
+        from sleepcast.mind.authority import read_lease
         from sleepcast.simulator import read_limits
 
         beginning, built_in = (StartScript() if each is None else read_start_script(each) for each in (rules, golden))

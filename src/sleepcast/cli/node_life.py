@@ -20,8 +20,7 @@ from typing import TYPE_CHECKING, Protocol
 from sleepcast.bridges import RealRobot
 from sleepcast.channel import Channel, Kind, Message
 from sleepcast.channel.clock_sync import differs, took
-from sleepcast.channel.message import MAX_TEXT
-from sleepcast.channel.payload import ENDS, TOOK
+from sleepcast.channel.message import ENDS, MAX_TEXT, TOOK
 from sleepcast.channel.plain_datagrams import Datagrams, Numbers
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.channel.session import ChannelSession

@@ -277,7 +277,7 @@ def _journal(options: Options) -> Journal | None:
     if options["journal"] is None:
         return None
     from sleepcast.core.clock import UnixClock
-    from sleepcast.station.journal.sqlite import SqliteJournal
+    from sleepcast.station.journal.file import SqliteJournal
 
     return SqliteJournal(options["journal"], UnixClock())
 

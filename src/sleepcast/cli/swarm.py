@@ -103,7 +103,7 @@ def swarm(
     with Interrupts() as interrupts, ExitStack() as stack:
         from sleepcast.cli.describe import notices_of
         from sleepcast.cli.node_life import StartScript, read_start_script
-        from sleepcast.mind.lease import read_lease
+        from sleepcast.mind.authority import read_lease
 
         beginning = None if rules is None else read_start_script(rules)
         if beginning is not None and beginning.orders:

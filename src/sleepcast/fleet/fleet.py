@@ -15,10 +15,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.channel.message import Kind, Message
+from sleepcast.channel.message import FOR, NOT, Kind, Message, hops_left, is_addressed
 from sleepcast.channel.message_batch import Answers, MessageBatch
 from sleepcast.channel.name_index import NameIndex
-from sleepcast.channel.payload import FOR, NOT, hops_left, is_addressed
 from sleepcast.channel.stop_latch import ENDED
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.threads import ThreadPool

@@ -23,8 +23,7 @@ from typing import Self
 
 from sleepcast.channel.message import Message, Role
 from sleepcast.channel.sequencer import Skipped
-from sleepcast.channel.session import GATHER_FOR, ChannelSession, Receiver
-from sleepcast.channel.transports.multiplexer import Multiplexer
+from sleepcast.channel.session import GATHER_FOR, ChannelSession, Multiplexer, Receiver
 from sleepcast.core.clock import Clock
 from sleepcast.loop.real import Keeper, Watch, act
 from sleepcast.node.node import Node

@@ -1,22 +1,183 @@
-"""Who may tell this robot what: whether its sender's role goes so far, and whether somebody else has the lease of a
-group that it is in.
+"""Authority: who may command this robot, by the role of the sender's key and by the leases of groups; and how long a
+driven robot goes on unattended.
 
-Which key said what is a matter of the channel; a refusal here is an answer, so that its sender hears the reason. What
-a robot's own host says to it, and what is typed at it, comes without a role and is not refused.
+The channel verifies keys. A refusal here is an answer, so that its sender hears the reason. Commands of the robot's own
+host, and what is typed at it, come without a role and are not refused.
+
+A lease says which operator alone may command the robots of a group. Every robot keeps the leases of all groups that it
+hears of, because it may join them. A lease ends unless its holder renews it, so a desk that has gone locks nobody out
+for longer than that.
+
+A robot is *driven* from when a person's one-shot command has moved its body until one of its own rules or a standing
+command moves it. Its operator must be heard all the time, or the body comes to rest (the dead man's switch). A robot on
+a mission of its own is not driven and needs nobody.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from math import inf
 
-from sleepcast.channel.message import Kind, Message, Role
-from sleepcast.channel.payload import LEASE
+from sleepcast.channel.message import DO, GROUP, LEASE, MAX_NAME, SECONDS, TO, Kind, LeaseAction, Message, Role
 from sleepcast.channel.stop_latch import Latch, Life, mark_of, restored
+from sleepcast.core.errors import MisuseError
 from sleepcast.language.parts import label_of, rules, walk
 from sleepcast.language.program import Program
-from sleepcast.mind.lease import LeaseRequest, Leases
 
+MAX_LEASE = 3_600.0
+"""Seconds for which a lease may be had at a time."""
+MAX_LEASES = 1_024
+"""Groups whose leases are kept: as many as a robot can be in."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lease:
+    """Who has it, and until when (s of the mind's time)."""
+
+    holder: str
+    until: float
+
+
+@dataclass(frozen=True, slots=True)
+class LeaseRequest:
+    """What a message asks for. seconds: for how long; to: who is to have it, where it is granted."""
+
+    deed: LeaseAction
+    group: str
+    seconds: float
+    to: str
+
+    @staticmethod
+    def of(body: object) -> LeaseRequest | None:
+        """What the map in a message's body says; None if it is nothing that can be meant."""
+        if not isinstance(body, Mapping):
+            return None
+        deed, group, seconds, to = body.get(DO), body.get(GROUP), body.get(SECONDS, 0.0), body.get(TO, "")
+        if deed not in tuple(LeaseAction) or not isinstance(group, str) or not 0 < len(group) <= MAX_NAME:
+            return None
+        if not isinstance(seconds, float | int) or not 0.0 <= seconds <= MAX_LEASE or not isinstance(to, str):
+            return None
+        return LeaseRequest(LeaseAction(str(deed)), group, float(seconds), to[:MAX_NAME])
+
+
+class Leases:
+    """Those that one robot knows of."""
+
+    def __init__(self) -> None:
+        self._held: dict[str, Lease] = {}
+
+    def settle(self, wish: LeaseRequest, message: Message, now: float) -> str:
+        """Do what a message asks for, at `now` (s of the mind's time); gives the reason for a refusal, or ""."""
+        refusal = self._refusal(wish, message, now)
+        if refusal:
+            return refusal
+        key, held = wish.group.casefold(), self._find(wish.group, now)
+        if wish.deed is LeaseAction.GIVE:
+            self._held.pop(key, None)
+        elif wish.deed is LeaseAction.GRANT and held is not None:
+            self._held[key] = Lease(wish.to, max(held.until, now + wish.seconds))
+        else:
+            self._held[key] = Lease(message.sender, now + wish.seconds)
+        return ""
+
+    def _refusal(self, wish: LeaseRequest, message: Message, now: float) -> str:
+        held = self._find(wish.group, now)
+        mine = held is not None and held.holder == message.sender
+        if message.role == Role.ROBOT:
+            return "robots have no leases"
+        if wish.deed is LeaseAction.FORCE:
+            may = message.role in ("", Role.COMMANDER)
+            return "" if may else f"only a commander may force {wish.group} from others"
+        if wish.deed is LeaseAction.GRANT:
+            if not mine:
+                return f"{message.sender} does not have {wish.group}, so cannot grant it"
+            return "" if wish.to else f"say to whom {wish.group} is granted"
+        if held is not None and not mine:
+            return _held_by(held, wish.group, now)
+        full = wish.deed is not LeaseAction.GIVE and held is None and len(self._living(now)) >= MAX_LEASES
+        return f"no room for another lease: there are {MAX_LEASES}" if full else ""
+
+    def objection(self, sender: str, groups: Collection[str], now: float) -> str:
+        """Why a command of this sender does not count in these groups (their keys), "" if it does."""
+        for group in sorted(groups):
+            held = self._find(group, now)
+            if held is not None and held.holder != sender:
+                return _held_by(held, group, now)
+        return ""
+
+    def state(self, now: float) -> dict[str, list[str | float]]:
+        """Each group's holder and the seconds that are left."""
+        return {group: [lease.holder, lease.until - now] for group, lease in self._living(now).items()}
+
+    def restore(self, state: Mapping[str, list[str | float]], now: float) -> None:
+        """Know the leases that were kept, whose seconds begin to run again now."""
+        for group, (holder, seconds) in list(state.items())[:MAX_LEASES]:
+            self._held[group] = Lease(str(holder), now + min(float(seconds), MAX_LEASE))
+
+    def _find(self, group: str, now: float) -> Lease | None:
+        found = self._held.get(group.casefold())
+        return found if found is not None and now < found.until else None
+
+    def _living(self, now: float) -> dict[str, Lease]:
+        """Those that have not ended; the others are forgotten."""
+        self._held = {group: lease for group, lease in self._held.items() if now < lease.until}
+        return self._held
+
+
+def _held_by(lease: Lease, group: str, now: float) -> str:
+    left = lease.until - now
+    return f"{group} is under the lease of {lease.holder} for {left:.0f} s more; sleepcast lease request {group} asks"
+
+
+# ---- the dead man's switch: whoever drives a robot by commands must be heard, or its body comes to rest
+
+DEAD_MAN_SECONDS = 1.0
+"""Seconds, as the programs of the thesis have it (`conf_tm(1)`), unless another time is said."""
+LEAST_DEAD_MAN, MOST_DEAD_MAN = 0.2, 3_600.0
+"""Seconds: a heartbeat comes each third of the lease, and one lost must not end it; beyond an hour it is none."""
+OFF = "off"
 OPERATORS = frozenset({Role.OPERATOR.value, Role.COMMANDER.value})
+"""Roles of those whose word keeps a robot going."""
+
+
+class DeadManSwitch:
+    """One robot's. lease: s, inf for none. Times are s of its mind."""
+
+    def __init__(self, lease: float = inf) -> None:
+        self.lease = lease
+        self._heard, self._latest = False, -inf
+
+    def hear(self, message: Message) -> None:
+        """Something has come in, and is heard from now on. What stands may be old, and come from a neighbour."""
+        self._heard |= message.role in OPERATORS and not message.standing
+
+    def is_over(self, now: float) -> bool:
+        """Whether nobody who may command has been heard for longer than the lease; to be asked at each tick."""
+        if self._heard:
+            self._heard, self._latest = False, now
+        return now - self._latest > self.lease
+
+
+def drives(message: Message) -> bool:
+    """Whether a robot that this message has moved is driven by somebody."""
+    return message.kind is Kind.COMMAND and message.role in OPERATORS and not message.standing
+
+
+def read_lease(text: str) -> float:
+    """A lease as a person says it: seconds (`1s`, `0.5`), or `off`. Raises MisuseError."""
+    if text.strip().casefold() == OFF:
+        return inf
+    try:
+        found = float(text.strip().removesuffix("s"))
+    except ValueError:
+        found = 0.0
+    if not LEAST_DEAD_MAN <= found <= MOST_DEAD_MAN:
+        raise MisuseError(f"a lease of {text!r:.40}: wanted {LEAST_DEAD_MAN:g}s to {MOST_DEAD_MAN:g}s, or {OFF}")
+    return found
+
+
+# ---- authority
 
 
 class Authority:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
-from sleepcast.channel.payload import LOOK, OF, STOPS, TELEMETRY, Inspection
+from sleepcast.channel.message import LOOK, OF, STOPS, TELEMETRY, Inspection
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.language.explain import Explanation
 from sleepcast.language.symbols import Group, Operator, UserVariable

@@ -15,10 +15,9 @@ import numpy as np
 
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.threads import ThreadPool
-from sleepcast.simulator.motion import contact, steps
-from sleepcast.simulator.motion.contact import Settled
+from sleepcast.simulator.motion import steps
 from sleepcast.simulator.motion.driving import Laws
-from sleepcast.simulator.motion.steps import Columns, Draws, Proposal
+from sleepcast.simulator.motion.steps import Columns, Draws, Proposal, Settled
 from sleepcast.simulator.sonar import cones, noise
 from sleepcast.simulator.sonar.cones import Ranges, Seen, View
 from sleepcast.simulator.sonar.firing import Firing, Tick, fire
@@ -37,7 +36,7 @@ def cores() -> int:
 
 
 class Machine(Protocol):
-    """See the functions of the same names in `grid`, `cones`, `steps`, `contact` and `noise` for what each does."""
+    """See the functions of the same names in `grid`, `cones`, `steps` and `noise` for what each does."""
 
     @property
     def name(self) -> str: ...
@@ -100,7 +99,7 @@ class NumPyMachine:
     look = staticmethod(cones.look)
     propose = staticmethod(steps.propose)
     commit = staticmethod(steps.commit)
-    settle = staticmethod(contact.settle)
+    settle = staticmethod(steps.settle)
     disturb = staticmethod(noise.disturb)
     tell = staticmethod(noise.tell)
 

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 
 from sleepcast.core.arrays import LINE, Arena
 from sleepcast.core.threads import FEW, SIZES, ThreadPool, borders
-from sleepcast.simulator.motion import kernels_contact, kernels_motion, steps
-from sleepcast.simulator.motion.contact import SKIN, Settled, boxes_of, clear
+from sleepcast.simulator.motion import kernels_motion, steps
 from sleepcast.simulator.motion.driving import Laws
-from sleepcast.simulator.motion.steps import Columns, Draws, Proposal
+from sleepcast.simulator.motion.steps import SKIN, Columns, Draws, Proposal, Settled, boxes_of, clear
 from sleepcast.simulator.simd.kernels_wait import wait
 from sleepcast.simulator.simd.vectors import LANES
 from sleepcast.simulator.sonar import kernels, kernels_firing, kernels_sonar
@@ -244,7 +243,7 @@ class NumbaMachine:
         count, (order, start), arena = len(place[0]), points, self._arena
         x, y = rows = arena.take(np.float64, 2, count)
         gathered = self._share(
-            count, lambda first, last: kernels_contact.gather(order, *place, *way, first, last, rows), LIGHT
+            count, lambda first, last: kernels_motion.gather(order, *place, *way, first, last, rows), LIGHT
         )
         longest = sqrt(max(gathered))
         reach = 2.0 * float(radii.max(initial=0.0)) + SKIN + 2.0 * longest
@@ -256,13 +255,13 @@ class NumbaMachine:
         boxes = self._boxed[1]
 
         def at_old(first: int, last: int) -> None:
-            kernels_contact.stop_at_old(
+            kernels_motion.stop_at_old(
                 *(x, y, *way, radii, order, start, grid.size, grid.across, grid.up, solids, boxes, *listed),
                 *(SKIN, longest, reach, first, last, close, near, *stopped, *settled),
             )
 
         def at_ways(first: int, last: int) -> None:
-            kernels_contact.stop_at_ways(
+            kernels_motion.stop_at_ways(
                 *(x, y, *way, radii, order, start, grid.size, grid.across, grid.up),
                 *(SKIN, reach, first, last, near, *stopped, *settled),
             )

@@ -17,8 +17,7 @@ from sleepcast.simulator.bodies.body import TUMBLE, Body, model_of
 from sleepcast.simulator.bodies.senses import Senses
 from sleepcast.simulator.bodies.sonars import Sonars
 from sleepcast.simulator.engine import Machine, choose, cores
-from sleepcast.simulator.motion.contact import Settled, clear
-from sleepcast.simulator.motion.steps import Draws
+from sleepcast.simulator.motion.steps import Draws, Settled, clear
 from sleepcast.simulator.scenario.events import apply_events
 from sleepcast.simulator.scenario.measures import Measuring
 from sleepcast.simulator.scenario.robot_settings import TENTH

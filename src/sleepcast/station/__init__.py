@@ -12,8 +12,7 @@ from sleepcast.station.account import (
     Outcome,
 )
 from sleepcast.station.journal.journal import Entry, Event, Journal, MemoryJournal, Report
-from sleepcast.station.minds import FleetNames, ManyMinds, Mind, Minds, Telemetry
-from sleepcast.station.preview import NO, UNKNOWN, YES, Preview
+from sleepcast.station.preview import NO, UNKNOWN, YES, FleetNames, ManyMinds, Mind, Minds, Preview, Telemetry
 from sleepcast.station.roster import UnknownRobotError
 from sleepcast.station.station import NoExplanationError, Station
 from sleepcast.station.validation import (

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
+from sleepcast.channel.message import LOOK
 from sleepcast.channel.message_batch import Answers as Said
 from sleepcast.channel.message_batch import ascending
 from sleepcast.channel.name_index import NameIndex, natural_order
-from sleepcast.channel.payload import LOOK
 from sleepcast.core.errors import MisuseError, did_you_mean, printable
 from sleepcast.core.serial import Array, SerialError, within
 from sleepcast.core.units import shown_value

@@ -12,8 +12,7 @@ from pathlib import Path
 import msgspec
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.message import MAX_NAME
-from sleepcast.channel.payload import TELEMETRY
+from sleepcast.channel.message import MAX_NAME, TELEMETRY
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.files import data_folder, replace_file
 from sleepcast.core.serial import SerialError, pack, unpack

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from sleepcast.channel import Message
-from sleepcast.channel.message import MAX_NAME
-from sleepcast.channel.payload import DO, GROUP, LEASE, SECONDS, TO, LeaseAction
+from sleepcast.channel.message import DO, GROUP, LEASE, MAX_NAME, SECONDS, TO, LeaseAction
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import ReadError, Symbol, read
 

@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.clock_sync import WrongClocks
 from sleepcast.channel.keys import MAY
-from sleepcast.channel.message import MAX_NAME, TO_OPERATOR, Role
-from sleepcast.channel.payload import ENDS, FOR, LOOK, STOPS, TOOK, WITHIN
-from sleepcast.channel.payload import MATCHED as WOULD
+from sleepcast.channel.message import ENDS, FOR, LOOK, MAX_NAME, STOPS, TO_OPERATOR, TOOK, WITHIN, Role
+from sleepcast.channel.message import MATCHED as WOULD
 from sleepcast.channel.session import MAX_SPREAD, ChannelSession
 from sleepcast.channel.stop_latch import MAX_MARKS, Life, Mark, mark_of, marks_and_ages
 from sleepcast.core.clock import Clock
@@ -33,8 +32,7 @@ from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.account import MATCHED, Command, account
 from sleepcast.station.journal.journal import Event, Journal
-from sleepcast.station.minds import Index, Minds
-from sleepcast.station.preview import NO, UNKNOWN, YES
+from sleepcast.station.preview import NO, UNKNOWN, YES, Index, Minds
 from sleepcast.station.retransmission import LATCHING, Retransmission
 from sleepcast.station.roster import NOBODY_SAID, Expectation, RobotNames
 from sleepcast.station.station import STALE_AFTER, Station

@@ -17,9 +17,8 @@ from itertools import islice
 from math import inf, nan
 from typing import NamedTuple
 
-from sleepcast.channel.message import Message
+from sleepcast.channel.message import TELEMETRY, Inspection, Message
 from sleepcast.channel.name_index import natural_order
-from sleepcast.channel.payload import TELEMETRY, Inspection
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.language.explain import Explanation
 from sleepcast.language.functions import FUNCTIONS

@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.payload import AGAIN, AGE, FIRST, FOR, NOT, WITHIN
+from sleepcast.channel.message import AGAIN, AGE, FIRST, FOR, NOT, WITHIN
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.station.account import Command, SentCommands
 from sleepcast.station.roster import Roster

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel import Kind, Message
+from sleepcast.channel.message import FOR, TELEMETRY
 from sleepcast.channel.message_batch import Answers, MessageBatch
-from sleepcast.channel.payload import FOR, TELEMETRY
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.serial import SerialError, pack, room_for, unpack
@@ -32,8 +32,20 @@ from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.account import Account, Command, SentCommands, account, answer_from
 from sleepcast.station.journal.journal import Event, Journal, MemoryJournal, PendingEntry, Report, WriteBatch
 from sleepcast.station.journal.snapshot import dump_journal, restore_journal
-from sleepcast.station.minds import FleetNames, FleetTelemetry, ManyMinds, Mask, Minds, Telemetry
-from sleepcast.station.preview import NO, UNKNOWN, YES, Preview, Rows, preview
+from sleepcast.station.preview import (
+    NO,
+    UNKNOWN,
+    YES,
+    FleetNames,
+    FleetTelemetry,
+    ManyMinds,
+    Mask,
+    Minds,
+    Preview,
+    Rows,
+    Telemetry,
+    preview,
+)
 from sleepcast.station.roster import Index, RobotNames, Roster
 from sleepcast.station.serialized import AccountState, ReportState, StationState
 from sleepcast.station.validation import (
@@ -67,7 +79,7 @@ class NoExplanationError(SleepcastError):
 class Station:
     """One operator's desk; see the module for who may call what.
 
-    vocabulary, minds: the names and the minds of the fleet (see `station.minds`); `minds` is looked into, never
+    vocabulary, minds: the names and the minds of the fleet (see `preview`); `minds` is looked into, never
     changed. Minds that answer for many tell by `observe_many`, others by `observe`. outbox: takes what is sent.
     operator, epoch: who sends, and which life of that sender this is. caution: what it refuses, or asks about, beyond
     what every desk does.

@@ -12,13 +12,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.payload import LOOK, OF, TELEMETRY, Inspection
+from sleepcast.channel.message import LOOK, OF, TELEMETRY, Inspection
 from sleepcast.core.errors import SleepcastError, printable
 from sleepcast.language import Explanation
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.mind.telemetry import TelemetryError, read_why
 from sleepcast.station.account import Command
-from sleepcast.station.minds import Telemetry
+from sleepcast.station.preview import Telemetry
 from sleepcast.station.remote import RemoteMind, RemoteMinds
 
 MAX_LOOKS = 256

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sleepcast.channel.payload import FOR, NOT
+from sleepcast.channel.message import FOR, NOT
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import Checked
 from sleepcast.language.parts import irreversible, walk

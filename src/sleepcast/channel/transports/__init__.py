@@ -1,7 +1,6 @@
-"""Transports: what carries datagrams from each party to all others, chosen by the scheme of an address.
+"""Transports: they carry datagrams from each party to all others, and are chosen by the scheme of an address.
 
-`transport` says what each of them promises; `memory`, `udp` and `zenoh` are the three there are; `multiplexer` shares
-one among many parties of a process.
+`transport` says what each of them promises; there are three: `memory`, `udp` and `zenoh`.
 """
 
 from __future__ import annotations

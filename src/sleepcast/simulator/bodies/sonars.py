@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.core.counter_rng import key
-from sleepcast.simulator.bodies.neighbours import Neighbours
+from sleepcast.simulator.bodies.bumpers import Neighbours
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.scenario.robot_settings import Ring
 from sleepcast.simulator.simd.formulas import wrap

@@ -16,7 +16,7 @@ import numpy as np
 from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Contact
 from sleepcast.simulator.bodies.bodies import Bodies
-from sleepcast.simulator.motion.contact import SKIN, touch
+from sleepcast.simulator.motion.steps import SKIN, touch
 from sleepcast.simulator.world.areas import inside
 from sleepcast.simulator.world.grid import Floats, distance, nearest_point
 from sleepcast.simulator.world.world import Area, Circle, Point, Polygon

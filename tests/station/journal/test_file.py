@@ -20,10 +20,9 @@ import pytest
 from sleepcast.channel.name_index import NameIndex
 from sleepcast.core.clock import ManualClock
 from sleepcast.station import Event, Station
-from sleepcast.station.journal.file import MAX_LISTED, NoJournalError
+from sleepcast.station.journal.file import MAX_LISTED, DeferredJournal, Limits, NoJournalError, SqliteJournal
 from sleepcast.station.journal.journal import JournalError
 from sleepcast.station.journal.reader import JournalReader, Query, Verified
-from sleepcast.station.journal.sqlite import DeferredJournal, Limits, SqliteJournal
 from sleepcast.station.roster import RobotNames
 from station.fleet import Fleet, vocabulary
 

@@ -11,7 +11,7 @@ import signal
 import sys
 
 USUAL = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
-"""What signals do unless whoever started the process has said something else, who is obeyed."""
+"""What signals do, unless the process was started with another setting, which is kept."""
 
 
 def start() -> int:

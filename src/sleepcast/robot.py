@@ -31,7 +31,7 @@ AHEAD = pi / 4.0
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What a body never exceeds, whoever asks.
+    """What a body never exceeds, whatever it is asked to do.
 
     speed: m/s, forwards and backwards alike. turn_rate: rad/s to either side. acceleration: m/s2, braking
     included. fence: least x, least y, greatest x, greatest y in m; the body turns back there. None: no fence.

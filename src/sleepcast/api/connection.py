@@ -62,8 +62,8 @@ def expectation(air: AirOptions) -> Expectation:
 def station_for(
     air: AirOptions, say: Callable[[str], None], *, strict: bool = False, expected: Expectation | None = None
 ) -> Iterator[NetworkStation]:
-    """An operator's desk on this channel, which remembers at its end who was heard. say: tells the person what he must
-    know. strict: whether what is only doubtful is refused. expected: which robots there are, None for `expectation`.
+    """An operator's desk on this channel, which remembers at its end who was heard. say: takes sentences that the
+    person must know. strict: whether warnings are errors. expected: which robots there are, None for `expectation`.
     Raises what the channel raises, and ExpectationError."""
     with observing_station(air, say, strict=strict, expected=expected) as (station, _):
         yield station
@@ -126,9 +126,9 @@ def observing_station(
 def session_for(
     air: AirOptions, name: str | None, *, robot: bool, say: Callable[[str], None], store: Store | None = None
 ) -> ChannelSession:
-    """A line on this channel. name: of what we say, None for the key's owner. say: tells the person which keys are in
-    use if nobody chose them. store: of a robot; an operator has one of his own, in which his life goes on, and which
-    is closed with the line. Raises what the channel raises."""
+    """A session on this channel. name: of the sender, None for the key's owner. say: takes a sentence about development
+    keys. store: of a robot; an operator gets one, in which the sequence goes on, and which is closed with the session.
+    Raises what the channel raises."""
     from sleepcast.channel.admission import ROBOT_KINDS
     from sleepcast.channel.message import Kind
     from sleepcast.channel.session import ChannelSession
@@ -207,7 +207,7 @@ def _chance() -> Random:
 
 
 def chosen_keys(air: AirOptions, robot: bool, say: Callable[[str], None]) -> tuple[KeyPair, Trust]:
-    """Our key, and whom we believe. What is heard on the air of whom to trust goes into the trust file."""
+    """Our key, and the keys that we trust. Changes of trust that are heard on the air go into the trust file."""
     from sleepcast.channel.keyring import (
         DEVELOPMENT_TRUST,
         TRUST_FILE,
@@ -278,7 +278,7 @@ def open_store(file: Path, say: Callable[[str], None]) -> Store:
 
 
 def operator_store(fleet: str, owner: str, say: Callable[[str], None]) -> Store | None:
-    """Where an operator's life goes on: the first of his stores that no other process of his uses. None if he must
+    """Where an operator's sequence goes on: the first of their stores that no other process uses. None if it must
     begin a new one, because nothing can be written."""
     from sleepcast.node.store import InUseError, StoreError
 

@@ -12,7 +12,7 @@ PATIENCE = 2.0
 
 def steps(count: int, title: str, *, quiet: bool = False) -> Generator[int, None, None]:
     """The numbers from 0 up to `count`, with a bar on standard error, or below a notebook's cell, once they have taken
-    `PATIENCE` seconds. Whoever may stop early closes it, so that the bar is gone."""
+    `PATIENCE` seconds. A caller that may stop early closes it, which removes the bar."""
     began = perf_counter()
     shown = not quiet and _somebody_sees()
     for number in range(count):

@@ -49,7 +49,7 @@ class RealRobot(Robot, Protocol):
 
 
 def open_robot(uri: str, *, in_step: bool = False, limits: Limits = UNLIMITED) -> RealRobot:
-    """Reach for a body, which then keeps these limits as well as its own, whoever asks.
+    """Connect to a body, which then keeps these limits as well as its own.
 
     uri: `nomad://HOST:PORT#ROBOT` for a Scout behind a Nserver; if wanted, of another type, or with lower limits of
     speed (m/s) and turn rate (rad/s): `nomad://HOST:PORT?type=nomad200&speed=0.3&turn_rate=1#ROBOT`. in_step: every

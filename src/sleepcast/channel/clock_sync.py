@@ -166,7 +166,7 @@ SOONEST, SLOWEST = 2.0, 16.0
 """Seconds between two questions at first, and at most: the pause doubles while nobody answers. It is longer than
 `MAX_TRIP`, so no answer in time is to a question that is given up."""
 HURRIED_PAUSE = 0.25
-"""Seconds between two questions while somebody commands us, as he may leave once he has our answer."""
+"""Seconds between two requests while an operator commands us, who may leave after our answer."""
 
 
 class TimeRequest:

@@ -205,7 +205,7 @@ def retire_key(folder: Path, owner: str, new: KeyPair) -> Path:
 def development_keys(folder: Path) -> tuple[KeyPair, KeyPair]:
     """The desk's and the robots' key of one machine, created on first use.
 
-    Whoever can read this user's files can command robots that trust them; they are for trying things out. Raises
+    Anybody who can read this user's files can command robots that trust them; they are for trying things out. Raises
     KeyFileError and KeyFileLostError.
     """
     return (

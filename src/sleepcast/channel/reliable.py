@@ -203,7 +203,7 @@ class ReliableDelivery:
 
     def start(self, now: float) -> None:
         """Start listening at `now`. A robot sends a digest, so that others resend what it misses; an operator needs
-        nobody's rules, and sends none until he has sent commands."""
+        nobody's rules, and sends none before its first command."""
         if self.admission.robot:
             self.sequencer.since = now
             self._digest_timer.restart(now)
@@ -348,7 +348,7 @@ class ReliableDelivery:
         names = set(self.sequencer.standing())
         if self.admission.robot:
             names |= theirs.keys()
-        else:  # an operator compares only the commands that he has sent himself
+        else:  # an operator compares only its own commands
             for name in theirs.keys() - names:
                 before = 0 if self._is_revoked(name) else self._told.pop(name, 0)  # a revoked key may lose commands
                 self._told[name] = max(theirs[name], before)

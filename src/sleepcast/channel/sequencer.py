@@ -247,7 +247,7 @@ class Sequencer:
     def _deal(self, stream: Stream, message: Message) -> bool:
         """Handle the next command; whether it is for us."""
         self.deal_with(stream, message)
-        return message.standing or message.issued >= self.since - self._skew  # whoever's clock is wrong
+        return message.standing or message.issued >= self.since - self._skew  # whichever clock is wrong
 
     def _want(self, stream: Stream, number: int, now: float) -> None:
         if number not in stream.wanted:

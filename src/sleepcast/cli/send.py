@@ -157,7 +157,7 @@ def _refuse_early(station: NetworkStation, draft: Draft) -> None:
     try:
         may: int | None = station.forecast(draft.text, only=draft.audience.only).may
     except UnknownRobotError:
-        return  # it may be there all the same: everybody is asked who he is
+        return  # it may be there all the same: all robots are asked for telemetry
     except SleepcastError:
         may = None  # `settle` says it once more, and writes it down
     station.validate(replace(draft, count=may, confirmed=True))  # what is doubted is asked when all is known

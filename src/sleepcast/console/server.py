@@ -396,7 +396,7 @@ class Headers:
 
 
 def content_policy(host: str) -> str:
-    """What the page may load and to whom it may speak: this server, and nobody else."""
+    """What the page may load and connect to: this server only."""
     socket = f" ws://{host}" if host and all(c.isalnum() or c in ".:-[]" for c in host) else ""
     return (
         f"default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'{socket}; "

@@ -127,7 +127,7 @@ class Pace(Protocol):
 
     @property
     def achieved(self) -> float:
-        """Simulated seconds in a second, as they were of late."""
+        """Recent speed: simulated seconds in a second."""
 
     def keep_up(self, budget: float) -> int:
         """Make the ticks that are due, for at most about `budget` s; gives how many were made."""

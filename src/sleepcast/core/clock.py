@@ -1,4 +1,4 @@
-"""Time comes in by the door: whoever needs it is given a `Clock`."""
+"""Clocks: time is an argument, so that tests and simulations can set it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _passed() -> float:
 
 class UnixClock:
     """Seconds since 1970-01-01 UTC: as this computer had them when the process began, and those that have passed since.
-    Whoever sets the computer's clock meanwhile changes nothing that a process does."""
+    Setting the computer's clock meanwhile changes nothing in a process."""
 
     _began: ClassVar[float] = time.time() - _passed()
 

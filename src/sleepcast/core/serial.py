@@ -36,7 +36,7 @@ Scalar = TypeVar("Scalar", bound="np.generic")
 
 
 class SerialError(ValueError):
-    """A parcel in which something else is than there should be; whoever opened it knows where it came from."""
+    """Serialized data that is malformed; its reader knows where it came from."""
 
 
 class Array(msgspec.Struct, frozen=True, array_like=True):

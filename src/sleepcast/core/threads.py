@@ -26,8 +26,8 @@ run."""
 LOOKS = 4_000
 """How often is looked before going to sleep: for about a tenth of a millisecond."""
 ENDED = 120
-"""How often is looked after the end: whoever has said so holds the interpreter for some microseconds more, and who asks
-for it meanwhile is put to sleep."""
+"""How often is looked after the end: the thread that said so holds the interpreter for some microseconds more, and one
+that asks for it meanwhile is put to sleep."""
 SIZES = 3, 3, 1, 1
 """How large the stretches for each thread are: who is done early takes over some of the rest, and the last ones are
 small, so that all are done at about the same time."""
@@ -86,7 +86,7 @@ class Job(Generic[Result]):
 
 
 class ThreadPool:
-    """So many threads, that of whoever asks among them; the others are started when there is something to do.
+    """So many threads, the calling one included; the others are started when there is something to do.
 
     look: how one looks out for the end of a job; without it one goes to sleep at once.
     """

@@ -120,12 +120,12 @@ class RobotView:
 
     @property
     def outbox(self) -> list[Message]:
-        """What the robot has to say; whoever sends it clears the list."""
+        """The messages that it is about to send; the sender clears the list."""
         return self._fleet.outbox.of(self.place)
 
     @property
     def pings(self) -> list[float]:
-        """The castes of its pings; whoever sends them clears the list."""
+        """The castes of its pings; the sender clears the list."""
         return self._fleet.outbox.pings(self.place)
 
     @property
@@ -450,7 +450,9 @@ class Fleet(Mapping[str, RobotView]):
         heard = meant = self.inbox.first_heard(message, self.rows(robots).robots)
         if FOR in message.body or NOT in message.body:
             meant = np.array([i for i in heard.tolist() if is_addressed(message.body, self.names[i])], np.intp)
-        if message.kind is Kind.STOP:  # whoever hears it stops; those that are not addressed need not say so again
+        if (
+            message.kind is Kind.STOP
+        ):  # every robot that hears it stops; those that are not addressed need not report it again
             rows = Rows.of(heard)
             stopped, others = self._bodies.obey_stop(message, rows)
             self._answer_alike(message, Rows.of(np.intersect1d(stopped.robots, meant)), "stopped")

@@ -4,7 +4,7 @@ Where robots take different ways - AND, OR, COND, IF, DICE, buffers that hold di
 and each way is walked with those that take it; nothing is computed for the others. Within one robot everything
 happens in the order in which the one-robot machine does it.
 
-The columns that `value` gives belong to whoever asked for them: they are no views of a robot's variables.
+The columns that `value` gives belong to its caller: they are no views of robots' variables.
 """
 
 from __future__ import annotations

@@ -143,7 +143,7 @@ class Outbox:
         return room
 
     def pings(self, robot: int) -> list[float]:
-        """The castes of a robot's pings; whoever sends them clears the list."""
+        """The castes of a robot's pings; the sender clears the list."""
         for robots, castes in self._pings:
             for place, caste in zip(robots.tolist(), castes.tolist(), strict=True):
                 self._ping_lists.setdefault(place, []).append(caste)
@@ -159,7 +159,7 @@ class Outbox:
         return taken
 
     def of(self, robot: int) -> list[Message]:
-        """What a robot has to say; whoever sends it clears the list."""
+        """The messages that it is about to send; the sender clears the list."""
         self._deliver_all()
         return self._outboxes.setdefault(robot, [])
 

@@ -195,7 +195,7 @@ ALIASES = {
 """Names of other languages that nobody declared, and what stands for them here."""
 
 MAX_OPERANDS = 8
-"""Of a row that is written anew: whoever joins more does not need to see all of it."""
+"""Of a row that is written anew: a longer one need not be shown whole."""
 MAX_BRIEF = 60
 """Characters of one operand in it."""
 

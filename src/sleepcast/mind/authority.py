@@ -130,7 +130,7 @@ def _held_by(lease: Lease, group: str, now: float) -> str:
     return f"{group} is under the lease of {lease.holder} for {left:.0f} s more; sleepcast lease request {group} asks"
 
 
-# ---- the dead man's switch: whoever drives a robot by commands must be heard, or its body comes to rest
+# ---- the dead man's switch: the operator of a driven robot must be heard, or its body comes to rest
 
 DEAD_MAN_SECONDS = 1.0
 """Seconds, as the programs of the thesis have it (`conf_tm(1)`), unless another time is said."""
@@ -224,7 +224,7 @@ class Authority:
         if message.role != Role.COMMANDER and rules(program.root):
             return f"only a commander's key may change rules, and that of {message.sender} is of role {message.role}"
         if message.standing or message.role not in OPERATORS:
-            return ""  # what stands is the same on all robots, whoever may command them now
+            return ""  # standing commands are the same on all robots, whatever their leases
         return self.leases.objection(message.sender, {*groups, *_entered(program)}, now)
 
     def state(self, now: float) -> dict[str, object]:

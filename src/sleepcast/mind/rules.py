@@ -2,7 +2,7 @@
 
 A `RuleBase` holds rules, buffers, operators and symbols (what each learned name means). An act changes it, or gives
 the reason for its refusal and changes nothing. What a change does to the single robots - flags, leases, how often a
-rule has fired - it leaves as `Effect`s to whoever keeps those.
+rule has fired - it leaves as `Effect`s to the owner of these.
 """
 
 from __future__ import annotations

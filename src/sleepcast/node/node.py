@@ -63,9 +63,9 @@ class Node:
     """One robot's mind.
 
     stopped: whether a STOP holds; doubt: why it stands although no STOP may have come, "" otherwise; authority: whose
-    orders count. lost: messages and sayings that found no room. evaluated: the latest messages that it had an answer
-    to, the outcome, and the robot's time, for whoever keeps that and takes it out. zero: when its time began, s of Unix
-    time, where that matters; clock: tells that time, None where the time of the tick will do.
+    orders count. lost: messages and sayings that found no room. evaluated: the latest messages that it answered, the
+    outcome, and the robot's time; its owner keeps them and empties the list. zero: when its time began, s of Unix time,
+    where that matters; clock: gives that time, None where the time of the tick will do.
 
     number: its `id` in expressions and in its chance. seed: of the run. body: what the functions of its vocabulary are
     called on (the linked object, if none is given); if it is a `Robot` it is stopped, released and held still as well.
@@ -128,7 +128,7 @@ class Node:
 
     @property
     def memory(self) -> RobotMemory:
-        """What it knows, for whoever keeps it."""
+        """Its state, to be stored."""
         return self._memory
 
     @property
@@ -330,7 +330,9 @@ class Node:
             self.halt()
         except SleepcastError as error:
             fault = str(error)
-        if is_addressed(message.body, self.name):  # whoever hears a STOP stops; the others need not say so again
+        if is_addressed(
+            message.body, self.name
+        ):  # every robot that hears a STOP stops; the others need not report it again
             self._answer(message, "stopped", fault=fault)
 
     def _release(self, message: Message) -> None:
@@ -350,7 +352,7 @@ class Node:
         self._answer(message, "released")
 
     def _let_go(self) -> None:
-        """Whoever drove the body is gone: it comes to rest, and nothing that was asked goes on by itself."""
+        """The operator who drove the body is gone: it comes to rest, and nothing resumes by itself."""
         memory = self._memory
         memory.driven = False
         memory.actuated.clear()

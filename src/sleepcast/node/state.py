@@ -1,7 +1,7 @@
 """The state of a node: what it has learned as plain data, and a node that goes on with it.
 
 Nothing of a body is kept: after a restart it stands still until something moves it anew. What is built in is not kept
-either: whoever starts the robot gives it that.
+either: those are given when the robot is started.
 """
 
 from __future__ import annotations

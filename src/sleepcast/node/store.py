@@ -204,27 +204,27 @@ class Store:
     # ---- an operator
 
     def numbers(self, name: str) -> tuple[int, int]:
-        """The epoch of the operator of this name, and the first number in it that was never used: what he sends has an
-        order, so his life goes on after his process."""
+        """The epoch of the operator of this name, and the first number in it that was never used: messages
+        have an order that goes on after the process."""
         kept = self._remembered(name)
         if not kept.epoch or self.doubt:  # numbers that were used are not known, so none of that life is used again
             self.life(name)
         return kept.epoch, kept.sequence + 1
 
     def attend(self, delivery: ReliableDelivery) -> None:
-        """Keep an operator's numbers from now on, and what he sends that stands; he goes on where he was."""
+        """Keep an operator's numbers and standing commands from now on, after restoring those of earlier processes."""
         kept = self._remembered(delivery.name)
         delivery.restore(self._heard(kept), kept.since)
         self._attended = kept, delivery
         self.keep()
 
     def keep(self) -> None:
-        """An operator is about to send something that stands, which does not leave before its bytes are kept; or he has
-        used many numbers."""
+        """Write before an operator sends a standing command, which does not leave before its bytes are kept, and after
+        many numbers have been used."""
         self._keep(ahead=2 * KEEP_EVERY)
 
     def _keep(self, ahead: int) -> None:
-        """ahead: how many more of his numbers may be used before they are kept again."""
+        """ahead: how many more numbers may be used before they are kept again."""
         if self._attended is not None:
             kept, delivery = self._attended
             self._take_news(kept.number, delivery)

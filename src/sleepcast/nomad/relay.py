@@ -1,7 +1,7 @@
 """A relay to a real robot: it passes a client's requests to another server, and the replies back.
 
 The other server takes this one for one more program. What it is asked waits its turn, one request at a time, as the
-wire wants it; only to stop the robot does not wait. A real robot that loses whoever drives it is stopped.
+wire wants it; only to stop the robot does not wait. A real robot that loses its client is stopped.
 """
 
 from __future__ import annotations

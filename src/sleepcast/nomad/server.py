@@ -157,7 +157,7 @@ class Nserver:
             return decode(hand.reply[HEADER.size :])
 
     def click(self, robot: int, x: float, y: float) -> None:
-        """Somebody has clicked in this robot's window, at x, y in m: whoever waits for that gets it."""
+        """A person clicked in this robot's window, at x, y in m: the client that waits for that gets it."""
         for each in list(self.waiting):
             if each.session.robot == robot:
                 each.session.click(x, y)

@@ -1,7 +1,7 @@
 """One connection of the server. It moves bytes; `session` and `answers` decide what they mean.
 
 Requests are answered in order, one at a time, a few in a turn of the loop, so that a client that sends many does not
-keep others waiting. Memory is bounded: whoever does not read what it is answered is not read from, and what is too long
+keep others waiting. Memory is bounded: a client that does not read its answers is not read from, and what is too long
 is read past.
 """
 

@@ -90,7 +90,7 @@ class SimulatedRobot:
         return last
 
     def abandon(self) -> None:
-        """Whoever moved it is gone: it stops."""
+        """The client that moved it is gone: it stops."""
         self._note("stopped: its program is gone")
         self.command(Kind.ST, ())
 

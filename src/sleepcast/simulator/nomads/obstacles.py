@@ -154,7 +154,7 @@ def _outlines(shape: Shape) -> Iterator[tuple[Point, ...]]:
         yield (*shape.points, *shape.points[-2:0:-1])
 
 
-# Solid areas as polygons without holes, to be shown by whoever knows polygons alone.
+# Solid areas as polygons without holes, for displays that know polygons only.
 
 MAX_OUTLINES = 2_000
 """Of one area: each is compared with every other one. The outlines of an area with more stay as they are."""

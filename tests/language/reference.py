@@ -34,7 +34,7 @@ from language.reference_numbers import PURE, Undefined, truth
 from sleepcast.core.model import Constant, HostFunction
 from sleepcast.language.numerics import draw, normal, stream
 from sleepcast.language.reader import QUASIQUOTE, QUOTE, UNQUOTE, Form, List, Number, Symbol, Text, read, show, walk
-from sleepcast.language.vocabulary import Kind, Variable, Vocabulary, buffer_number
+from sleepcast.language.vocabulary import Variable, VariableKind, Vocabulary, buffer_number
 
 UNKNOWN = math.nan
 MAX_STEPS = 10_000
@@ -73,7 +73,7 @@ class Reference:
         self.vocabulary, self.body = vocabulary, body
         self.chance, self.tick, self.draws = stream(seed, number), 0, 0
         variables = [b for b in vocabulary.bindings.values() if isinstance(b, Variable)]
-        self.values = {v.name.casefold(): 0.0 if v.kind is Kind.SUPPORT else UNKNOWN for v in variables}
+        self.values = {v.name.casefold(): 0.0 if v.kind is VariableKind.SUPPORT else UNKNOWN for v in variables}
         self.values |= {"marking": 1.0, "id": float(number), "tick": 0.0, "time": 0.0}
         self.user: dict[str, float] = {}
         self.absent: set[str] = set()
@@ -302,10 +302,10 @@ class Reference:
             own[key] = value
         elif key in self.user:
             self.user[key] = value
-        elif not isinstance(binding, Variable) or binding.kind is Kind.SENSOR:
+        elif not isinstance(binding, Variable) or binding.kind is VariableKind.SENSOR:
             return self.fault(key)
         elif math.isnan(value):
-            return self.fault("unknown never reaches" if binding.kind is Kind.ACTUATOR else "unknown")
+            return self.fault("unknown never reaches" if binding.kind is VariableKind.ACTUATOR else "unknown")
         else:
             self.values[key] = value
         return value

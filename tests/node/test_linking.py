@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from sleepcast.core.model import HostFunction, Quantity
 from sleepcast.core.units import LENGTH, RATE, SPEED
-from sleepcast.language.vocabulary import Kind, Variable, Vocabulary, VocabularyError
+from sleepcast.language.vocabulary import Variable, VariableKind, Vocabulary, VocabularyError
 from sleepcast.node.linking import LinkError, VariableTable, actuator, command, function, sensor
 from sleepcast.node.node import Node
 
@@ -787,7 +787,7 @@ def test_a_declaration_that_makes_no_sense_is_refused(declare: Callable[[], obje
 def test_kinds_are_as_declared() -> None:
     table = VariableTable().link_mapping({"fuel": 1, "v": 0}, {"fuel": sensor(), "v": actuator()})
     kinds = {b.name: b.kind for b in table.vocabulary.bindings.values() if isinstance(b, Variable) and b.linked}
-    assert kinds == {"fuel": Kind.SENSOR, "v": Kind.ACTUATOR}
+    assert kinds == {"fuel": VariableKind.SENSOR, "v": VariableKind.ACTUATOR}
 
 
 def test_linking_loads_numpy_only_for_a_program_that_has_it() -> None:

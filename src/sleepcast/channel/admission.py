@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from sleepcast.channel.clock_sync import ClockOffsets, WrongClocks
 from sleepcast.channel.drops import DropCounter, DropReason
-from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Part, Piece, look, read_message, read_piece
+from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Fragment, Piece, look, read_message, read_piece
 from sleepcast.channel.keys import MAY, PublicKey, Trust
 from sleepcast.channel.message import TO_OPERATOR, Kind, Message, Role
 from sleepcast.channel.message_store import StoredWindow
@@ -163,7 +163,7 @@ class Admission:
         part = self.look(datagram)
         return None if part is None else self.admit(part, datagram)
 
-    def look(self, datagram: bytes) -> Part | None:
+    def look(self, datagram: bytes) -> Fragment | None:
         """The unverified fields of a datagram; None if it is dropped."""
         try:
             return look(datagram)
@@ -171,7 +171,7 @@ class Admission:
             self.drops.add(DropReason.MALFORMED)
             return None
 
-    def admit(self, part: Part, datagram: bytes) -> Admitted | None:
+    def admit(self, part: Fragment, datagram: bytes) -> Admitted | None:
         """The rest of `enter`, after `look`."""
         try:
             key = self.trust.find(part.key)
@@ -209,7 +209,7 @@ class Admission:
         heard = self._heard[which]
         return heard.latest, heard.numbers
 
-    def _objection(self, part: Part, key: PublicKey | None, datagram: bytes) -> DropReason | None:
+    def _objection(self, part: Fragment, key: PublicKey | None, datagram: bytes) -> DropReason | None:
         """Why the part is dropped, judged without its content."""
         if key is None:
             return DropReason.UNKNOWN_KEY
@@ -236,17 +236,17 @@ class Admission:
             self._turn_away(key, part, now)
         return untimely
 
-    def _tells_time(self, part: Part) -> bool:
+    def _tells_time(self, part: Fragment) -> bool:
         """Whether this may answer our time request; its own times are not checked then, as our clock is wrong."""
         return bool(self.nonce) and part.kind is Kind.HEARTBEAT and part.parts == 1 and self.nonce in part.payload
 
-    def _untimely(self, part: Part, now: float) -> DropReason | None:
+    def _untimely(self, part: Fragment, now: float) -> DropReason | None:
         late = now - self.skew
         if late > part.deadline or (late > part.issued + OLDEST and not part.standing):
             return DropReason.LATE
         return DropReason.EARLY if part.issued > now + self.skew else None
 
-    def _turn_away(self, key: PublicKey, part: Part, now: float) -> None:
+    def _turn_away(self, key: PublicKey, part: Fragment, now: float) -> None:
         """Turn away a message of somebody who may command us, but let him know: one of the clocks is wrong, or it is
         late."""
         piece = read_piece(part)
@@ -282,14 +282,14 @@ class Admission:
         self._turned_away.clear()
         return found
 
-    def _second_objection(self, key: PublicKey, part: Part, piece: Piece) -> DropReason | None:
+    def _second_objection(self, key: PublicKey, part: Fragment, piece: Piece) -> DropReason | None:
         if piece.fleet != self.fleet:
             return DropReason.OTHER_FLEET
         if not key.is_of(piece.sender):
             return DropReason.NOT_ALLOWED
         return DropReason.REPEATED if self._knows(part, piece.sender) else None
 
-    def _knows(self, part: Part, sender: str) -> bool:
+    def _knows(self, part: Fragment, sender: str) -> bool:
         heard = self._heard.get((part.key, sender, part.epoch))
         # A standing command counts however old it is; the sequencer knows which ones we have.
         if heard is not None and heard.knows(part.sequence) and not part.standing:
@@ -299,7 +299,7 @@ class Admission:
         waiting = self._open.get((part.key, sender, part.epoch, part.sequence))
         return waiting is not None and part.number in waiting.pieces
 
-    def _has_time(self, part: Part, now: float) -> bool:
+    def _has_time(self, part: Fragment, now: float) -> bool:
         """Whether one more signature may be checked. An operator has no limit for all keys together."""
         if part.kind is Kind.STOP:
             return self._stops.take(now)
@@ -313,7 +313,7 @@ class Admission:
         waiting = self._open.get((key, sender, epoch, sequence))
         return () if waiting is None else tuple(part for part in range(waiting.parts) if part not in waiting.pieces)
 
-    def _completed(self, part: Part, piece: Piece, datagram: bytes, role: Role) -> Admitted | None:
+    def _completed(self, part: Fragment, piece: Piece, datagram: bytes, role: Role) -> Admitted | None:
         """The message, if this was its last missing part."""
         content, datagrams = piece.content, (datagram,)
         if part.parts > 1:

@@ -67,7 +67,7 @@ class EnvelopeError(MessageError):
     """Bytes that are not a part of a message."""
 
 
-class Part(NamedTuple):
+class Fragment(NamedTuple):
     """The fields of a part that are readable before its signature is checked.
 
     standing: whether it belongs to a standing command. issued, deadline: s of Unix time, inf for none; number: of this
@@ -141,7 +141,7 @@ def kind_of(datagram: bytes) -> Kind | None:
     return _KIND_BY_NUMBER[datagram[KIND_AT]]
 
 
-def look(datagram: bytes) -> Part:
+def look(datagram: bytes) -> Fragment:
     """The fields of a datagram that are readable before its signature is checked. Raises EnvelopeError if it is not a
     part of a message."""
     if not LEAST <= len(datagram) <= MAX_DATAGRAM:
@@ -163,7 +163,7 @@ def look(datagram: bytes) -> Part:
     epoch, sequence, issued, deadline, number, parts = numbers
     if kind > STANDING or max(numbers) > MAX_NUMBER or not number < parts <= MAX_PARTS:
         raise EnvelopeError("a message with numbers out of range")
-    return Part(
+    return Fragment(
         datagram[len(HEAD) : len(HEAD) + ID_BYTES],
         _KIND_BY_NUMBER[kind],
         kind == STANDING,
@@ -183,7 +183,7 @@ def signed_bytes(payload: bytes) -> bytes:
     return b"\x84\x6aSignature1\x43\xa1\x01\x27\x40\x59" + len(payload).to_bytes(2, "big") + payload
 
 
-def read_piece(part: Part) -> Piece:
+def read_piece(part: Fragment) -> Piece:
     """The rest of a verified part. Raises EnvelopeError if its signer wrote something malformed."""
     found = _decoded(b"\x83" + part.payload[FIXED.size :])
     match found:
@@ -192,7 +192,7 @@ def read_piece(part: Part) -> Piece:
     raise EnvelopeError("a message without fleet, sender and content")
 
 
-def read_message(part: Part, sender: str, content: bytes, role: str = "", ahead: float = 0.0) -> Message:
+def read_message(part: Fragment, sender: str, content: bytes, role: str = "", ahead: float = 0.0) -> Message:
     """The message whose pieces make `content`, and of which `part` arrived last. role: of the key that signed it;
     ahead: see `Message`. Raises EnvelopeError."""
     found = _decoded(content)

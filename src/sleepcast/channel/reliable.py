@@ -28,7 +28,7 @@ import msgspec
 
 from sleepcast.channel.admission import Admission, RateLimit, TokenBucket
 from sleepcast.channel.clock_sync import MAX_TRIP, NONCE_BYTES, TimeRequest
-from sleepcast.channel.envelope import MAX_PARTS, Part, encode
+from sleepcast.channel.envelope import MAX_PARTS, Fragment, encode
 from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal
 from sleepcast.channel.message import KEYS, TIME, Kind, Message, Role, age_of
 from sleepcast.channel.message_store import DeliveryState, MessageStore, StreamId
@@ -297,7 +297,7 @@ class ReliableDelivery:
                 self.sequencer.settle(key, {which for which, datagrams in kept if all(map(trust.vouches, datagrams))})
             self._tell_progress(now)
 
-    def _is_stored(self, part: Part, datagram: bytes, now: float) -> bool:
+    def _is_stored(self, part: Fragment, datagram: bytes, now: float) -> bool:
         """Whether this very datagram is stored, so that we need not resend it either. A robot may have stored a command
         that it had no room to keep waiting; that one is received again."""
         name = part.key, part.epoch

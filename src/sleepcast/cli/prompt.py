@@ -38,7 +38,7 @@ def typed_texts(node: Node, questions: Sequence[str]) -> Iterator[str]:
     session: PromptSession[str] = PromptSession(
         PROMPT,
         history=history(),
-        completer=Names(node, questions),
+        completer=NameCompleter(node, questions),
         multiline=Condition(lambda: still_open(get_app().current_buffer.text) > 0),
         prompt_continuation=MORE,
         input_processors=[HighlightMatchingBracketProcessor(chars="()")],
@@ -72,7 +72,7 @@ def _keys() -> KeyBindings:
     return keys
 
 
-class Names(Completer):
+class NameCompleter(Completer):
     """Completes names that the mind knows at this moment, each with what it is, and the questions of the repl."""
 
     def __init__(self, node: Node, questions: Sequence[str]) -> None:

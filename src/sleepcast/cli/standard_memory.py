@@ -14,11 +14,11 @@ from sleepcast.language import (
     CheckError,
     Constant,
     Finding,
-    Kind,
     Number,
     ReadError,
     Symbol,
     Variable,
+    VariableKind,
     Vocabulary,
     check,
     format_value,
@@ -74,7 +74,7 @@ class StandardMemory:
         if key in FUNCTIONS:
             return "function"
         binding = self.node.vocabulary.bindings.get(key)
-        settable = binding is None or (isinstance(binding, Variable) and binding.kind is Kind.SUPPORT)
+        settable = binding is None or (isinstance(binding, Variable) and binding.kind is VariableKind.SUPPORT)
         return "" if settable or binding is None else describe(binding)
 
     def evaluate(self, text: str) -> EvalOutcome:

@@ -10,25 +10,18 @@ from typing import Protocol
 
 import msgspec
 
+from sleepcast.core.model import ReadyCommand
 from sleepcast.fleet.marks import ManyMinds
 from sleepcast.language import Vocabulary
 from sleepcast.station import Mind
 
 
-class Place(msgspec.Struct, frozen=True):
+class MapLabel(msgspec.Struct, frozen=True):
     """A named point; x, y in m of the world's frame."""
 
     name: str
     x: float
     y: float
-
-
-class ReadyCommand(msgspec.Struct, frozen=True):
-    """A command that the page offers, with the words that a person would say."""
-
-    title: str
-    text: str
-    about: str = ""
 
 
 Outline = tuple[tuple[float, float], ...]
@@ -50,8 +43,8 @@ class Scene(msgspec.Struct, frozen=True):
     area: tuple[float, float, float, float]
     unit: str
     sizes: tuple[tuple[int, float], ...]
-    places: tuple[Place, ...] = ()
-    lights: tuple[Place, ...] = ()
+    places: tuple[MapLabel, ...] = ()
+    lights: tuple[MapLabel, ...] = ()
     obstacles: tuple[tuple[Outline, ...], ...] = ()
     commands: tuple[ReadyCommand, ...] = ()
 

@@ -1,4 +1,5 @@
-"""What a robot is described by, for minds and bodies alike: quantities, constants, functions of its own software."""
+"""What describes a robot, for minds and bodies alike: quantities, constants, functions of its own software; and the
+commands that a scenario offers."""
 
 from __future__ import annotations
 
@@ -69,3 +70,12 @@ class HostFunction:
     @property
     def usage(self) -> str:
         return f"({self.name} {self.arguments})" if self.arguments else f"({self.name})"
+
+
+@dataclass(frozen=True, slots=True)
+class ReadyCommand:
+    """A command that a scenario offers on its page, with the words that a person would say."""
+
+    title: str
+    text: str
+    about: str = ""

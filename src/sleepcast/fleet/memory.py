@@ -25,7 +25,7 @@ from sleepcast.language.program import Program
 from sleepcast.language.reader import MAX_TEXT, Form, Number, show
 from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.symbols import UserVariable
-from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, TIME_SLOT, Kind, Variable, buffer_number
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, TIME_SLOT, Variable, VariableKind, buffer_number
 from sleepcast.mind import rules
 from sleepcast.mind.limits import PROVEN_TICKS, TELLS_TOO_FAR, TELLS_TOO_OFTEN
 from sleepcast.mind.refusals import (
@@ -115,7 +115,7 @@ class FleetMemory(Evaluation):
         done = self._refuse_built_in(part, done, values)
         if done.size:
             self.state.assign(part.slot, done, values if done is rows else values[~np.isnan(values)])
-            if variable.kind is Kind.ACTUATOR:
+            if variable.kind is VariableKind.ACTUATOR:
                 self.state.assigned(part.slot)[done.index] = True
             elif ACTIVE0 < part.slot < ACTIVE0 + BUFFERS:
                 self._flag_assigned(part.slot, done)

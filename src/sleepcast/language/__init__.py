@@ -12,7 +12,7 @@ from sleepcast.language.program import MAX_STEPS, Library, Program, evaluate
 from sleepcast.language.reader import Form, List, Number, ReadError, Symbol, Text, format_value, read, read_all, show
 from sleepcast.language.rehearsal import Rehearsal
 from sleepcast.language.symbols import FreshNames, Names
-from sleepcast.language.vocabulary import Kind, Variable, Vocabulary
+from sleepcast.language.vocabulary import Variable, VariableKind, Vocabulary
 
 __all__ = [
     "MAX_STEPS",
@@ -24,7 +24,6 @@ __all__ = [
     "Form",
     "FreshNames",
     "HostFunction",
-    "Kind",
     "Library",
     "List",
     "Memory",
@@ -38,6 +37,7 @@ __all__ = [
     "Symbol",
     "Text",
     "Variable",
+    "VariableKind",
     "Vocabulary",
     "check",
     "evaluate",

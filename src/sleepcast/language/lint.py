@@ -18,7 +18,7 @@ from sleepcast.language.parts import ACTING, Part, host_of, walk
 from sleepcast.language.program import Program, build
 from sleepcast.language.reader import Form, Number, brief, format_literal, read
 from sleepcast.language.symbols import Names
-from sleepcast.language.vocabulary import Kind, Variable
+from sleepcast.language.vocabulary import Variable, VariableKind
 
 
 @dataclass(frozen=True, slots=True)
@@ -372,7 +372,11 @@ def _exactly(part: Part, text: str) -> Iterator[tuple[Form, str]]:
     units = any(isinstance(operand.form, Number) and operand.form.unit for operand in part.parts)
     for operand in part.parts:
         data = operand.data
-        if isinstance(data, Variable) and data.kind is Kind.SENSOR and (units or data.quantity.dimension != NONE):
+        if (
+            isinstance(data, Variable)
+            and data.kind is VariableKind.SENSOR
+            and (units or data.quantity.dimension != NONE)
+        ):
             holds, sign = ("nearly always", ">") if part.name == "/=" else ("hardly ever", "<")
             hint = ""
             if len(part.parts) == 2:

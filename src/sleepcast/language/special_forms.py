@@ -13,7 +13,7 @@ from sleepcast.language.checker import STORE_STEPS, Checker, Special
 from sleepcast.language.functions import FUNCTIONS, MAX_HOPS, MAX_REPEATS
 from sleepcast.language.parts import Defining, Label, Part, Storing, Template
 from sleepcast.language.reader import QUASIQUOTE, QUOTE, UNQUOTE, Form, List, Number, Symbol, Text
-from sleepcast.language.vocabulary import Kind, Variable, buffer_number
+from sleepcast.language.vocabulary import Variable, VariableKind, buffer_number
 
 MAX_LOOPS = 4
 """DOTIMES inside DOTIMES at most."""
@@ -141,7 +141,7 @@ def _setq(checker: Checker, form: List) -> Part:
     part = checker.part(value)
     binding = checker.names.vocabulary.bindings.get(target.key)
     if isinstance(binding, Variable):
-        if binding.kind is Kind.SENSOR:
+        if binding.kind is VariableKind.SENSOR:
             return checker.error(f"{target.text} @@ is a sensor: it can be read, not assigned", target)
         return Part("write", form, (part,), slot=binding.slot, name=target.key, data=binding)
     if isinstance(binding, Constant):

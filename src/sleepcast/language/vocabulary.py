@@ -30,7 +30,7 @@ MAX_GROUPS = 64
 """Groups that one robot may know."""
 
 
-class Kind(Enum):
+class VariableKind(Enum):
     """The four kinds of variables."""
 
     SENSOR = "sensor"
@@ -44,7 +44,7 @@ class Variable:
     """A variable of a vocabulary. slot: where its value lies. linked: it lies in the host's own memory instead."""
 
     quantity: Quantity
-    kind: Kind
+    kind: VariableKind
     slot: int
     linked: bool = False
 
@@ -107,11 +107,15 @@ class Vocabulary:
     user_slots: dict[str, int] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
-        kinds = ((SUPPORT, Kind.SUPPORT), (self.sensors, Kind.SENSOR), (self.actuators, Kind.ACTUATOR))
+        kinds = (
+            (SUPPORT, VariableKind.SUPPORT),
+            (self.sensors, VariableKind.SENSOR),
+            (self.actuators, VariableKind.ACTUATOR),
+        )
         slot = 0
         for quantities, kind in kinds:
             for quantity in quantities:
-                found = Kind.SENSOR if slot in _READ_ONLY_SUPPORT else kind
+                found = VariableKind.SENSOR if slot in _READ_ONLY_SUPPORT else kind
                 self._declare(Variable(quantity, found, slot, quantity.name.casefold() in self.linked))
                 slot += 1
         self.size = slot

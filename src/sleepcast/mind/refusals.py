@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sleepcast.core.model import HostFunction
 from sleepcast.language.reader import MAX_TEXT
-from sleepcast.language.vocabulary import Kind, Variable
+from sleepcast.language.vocabulary import Variable, VariableKind
 
 UNKNOWN_STORED = "unknown cannot be stored as an expression"
 UNKNOWN_LEASE = "a lease of unknown length"
@@ -39,7 +39,7 @@ def no_operator(name: str, arguments: int) -> str:
 
 
 def unknown_assigned(variable: Variable) -> str:
-    never = "never reaches an actuator" if variable.kind is Kind.ACTUATOR else "cannot be assigned to a flag"
+    never = "never reaches an actuator" if variable.kind is VariableKind.ACTUATOR else "cannot be assigned to a flag"
     return f"unknown {never} ({variable.name})"
 
 

@@ -1,6 +1,6 @@
 """Host memory: where one number lies in a host program's own memory, and which numbers fit there.
 
-A `Place` reads and writes the very number that the host program uses; nothing is copied. It is in an object (an
+A `HostNumber` reads and writes the very number that the host program uses; nothing is copied. It is in an object (an
 attribute, property or getter), in a mapping, in a ctypes structure or in a numpy record. A place is looked up once,
 when it is linked, so whatever cannot hold a number is refused then; a number that does not fit is refused when it is
 written. In structures and records a path names the field: `velocity`, `pose.x`, `sonar[3]`. Neither ctypes nor numpy is
@@ -58,7 +58,7 @@ class Field(NamedTuple):
 ANY_NUMBER = Field("float")
 
 
-class Place(NamedTuple):
+class HostNumber(NamedTuple):
     """One number of the host. label: as people know it (`Scout.velocity`).
 
     store: None where it can only be read; `fixed` then says why, and what could be done about it.
@@ -89,22 +89,22 @@ def as_number(found: object, label: str) -> float:
     return number if math.isfinite(number) else math.nan
 
 
-def attribute(host: object, name: str) -> Place:
+def attribute(host: object, name: str) -> HostNumber:
     """An attribute, property or getter of an object; a property without a setter and a getter can only be read."""
     kind = type(host)
     label = f"{kind.__name__}.{name}"
     member = getattr(kind, name, None)
     if callable(member):
-        return Place(label, getattr(host, name), None, fixed="a method; make it a property with a setter")
+        return HostNumber(label, getattr(host, name), None, fixed="a method; make it a property with a setter")
     if member is None and not hasattr(host, name):
         raise LinkError(f"{kind.__name__} has no attribute {name}{did_you_mean(name, dir(host))}")
     fetch = partial(getattr, host, name)
     if isinstance(member, property) and member.fset is None:
-        return Place(label, fetch, None, fixed=f"a property without a setter; give it one with @{name}.setter")
-    return Place(label, fetch, partial(setattr, host, name))
+        return HostNumber(label, fetch, None, fixed=f"a property without a setter; give it one with @{name}.setter")
+    return HostNumber(label, fetch, partial(setattr, host, name))
 
 
-def entry(host: Mapping[str, object], key: str) -> Place:
+def entry(host: Mapping[str, object], key: str) -> HostNumber:
     """An entry of a mapping. It must be there (None if it has no value yet); one that goes away later is unknown.
 
     A mapping has no types of its own: what is stored is a float.
@@ -118,8 +118,8 @@ def entry(host: Mapping[str, object], key: str) -> Place:
     whole, fetch = f"{kind}[{key!r}]", partial(host.get, key)
     as_number(host[key], whole)
     if not isinstance(host, MutableMapping):
-        return Place(whole, fetch, None, fixed="in a mapping that cannot be changed; link a dict")
-    return Place(whole, fetch, partial(setitem, host, key))
+        return HostNumber(whole, fetch, None, fixed="in a mapping that cannot be changed; link a dict")
+    return HostNumber(whole, fetch, partial(setitem, host, key))
 
 
 # Records: places in memory that is laid out by a type, a ctypes structure or a numpy record.
@@ -131,7 +131,7 @@ SIGNED, UNSIGNED = frozenset("bhilq"), frozenset("BHILQ")
 MOST_FLOAT = {"f": float.fromhex("0x1.fffffep127"), "d": ANY_NUMBER.most, "g": ANY_NUMBER.most}
 
 
-def field(host: object, path: str) -> Place:
+def field(host: object, path: str) -> HostNumber:
     """The place of a field in a ctypes structure or union, or in a numpy record (one row of a structured array)."""
     steps = _steps(path, type(host).__name__)
     if "ctypes" in sys.modules:
@@ -158,7 +158,7 @@ def _steps(path: str, host: str) -> list[str | int]:
     return [step[1] or int(step[2]) for step in found]
 
 
-def _in_structure(host: Structure, steps: list[str | int]) -> Place:
+def _in_structure(host: Structure, steps: list[str | int]) -> HostNumber:
     """Walk the declared types beside the memory: ctypes gives plain Python numbers, which do not say what fits."""
     label, bits = type(host).__name__, None
     owner: Any = host
@@ -176,8 +176,8 @@ def _in_structure(host: Structure, steps: list[str | int]) -> Place:
             (kind, bits), label = fields[step], f"{label}.{step}"
     holds, last = _simple(kind, bits, label), steps[-1]
     if isinstance(last, int):
-        return Place(label, partial(getitem, owner, last), partial(setitem, owner, last), holds)
-    return Place(label, partial(getattr, owner, last), partial(setattr, owner, last), holds)
+        return HostNumber(label, partial(getitem, owner, last), partial(setitem, owner, last), holds)
+    return HostNumber(label, partial(getattr, owner, last), partial(setattr, owner, last), holds)
 
 
 def _inside(owner: Any, step: str | int) -> Any:
@@ -210,7 +210,7 @@ def _simple(kind: Any, bits: int | None, label: str) -> Field:
     return _integer(typename, 8 * ctypes.sizeof(kind) if bits is None else bits, signed=letter in SIGNED)
 
 
-def _in_record(host: Record, steps: list[str | int]) -> Place:
+def _in_record(host: Record, steps: list[str | int]) -> HostNumber:
     """Each step of the path but the last gives a view of the host's memory."""
     if host.dtype.names is None or host.ndim:
         raise LinkError(
@@ -232,8 +232,10 @@ def _in_record(host: Record, steps: list[str | int]) -> Place:
     last: Any = steps[-1]
     fetch, holds = partial(getitem, owner, last), _scalar(owner[last], label)
     if not owner.flags.writeable:
-        return Place(label, fetch, None, holds, fixed="in an array that is read-only; set its flags.writeable first")
-    return Place(label, fetch, partial(setitem, owner, last), holds)
+        return HostNumber(
+            label, fetch, None, holds, fixed="in an array that is read-only; set its flags.writeable first"
+        )
+    return HostNumber(label, fetch, partial(setitem, owner, last), holds)
 
 
 def _scalar(found: Record, label: str) -> Field:

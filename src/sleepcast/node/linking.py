@@ -29,7 +29,7 @@ from sleepcast.core.errors import did_you_mean
 from sleepcast.core.model import Constant, HostFunction, Quantity
 from sleepcast.core.units import to_si
 from sleepcast.language.reader import is_name
-from sleepcast.language.vocabulary import Kind, Variable, Vocabulary
+from sleepcast.language.vocabulary import Variable, VariableKind, Vocabulary
 from sleepcast.node.declarations import (
     Declaration,
     actuator,
@@ -41,7 +41,7 @@ from sleepcast.node.declarations import (
     sensor,
     si,
 )
-from sleepcast.node.host_memory import LinkError, Place, as_number, attribute, entry
+from sleepcast.node.host_memory import HostNumber, LinkError, as_number, attribute, entry
 
 __all__ = ["LinkError", "VariableTable", "actuator", "command", "function", "sensor"]
 
@@ -54,8 +54,8 @@ class Link(NamedTuple):
 
     quantity: Quantity
     acts: bool
-    place: Place
-    measured: Place | None
+    place: HostNumber
+    measured: HostNumber | None
     rest: float | None
 
 
@@ -147,7 +147,9 @@ class VariableTable:
         if self._vocabulary is not None:
             raise LinkError(f"the vocabulary of {self._name} is in use already; link everything before asking for it")
 
-    def _add(self, name: str, found: Declaration, where: str, look_up: Callable[[str], Place], doc: str = "") -> None:
+    def _add(
+        self, name: str, found: Declaration, where: str, look_up: Callable[[str], HostNumber], doc: str = ""
+    ) -> None:
         _check_name(name)
         place = look_up(where)
         if found.acts and place.store is None:
@@ -269,7 +271,7 @@ class VariableTable:
             raise LinkError(f"{self._name} shares a vocabulary in which {', '.join(missing)} must be linked too")
         for key, link in here.items():
             shared = vocabulary.bindings.get(key)
-            kind = Kind.ACTUATOR if link.acts else Kind.SENSOR
+            kind = VariableKind.ACTUATOR if link.acts else VariableKind.SENSOR
             if key not in vocabulary.linked or not isinstance(shared, Variable):
                 raise LinkError(f"{self._name} links {link.quantity.name}, which the vocabulary it shares does not")
             if shared.quantity != link.quantity or shared.kind is not kind:
@@ -313,7 +315,7 @@ class VariableTable:
         return lambda: read() if self._now - when() <= limit else nan
 
 
-def _reader(place: Place, unit: str) -> Callable[[], float]:
+def _reader(place: HostNumber, unit: str) -> Callable[[], float]:
     fetch, label = place.fetch, place.label
 
     def read() -> float:

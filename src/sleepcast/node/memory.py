@@ -26,8 +26,8 @@ from sleepcast.language.vocabulary import (
     MARKING,
     TICK,
     TIME_SLOT,
-    Kind,
     Variable,
+    VariableKind,
     Vocabulary,
     buffer_number,
 )
@@ -165,12 +165,12 @@ class RobotMemory:
             except SleepcastError as error:
                 return self.refuse(part, str(error))
             self.actuated.add(part.slot)
-            self.moved |= variable.kind is Kind.ACTUATOR
+            self.moved |= variable.kind is VariableKind.ACTUATOR
         elif self._is_built_in(part.slot):
             return self.refuse(part, built_in(f"E{part.slot - ACTIVE0}"))
         else:
             self.values[part.slot] = value
-            if variable.kind is Kind.ACTUATOR:
+            if variable.kind is VariableKind.ACTUATOR:
                 self.actuated.add(part.slot)
                 self.moved = True
             elif ACTIVE0 < part.slot < ACTIVE0 + BUFFERS:

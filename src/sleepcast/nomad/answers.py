@@ -125,7 +125,7 @@ def _set_mask(session: Session, simulated_robot: SimulatedRobot, kind: int, word
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class StatePart:
     """A stretch of the state vector with a reply of its own. posdata: bit of its sensors; clock: whether it follows."""
 
     reply: Reply
@@ -135,16 +135,16 @@ class Part:
     clock: bool = True
 
 
-PARTS: dict[int, Part] = {
-    Kind.GET_IR: Part(Reply.INFRARED, INFRARED, SONAR, POS_INFRARED),
-    Kind.GET_SN: Part(Reply.SONAR, SONAR, BUMPER, POS_SONAR),
-    Kind.GET_RC: Part(Reply.CONFIGURATION, POSITION, VELOCITY, clock=False),
-    Kind.GET_RV: Part(Reply.VELOCITY, VELOCITY, MOTORS, clock=False),
-    Kind.GET_RA: Part(Reply.ACCELERATION, 0, 0, clock=False),
-    Kind.GET_CP: Part(Reply.COMPASS, COMPASS, COMPASS + 1, POS_COMPASS),
-    Kind.GET_LS: Part(Reply.LASER, 0, 0, POS_LASER),
-    Kind.GET_SG: Part(Reply.LASER, 0, 0, POS_LASER),
-    Kind.GET_BP: Part(Reply.BUMPER, BUMPER, POSITION, POS_BUMPER),
+PARTS: dict[int, StatePart] = {
+    Kind.GET_IR: StatePart(Reply.INFRARED, INFRARED, SONAR, POS_INFRARED),
+    Kind.GET_SN: StatePart(Reply.SONAR, SONAR, BUMPER, POS_SONAR),
+    Kind.GET_RC: StatePart(Reply.CONFIGURATION, POSITION, VELOCITY, clock=False),
+    Kind.GET_RV: StatePart(Reply.VELOCITY, VELOCITY, MOTORS, clock=False),
+    Kind.GET_RA: StatePart(Reply.ACCELERATION, 0, 0, clock=False),
+    Kind.GET_CP: StatePart(Reply.COMPASS, COMPASS, COMPASS + 1, POS_COMPASS),
+    Kind.GET_LS: StatePart(Reply.LASER, 0, 0, POS_LASER),
+    Kind.GET_SG: StatePart(Reply.LASER, 0, 0, POS_LASER),
+    Kind.GET_BP: StatePart(Reply.BUMPER, BUMPER, POSITION, POS_BUMPER),
 }
 
 

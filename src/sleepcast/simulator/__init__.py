@@ -22,7 +22,6 @@ from sleepcast.simulator.scenario.mission import MissionError, Order, parse_miss
 from sleepcast.simulator.scenario.robot_settings import Store
 from sleepcast.simulator.scenario.scenario import (
     Place,
-    ReadyCommand,
     Scenario,
     find_scenario,
     load,
@@ -44,7 +43,6 @@ __all__ = [
     "Order",
     "Place",
     "Polygon",
-    "ReadyCommand",
     "SafetyLimits",
     "Saying",
     "Scenario",

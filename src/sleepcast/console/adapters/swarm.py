@@ -6,7 +6,7 @@ from array import array
 from dataclasses import replace
 from math import cos, pi, sin
 
-from sleepcast.console import Outline, Place, ReadyCommand, Scene
+from sleepcast.console import MapLabel, Outline, Scene
 from sleepcast.language import Vocabulary
 from sleepcast.loop import Swarm
 from sleepcast.simulator import Area, Circle, Scenario, Shape, Wall
@@ -78,10 +78,10 @@ def scene_of(scenario: Scenario, names: tuple[str, ...]) -> Scene:
             (part.stop - part.start, sort.geometry.radius)
             for sort, part in zip(scenario.each_sort, slices(scenario.each_sort, len(names)), strict=True)
         ),
-        places=tuple(Place(place.title, place.x, place.y) for place in scenario.places),
+        places=tuple(MapLabel(place.title, place.x, place.y) for place in scenario.places),
         obstacles=tuple(outlines(shape) for shape in scenario.shapes),
-        lights=tuple(Place(light.title, light.x, light.y) for light in scenario.lights),
-        commands=tuple(ReadyCommand(each.title, each.text.strip(), each.about) for each in scenario.commands),
+        lights=tuple(MapLabel(light.title, light.x, light.y) for light in scenario.lights),
+        commands=tuple(replace(each, text=each.text.strip()) for each in scenario.commands),
     )
 
 

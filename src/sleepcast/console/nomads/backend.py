@@ -10,7 +10,7 @@ from collections import deque
 
 import msgspec
 
-from sleepcast.console.nomads.orders import ORDERS, Order, check
+from sleepcast.console.nomads.orders import ORDERS, NomadOrder, check
 from sleepcast.console.nomads.updates import FASTEST
 from sleepcast.console.nomads.view import Nomads
 from sleepcast.console.outgoing import Said
@@ -45,7 +45,7 @@ class Hello(Said):
     grid: float
     area: tuple[float, float, float, float]
     robots: list[RobotKind]
-    orders: list[Order]
+    orders: list[NomadOrder]
 
 
 class Solids(Said):

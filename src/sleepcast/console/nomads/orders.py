@@ -43,7 +43,7 @@ class Field(msgspec.Struct, frozen=True):
         return self.steered if steers and self.steered else self.name
 
 
-class Order(msgspec.Struct, frozen=True):
+class NomadOrder(msgspec.Struct, frozen=True):
     """One order. more: what may follow the fields, up to `at_most` numbers in all; filled: numbers that are missing
     then are this. beside: its first number says how many corners follow, x and y of each, and so many numbers come
     beside those; 0: it has no corners. text: takes words and no numbers. shown: has a button and fields on the page.
@@ -79,21 +79,21 @@ _VERTEX = Field("x or y", LENGTH)
 _MODE = Field("colour", "", 1, 23, 1)
 
 
-def _of_polygon(name: str, about: str, beside: int) -> Order:
+def _of_polygon(name: str, about: str, beside: int) -> NomadOrder:
     """An order with a polygon; see `Order.beside`."""
     corners = Field("corners", "", 3, MOST_VERTICES)
-    return Order(name, about, (corners,), more=_VERTEX, at_most=beside + 2 * MOST_VERTICES, beside=beside)
+    return NomadOrder(name, about, (corners,), more=_VERTEX, at_most=beside + 2 * MOST_VERTICES, beside=beside)
 
 
-ORDERS: dict[str, Order] = {
+ORDERS: dict[str, NomadOrder] = {
     order.name: order
     for order in (
-        Order("vm", "Turn the wheels this fast, until told otherwise.", _axes(EITHER, -QUICK, QUICK), shown=True),
-        Order("pr", "Go this far with each wheel, and stop.", _axes(AWAY, -FAR, FAR), shown=True),
-        Order("st", "Stop and hold the position.", shown=True),
-        Order("lp", "Let go: the wheels roll out.", shown=True),
-        Order("gs", "Ask for the state, and show it.", shown=True),
-        Order(
+        NomadOrder("vm", "Turn the wheels this fast, until told otherwise.", _axes(EITHER, -QUICK, QUICK), shown=True),
+        NomadOrder("pr", "Go this far with each wheel, and stop.", _axes(AWAY, -FAR, FAR), shown=True),
+        NomadOrder("st", "Stop and hold the position.", shown=True),
+        NomadOrder("lp", "Let go: the wheels roll out.", shown=True),
+        NomadOrder("gs", "Ask for the state, and show it.", shown=True),
+        NomadOrder(
             "ws",
             "Wait until the axes marked 1 stand still, for so many seconds at most; 0: as long as it takes.",
             (
@@ -104,13 +104,13 @@ ORDERS: dict[str, Order] = {
             ),
             shown=True,
         ),
-        Order("zr", "Zero: stand at the origin with heading 0.", shown=True),
-        Order("dp", "Say where the robot is; it does not move.", _PLACE[:2], shown=True),
-        Order("da", "Say which way the robot looks; it does not turn.", _PLACE[2:], shown=True),
-        Order("place_robot", "Put the robot there, body and belief.", _PLACE, shown=True),
-        Order("sp", "How fast pr goes.", _axes(EITHER, 0, QUICK), shown=True),
-        Order("ac", "How fast speeds change.", _axes(EITHER, 1, QUICK), shown=True),
-        Order(
+        NomadOrder("zr", "Zero: stand at the origin with heading 0.", shown=True),
+        NomadOrder("dp", "Say where the robot is; it does not move.", _PLACE[:2], shown=True),
+        NomadOrder("da", "Say which way the robot looks; it does not turn.", _PLACE[2:], shown=True),
+        NomadOrder("place_robot", "Put the robot there, body and belief.", _PLACE, shown=True),
+        NomadOrder("sp", "How fast pr goes.", _axes(EITHER, 0, QUICK), shown=True),
+        NomadOrder("ac", "How fast speeds change.", _axes(EITHER, 1, QUICK), shown=True),
+        NomadOrder(
             "conf_sn",
             "Fire the sonars in this order, pausing 4 ms times the rate between two; none for all off.",
             (Field("rate", "4 ms", 0, 255, 1),),
@@ -119,9 +119,11 @@ ORDERS: dict[str, Order] = {
             filled=END_OF_ORDER,
             shown=True,
         ),
-        Order("conf_tm", "Stop when no command came for so long; 0: never.", (Field("s", "s", 0, 255, 1),), shown=True),
-        Order("tk", "Say something.", text=True, shown=True),
-        Order(
+        NomadOrder(
+            "conf_tm", "Stop when no command came for so long; 0: never.", (Field("s", "s", 0, 255, 1),), shown=True
+        ),
+        NomadOrder("tk", "Say something.", text=True, shown=True),
+        NomadOrder(
             "mv",
             "For each axis a mode (0 leave, 1 speed, 2 distance, 3 limp, 4 acceleration, 5 cruise) and its number.",
             tuple(
@@ -133,7 +135,7 @@ ORDERS: dict[str, Order] = {
                 )
             ),
         ),
-        Order(
+        NomadOrder(
             "conf_ir",
             "Use these infrared sensors, averaging over so many readings.",
             (Field("history", "", 0, 10, 0),),
@@ -141,13 +143,13 @@ ORDERS: dict[str, Order] = {
             at_most=1 + SONARS,
             filled=END_OF_ORDER,
         ),
-        Order("conf_cp", "Compass: 0 off, 1 on, 2 calibrate.", (Field("mode", "", 0, 2, 1),)),
-        Order(
+        NomadOrder("conf_cp", "Compass: 0 off, 1 on, 2 calibrate.", (Field("mode", "", 0, 2, 1),)),
+        NomadOrder(
             "conf_ls",
             "Laser: its mode and settings.",
             tuple(Field(name, "", 0, 1023) for name in ("mode", "threshold", "width", "data", "processing")),
         ),
-        Order(
+        NomadOrder(
             "conf_sg",
             "Laser: what counts as a line.",
             tuple(Field(name, "", 0, 1023) for name in ("threshold", "points", "gap")),
@@ -157,10 +159,10 @@ ORDERS: dict[str, Order] = {
         _of_polygon(
             "move_obstacle", "Move the polygon with these corners; the last two numbers say how far across and up.", 3
         ),
-        Order("new_world", "Take all obstacles away."),
-        Order("draw_robot", "Draw a robot.", (*_PLACE, _MODE)),
-        Order("draw_line", "Draw a line.", (*(Field(name, LENGTH) for name in ("x1", "y1", "x2", "y2")), _MODE)),
-        Order(
+        NomadOrder("new_world", "Take all obstacles away."),
+        NomadOrder("draw_robot", "Draw a robot.", (*_PLACE, _MODE)),
+        NomadOrder("draw_line", "Draw a line.", (*(Field(name, LENGTH) for name in ("x1", "y1", "x2", "y2")), _MODE)),
+        NomadOrder(
             "draw_arc",
             "Draw a piece of an ellipse; x y is the upper left corner of its box.",
             (
@@ -172,18 +174,18 @@ ORDERS: dict[str, Order] = {
                 _MODE,
             ),
         ),
-        Order("refresh_all", "Erase everything that was drawn."),
-        Order("refresh_all_traces", "Erase both traces."),
-        Order("refresh_actual_trace", "Erase where the robot was."),
-        Order("refresh_encoder_trace", "Erase where it believed to be."),
-        Order("refresh_all_sensors", "Erase what all sensors saw."),
-        Order("refresh_bumper_sensor", "Erase what the bumper felt."),
-        Order("refresh_infrared_sensor", "Erase what the infrared sensors saw."),
-        Order("refresh_sonar_sensor", "Erase what the sonars saw."),
-        Order("refresh_laser_sensor", "Erase what the laser saw."),
-        Order("refresh_client_graphics", "Erase what programs have drawn."),
-        Order("real_robot", "Let the real robot behind this one take the orders, where there is one."),
-        Order("simulated_robot", "Let the simulated robot take the orders again."),
+        NomadOrder("refresh_all", "Erase everything that was drawn."),
+        NomadOrder("refresh_all_traces", "Erase both traces."),
+        NomadOrder("refresh_actual_trace", "Erase where the robot was."),
+        NomadOrder("refresh_encoder_trace", "Erase where it believed to be."),
+        NomadOrder("refresh_all_sensors", "Erase what all sensors saw."),
+        NomadOrder("refresh_bumper_sensor", "Erase what the bumper felt."),
+        NomadOrder("refresh_infrared_sensor", "Erase what the infrared sensors saw."),
+        NomadOrder("refresh_sonar_sensor", "Erase what the sonars saw."),
+        NomadOrder("refresh_laser_sensor", "Erase what the laser saw."),
+        NomadOrder("refresh_client_graphics", "Erase what programs have drawn."),
+        NomadOrder("real_robot", "Let the real robot behind this one take the orders, where there is one."),
+        NomadOrder("simulated_robot", "Let the simulated robot take the orders again."),
     )
 }
 
@@ -212,13 +214,13 @@ def check(name: str, numbers: Sequence[int], *, steers: bool = False) -> list[in
     return given if order.filled is None else given + [order.filled] * (most - len(given))
 
 
-def _usual(order: Order, given: int) -> list[int]:
+def _usual(order: NomadOrder, given: int) -> list[int]:
     """What the fields are that were left out at the end."""
     left = [field.usual for field in order.fields[given:]]
     return [] if None in left else [usual for usual in left if usual is not None]
 
 
-def _wanted(order: Order, steers: bool) -> str:
+def _wanted(order: NomadOrder, steers: bool) -> str:
     titles = ((field.title(steers), field.usual) for field in order.fields)
     names = " ".join(title if usual is None else f"[{title}]" for title, usual in titles)
     return f"{names} ..." if order.more is not None else names or "no numbers"

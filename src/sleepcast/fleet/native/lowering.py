@@ -15,7 +15,7 @@ from sleepcast.language.numerics import GOLDEN, MASK, UNIT
 from sleepcast.language.parts import Part, walk
 from sleepcast.language.program import Program
 from sleepcast.language.rehearsal import FLAGS
-from sleepcast.language.vocabulary import Kind, Variable
+from sleepcast.language.vocabulary import Variable, VariableKind
 
 LIGHT = 3
 """Parts at most that are computed for nothing rather than jumped over."""
@@ -251,7 +251,7 @@ class Lowering:
         value = self.value(part.parts[0], mask)
         if isinstance(part.data, Variable):
             self._in_trouble(self._unknown(value), mask)
-            if part.data.kind is Kind.ACTUATOR:
+            if part.data.kind is VariableKind.ACTUATOR:
                 self._columns.actuators.add(part.slot)
         self._columns.assign(part.slot, value, mask)
         return value

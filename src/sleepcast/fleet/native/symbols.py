@@ -15,7 +15,7 @@ from sleepcast.language.parts import Part, walk
 from sleepcast.language.program import MAX_STEPS, Program
 from sleepcast.language.rehearsal import FLAGS
 from sleepcast.language.symbols import UserVariable
-from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Kind, Variable
+from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, Variable, VariableKind
 
 Name: TypeAlias = tuple[str, str]
 """The op of the part that uses a name - `fetch`, `call` or `known` (a user variable) - and its key."""
@@ -85,7 +85,7 @@ def is_native(part: Part, names: Meaning, depth: int, levels: int) -> bool:
     if part.op == "write":
         if not isinstance(part.data, Variable):
             return part.slot >= 0 and names["known", part.name] is True
-        return part.data.kind is Kind.ACTUATOR or not ACTIVE0 < part.slot < ACTIVE0 + BUFFERS
+        return part.data.kind is VariableKind.ACTUATOR or not ACTIVE0 < part.slot < ACTIVE0 + BUFFERS
     if part.op == "defvar":
         return names["known", part.name] is True
     return part.op in _NATIVE or (part.op == "act" and part.name in FLAGS)

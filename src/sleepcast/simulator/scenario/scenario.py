@@ -13,6 +13,7 @@ from pathlib import Path
 
 from sleepcast.channel.simulated_radio import RadioModel
 from sleepcast.core.errors import MisuseError, did_you_mean
+from sleepcast.core.model import ReadyCommand
 from sleepcast.core.settings import Table, checked_name, toml_document
 from sleepcast.core.units import LENGTH, SPEED, TIME
 from sleepcast.robot import BodyConstant
@@ -54,15 +55,6 @@ class Place:
     title: str
     x: float
     y: float
-    about: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class ReadyCommand:
-    """A command that the scenario offers, with the words that a person would say."""
-
-    title: str
-    text: str
     about: str = ""
 
 

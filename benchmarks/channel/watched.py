@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sleepcast.channel.session
-import sleepcast.loop.network_swarm
+import sleepcast.loop.real
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.session import ChannelSession
 from sleepcast.cli import main as sleepcast_main
-from sleepcast.loop.network_swarm import NetworkSwarm
+from sleepcast.loop.real import NetworkSwarm
 
 ANSWERS: list[tuple[str, str, str, float]] = []
 RESTS: list[tuple[str, float, bool]] = []
@@ -59,7 +59,7 @@ def main() -> None:
     file, *arguments = sys.argv[1:]
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs would ignore it
     sleepcast.channel.session.ChannelSession = WatchedSession  # type: ignore[misc]
-    sleepcast.loop.network_swarm.NetworkSwarm = WatchedSwarm  # type: ignore[misc]
+    sleepcast.loop.real.NetworkSwarm = WatchedSwarm  # type: ignore[misc]
     try:
         sleepcast_main(arguments)
     finally:

@@ -22,7 +22,7 @@ from sleepcast.channel.transports.transport import Transport
 from sleepcast.core.clock import ManualClock
 from sleepcast.language import Vocabulary
 from sleepcast.loop import vocabulary_of
-from sleepcast.loop.network_swarm import Member, NetworkSwarm
+from sleepcast.loop.real import Member, NetworkSwarm
 from sleepcast.node.node import Node
 from sleepcast.simulator import Body
 from small_worlds import simulator

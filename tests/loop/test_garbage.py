@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import weakref
 
-from sleepcast.loop.network_swarm import THOROUGH, PacedCollector
+from sleepcast.loop.real import THOROUGH, PacedCollector
 
 
 class Knot:

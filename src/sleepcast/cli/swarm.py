@@ -18,7 +18,7 @@ from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.cli.node_life import StartScript
-    from sleepcast.loop.network_swarm import NetworkSwarm
+    from sleepcast.loop.real import NetworkSwarm
     from sleepcast.node.store import Store
 
 MOST = 10_000
@@ -148,7 +148,7 @@ def _crew(stack: ExitStack, air: AirOptions, wanted: Wanted, store: Store | None
     from sleepcast.core.clock import UnixClock, WallClock
     from sleepcast.core.counter_rng import key
     from sleepcast.loop import vocabulary_of
-    from sleepcast.loop.network_swarm import Member, NetworkSwarm
+    from sleepcast.loop.real import Member, NetworkSwarm
     from sleepcast.node.node import Node
     from sleepcast.simulator import Changes, SafetyLimits, Simulator, choose, find_scenario, limited, read_limits
 

@@ -7,17 +7,10 @@ from sleepcast.loop.snapshots import SnapshotError, load, resume, save, snapshot
 from sleepcast.loop.swarm import LONGEST_CATCH_UP, MAX_MINDS, Desk, Pace, Swarm, Witness, step_swarm, vocabulary_of
 
 if TYPE_CHECKING:
-    from sleepcast.loop.network_swarm import Member, NetworkSwarm
-    from sleepcast.loop.real import Watch, run_robot, step_robot
+    from sleepcast.loop.real import Member, NetworkSwarm, Watch, run_robot, step_robot
 
-_LATER = {
-    "NetworkSwarm": "network_swarm",
-    "Member": "network_swarm",
-    "Watch": "real",
-    "run_robot": "real",
-    "step_robot": "real",
-}
-"""What takes nodes and the air, and where it is: a simulated swarm starts without."""
+_IN_REAL_TIME = frozenset({"Member", "NetworkSwarm", "Watch", "run_robot", "step_robot"})
+"""What needs nodes and the air: a simulated swarm starts without."""
 
 __all__ = [
     "LONGEST_CATCH_UP",
@@ -42,6 +35,6 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    if name not in _LATER:
+    if name not in _IN_REAL_TIME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_LATER[name]}"), name)
+    return getattr(import_module(f"{__name__}.real"), name)

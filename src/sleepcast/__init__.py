@@ -18,6 +18,7 @@ from sleepcast.core.version import VERSION
 if TYPE_CHECKING:
     from sleepcast.api.commands import CommandResult, Fleet
     from sleepcast.api.connected import ConnectedFleet, connect
+    from sleepcast.api.events import FleetEvent
     from sleepcast.api.fleet import SimulatedFleet, open, resume
     from sleepcast.api.history import History
     from sleepcast.api.table import DataTable
@@ -29,6 +30,7 @@ __all__ = [
     "ConnectedFleet",
     "DataTable",
     "Fleet",
+    "FleetEvent",
     "History",
     "SimulatedFleet",
     "connect",
@@ -42,6 +44,7 @@ _MODULES = {
     **dict.fromkeys(("ConnectedFleet", "connect"), "sleepcast.api.connected"),
     **dict.fromkeys(("SimulatedFleet", "open", "resume"), "sleepcast.api.fleet"),
     "DataTable": "sleepcast.api.table",
+    "FleetEvent": "sleepcast.api.events",
     "History": "sleepcast.api.history",
 }
 """Where each name is."""

@@ -111,6 +111,22 @@ class TestCommands:
         assert ran is fleet
         assert len(asked.values) == 6
 
+    def test_events(self, fleet: sc.ConnectedFleet) -> None:
+        async def watch() -> dict[str, sc.FleetEvent]:
+            text = '(WHEN (= id 4) (PROGN (JOIN seen) (REPORT "number" id) (/ 1 0)))'
+            fleet.send(text, wait=0, sure=True)
+            found: dict[str, sc.FleetEvent] = {}
+            async for event in fleet.events(LONGEST):
+                found.setdefault(event.kind, event)
+                if len(found) == 4:
+                    break
+            return found
+
+        found = asyncio.run(watch())
+        assert (found["say"].robot, found["say"].text) == ("r4", "number 4")
+        assert (found["join"].robot, found["join"].text) == ("r4", "seen")
+        assert (found["fault"].robot, found["answer"].text) == ("r4", "not matched")
+
 
 class TestReading:
     def test_numbers_of_all_robots(self, fleet: sc.ConnectedFleet) -> None:

@@ -230,6 +230,46 @@ class TestRuns:
             sc.open(find_scenario("bravo"), robots=5)
 
 
+class TestEvents:
+    def test_events_come_as_time_passes(self) -> None:
+        async def watch(fleet: SimulatedFleet) -> tuple[sc.CommandResult, list[sc.FleetEvent]]:
+            sent = fleet.send('(WHEN (> fuel 50%) (PROGN (JOIN full) (REPORT "fuel" fuel)))', wait=0)
+            return sent, [event async for event in fleet.events(1.0)]
+
+        fleet = bravo()
+        sent, events = asyncio.run(watch(fleet))
+        assert fleet.time == pytest.approx(1.0)
+        of = {kind: [each for each in events if each.kind == kind] for kind in ("answer", "fault", "say", "join")}
+        assert {each.robot for each in of["answer"]} == set(fleet.names)
+        assert {each.command for each in of["answer"]} == {sent.id}
+        assert {each.robot for each in of["answer"] if each.text == "matched"} == set(sent.matched)
+        assert [(each.robot, each.text) for each in of["join"]] == [(name, "full") for name in sent.matched]
+        assert sorted(each.robot for each in of["say"]) == sorted(sent.matched)
+        assert all(each.text.startswith("fuel 0.") for each in of["say"])
+        assert of["fault"] == []
+        assert [each.time for each in events] == sorted(each.time for each in events)
+        assert fleet.station.listeners == []
+
+    def test_what_goes_wrong_is_an_event_and_may_be_acted_upon(self) -> None:
+        async def watch(fleet: SimulatedFleet) -> sc.CommandResult:
+            fleet.send("(/ 1 0)", only=["scout3"], wait=0)
+            async for event in fleet.events():
+                if event.kind == "fault":
+                    return await fleet.asend("(JOIN again)", only=[event.robot])
+            raise AssertionError
+
+        fleet = bravo()
+        assert asyncio.run(watch(fleet)).matched == ("scout3",)
+
+    def test_a_time_that_is_none(self) -> None:
+        async def watch() -> None:
+            async for _ in bravo().events(float("nan")):
+                pass
+
+        with pytest.raises(sc.errors.MisuseError, match="events of nan s"):
+            asyncio.run(watch())
+
+
 class TestRecorded:
     def test_a_recording_is_that_of_the_command_line(self, tmp_path: Path) -> None:
         file = tmp_path / "run.mcap"

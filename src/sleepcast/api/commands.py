@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from collections.abc import AsyncGenerator, Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from math import inf
 from threading import Lock
 from typing import Concatenate, ParamSpec, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sleepcast.api.events import EventQueue, FleetEvent
 from sleepcast.api.table import DataTable, Numbers, Texts
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import Explanation
@@ -249,9 +251,9 @@ class Fleet(ABC):
         return self["heading"]
 
     @property
-    @abstractmethod
     def groups(self) -> Mapping[str, tuple[str, ...]]:
         """The members of each group."""
+        return self._members()
 
     @property
     @abstractmethod
@@ -263,6 +265,35 @@ class Fleet(ABC):
         wanted = expressions or tuple(sensor.name for sensor in self.station.vocabulary.sensors)
         columns: dict[str, Texts | Numbers] = {each: self[each] for each in wanted}
         return DataTable({"robot": tuple(self.names)} | columns)
+
+    # ---- what happens
+
+    async def events(self, seconds: float = inf) -> AsyncGenerator[FleetEvent, None]:
+        """What robots do from now on, for so many seconds, or until the loop over it ends. Time passes in it; commands
+        may be sent meanwhile (`await fleet.asend(...)`). Raises MisuseError for a time that is none."""
+        from asyncio import to_thread
+
+        if not seconds >= 0.0:
+            raise MisuseError(f"events of {seconds} s: wanted a number of seconds, 0 or more")
+        queue, until = EventQueue(lambda: self.time, self._members), self.time + seconds
+        self.station.listeners.append(queue.hear)
+        try:
+            while True:
+                for event in queue.take():
+                    yield event
+                if self.time >= until:
+                    return
+                await to_thread(self._pass)
+        finally:
+            self.station.listeners.remove(queue.hear)
+
+    @abstractmethod
+    def _pass(self) -> None:
+        """Let a moment pass."""
+
+    @abstractmethod
+    def _members(self) -> Mapping[str, tuple[str, ...]]:
+        """The members of each group, as far as the desk knows."""
 
     # ---- closed
 

@@ -46,7 +46,7 @@ class ConnectedFleet(Fleet):
         super().__init__(station)
         station.holding = True
         self.telemetry, self.channel = telemetry, channel
-        self._began, self._looked = station.now, -inf
+        self._began, self._looked, self._asked = station.now, -inf, -inf
         self._end = finalize(self, ends.close)
 
     # ---- time
@@ -65,6 +65,14 @@ class ConnectedFleet(Fleet):
                 with self._turn():
                     self.station.wait(min(began + seconds, began + (turn + 1) * TURN) - self.station.now)
         return self
+
+    def _pass(self) -> None:
+        """Hear robots for a moment, and ask them for telemetry now and then."""
+        with self._turn():
+            if self.station.now - self._asked > FRESH:
+                self._asked = self.station.now
+                self.telemetry.look()
+            self.station.wait(TURN)
 
     def _until(self, sent: Command, seconds: float) -> CommandResult:
         self._looked = -inf  # robots may have changed
@@ -140,7 +148,11 @@ class ConnectedFleet(Fleet):
 
     @property
     def groups(self) -> Mapping[str, tuple[str, ...]]:
+        """The members of each group, by telemetry."""
         self._look()
+        return self._members()
+
+    def _members(self) -> Mapping[str, tuple[str, ...]]:
         found: dict[str, tuple[str, ...]] = {}
         for name in self.names:
             mind = self.telemetry.minds.get(name)

@@ -54,8 +54,7 @@ class SimulatedFleet(Fleet):
         count = round(seconds / self.swarm.simulator.scenario.tick)
         with closing(steps(count, self.swarm.simulator.scenario.name, quiet=quiet)) as ticks:
             for _ in ticks:
-                with self._turn():
-                    self._step()
+                self._pass()
         return self
 
     def _step(self) -> None:
@@ -64,11 +63,14 @@ class SimulatedFleet(Fleet):
             if self.swarm.simulator.tick % ticks == 0:
                 self._sample(history)
 
+    def _pass(self) -> None:
+        with self._turn():
+            self._step()
+
     def _until(self, sent: Command, seconds: float) -> CommandResult:
         until, result = self.time + seconds, CommandResult(self, sent)
         while self.time < until and not result.account.complete:
-            with self._turn():
-                self._step()
+            self._pass()
         return result
 
     def _prepare(self, text: str, sure: bool) -> None:
@@ -107,8 +109,7 @@ class SimulatedFleet(Fleet):
         self.swarm.sense()
         return read_only(self.swarm.fleet.values_of(expression))
 
-    @property
-    def groups(self) -> dict[str, tuple[str, ...]]:
+    def _members(self) -> dict[str, tuple[str, ...]]:
         names = np.array(self.names)
         found = {key: tuple(names[members].tolist()) for key, members in self.swarm.fleet.groups.items()}
         return {key: members for key, members in sorted(found.items()) if members}

@@ -13,12 +13,12 @@ from weakref import finalize
 
 import numpy as np
 
+from sleepcast.api.events import in_words
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message_batch import MessageBatch
 from sleepcast.core.errors import MisuseError
 from sleepcast.core.version import VERSION
 from sleepcast.fleet.marks import Groups, flags_of
-from sleepcast.language import format_value
 from sleepcast.loop import Swarm, snapshot
 from sleepcast.simulator import Scenario
 from sleepcast.simulator.recording.recorder import (
@@ -100,7 +100,7 @@ class Witness:
         if batch.kind is Kind.ANSWER:
             return
         for message in batch.messages():
-            self._recorder.log(self._swarm.now(), message.sender, _in_words(message))
+            self._recorder.log(self._swarm.now(), message.sender, in_words(message))
 
     def ticked(self) -> None:
         """A tick is over."""
@@ -205,15 +205,6 @@ class Witness:
     def _note_rules(self, index: int, now: float) -> None:
         body = RulesBody(self._swarm.simulator.names[index], [RuleBody(*rule) for rule in self._rules[index]])
         self._recorder.note(RULES, now, body)
-
-
-def _in_words(message: Message) -> str:
-    """What a robot says, for the log."""
-    if message.kind is not Kind.REPORT:
-        return f"{message.kind.value} {message.text}"
-    values = message.body.get("values")
-    shown = [format_value(each) for each in values if isinstance(each, float)] if isinstance(values, list) else []
-    return " ".join([str(message.body.get("label", "")), *shown])
 
 
 def periods(scenario: Scenario, wanted: RecordingPlan) -> tuple[int, int]:

@@ -262,8 +262,6 @@ class NetworkStation(Station):
         )
         self.session, self.within, self.holding = session, within, False
         self.news: deque[Message] = deque(maxlen=MAX_NEWS)
-        self.listeners: list[Callable[[list[Message]], None]] = []
-        """Who gets what robots said, each time something was heard."""
         self._polled = Poll()
         self._retransmission = Retransmission(
             delivery, self._sent, self._roster, self._within, self._note_again, self._note_account
@@ -431,13 +429,13 @@ class NetworkStation(Station):
                     if not self._is_new(message):
                         continue
                     heard.append(self._retransmission.known(message))
-                    self.hear(heard[-1])
+                    self._take_in(heard[-1])
                     self._learn_stops(heard[-1])
                     self._learn_time(heard[-1])
                 elif message.role != Role.ROBOT or message.kind is Kind.STOP:
                     self._overhear(message)
-        for listener in self.listeners if heard else ():
-            listener(heard)
+        if heard:
+            self._pass_on(heard)
         self.attend()
         self.pump_out()
         return heard

@@ -102,6 +102,8 @@ class Station:
         self.notes = WriteBatch(MemoryJournal() if journal is None else journal)
         self.reports: deque[Report] = deque(maxlen=MAX_REPORTS)
         """What robots reported unasked, the latest last."""
+        self.listeners: list[Callable[[list[Message]], None]] = []
+        """Who gets what robots said, each time something was heard."""
         self._minds, self._clock = minds, clock
         self._roster = Roster(minds.names if isinstance(minds, ManyMinds) else minds, len(minds))
         self._rows = Rows(minds)
@@ -346,6 +348,14 @@ class Station:
 
     def hear(self, message: Message) -> None:
         """Take in what a robot says: an ANSWER to a command, a REPORT, or anything that shows that it is there."""
+        self._take_in(message)
+        self._pass_on([message])
+
+    def _pass_on(self, messages: list[Message]) -> None:
+        for listener in tuple(self.listeners):
+            listener(messages)
+
+    def _take_in(self, message: Message) -> None:
         with self._lock:
             now = self._clock.now()
             place = self._roster.hear(message.sender, now)
@@ -382,6 +392,8 @@ class Station:
                 found = {word: count for word, count in zip(said.sorts, counts, strict=True) if count}
                 details = {"kind": batch.kind.value, "robots": len(batch), "outcomes": found}
                 self._note(Event.HEARD, MANY, subject=said.command, details=details)
+        if isinstance(said, Answers) and self.listeners:
+            self._pass_on(list(batch.messages()))
 
     def observe(self, now: float, rows: Iterable[Telemetry]) -> None:
         """Take in telemetry of `now` (s of the desk's clock): what robots tell of themselves. Nodes are such rows."""

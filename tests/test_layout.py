@@ -71,7 +71,7 @@ HOUSE = {
     ),
     "__main__": room("cli"),
 }
-FRONT = room("api")  # of the package itself, which only passes on names
+FRONT = room("api language")  # of the package itself, which only passes on names
 MESSAGES = frozenset({"msgspec", "typing_extensions"})  # msgspec takes the second where there is one
 LIGHT = {  # what these rooms may load of the libraries when they are imported: a short job starts with them
     "language": frozenset[str](),

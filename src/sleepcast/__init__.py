@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from sleepcast.core.version import VERSION
 
 if TYPE_CHECKING:
+    from sleepcast import language
     from sleepcast.api.commands import CommandResult, Fleet
     from sleepcast.api.connected import ConnectedFleet, connect
     from sleepcast.api.events import FleetEvent
@@ -35,10 +36,13 @@ __all__ = [
     "SimulatedFleet",
     "connect",
     "errors",
+    "language",
     "open",
     "resume",
 ]
 
+_PARTS = {"errors": "sleepcast.core.errors", "language": "sleepcast.language"}
+"""Modules by their names here."""
 _MODULES = {
     **dict.fromkeys(("CommandResult", "Fleet"), "sleepcast.api.commands"),
     **dict.fromkeys(("ConnectedFleet", "connect"), "sleepcast.api.connected"),
@@ -47,12 +51,12 @@ _MODULES = {
     "FleetEvent": "sleepcast.api.events",
     "History": "sleepcast.api.history",
 }
-"""Where each name is."""
+"""Where each other name is."""
 
 
 def __getattr__(name: str) -> object:
-    if name == "errors":
-        return import_module("sleepcast.core.errors")
+    if name in _PARTS:
+        return import_module(_PARTS[name])
     if name in _MODULES:
         return getattr(import_module(_MODULES[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -329,6 +329,9 @@ class TestShown:
         fleet = sc.open(text.replace("mission =", "# mission ="), robots=3)
         assert "<b>" not in fleet._repr_html_()
 
+    def test_the_language_is_there_for_other_programs(self) -> None:
+        assert sc.language.show(sc.language.read("(+ 1  2)")) == "(+ 1 2)"
+
     def test_the_package_names_what_it_has(self) -> None:
         assert all(getattr(sc, name) for name in sc.__all__)
         with pytest.raises(AttributeError, match="no attribute 'fleets'"):

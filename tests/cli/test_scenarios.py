@@ -9,6 +9,7 @@ import pytest
 
 from sleepcast.cli import main
 from sleepcast.simulator import find_scenario, scenario_names
+from sleepcast.simulator.scenario.scenario import GALLERY
 from small_worlds import write
 
 
@@ -67,3 +68,31 @@ def test_an_unknown_name_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     status, out, err = run(capsys, "brvo")
     assert (status, out) == (2, "")
     assert err.startswith('no scenario "brvo" (did you mean bravo?)')
+
+
+@pytest.fixture
+def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where a package is installed that adds two scenarios, of which one is missing."""
+    text = (GALLERY / "flood" / "scenario.toml").read_text(encoding="utf-8").replace("mission =", "# mission =")
+    (tmp_path / "patrols" / "harbour").mkdir(parents=True)
+    (tmp_path / "patrols" / "harbour" / "scenario.toml").write_text(text, encoding="utf-8")
+    about = tmp_path / "patrols-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: patrols\nVersion: 1.0\n")
+    (about / "entry_points.txt").write_text(
+        "[sleepcast.scenarios]\nharbour = patrols.harbour\nlost = patrols.lost\nbravo = patrols.harbour\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    return tmp_path
+
+
+def test_an_installed_package_adds_scenarios(installed: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert find_scenario("harbour").path == installed / "patrols" / "harbour" / "scenario.toml"
+    assert find_scenario("bravo").path.is_relative_to(GALLERY), "nobody replaces one of the gallery"
+    assert main(["scenarios"]) == 0
+    out, err = capsys.readouterr()
+    assert "harbour" in [line.split()[0] for line in out.splitlines()]
+    assert 'scenario "lost" cannot be found: its package patrols.lost has no scenario.toml' in err
+    assert main(["scenarios", "lost"]) == 2
+    assert main(["scenarios", "harbuor"]) == 2
+    assert "did you mean harbour" in capsys.readouterr().err

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sleepcast.cli.streams import put
+from sleepcast.cli.streams import complain, put
+from sleepcast.core.errors import SleepcastError
 
 if TYPE_CHECKING:
     from sleepcast.simulator import Scenario
@@ -20,20 +21,26 @@ WIDTH = 88
 @click.argument("name", required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead.")
 def scenarios(name: str | None, as_json: bool) -> int:
-    """List the gallery of scenarios; with a NAME (or the path of a scenario of your own), show what that one is about.
+    """List the gallery of scenarios, and those that installed packages add; with a NAME (or the path of a scenario of
+    your own), show what that one is about.
 
     \b
     Examples:
       sleepcast scenarios
       sleepcast scenarios bravo
     """
-    from sleepcast.simulator import find_scenario, scenario_names
+    from sleepcast.simulator import added_scenarios, find_scenario, scenario_names
 
     if name is not None:
         scenario = find_scenario(name)
         put(json.dumps(_as_dict(scenario)) if as_json else _page(scenario, name))
         return 0
     gallery = [find_scenario(known) for known in scenario_names()]
+    for added in added_scenarios():
+        try:
+            gallery.append(find_scenario(added))
+        except SleepcastError as error:  # somebody else's mistake hides no other scenario
+            complain(str(error))
     if as_json:
         put(json.dumps([_as_dict(scenario) for scenario in gallery]))
         return 0

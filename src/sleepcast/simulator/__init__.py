@@ -23,6 +23,7 @@ from sleepcast.simulator.scenario.robot_settings import Store
 from sleepcast.simulator.scenario.scenario import (
     Place,
     Scenario,
+    added_scenarios,
     find_scenario,
     load,
     read_scenario,
@@ -53,6 +54,7 @@ __all__ = [
     "Store",
     "Wall",
     "World",
+    "added_scenarios",
     "choose",
     "compile_kernels",
     "find_scenario",

@@ -261,10 +261,12 @@ def _commands(root: Table) -> tuple[ReadyCommand, ...]:
     return tuple(found)
 
 
-# The gallery: the scenarios that come with sleepcast, by name, and scenarios anywhere else, by path.
+# The gallery: the scenarios that come with sleepcast, by name; those of installed packages, by name; others by path.
 
 GALLERY = Path(__file__).resolve().parents[2] / "scenarios"
 """The folder of the gallery: one folder for each scenario."""
+ADDED = "sleepcast.scenarios"
+"""The entry points of packages that add scenarios: the name of a scenario, and the package in whose folder it is."""
 
 
 def scenario_names() -> list[str]:
@@ -272,10 +274,18 @@ def scenario_names() -> list[str]:
     return sorted(file.parent.name for file in GALLERY.glob(f"*/{FILE}"))
 
 
-def find_scenario(name: str, changes: Changes = Changes()) -> Scenario:  # noqa: B008  # frozen: nobody can change it
-    """The scenario of the gallery called `name`, or the one in the folder or file at that path, with `changes`.
+def added_scenarios() -> dict[str, str]:
+    """The scenarios that installed packages add, sorted by name, each with the package that has it."""
+    from importlib.metadata import entry_points  # loading it takes longer than reading a scenario
 
-    Raises MisuseError if there is neither, and what `load` raises for what is wrong in it.
+    return {entry.name: entry.value for entry in sorted(entry_points(group=ADDED), key=lambda each: each.name)}
+
+
+def find_scenario(name: str, changes: Changes = Changes()) -> Scenario:  # noqa: B008  # frozen: nobody can change it
+    """The scenario of the gallery called `name`, or the one in the folder or file at that path, or the one that an
+    installed package adds under this name, with `changes`.
+
+    Raises MisuseError if there is none, and what `load` raises for what is wrong in it.
     """
     names = scenario_names()
     if name in names:
@@ -283,7 +293,26 @@ def find_scenario(name: str, changes: Changes = Changes()) -> Scenario:  # noqa:
     path = Path(name)
     if path.exists():
         return load(path, changes)
+    added = added_scenarios()
+    if name in added:
+        return load(_package_folder(name, added[name]), changes)
+    names += added
     raise MisuseError(
         f'no scenario "{name}"{did_you_mean(name, names)}: wanted one of {", ".join(names)}, '
         f"or the path of a folder with a {FILE}"
     )
+
+
+def _package_folder(name: str, package: str) -> Path:
+    """The folder of a package with a scenario. Raises MisuseError where there is none."""
+    from importlib.util import find_spec
+
+    try:
+        spec = find_spec(package)
+    except Exception as error:  # a package around it is imported, which may do anything
+        raise MisuseError(f'scenario "{name}" cannot be found: its package {package} fails: {error}') from error
+    folders = [Path(folder) for folder in (spec and spec.submodule_search_locations) or ()]
+    for folder in folders:
+        if (folder / FILE).is_file():
+            return folder
+    raise MisuseError(f'scenario "{name}" cannot be found: its package {package} has no {FILE}')

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import threading
 import time
 from collections.abc import Iterator
@@ -111,6 +112,16 @@ class TestCommands:
         assert ran is fleet
         assert len(asked.values) == 6
 
+    def test_what_is_cancelled_ends(self, fleet: sc.ConnectedFleet) -> None:
+        async def impatient() -> sc.CommandResult:
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(0.2):
+                    await fleet.arun(1e6)
+            return fleet.stop(wait=PATIENT)
+
+        assert len(asyncio.run(impatient()).matched) == 6  # it has waited until all threads have ended
+        assert len(fleet.release(wait=PATIENT).matched) == 6
+
     def test_events(self, fleet: sc.ConnectedFleet) -> None:
         async def watch() -> dict[str, sc.FleetEvent]:
             text = '(WHEN (= id 4) (PROGN (JOIN seen) (REPORT "number" id) (/ 1 0)))'
@@ -162,6 +173,7 @@ class TestRefused:
             fleet.send("(WHEN (> feul 50%) (MARK))")
         with pytest.raises(UnknownNameError, match="none of the 6 robots"):
             fleet.ask("feul")
+        assert set(fleet.ask("feul", sure=True, wait=PATIENT).values.values()) == {None}
         with pytest.raises(UnknownRobotError):
             fleet.why("nobody")
         with pytest.raises(CountNeededError, match="4 was said"):

@@ -177,6 +177,15 @@ class TestRuns:
 
         assert asyncio.run(both()) == pytest.approx((1.0, 2.0))
 
+    def test_what_is_cancelled_ends(self) -> None:
+        async def impatient(fleet: SimulatedFleet) -> None:
+            await asyncio.wait_for(fleet.arun(1e6), 0.2)
+
+        fleet = bravo()
+        with pytest.raises(TimeoutError):
+            asyncio.run(impatient(fleet))  # waits until its threads have ended
+        assert 0.0 < fleet.time < 1e6
+
     def test_a_scenario_may_be_an_object_a_path_or_a_text(self) -> None:
         scenario = find_scenario("flood")
         text = scenario.path.read_text()

@@ -5,8 +5,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import AsyncGenerator, Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from math import inf
-from threading import Lock
+from threading import Event, Lock
 from typing import Concatenate, ParamSpec, Self, TypeVar
 
 import numpy as np
@@ -21,6 +22,9 @@ from sleepcast.station import Account, Command, Preview, Station
 
 WAIT = 2.0
 """Seconds for which a command waits for answers: robots answer at once, and a lossy radio asks them again."""
+
+_GONE: ContextVar[Event | None] = ContextVar("gone", default=None)
+"""Set on a thread whose caller has been cancelled: it takes no further turn."""
 
 Given = TypeVar("Given", bound=np.generic)
 Result = TypeVar("Result")
@@ -103,9 +107,17 @@ def beside(
     """The same method for a program with asyncio: it waits on a thread of its own."""
 
     async def awaited(fleet: Fleet, /, *given: Arguments.args, **named: Arguments.kwargs) -> Result:
-        from asyncio import to_thread  # loading it takes longer than the rest of this module
+        from asyncio import CancelledError, to_thread  # loading it takes longer than the rest of this module
 
-        found: Result = await to_thread(getattr(fleet, method.__name__), *given, **named)
+        gone = Event()
+        before = _GONE.set(gone)  # the thread has it from here
+        try:
+            found: Result = await to_thread(getattr(fleet, method.__name__), *given, **named)
+        except CancelledError:
+            gone.set()
+            raise
+        finally:
+            _GONE.reset(before)
         return found
 
     awaited.__doc__ = beside.__doc__
@@ -131,6 +143,8 @@ class Fleet(ABC):
         try:
             if not self._open:
                 raise MisuseError("this fleet is closed: connect again")
+            if (gone := _GONE.get()) is not None and gone.is_set():
+                raise MisuseError("this was cancelled")
             yield
         finally:
             self._turns.release()
@@ -195,10 +209,17 @@ class Fleet(ABC):
         return self._until(sent, wait)
 
     def ask(
-        self, text: str, *, wait: float = WAIT, only: Sequence[str] | None = None, but: Sequence[str] | None = None
+        self,
+        text: str,
+        *,
+        wait: float = WAIT,
+        only: Sequence[str] | None = None,
+        but: Sequence[str] | None = None,
+        sure: bool = False,
     ) -> CommandResult:
         """Ask for the value of an expression over the radio; nothing changes on the robots. The answers are in
-        `values`. Raises what `Station.ask` raises."""
+        `values`. sure: it is meant as it stands, though a real fleet has no such name. Raises what `Station.ask`
+        raises."""
         with self._turn():
             sent = self.station.ask(text, only=only, but=but)
         return self._until(sent, wait)

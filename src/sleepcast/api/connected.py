@@ -108,12 +108,19 @@ class ConnectedFleet(Fleet):
         return super().preview(text)
 
     def ask(
-        self, text: str, *, wait: float = WAIT, only: Sequence[str] | None = None, but: Sequence[str] | None = None
+        self,
+        text: str,
+        *,
+        wait: float = WAIT,
+        only: Sequence[str] | None = None,
+        but: Sequence[str] | None = None,
+        sure: bool = False,
     ) -> CommandResult:
+        """See `Fleet`. Raises UnknownNameError for names that no robot has, too."""
         with self._turn():
-            if self.station.check(text).unknown:
+            if not sure and self.station.check(text).unknown:
                 look_around(self.station, self.telemetry, patience=AHEAD)
-            self._refuse_unknown(text)
+                self._refuse_unknown(text)
         return super().ask(text, wait=wait, only=only, but=but)
 
     def release(self, *, wait: float = WAIT) -> CommandResult:

@@ -7,6 +7,8 @@ import contextlib
 import threading
 import time
 from collections.abc import Iterator
+from functools import partial
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +19,9 @@ from api.test_fleet import count_tags
 from channel.test_udp import free_port
 from cli.calling import LONGEST
 from cli.test_swarm import channel, swarm
+from sleepcast.api import connected
 from sleepcast.station import CountNeededError, UnknownRobotError
-from sleepcast.station.asking import SilentError
+from sleepcast.station.asking import SilentError, look_around
 from sleepcast.station.validation import UnknownNameError
 
 __all__ = ["channel"]
@@ -103,6 +106,21 @@ class TestCommands:
         fleet.close()
         running.join(LONGEST)
         assert ended
+
+    def test_stop_waits_for_no_question_of_another_thread(self, six: str, monkeypatch: pytest.MonkeyPatch) -> None:
+        with sc.connect(six, expect=7) as fleet:  # one of them never answers, so telemetry is waited for
+            monkeypatch.setattr(connected, "look_around", partial(look_around, patience=5.0))
+            fleet._looked = -inf
+            before = len(fleet.telemetry._looks)
+            asking = threading.Thread(target=lambda: fleet.groups, daemon=True)
+            asking.start()
+            until = time.monotonic() + LONGEST
+            while len(fleet.telemetry._looks) == before:
+                assert time.monotonic() < until
+            fleet.stop(wait=0.0)
+            assert asking.is_alive()
+            fleet.release(wait=0.0)
+            asking.join(LONGEST)
 
     def test_a_program_with_asyncio(self, fleet: sc.ConnectedFleet) -> None:
         async def both() -> tuple[sc.ConnectedFleet, sc.CommandResult]:

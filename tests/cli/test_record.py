@@ -197,7 +197,7 @@ def test_nothing_is_replaced_and_what_cannot_be_written_is_told_before_the_run(w
     kept.write_text("precious")
     done = record(world)
     assert (done.status, done.out) == (2, "")
-    assert "is there already" in done.err
+    assert "already exists" in done.err
     assert kept.read_text() == "precious"
     done = called("run", str(world), "--record", str(world / "no" / "such.mcap"))
     assert (done.status, done.out) == (1, "")

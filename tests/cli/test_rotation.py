@@ -105,13 +105,13 @@ def test_nothing_is_replaced_by_a_part(world: Path) -> None:
     (world / "run-0002.mcap").write_text("precious")
     done = called("run", str(world), "--record", str(world / "run.mcap"), "--record-rotate", "6s")
     assert (done.status, done.out) == (2, "")
-    assert "run-0002.mcap is there already" in done.err
+    assert "run-0002.mcap already exists" in done.err
     (world / "run-0002.mcap").rename(world / "run-0003.mcap")
     options = ("--seconds", "20", "--quiet", "--record", str(world / "run.mcap"), "--record-rotate", "6s")
     done = called("run", str(world), *options)
     assert done.status == 0
     assert done.err.count("\n") == 1
-    assert "run-0003.mcap is there already" in done.err
+    assert "run-0003.mcap already exists" in done.err
     assert f"The recording goes on in {world / 'run-0002.mcap'}" in done.err
     assert load_recording(world / "run-0002.mcap").seconds == 20.0
     assert (world / "run-0003.mcap").read_text() == "precious"

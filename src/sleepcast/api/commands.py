@@ -124,6 +124,47 @@ def beside(
     return awaited
 
 
+class Turns:
+    """Lets one thread at a time use a fleet, in the order in which they came, until it is closed."""
+
+    def __init__(self) -> None:
+        self._open, self._next, self._now = True, Lock(), Lock()
+
+    @contextmanager
+    def turn(self) -> Iterator[None]:
+        """A turn, not within another one. Raises MisuseError once the fleet is closed."""
+        self._take()
+        try:
+            self._refuse_closed()
+            yield
+        finally:
+            self._now.release()
+
+    def pass_on(self) -> None:
+        """Within a turn: let those that wait have theirs first. Raises MisuseError if one of them closed the fleet."""
+        self._now.release()
+        self._take()
+        self._refuse_closed()
+
+    @contextmanager
+    def last(self) -> Iterator[None]:
+        """The turn of the thread that closes the fleet."""
+        self._take()
+        try:
+            self._open = False
+            yield
+        finally:
+            self._now.release()
+
+    def _take(self) -> None:
+        with self._next:
+            self._now.acquire()
+
+    def _refuse_closed(self) -> None:
+        if not self._open:
+            raise MisuseError("this fleet is closed: connect again")
+
+
 class Fleet(ABC):
     """A fleet and its operator's desk. station: the desk, for what is not offered here.
 
@@ -132,22 +173,15 @@ class Fleet(ABC):
 
     def __init__(self, station: Station) -> None:
         self.station = station
-        self._open, self._next, self._turns = True, Lock(), Lock()
+        self._turns = Turns()
 
     @contextmanager
     def _turn(self) -> Iterator[None]:
-        """The fleet for one thread alone, in the order in which threads came; not within another turn. Raises
-        MisuseError once the fleet is closed."""
-        with self._next:
-            self._turns.acquire()
-        try:
-            if not self._open:
-                raise MisuseError("this fleet is closed: connect again")
+        """See `Turns.turn`; raises MisuseError for a call that was cancelled, too."""
+        with self._turns.turn():
             if (gone := _GONE.get()) is not None and gone.is_set():
                 raise MisuseError("this was cancelled")
             yield
-        finally:
-            self._turns.release()
 
     # ---- time
 

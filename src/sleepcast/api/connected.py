@@ -44,7 +44,7 @@ class ConnectedFleet(Fleet):
 
     def __init__(self, station: NetworkStation, telemetry: TelemetryClient, channel: str, ends: ExitStack) -> None:
         super().__init__(station)
-        station.holding = True
+        station.holding, station.between = True, self._turns.pass_on  # a STOP waits for no other thread's question
         self.telemetry, self.channel = telemetry, channel
         self._began, self._looked, self._asked = station.now, -inf, -inf
         self._end = finalize(self, ends.close)
@@ -178,8 +178,7 @@ class ConnectedFleet(Fleet):
 
     def close(self) -> None:
         """Leave the channel, and remember who was heard. Driven robots stop by themselves."""
-        with self._turns:
-            self._open = False
+        with self._turns.last():
             self._end()
 
     def __repr__(self) -> str:

@@ -384,7 +384,7 @@ class NomadRobot:
             self._lost, self._pause = error, min(2.0 * self._pause, LATEST)
             self._next = self._clock.now() + self._pause
             return
-        self._before = max(self._before, last - found.state.time)  # a server that was started anew counts from 0
+        self._before = max(self._before, last - found.state.time)  # a restarted server counts from 0
         self._nomad, self._state, self._heard = found, found.state, self._clock.now()
         self._lost = None
         self._complaints.append("the body is within reach again, and at rest until a command moves it")

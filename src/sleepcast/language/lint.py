@@ -157,7 +157,7 @@ class _Advice:
             return found if rule == "same" else NONE
         if rule == "truth":
             if part.name == "NOT" and part.parts[0].op == "in":
-                self.warn(f"{self.brief(part.form)} @@ also holds on a robot that never heard of the group", part.form)
+                self.warn(f"{self.brief(part.form)} @@ is also true for robots not told about the group", part.form)
             return NONE
         if rule == "product":
             return _combine(inside, 1)

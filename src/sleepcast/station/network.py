@@ -221,6 +221,10 @@ class Poll:
     said: Mapping[str, bool] = field(default_factory=dict)
 
 
+def _nothing() -> None:
+    pass
+
+
 class RoleError(MisuseError):
     """A command that our key may not send."""
 
@@ -261,6 +265,8 @@ class NetworkStation(Station):
             caution=SendPolicy(ABOVE, irreversible=True, doubts=True) if caution is None else caution,
         )
         self.session, self.within, self.holding = session, within, False
+        self.between: Callable[[], None] = _nothing
+        """Called while it waits, each time something may have come: other threads may use the desk then."""
         self.news: deque[Message] = deque(maxlen=MAX_NEWS)
         self._polled = Poll()
         self._retransmission = Retransmission(
@@ -446,6 +452,7 @@ class NetworkStation(Station):
         while (now := self._clock.now()) < until:
             self.session.wait(min(until - now, max(0.0, self.due() - now)))
             heard += self.pump()
+            self.between()
         return heard
 
     def gather(self, command: Command, patience: float) -> None:

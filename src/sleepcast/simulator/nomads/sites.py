@@ -1,7 +1,7 @@
 """Sites: the worlds that robots of a Nomad's kind are put into, read from files.
 
 A world is a scenario (of which the robots and everything else are left out), a TOML file with a scenario's table
-[world] alone, a map of ROS, or a text with one polygon a line, `n x1 y1 ... xn yn` in tenths of an inch. One point of
+[world] alone, a ROS map, or a text with one polygon a line, `n x1 y1 ... xn yn` in tenths of an inch. One point of
 it is the origin, which robots call 0, 0: of polygons and maps their own one, otherwise the middle, or what the table
 [nomad] of the file says. Where robots start may stand there, too:
 

@@ -385,13 +385,13 @@ class _Buffer(BytesIO):
 def _refuse(file: Path) -> None:
     """Say no if `file` is there already."""
     if file.exists():
-        raise MisuseError(f"{file} is there already, and a recording replaces nothing: give another name")
+        raise MisuseError(f"{file} already exists: choose another name")
 
 
 def _create(file: Path) -> FileIO:
     try:
         return open(file, "xb", buffering=0)
     except FileExistsError:
-        raise MisuseError(f"{file} is there already, and a recording replaces nothing: give another name") from None
+        raise MisuseError(f"{file} already exists: choose another name") from None
     except OSError as error:
         raise RecordingError(f"cannot record to {file}: {error.strerror or error}") from None

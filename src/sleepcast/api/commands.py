@@ -17,8 +17,8 @@ from sleepcast.api.events import EventQueue, FleetEvent
 from sleepcast.api.table import DataTable, Numbers, Texts
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import Explanation
-from sleepcast.language.parts import acts
 from sleepcast.station import Account, Command, Preview, Station
+from sleepcast.station.preview import is_mere_test
 
 WAIT = 2.0
 """Seconds for which a command waits for answers: robots answer at once, and a lossy radio asks them again."""
@@ -207,10 +207,10 @@ class Fleet(ABC):
 
     def preview(self, text: str) -> Preview:
         """Who would obey an expression now, by what robots last reported to the desk: `yes`, `no`, and `unknown` with
-        the reasons. Nothing is done. A text that does nothing, as `(> fuel 50%)`, is taken for a test. Raises ReadError
-        and CheckError for a text that no robot could run."""
-        root = self.station.check(text).required()
-        return self.station.preview(f"(WHEN {text} 1)" if root.test is None and not acts(root.root) else text)
+        the reasons. Nothing is done. For a test alone, as `(> fuel 50%)`, it is for which robots it holds. Raises
+        ReadError and CheckError for a text that no robot could run."""
+        program = self.station.check(text).required()
+        return self.station.preview(f"(WHEN {text} 1)" if is_mere_test(program) else text)
 
     def send(
         self,

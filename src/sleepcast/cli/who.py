@@ -17,12 +17,9 @@ from sleepcast.cli.streams import complain, put
 from sleepcast.core.errors import and_more, printable
 
 if TYPE_CHECKING:
-    from sleepcast.language.program import Program
     from sleepcast.station.network import NetworkStation
 
 NO_ANSWER = "it did not answer"
-TESTS = frozenset({"or", "known", "in", "prob"})
-"""Special forms that are no more than tests."""
 
 
 @dataclass(slots=True)
@@ -96,12 +93,13 @@ def who(text: str, poll: bool, told: bool, air: AirOptions, as_json: bool) -> in
       sleepcast who --poll '(WHEN (< (SONAR 0) 1m) (ST))'
     """
     from sleepcast.station.asking import look_around
+    from sleepcast.station.preview import is_mere_test
 
     with observing_station(air, complain) as (station, telemetry):
         if not (poll or told):
             look_around(station, telemetry)
         checked = station.check(text)
-        asked = f"(WHEN {text} 1)" if _is_test(checked.required()) else text
+        asked = f"(WHEN {text} 1)" if is_mere_test(checked.required()) else text
         found = _polled(station, asked) if poll else _foreseen(station, asked)
         found.standing = telemetry.minds.standing()
         found.expected = station.fleet_size > 0
@@ -115,14 +113,6 @@ def who(text: str, poll: bool, told: bool, air: AirOptions, as_json: bool) -> in
     for line in found.lines():
         put(line)
     return 0
-
-
-def _is_test(program: Program) -> bool:
-    """Whether this is a test and nothing else. Sent as it is, all that hear it would evaluate it, and do nothing."""
-    root = program.root
-    if program.test is not None or program.acts:
-        return False
-    return root.op in TESTS or (root.op == "pure" and root.function.rule in ("compare", "truth"))
 
 
 def _foreseen(station: NetworkStation, text: str) -> Obeyers:

@@ -368,6 +368,19 @@ _STRICT = frozenset({"const", "var", "linked", "absent", "pure", "and", "or", "l
 """Parts whose value can only become unknown, never another, when what they read becomes unknown."""
 
 
+_TESTS = frozenset({"or", "known", "in", "prob"})
+"""Special forms that are no more than tests."""
+
+
+def is_mere_test(program: Program) -> bool:
+    """Whether this is a test and nothing else. Sent as it is, all robots would evaluate it and do nothing; a desk that
+    is asked about it asks for which robots it holds."""
+    root = program.root
+    if program.test is not None or program.acts:
+        return False
+    return root.op in _TESTS or (root.op == "pure" and root.function.rule in ("compare", "truth"))
+
+
 def is_for_everybody(program: Program) -> bool:
     """Whether every robot that hears the command would obey: it has no test, or one that is true of nothing known,
     or one that the declared ranges of its variables make always true."""

@@ -40,7 +40,7 @@ class EventQueue:
         self._events: deque[FleetEvent] = deque(maxlen=MAX_EVENTS)
 
     def hear(self, messages: list[Message]) -> None:
-        """Take in what robots said. Telemetry, and answers to the desk's own questions, are no events."""
+        """Take in messages of robots. Telemetry, and answers to the desk's own questions, are no events."""
         for message in messages:
             if message.kind is Kind.REPORT:
                 self._events.append(FleetEvent(self._now(), "say", message.sender, printable(in_words(message))))

@@ -84,7 +84,7 @@ class Witness:
         self.look()
 
     def ticking(self) -> None:
-        """A tick begins. What has changed in the world since the last one was somebody's work."""
+        """A tick begins. Changes in the world since the last one were made by a person or a program."""
         self._look_at_world(self._swarm.simulator.tick + 1, own=False)
 
     def posted(self, message: Message) -> None:
@@ -184,7 +184,7 @@ class Witness:
         self._minds[...] = minds
 
     def finish(self) -> None:
-        """Record how it ended, unless that was within a tick: nobody comes to half a tick again."""
+        """Record how it ended, unless that was within a tick, which cannot be repeated."""
         simulator = self._swarm.simulator
         if not self._swarm.whole:
             return
@@ -244,7 +244,7 @@ def recorded(
 
 
 class RunRecording:
-    """The recording of a run that goes on until `close`, or until nobody holds it any more."""
+    """The recording of a run that goes on until `close`, or until it is garbage collected."""
 
     def __init__(self, swarm: Swarm, station: Station, wanted: RecordingPlan) -> None:
         for seconds in (wanted.pictures, wanted.readings):

@@ -143,39 +143,55 @@ class ReliableDelivery:
         standing: bool = False,
         body: dict[str, object] | None = None,
     ) -> Message:
-        """Queue a message at `now` (s of Unix time), and return it. deadline: s of Unix time, None for `LIFE` from now,
-        or for no deadline if it is standing. Raises MessageError if it is too long."""
+        """Compose and queue a message at `now` (s of Unix time); gives it. Raises MessageError if it is too long."""
+        message = self.compose(kind, now, text=text, deadline=deadline, standing=standing, body=body)
+        self.queue(message, now)
+        return message
+
+    def compose(
+        self,
+        kind: Kind,
+        now: float,
+        *,
+        text: str = "",
+        deadline: float | None = None,
+        standing: bool = False,
+        body: dict[str, object] | None = None,
+    ) -> Message:
+        """The next message of ours, as all will hear it: with its number and, if it is a command, its link. deadline: s
+        of Unix time, None for `LIFE` from now, or for no deadline if it is standing. `queue` it before the next one."""
         until = (inf if standing else now + LIFE) if deadline is None else deadline
-        number = self._number()
-        own, said = self._own(), dict(body or {})
-        issued = now
+        number, said, issued = self._number(), dict(body or {}), now
         if kind is Kind.COMMAND:
-            said |= own.link().written()
+            said |= self._own().link().written()
             if 0.0 <= self._issued - now <= self.admission.skew:
                 issued = self._issued  # a clock that was set back makes no command seem older than the last
             self._issued = issued
-        message = Message(self.name, self.epoch, number, kind, issued, until, text, standing, said)
+        return Message(self.name, self.epoch, number, kind, issued, until, text, standing, said)
+
+    def queue(self, message: Message, now: float) -> None:
+        """Queue a message that was composed; see `posted`. Raises MessageError if it is too long."""
+        kind, own = message.kind, self._own()
         datagrams = tuple(encode(message, self.admission.fleet, self._key))
         if kind is Kind.COMMAND:
-            self._store.keep(own.name, message.sequence, standing, datagrams, now)
+            self._store.keep(own.name, message.sequence, message.standing, datagrams, now)
             self.sequencer.deal_with(own, message)
-            if standing:
+            if message.standing:
                 self._tell_progress(now)
-            if KEYS in said:
+            if KEYS in message.body:
                 self._change_trust(msgspec.structs.replace(message, role=self.role.value), now)
-            if standing:  # any other is over before our next life could send it again
+            if message.standing:  # any other is over before our next life could send it again
                 self._keep()
         self._out += datagrams
         if kind in REPEATED:
             for wait in _REPEATS:
-                if now + wait <= until:
+                if now + wait <= message.deadline:
                     heappush(self._later, Repeat(now + wait, next(self._tie), datagrams))
         if kind is Kind.STOP:
-            lasts = STOP_FOR if age_of(said) < STOP_AT_FIRST else STOP_ON
+            lasts = STOP_FOR if age_of(message.body) < STOP_AT_FIRST else STOP_ON
             self._stop_repeats = StopRepeats(now + STOP_EVERY, now + lasts, datagrams)
         elif kind is Kind.RELEASE:
             self._stop_repeats = StopRepeats()
-        return message
 
     def repeat(self, number: int, now: float) -> None:
         """Send a command of ours once more; who has heard it ignores it."""

@@ -35,7 +35,7 @@ def as_dict(command: Command, found: Account) -> dict[str, object]:
 
 def among(found: Account) -> dict[str, object]:
     """Among how many robots silence was counted, and whether these are all that are expected or those heard so far; how
-    many of the silent ones were never heard, so that nobody knows their names."""
+    many of the silent ones were never heard, so their names are unknown."""
     return {"robots": found.total, "expected": bool(found.size), "n_nameless": found.n_nameless}
 
 
@@ -69,7 +69,7 @@ def census(found: Account) -> dict[str, object]:
 
 
 def forecast_text(found: Forecast) -> str:
-    """Who would obey, as far as the desk knows: to be said before anything is sent."""
+    """Who would obey, as far as the desk knows: printed before anything is sent."""
     if not found.may + len(found.no):
         return "no robot was heard before, so it is unknown which robots will obey"
     unheard = f", and {found.nameless} that were never heard" if found.nameless else ""
@@ -110,7 +110,7 @@ def listed(what: str, names: Sequence[str], count: int | None = None) -> str:
 
 
 def _sorted(names: Sequence[str]) -> Sequence[str]:
-    """In the order in which people look for them, as long as they are not too many for anybody to look."""
+    """Sorted by number, unless there are too many to read."""
     from sleepcast.channel.name_index import natural_order
 
     return sorted(names, key=natural_order) if len(names) <= MANY else names

@@ -1,4 +1,4 @@
-"""`sleepcast check`: everything that is wrong or doubtful in expressions, before anybody sends them."""
+"""`sleepcast check`: errors and warnings in expressions, before they are sent."""
 
 from __future__ import annotations
 

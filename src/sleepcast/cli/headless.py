@@ -171,7 +171,7 @@ class SnapshotPlan:
         return found
 
     def take(self, swarm: Swarm) -> bool:
-        """Take it; gives whether that was done, having said on standard error why not."""
+        """Take it; gives whether that was done. Prints on standard error why not."""
         try:
             save(snapshot(swarm), self.file)
         except SnapshotLostError as error:

@@ -44,7 +44,7 @@ def terminate(number: int, frame: FrameType | None) -> NoReturn:
 
 
 PYTHONS = {signal.SIGINT: (signal.default_int_handler,), signal.SIGTERM: (terminate, signal.SIG_DFL)}
-"""What a signal does unless somebody else has said something, who is obeyed."""
+"""What a signal does, unless the process was started with another setting, which is kept."""
 
 
 class Interrupts:

@@ -1,4 +1,4 @@
-"""`sleepcast keys`: make keys, say whom this machine believes, and tell the fleet if asked to.
+"""`sleepcast keys`: make keys, choose which keys this machine trusts, and send changes to the fleet on request.
 
 A change that is sent to the fleet is a standing command, by a commander's key: robots that join later hear it too, and
 every robot answers, so that the account tells which robots do not know it yet. When a commander's key ends, its
@@ -85,8 +85,8 @@ def tell(
     more: dict[str, object],
     show: Callable[[str], None] = put,
 ) -> int:
-    """Tell the fleet, and show what became of the last of these changes. The exit status is 1 if nobody took it: then
-    nobody can hand it on either. more: for the JSON."""
+    """Tell the fleet, and show what became of the last of these changes. The exit status is 1 if no robot took it: then
+    none can hand it on either. more: for the JSON."""
     from sleepcast.channel import Kind
     from sleepcast.channel.message import KEYS
 
@@ -412,7 +412,7 @@ def _say(account_lines: dict[str, object], sentence: str, as_json: bool) -> None
 
 
 def _opened(folder: Path | None, file: Path | None) -> tuple[Path, Path, Trust]:
-    """The folder of keys, the trust file, and whom it believes: nobody while there is none."""
+    """The folder of keys, the trust file, and the keys in it: none while there is no file."""
     from sleepcast.channel.keyring import TRUST_FILE, keys_folder, load_trust
     from sleepcast.channel.keys import Trust
 

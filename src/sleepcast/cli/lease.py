@@ -33,10 +33,10 @@ def lease(deed: str, group: str, seconds: float, to: str, keep: bool, air: AirOp
     why. Everybody may always send STOP and questions. Leases do not affect commanders' standing commands.
 
     \b
-    take     take or renew it; refused while somebody else holds it
+    take     take or renew it; refused while another operator holds it
     give     give it back
     request  like take, and tell its holder that you ask for it
-    grant    hand it to somebody else (--to NAME)
+    grant    hand it to another operator (--to NAME)
     force    take it from its holder; for commanders
 
     \b

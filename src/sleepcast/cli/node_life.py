@@ -84,7 +84,7 @@ def run_start_script(node: Node, beginning: StartScript) -> None:
 
 
 def install(node: Node, golden: StartScript) -> None:
-    """Give a robot rules that nobody changes over the air. Raises MisuseError for what is no rule, or is refused."""
+    """Give a robot rules that cannot be changed over the air. Raises MisuseError for a malformed or refused one."""
     for place, text in golden.expressions:
         match read(text):
             case List(items=(Symbol(key="rule"), Symbol() as name, rule)):
@@ -99,7 +99,7 @@ def install(node: Node, golden: StartScript) -> None:
 class NodeProcess:
     """A mind in a body. listener: where plain datagrams come in, if they do. session: the radio, if there is one.
     store: what outlives this life, if anything does. nomad: whether functions with Nclient's names take its units.
-    lease: s for which a body that is driven goes on while nobody is heard."""
+    lease: s for which a body that is driven goes on while no operator is heard."""
 
     def __init__(
         self,

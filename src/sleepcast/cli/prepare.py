@@ -1,4 +1,4 @@
-"""`sleepcast prepare`: what simulated robots need is compiled before anybody waits. The last step of go.py's set-up."""
+"""`sleepcast prepare`: compile what simulated robots need, before it is needed. The last step of go.py's set-up."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from sleepcast.api.progress import PATIENCE
 from sleepcast.cli.streams import complain
 
 RENEWED = 0.1
-"""Seconds between two looks of a line on a terminal; nobody reads faster."""
+"""Seconds between two looks of a line on a terminal; faster could not be read."""
 LOGGED = 1.0
 """The same where each look is a line of its own."""
 
@@ -33,7 +33,7 @@ class Status:
         self.clear()
 
     def show(self, text: str) -> None:
-        """Say this, if it is new and something else was not said a moment ago."""
+        """Print this, if it is new and nothing else was printed a moment ago."""
         now = perf_counter()
         if text == self._said or now < self._due:
             return

@@ -156,7 +156,7 @@ def _change(world: World, change: WorldChange) -> None:
 
 
 def _beginning(recording: Recording) -> Swarm:
-    """The swarm of a recording at its start, which nobody commands but the recording. Raises MisuseError."""
+    """The swarm of a recording at its start, which only the recording commands. Raises MisuseError."""
     if not recording.first:
         from sleepcast.api.assembly import assemble
 

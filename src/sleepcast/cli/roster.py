@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from sleepcast.station.roster import FleetFile
 
 HEARD, NONE = "heard", "none"
-"""What --expect says besides a number and a file: the robots that were heard, and that nobody knows who there is."""
+"""Values of --expect besides a number and a file: the robots that were heard, and none."""
 
 
 @click.command("roster", short_help="List the robots that were heard on the air.")

@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from sleepcast.station.roster import Expectation
 
 GRACE = 1.0
-"""Seconds after the time for answers for which they are taken where nobody is known who could be missed."""
+"""Seconds after the time for answers for which they are taken while no robots are known."""
 UNWATCHED = 10.0
-"""Seconds after which a STOP gives up on silent robots where nobody has said which robots there are, and nobody sits at
-a terminal who could give up."""
+"""Seconds after which a STOP gives up on silent robots where it is not known which robots there are, and no person at a
+terminal could give up."""
 PATIENCE = 2.0
 """Seconds without any answer after which the possible reasons are printed."""
 PAUSE = 0.05
-"""Seconds between two looks at what has come, and whether somebody wants to end it."""
+"""Seconds between two looks at what has come, and whether a person wants to end it."""
 STRANGERS = 4
 """Unknown keys on the air that are printed, those with the most messages."""
 NAMED = 3
@@ -124,7 +124,7 @@ def _tell_reasons(station: NetworkStation, clear: Callable[[], None]) -> None:
 
 
 def _reasons(station: NetworkStation) -> Iterator[str]:
-    """Why nobody may have answered, what is known for certain first."""
+    """Possible reasons why no robot answered, certain ones first."""
     from sleepcast.channel.drops import DropReason
     from sleepcast.channel.message import Role
     from sleepcast.cli.describe import heard_text

@@ -1,4 +1,4 @@
-"""`sleepcast who` and `why`: for whom an expression is meant, and why a robot did what it did."""
+"""`sleepcast who` and `why`: which robots would obey an expression, and why a robot did what it did."""
 
 from __future__ import annotations
 
@@ -24,10 +24,9 @@ NO_ANSWER = "it did not answer"
 
 @dataclass(slots=True)
 class Obeyers:
-    """Who would obey: names. unknown: with the reason. everybody: whether all that hear it would. oldest: s since the
-    oldest news that a yes or no rests on; None where the robots were asked themselves. standing: see `RemoteMinds`.
-    nameless: how many robots are expected besides that were never heard; expected: whether anybody has said how many
-    there are."""
+    """Who would obey: names. unknown: with the reason. everybody: whether all that hear it would. oldest: age in s of
+    the oldest telemetry behind a yes or no; None where the robots were asked themselves. standing: see `RemoteMinds`.
+    nameless: how many expected robots were never heard; expected: whether the number of robots was given."""
 
     yes: list[str] = field(default_factory=list)
     no: list[str] = field(default_factory=list)
@@ -40,7 +39,7 @@ class Obeyers:
 
     @property
     def total(self) -> int:
-        """How many robots there are, as far as anybody knows."""
+        """How many robots there are, as far as that is known."""
         return len(self.yes) + len(self.no) + len(self.unknown) + self.nameless
 
     def as_dict(self, text: str) -> dict[str, object]:

@@ -31,7 +31,7 @@ LONGEST_WHY = 3.0
 MOST_NOTICES = 2
 """Sentences on what else is going on."""
 NOT_SENT = "not reported"
-"""What a rule last came to on a robot, which nobody knows but the robot."""
+"""The last value of a rule on a robot, which is not in its telemetry."""
 
 
 class AskedWhy(Protocol):
@@ -64,7 +64,7 @@ class Fleet(SwarmView, Protocol):
         """How many robots report stopped, of those whose telemetry is of later (station's clock)."""
 
     def standing(self) -> str:
-        """Who stands although nobody may have said STOP, and why, in a sentence; "" if nobody does."""
+        """Robots that stand although there may have been no STOP, and why, in a sentence; "" if there are none."""
 
     def doubt(self, robot: str) -> str:
         """Why this one does, "" if it does not."""

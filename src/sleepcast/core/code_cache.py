@@ -1,7 +1,7 @@
 """Native code that outlives a process: one private folder for each sort of it, in the user's cache folder.
 
 What lies there is run, so a folder or a file counts only if nobody but this user (or root) can write to it. It is
-opened once, judged, and then used through its descriptor, so that nobody can put another one in its place meanwhile.
+opened once, judged, and then used through its descriptor, so that it cannot be replaced meanwhile.
 Each file opens with a digest of its name and of what follows: one that was cut short or damaged is no file.
 
 Nothing here ever fails: code that cannot be kept, for want of room or of permission, is made again by the next process.

@@ -29,7 +29,7 @@ ROOM_FOR_ONE = 4_096
 """Bytes for one robot: four times what its body and mind may take."""
 
 UNREADABLE = (msgspec.DecodeError, ValueError, RecursionError, SleepcastError)
-"""What decoding bytes may raise that anybody has written."""
+"""What decoding untrusted bytes may raise."""
 
 Body = TypeVar("Body", bound=msgspec.Struct)
 Scalar = TypeVar("Scalar", bound="np.generic")

@@ -1,7 +1,7 @@
 """A pool of threads that share one job. The calling thread works too, and each free thread takes the next stretch.
 
-Nobody waits for a thread that has not begun: if it wakes up too late, the others have done its part. Who is done first
-looks out for the end of the last stretch before going to sleep, because waking up takes longer than most of that.
+No thread waits for one that has not begun: if it wakes up too late, the others have done its part. A thread that is
+done polls for the end of the last stretch before it sleeps, because waking up usually takes longer.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ class ThreadPool:
             self._look(np.ones(1, np.int64), 1, 1)
 
     def _start(self) -> Calls:
-        """Start the other threads; they end when nobody needs this pool any more."""
+        """Start the other threads; they end with this pool."""
         calls: Calls = SimpleQueue()
         for number in range(self.threads - 1):
             Thread(target=_serve, args=(calls,), name=f"kernels_{number}", daemon=True).start()

@@ -41,7 +41,7 @@ _BROKEN = (
     *(ValueError, TypeError, LookupError, ArithmeticError, AttributeError),
     *(AssertionError, RecursionError, MemoryError, SleepcastError),
 )
-"""What may be raised on the way from bytes, which anybody may have written, to a swarm."""
+"""What may be raised while untrusted bytes become a swarm."""
 
 
 class SnapshotError(MisuseError):
@@ -61,7 +61,7 @@ class Cover(msgspec.Struct):
 
 
 class Document(Cover):
-    """The whole file. robots: how many there are, which bounds the rest. desk: None if nobody sat there."""
+    """The whole file. robots: how many there are, which bounds the rest. desk: None if there was none."""
 
     robots: int
     simulator: bytes
@@ -83,7 +83,7 @@ class LoopState(msgspec.Struct):
 
 
 def snapshot(swarm: Swarm) -> bytes:
-    """The swarm between two ticks, with its desk. Nothing of it is changed, so it goes on as if nobody had looked.
+    """The swarm between two ticks, with its desk. Nothing of it is changed.
 
     Raises SnapshotLostError for a swarm that says more than fits, or whose last tick was broken off.
     """

@@ -68,7 +68,7 @@ class Desk(Protocol):
 
 
 class Witness(Protocol):
-    """Somebody who sees everything and changes nothing: a recording."""
+    """An observer that changes nothing: a recording."""
 
     def ticking(self) -> None:
         """A tick begins."""
@@ -112,7 +112,7 @@ class Swarm:
         """The operator's end of the radio."""
         self.actuators = tuple(actuator.name for actuator in simulator.model.actuators)
         self.sonars = frozenset(self.vocabulary.first_sensor + row for row in simulator.sonar_rows)
-        """The slots of the variables that nobody measures unless somebody asks for them."""
+        """The slots of the variables that are measured only on request."""
         self.desk: Desk | None = None
         self.witness: Witness | None = None
         self.mission = deque(_readable(order) for order in mission)

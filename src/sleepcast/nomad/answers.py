@@ -242,7 +242,7 @@ def _check_motion(session: Session, simulated_robot: SimulatedRobot, kind: int, 
 
 
 def _ask_for_click(session: Session, simulated_robot: SimulatedRobot, kind: int, words: Words) -> Answer:
-    """The place that somebody clicks at, or at once where the robot believes to be if there are no windows."""
+    """The place of the next click, or at once where the robot believes to be if there are no windows."""
 
     def reply() -> bytes | None:
         x, y, heading, turret = position(simulated_robot.condition().believed)
@@ -335,7 +335,7 @@ DONE = bytes(4)
 
 
 def packet_reply(words: Sequence[int]) -> bytes:
-    """The packet that answers a packet, a byte for each word. Raises Refusal if nobody understands it."""
+    """The packet that answers a packet, a byte for each word. Raises Refusal for an unknown one."""
     if not all(0 <= word <= 0xFF for word in words):
         raise Refusal("a user packet has one byte in each word")
     packet = bytes(words)

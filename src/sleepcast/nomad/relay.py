@@ -92,7 +92,7 @@ class Relay:
         self._tasks.add(asyncio.get_running_loop().create_task(self._connected(self._stop)))
 
     def close(self) -> None:
-        """Stop the robot and let it go, if nobody has done so before."""
+        """Stop the robot and let it go, unless that was done before."""
         if self._closed:
             return
         self._closed = True

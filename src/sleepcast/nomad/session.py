@@ -189,18 +189,18 @@ class Session:
     # ---- clicks
 
     def ask_click(self) -> None:
-        """Wait for somebody to click in the robot's window."""
+        """Wait for a click in the robot's window."""
         self._clicked = None
         self._ask(1)
 
     def click(self, x: float, y: float) -> None:
-        """Somebody has clicked there: x, y in m."""
+        """A person clicked there: x, y in m."""
         if self._asks:
             self._clicked = units.tenths(x), units.tenths(y)
             self.nudge()
 
     def clicked(self) -> tuple[int, int] | None:
-        """Where somebody has clicked, as on the wire, once somebody has."""
+        """The place of that click, as on the wire."""
         if self._clicked is not None:
             self._ask(0)
         return self._clicked

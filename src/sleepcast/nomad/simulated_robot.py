@@ -67,7 +67,7 @@ class SimulatedRobot:
         self._replies: dict[Layout | None, bytes] = {}
 
     def alive(self) -> None:
-        """Somebody has asked something of it."""
+        """Note a request to it."""
         self._asked = self.world.time
 
     # ---- who drives it
@@ -172,7 +172,7 @@ class SimulatedRobot:
         return reply
 
     def posdata(self, sensors: int) -> list[int]:
-        """The PosData of these sensors (bits as in the mask). They are kept from the first time that somebody asks."""
+        """The PosData of these sensors (bits as in the mask). They are kept from the first request on."""
         if not sensors:
             return []
         if self._records is None:

@@ -19,7 +19,7 @@ from sleepcast.robot import Condition
 MAX_TRACE = 2000
 """Points of a trace: 40 m and more."""
 MAX_LINES = 200
-"""Commands, and texts, that are kept: more than anybody scrolls back."""
+"""Commands, and texts, that are kept: more than a person scrolls back."""
 MAX_HISTORY = 120
 HISTORY_STEP = 0.5
 """Looks at the sensors that are kept, and simulated seconds between two: the last minute, in 90 kB for each robot."""

@@ -52,9 +52,9 @@ SAID: Mapping[str, Outcome] = {
     "released": Outcome.MATCHED,
 }
 """What an outcome counts as, by the word that a robot uses. Late: it heard the command past its deadline and did
-nothing, which nobody should take for a decision of its own."""
+nothing, which is not a decision of its own."""
 ANSWER = "answer"
-"""What a robot says to a question. If something went wrong on the way to its value, it counts as a fault."""
+"""A robot's outcome for a question. If something went wrong on the way to its value, it counts as a fault."""
 LATE = "heard after its deadline, so not evaluated"
 
 
@@ -69,7 +69,7 @@ class Answer:
 
 
 def answer_from(body: Mapping[str, object], now: float) -> Answer | None:
-    """The answer in the body of an ANSWER heard at `now`; None if it says nothing that can be understood."""
+    """The answer in the body of an ANSWER heard at `now`; None if it is malformed."""
     said = body.get("outcome")
     outcome = SAID.get(said) if isinstance(said, str) else None
     if outcome is None:
@@ -111,7 +111,7 @@ class Answers(Mapping[str, Answer]):
         self._take(some, np.array([code], np.uint8), np.array([value]), fault, np.array([bool(fault)]), answer.heard)
 
     def take(self, robots: Index, places: Index, said: Said, now: float) -> None:
-        """What many robots answer, each at its place in what was `said`; what cannot be understood is left out."""
+        """The answers of many robots, each at its place in `said`; malformed ones are left out."""
         sort = said.sort[places]
         codes = np.array([_code(SAID.get(word)) for word in said.sorts], np.uint8)[sort]
         faults = (*said.faults, LATE)
@@ -164,7 +164,7 @@ class Answers(Mapping[str, Answer]):
         return found[~np.isnan(found)]
 
     def fault(self, place: int) -> str | None:
-        """What the robot at a place said that went wrong."""
+        """The error of the robot at a place."""
         number = 0 if self._fault is None else int(self._fault[place])
         return self._faults[number - 1] if number else None
 
@@ -216,7 +216,7 @@ def _code(outcome: Outcome | None) -> int:
 SHOWN = 5
 """Silent robots named in a sentence; more are counted."""
 SORTED = 1_000
-"""Of which those are chosen, in the order in which people look for names: of more, nobody does."""
+"""Of which those are chosen, in the order in which people look for names."""
 BINS = 10
 """Bars of a histogram of what was answered."""
 
@@ -295,7 +295,7 @@ class Command:
 
     @property
     def n_silent(self) -> int:
-        """How many of the addressed robots have not answered, those included of which nobody knows a name."""
+        """How many of the addressed robots have not answered, including those whose names are unknown."""
         return int(np.count_nonzero(self.silent)) + self.n_nameless
 
     @property
@@ -376,7 +376,7 @@ class Account:
 
     @cached_property
     def n_nameless(self) -> int:
-        """How many silent robots there are of which nobody knows a name."""
+        """How many silent robots have unknown names."""
         return _nameless(self.size, self.codes, self.addressed, self.only)
 
     @property
@@ -413,12 +413,12 @@ class Account:
 
     @property
     def faults(self) -> dict[str, str]:
-        """Of each robot with a fault, what it said."""
+        """The error of each robot with a fault."""
         return {name: self.answers[name].fault or "" for name in self.fault}
 
     @cached_property
     def values(self) -> Spread | None:
-        """What was answered, in SI; None if nobody knew a value."""
+        """The values in the answers, SI; None if there was none."""
         known = self.answers.known
         if not len(known):
             return None
@@ -426,7 +426,7 @@ class Account:
 
     @cached_property
     def histogram(self) -> Histogram | None:
-        """How what was answered is spread, None if nobody knew a value."""
+        """The spread of the values, None if there was none."""
         known = self.answers.known
         if not len(known):
             return None

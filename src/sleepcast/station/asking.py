@@ -1,4 +1,4 @@
-"""What a desk asks robots on the air for itself: to tell of themselves, whether they would obey, and why they did."""
+"""What a desk asks robots on the air for itself: telemetry, whether they would obey, and why they did."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def look_around(
 
 
 def ask_first(station: NetworkStation, telemetry: TelemetryClient, text: str) -> None:
-    """Have robots tell of themselves, and those decide whose answer cannot be foreseen from that; nothing is done.
+    """Request telemetry, and let robots decide themselves whose decision does not follow from it; nothing is done.
     Raises what `preview` raises."""
     look_around(station, telemetry, patience=AHEAD)
     unknown = station.preview(text).unknown
@@ -49,7 +49,7 @@ def ask_first(station: NetworkStation, telemetry: TelemetryClient, text: str) ->
 
 
 def unknown_names(station: NetworkStation, telemetry: TelemetryClient, text: str) -> tuple[list[str], int]:
-    """The names in a text that no robot has, and how many robots have told all of theirs; none where not all have.
+    """The names in a text that no robot has, and how many robots have sent all of theirs; none where not all have.
     Raises ReadError."""
     robots = len(telemetry.minds) if telemetry.minds.complete else 0
     return (station.check(text).unknown, robots) if robots else ([], 0)
@@ -57,8 +57,8 @@ def unknown_names(station: NetworkStation, telemetry: TelemetryClient, text: str
 
 def ask_why(station: NetworkStation, telemetry: TelemetryClient, robot: str, command: str | None) -> Explanation:
     """Ask a robot, see `TelemetryClient.ask_why`, and wait for its answer. Raises UnknownRobotError, SilentError, and
-    SleepcastError for what the robot says it cannot tell."""
-    if robot not in station.roster:  # it may be there all the same: everybody is asked who he is
+    SleepcastError for what the robot cannot explain."""
+    if robot not in station.roster:  # it may be there all the same: all robots are asked for telemetry
         look_around(station, telemetry)
     asked = telemetry.ask_why(robot, command)
     until = station.now + PATIENCE

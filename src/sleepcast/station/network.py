@@ -57,9 +57,9 @@ from sleepcast.station.station import REPEAT_AFTER, STALE_AFTER, Station
 from sleepcast.station.validation import DEADLINE, Audience, Draft, SendPolicy, Validated
 
 SETTLE = 0.15
-"""Seconds after the time for answers before somebody counts as missed: for a tick, and the way there and back."""
+"""Seconds after the time for answers before a robot counts as missed: for a tick, and the way there and back."""
 MAX_NAMED = 400
-"""Names in a message that is sent again: two to four datagrams; where more are missed, everybody answers again."""
+"""Names in a message that is sent again: two to four datagrams; where more are missed, all robots answer again."""
 MAX_IN_STOP = 700
 """Bytes of names in a STOP: it stays one datagram, as in a flood of forgeries chance decides on each by itself."""
 MAX_AGAIN = 4_096
@@ -88,14 +88,14 @@ class Retransmission:
         self._first: OrderedDict[str, str] = OrderedDict()
         """Of messages sent again, by their ids, that of the first one."""
         self._given_up: str | None = None
-        """The id of the STOP of which nobody is missed any more."""
+        """The id of the STOP that was given up."""
 
     def begin(self, command: str, answered: float) -> None:
         """Go after this command once the time for its answers is over (s of Unix time)."""
         self._due[command] = answered + SETTLE
 
     def give_up(self, command: str) -> None:
-        """Miss nobody any more who has not answered this command."""
+        """Wait no longer for answers to this command."""
         self._given_up = command
         self._end(command)
 
@@ -110,7 +110,7 @@ class Retransmission:
             self._over(command)
 
     def overtaken(self, by: Kind) -> None:
-        """Another operator has stopped or released the robots: what we said to the contrary is over."""
+        """Another operator has stopped or released the robots: our message to the contrary is over."""
         latch = self._sent.latch
         if latch is not None and by in LATCHING and latch.kind is not by:
             self.give_up(latch.id)
@@ -120,7 +120,7 @@ class Retransmission:
         return min(self._due.values(), default=inf)
 
     def known(self, message: Message) -> Message:
-        """What a robot says, where an answer to what was sent again names the first."""
+        """A robot's message, in which an answer to a repeated message names the first one."""
         first = self._first.get(str(message.body.get("command")))
         return message if first is None else msgspec.structs.replace(message, body={**message.body, "command": first})
 
@@ -151,7 +151,7 @@ class Retransmission:
 
     def _ask_again(self, command: Command, within: float, now: float) -> None:
         """Have those that are missed say their answer again. They may have missed the command as well: it goes
-        out once more, which nobody evaluates twice."""
+        out once more, which no robot evaluates twice."""
         self._delivery.repeat(command.message.sequence, now)
         missed = self._missed(command)
         if not missed:  # not everybody: those that are known first
@@ -176,7 +176,7 @@ class Retransmission:
         return now < min(command.message.deadline, command.message.issued + DEADLINE)
 
     def _missed(self, command: Command) -> dict[str, object]:
-        """Who is to answer what is sent again, as a body says it: all, if those would be too many names."""
+        """Which robots are to answer a repeated message, as fields of its body: all, if there are too many names."""
         names, missed = self._roster.names, [self._roster.names[at] for at in np.flatnonzero(command.silent).tolist()]
         if _fits(command.kind, missed) and not command.n_nameless:
             return {FOR: missed}
@@ -199,11 +199,11 @@ def _fits(kind: Kind, names: Sequence[str]) -> bool:
 ANSWERS_A_SECOND = 1_000.0
 """Answers that are asked for in a second: 200 kB on the air, a fifth of what a slow radio carries."""
 FIRST_WITHIN = 0.5
-"""Seconds for answers while nobody is on the roster, who might be many."""
+"""Seconds for answers while the roster is empty, as there might be many robots."""
 LEAST_WITHIN = 0.02
 """Seconds for answers at least."""
 ABOVE = 10
-"""Robots that may obey without anybody being asked whether so many are meant."""
+"""Robots that may obey without a question whether so many are meant."""
 LEASE = 1.0
 """Seconds for which a robot that is driven goes on without hearing anything, unless set otherwise."""
 MAX_DRIVERS = 64
@@ -232,8 +232,8 @@ class RoleError(MisuseError):
 class NetworkStation(Station):
     """See the module. session: the way onto the air, whose times are those of `clock` (Unix time, s). heard: when
     robots were heard before (`Contacts.heard`). expected: which robots there are, heard or not. within: s for answers,
-    None: by the roster. holding: whether robots that are driven at our word are to go on. news: what other operators
-    said, the latest last.
+    None: by the roster. holding: whether robots that are driven at our word are to go on. news: messages of other
+    operators, the latest last.
 
     Its owner calls `pump` or `wait`; nothing happens otherwise.
     """
@@ -256,7 +256,7 @@ class NetworkStation(Station):
         super().__init__(
             vocabulary,
             minds,
-            self._post,
+            self._queue,
             clock,
             operator=delivery.name,
             epoch=delivery.epoch,
@@ -346,7 +346,7 @@ class NetworkStation(Station):
         return codes, places
 
     def values(self, text: str) -> tuple[NDArray[np.float64], list[str]]:
-        """What an expression that only reads comes to by what robots told of late, by place on the roster, SI, NaN for
+        """The value of an expression that only reads, by recent telemetry and by place on the roster, SI, NaN for
         unknown; and the robots that would have to be asked. Raises ReadError, CheckError, and MisuseError for an
         expression that would do something."""
         checked = self.check(text)
@@ -374,7 +374,7 @@ class NetworkStation(Station):
         return self._broadcast(Kind.RELEASE, body={ENDS: [[*mark] for mark in known]} if known else {})
 
     def give_up(self, command: str) -> None:
-        """Miss nobody any more who has not answered this command. Raises NoSuchCommandError."""
+        """Wait no longer for answers to this command. Raises NoSuchCommandError."""
         self._sent.get(command)
         self._retransmission.give_up(command)
 
@@ -392,7 +392,7 @@ class NetworkStation(Station):
     def _changes_rules(self, text: str) -> bool:
         try:
             return rules(self._program(text).root)
-        except SleepcastError:  # sending it says what is wrong with it
+        except SleepcastError:  # sending it reports the error
             return False
 
     def _begun(self, command: Command) -> None:
@@ -400,22 +400,23 @@ class NetworkStation(Station):
             self._drivers.append(command)
         self.pump_out()
 
-    def _number(self) -> int:
-        return self.session.delivery.next_number
-
-    def _post(self, message: Message) -> None:
-        """Post a message; it is sent by `pump_out`, STOP and RELEASE at once."""
-        body, kind = dict(message.body), message.kind
+    def _compose(
+        self, kind: Kind, now: float, until: float, text: str, standing: bool, body: dict[str, object]
+    ) -> Message:
         named = body.get(FOR)
         within = self._within(len(named) if isinstance(named, list) else max(self._roster.size, len(self._roster)))
+        # A RELEASE is not standing: it ends like every one-shot message.
+        deadline = None if kind is Kind.RELEASE else until
         body.setdefault(WITHIN, within)
-        # Nobody keeps a RELEASE back and brings it later: it ends like everything that is done once.
-        deadline = None if kind is Kind.RELEASE else message.deadline
-        self.session.delivery.post(
-            kind, message.issued, text=message.text, deadline=deadline, standing=message.standing, body=body
-        )
+        return self.session.delivery.compose(kind, now, text=text, deadline=deadline, standing=standing, body=body)
+
+    def _queue(self, message: Message) -> None:
+        """Queue a message; it is sent by `pump_out`, STOP and RELEASE at once."""
+        within = message.body[WITHIN]
+        assert isinstance(within, float)
+        self.session.delivery.queue(message, self._clock.now())
         self._retransmission.begin(message.id, message.issued + within)
-        if kind in LATCHING:
+        if message.kind in LATCHING:
             self.pump_out()
 
     def _within(self, robots: int) -> float:
@@ -427,7 +428,7 @@ class NetworkStation(Station):
     # ---- hearing
 
     def pump(self) -> list[Message]:
-        """Hear, and do what is due; gives what robots said, where answers to what was sent again name the first."""
+        """Receive, and do what is due; gives the robots' messages, where answers to repeated ones name the first."""
         heard = []
         with self._lock, self.notes.together(self._clock.now()):
             for message in self.session.receive():
@@ -456,14 +457,14 @@ class NetworkStation(Station):
         return heard
 
     def gather(self, command: Command, patience: float) -> None:
-        """Wait until everybody has answered, or the time for answers and `patience` s more are over, or nobody is on
-        the roster who could be missed and that time is over."""
+        """Wait until all robots have answered, or the time for answers and `patience` s more are over, or that time is
+        over and the roster is empty."""
         until = self.answered(command) + patience
         while (now := self._clock.now()) < until and self.awaits(command):
             self.wait(min(LEAST_WITHIN, until - now))
 
     def awaits(self, command: Command) -> bool:
-        """Whether somebody may still answer: a robot is silent, or nobody is on the roster who could be missed."""
+        """Whether a robot may still answer: one is silent, or the roster is empty."""
         return command.n_silent > 0 or not (command.size or command.addressed)
 
     def answered(self, command: Command) -> float:
@@ -476,7 +477,7 @@ class NetworkStation(Station):
         return min(beat, self._retransmission.due())
 
     def conclude(self) -> None:
-        """Write down what has become of everything that was sent: somebody leaves, and hears no more answers."""
+        """Write the results of all commands into the journal, before the desk leaves the air."""
         with self._lock, self.notes.together(self._clock.now()):
             self._retransmission.end()
 
@@ -555,7 +556,7 @@ class NetworkStation(Station):
             self._note(Event.ACCOUNTED, subject=command.id, text=command.text, details=details)
 
     def _drives(self) -> bool:
-        """Whether robots may be moving at our word: somebody has obeyed a command, or may yet answer it."""
+        """Whether our commands may be moving robots: one has obeyed, or may yet answer."""
         now = self._clock.now()
         return any(
             bool((command.answers.codes == MATCHED).any()) or (command.n_silent and now <= command.message.deadline)

@@ -75,7 +75,7 @@ Minds = Mapping[str, Mind]
 
 
 Judged = tuple[Mask, NDArray[np.uint8], list[str]]
-"""What a test says of some robots: where it holds; where that cannot be said, which of the reasons, listed last, is why
+"""The result of a test on some robots: where it holds; where that is unknown, which of the reasons, listed last, is why
 (from 1; 0 where it can be said)."""
 
 
@@ -211,7 +211,7 @@ class Preview:
 
 
 class Undecided(Exception):
-    """The test needs what the desk does not know; the text says what."""
+    """The test needs something that the desk does not know, which the text names."""
 
 
 class PreviewMemory:
@@ -350,7 +350,7 @@ _PERHAPS_DEEDS = _DEEDS | {"host", "call", "fetch"}
 
 
 def _obstacle(program: Program) -> str:
-    """Why nothing can be said about any robot, or an empty text."""
+    """Why the test is unknown on every robot, or an empty text."""
     test = program.test
     if test is None:
         return ""

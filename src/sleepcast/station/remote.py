@@ -98,7 +98,7 @@ class RemoteMind:
 
     @property
     def doubt(self) -> str:
-        """Why it stands although nobody may have said STOP; "" otherwise."""
+        """Why it stands although there may have been no STOP; "" otherwise."""
         return printable(self.telemetry.doubt) if self.stopped else ""
 
     @property
@@ -198,7 +198,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         self.types: dict[Digest, Vocabulary] = {}
         self.refused: dict[Digest, str] = {}
         self.malformed = 0
-        """Tellings that said something else than they should."""
+        """How much of the telemetry was malformed."""
         self._fitted: dict[Digest, SlotMap] = {}
         self._texts: dict[Digest, str] = {}
         """The texts of types and minds, as they were received."""
@@ -242,7 +242,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         return not self._waiting and all(mind.learned is not None for mind in self._minds.values())
 
     def standing(self) -> str:
-        """Who stands although nobody may have said STOP, and why, in a sentence; "" if nobody does."""
+        """Robots that stand although there may have been no STOP, and why, in a sentence; "" if there are none."""
         found: dict[str, list[str]] = {}
         for name in sorted(self._minds, key=natural_order):
             if doubt := self._minds[name].doubt:
@@ -293,7 +293,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         return [mind]
 
     def _take_text(self, text: str) -> list[RemoteMind]:
-        """A vocabulary or a mind, if it is one that somebody has."""
+        """Take a vocabulary or a mind, if any robot has it."""
         which = digest(text)
         if any(mind.telemetry.type == which for mind in self._waiting.values()) and len(self.types) < MAX_TYPES:
             self.types[which] = read_vocabulary(text)
@@ -307,7 +307,7 @@ class RemoteMinds(Mapping[str, RemoteMind]):
         return []
 
     def _unite(self, news: Digest) -> list[RemoteMind]:
-        """A type is new: everybody's numbers get other places."""
+        """Merge the vocabulary of a new type, which moves the numbers of all robots."""
         own = list(self.vocabulary.user_slots)
         self.vocabulary, self._fitted, self.refused = merge_schemas(self.types)
         for key in own:

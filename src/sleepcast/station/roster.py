@@ -43,7 +43,7 @@ class UnknownRobotError(MisuseError):
 
 
 def of_robots(count: int, expected: bool) -> str:
-    """Among whom silence was counted. expected: whether these are all that there are, as somebody has said."""
+    """The robots among which silence was counted. expected: whether that is the number that was given."""
     return f"of {count:,} robots" + ("" if expected else " heard so far")
 
 
@@ -69,7 +69,7 @@ class Roster:
 
     @property
     def nameless(self) -> int:
-        """How many robots there are, as somebody has said, that are not on the roster."""
+        """How many of the expected robots are not on the roster."""
         return max(0, self.size - len(self.names))
 
     def place(self, name: str) -> int:
@@ -89,7 +89,7 @@ class Roster:
         return place
 
     def hear(self, name: str, now: float) -> int | None:
-        """Note that a robot has said something at `now`; gives its place."""
+        """Note that a robot was heard at `now`; gives its place."""
         place = self.enrol(name)
         if place is not None:
             self.heard[place] = now
@@ -115,7 +115,7 @@ class Roster:
 
 
 class RobotNames(Sequence[str]):
-    """Robots by their places, named only when somebody looks."""
+    """Robots by their places, named only on request."""
 
     def __init__(self, names: NameIndex, places: Index) -> None:
         self._names, self.places = names, places
@@ -177,7 +177,7 @@ NOBODY_SAID = Expectation()
 
 
 def read_expectation(said: str) -> Expectation:
-    """What `--expect` says: a number, or the path of a file of names. Raises ExpectationError."""
+    """The value of `--expect`: a number, or the path of a file of names. Raises ExpectationError."""
     if said.isascii() and said.isdigit():
         return Expectation(size=_sized(int(said[:20])))
     try:
@@ -238,7 +238,7 @@ class FleetFile:
             raise FleetFileLostError(f"cannot write {self.file}: {error.strerror or error}") from None
 
     def remove(self) -> None:
-        """Expect nobody any more. Raises FleetFileLostError."""
+        """Forget which robots are expected. Raises FleetFileLostError."""
         try:
             self.file.unlink(missing_ok=True)
         except OSError as error:

@@ -1,4 +1,4 @@
-"""Staged sending: first one robot, then a tenth, then everybody, and no further once something has gone wrong.
+"""Staged sending: first one robot, then a tenth, then all, and no further after a failure.
 
 A robot that says nothing is no proof that all went well, so silence ends it, too.
 """

@@ -63,13 +63,13 @@ from sleepcast.station.validation import (
 )
 
 STALE_AFTER = 5.0
-"""Seconds after which a robot's last news decides nothing in a preview."""
+"""Seconds after which telemetry decides nothing in a preview."""
 REPEAT_AFTER = 0.5
-"""Seconds between two sendings of a STOP or RELEASE while somebody is not accounted for."""
+"""Seconds between two sendings of a STOP or RELEASE while robots are not accounted for."""
 MAX_REPORTS = 1_000
 """Latest reports that are kept for the page."""
 MANY = "robots"
-"""Who spoke, in the journal, where many said the same sort of thing at once."""
+"""The sender in the journal, for messages of one kind from many robots at once."""
 
 
 class NoExplanationError(SleepcastError):
@@ -103,7 +103,7 @@ class Station:
         self.reports: deque[Report] = deque(maxlen=MAX_REPORTS)
         """What robots reported unasked, the latest last."""
         self.listeners: list[Callable[[list[Message]], None]] = []
-        """Who gets what robots said, each time something was heard."""
+        """Functions that get the messages of robots, each time some were heard."""
         self._minds, self._clock = minds, clock
         self._roster = Roster(minds.names if isinstance(minds, ManyMinds) else minds, len(minds))
         self._rows = Rows(minds)
@@ -139,7 +139,7 @@ class Station:
 
     @property
     def fleet_size(self) -> int:
-        """How many robots there are at least, heard or not; 0 where nobody has said."""
+        """How many robots there are at least, heard or not; 0 where that is unknown."""
         return self._roster.size
 
     def state(self) -> bytes:
@@ -222,7 +222,7 @@ class Station:
         return Forecast(yes, no, unknown, self._nameless(audience))
 
     def _nameless(self, audience: Audience) -> int:
-        """How many robots a message would be for that were never heard, so that nobody can say whether they obey."""
+        """How many of the robots that a message would be for were never heard, so that their obedience is unknown."""
         return 0 if audience.named else self._roster.nameless
 
     def _judged(self, program: Program, audience: Audience) -> tuple[NDArray[np.uint8], Index | None]:
@@ -308,8 +308,8 @@ class Station:
     ) -> Command:
         with self._lock:
             now = self._clock.now()
-            number, until, said = self._number(), now + seconds, dict(body or {})
-            message = Message(self.operator, self.epoch, number, kind, now, until, text, standing, said)
+            until, said = now + seconds, dict(body or {})
+            message = self._compose(kind, now, until, text, standing, dict(said))
             command = Command(message, self._roster.names, expected, now, only, self._meant(only, FOR in said))
             urgent = kind in (Kind.STOP, Kind.RELEASE)
             if urgent:  # nothing comes before these, not even the journal
@@ -318,7 +318,7 @@ class Station:
                 details = {
                     "kind": kind.value,
                     "standing": standing,
-                    "deadline": message.deadline,
+                    "deadline": until,
                     "digest": hashlib.sha256(text.encode()).hexdigest(),
                     "predicted": RobotNames(self._roster.names, command.expected),
                 }
@@ -330,7 +330,7 @@ class Station:
             return command
 
     def _meant(self, only: Index | None, named: bool) -> int:
-        """How many robots a message is for, those included that were never heard; 0 where nobody knows. only: the
+        """How many robots a message is for, including robots that were never heard; 0 where that is unknown. only: the
         places of those on the roster, None for all; named: whether it is for these alone."""
         if only is None:
             return self._roster.size
@@ -339,15 +339,17 @@ class Station:
     def _begun(self, command: Command) -> None:
         """An account of what was sent has begun: for desks that have more to do then."""
 
-    def _number(self) -> int:
-        """The number of the message that goes out next."""
+    def _compose(
+        self, kind: Kind, now: float, until: float, text: str, standing: bool, body: dict[str, object]
+    ) -> Message:
+        """The message that goes out next. now, until: when it is issued, and its deadline, s of the desk's clock."""
         self._sequence += 1
-        return self._sequence
+        return Message(self.operator, self.epoch, self._sequence, kind, now, until, text, standing, body)
 
     # ---- what comes in
 
     def hear(self, message: Message) -> None:
-        """Take in what a robot says: an ANSWER to a command, a REPORT, or anything that shows that it is there."""
+        """Take in a robot's message: an ANSWER to a command, a REPORT, or anything that shows that it is there."""
         self._take_in(message)
         self._pass_on([message])
 

@@ -24,7 +24,7 @@ from sleepcast.station.remote import RemoteMind, RemoteMinds
 MAX_LOOKS = 256
 """Looks whose answers are still expected."""
 MAX_FAULT = 200
-"""Characters of what a robot says went wrong."""
+"""Characters of a robot's error."""
 
 
 class Requester(Protocol):
@@ -48,7 +48,7 @@ class TelemetryClient:
         self._station = station
         self._looks: OrderedDict[str, Command] = OrderedDict()
         self._whys: OrderedDict[tuple[str, str], Explanation | SleepcastError | None] = OrderedDict()
-        """What was said to questions why, by the id of the question and the robot; None so far."""
+        """Explanations by the id of the request and the robot; None until they arrive."""
         self._tell(minds.values())
 
     def look(self, robots: Sequence[str] | None = None) -> Command:
@@ -73,7 +73,7 @@ class TelemetryClient:
         return found
 
     def hear(self, heard: Iterable[Message]) -> None:
-        """Take in what robots said now, and ask for what is missing then."""
+        """Take in answers, and request what is missing then."""
         for message in heard:
             command = str(message.body.get("command"))
             if message.kind is not Kind.ANSWER:

@@ -33,7 +33,7 @@ class Audience(NamedTuple):
 
     @property
     def named(self) -> bool:
-        """Whether it is for robots that are named, so that nobody is meant by accident."""
+        """Whether it is for robots that are named, so that none is meant by accident."""
         return self.only is not None
 
     def body(self) -> dict[str, object]:
@@ -58,8 +58,8 @@ EVERYBODY = Audience()
 
 
 DEADLINE = 5.0
-"""Seconds for which a one-shot command is good unless it says otherwise: time for repairs on a bad radio, too short
-for a command to take effect when nobody thinks of it any more."""
+"""Seconds for which a one-shot command is good unless it gives another time: enough for repairs on a bad radio, too
+short for a command to take effect when it has been forgotten."""
 MAX_DEADLINE = 3600.0
 """Seconds for which a one-shot command may be good at most; what must hold longer is a rule."""
 MOST_DOUBTS = 5
@@ -67,7 +67,7 @@ MOST_DOUBTS = 5
 
 
 class AddressError(MisuseError):
-    """A command that would go to everybody without saying so."""
+    """A command to all robots that was not confirmed."""
 
 
 class CommandTypeError(MisuseError):
@@ -75,7 +75,7 @@ class CommandTypeError(MisuseError):
 
 
 class NobodyHeardError(MisuseError):
-    """A command that wants to be counted, where nobody is known who could be."""
+    """A command whose robots are to be counted, where none are known."""
 
     def __init__(self) -> None:
         super().__init__(
@@ -140,7 +140,7 @@ class Draft:
 
 class Forecast(NamedTuple):
     """Robots that will obey for certain, that will not, and of which the desk cannot say. nameless: how many others
-    are expected that were never heard, so that nobody can say of them either."""
+    are expected that were never heard, whose decision is unknown."""
 
     yes: Sequence[str]
     no: Sequence[str]
@@ -165,7 +165,7 @@ class Validated(NamedTuple):
 
 
 def validate_address(program: Program, everybody: bool, roster: int) -> None:
-    """A command to everybody must be confirmed. Raises AddressError."""
+    """A command to all robots must be confirmed. Raises AddressError."""
     if everybody or not is_for_everybody(program):
         return
     which = "has no test" if program.test is None else "has a test that is always true"

@@ -19,7 +19,7 @@ class CommandType(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Addressee:
-    """To whom a text goes. label: as the prompt shows it. test: put before the text; robot: the only addressee;
+    """The addressees of a text. label: as the prompt shows it. test: put before the text; robot: the only addressee;
     everybody: all robots, as the operator has confirmed."""
 
     label: str
@@ -35,7 +35,7 @@ class Addressee:
 
 
 AS_WRITTEN = Addressee("")
-"""The text itself says for whom it is."""
+"""The addressees are given by the text itself."""
 EVERYBODY = Addressee("all", everybody=True)
 
 
@@ -52,7 +52,7 @@ class Spot:
 
 @dataclass(frozen=True, slots=True)
 class ForecastText:
-    """What can be said of a text before it is sent. sentence: who would obey, or why that cannot be said; spot: what is
+    """The forecast of a text before it is sent. sentence: who would obey, or why that is unknown; spot: what is
     wrong with it."""
 
     sentence: str = ""

@@ -30,7 +30,7 @@ Line = list[tuple[str, str]]
 """Pieces of a line, each with its style."""
 
 LOST = 10.0
-"""Seconds after which a robot that was not heard is shown as lost, where nobody looks more seldom."""
+"""Seconds after which a robot that was not heard is shown as lost, unless telemetry is requested more rarely."""
 WIDE = 48
 """Columns of the list of robots from which on their names may be long."""
 MOST_LINES = 3
@@ -66,7 +66,7 @@ def safety(session: Session, width: int) -> Line:
 
 
 def _of_all(session: Session) -> str:
-    """Among whom robots are counted."""
+    """The robots that are counted."""
     size = session.station.fleet_size
     return of_robots(max(size, len(session.station.roster)), size > 0)
 
@@ -189,7 +189,7 @@ def _became(command: Command, found: Account) -> str:
 
 
 def reports(session: Session, width: int, height: int) -> list[Line]:
-    """What robots and other operators said unasked, the latest last."""
+    """Reports of robots and messages of other operators, the latest last."""
     said_by = [
         (report.heard, f"{report.robot}: {answer_text(report.body)}")
         for report in list(session.station.reports)[-height:]
@@ -209,7 +209,7 @@ def reports(session: Session, width: int, height: int) -> list[Line]:
 
 
 def hint(session: Session, text: str, width: int, height: int, indent: int) -> list[Line]:
-    """What can be said of the text that is being typed, or what was said last. indent: columns before the text in the
+    """The forecast of the text that is being typed, or the latest sentence. indent: columns before the text in the
     line above."""
     if session.said:
         style = "class:wrong" if session.wrong else "class:said"
@@ -248,7 +248,7 @@ def trouble(session: Session, width: int) -> Line:
 
 
 def notice(session: Session, width: int) -> Line:
-    """What else is going on, the worst of it: clocks that are wrong, forgeries, keys that nobody trusts."""
+    """The most important notice: wrong clocks, forgeries, keys that are not trusted."""
     notices = session.station.notices()
     return [("class:warned", _filled(f" {printable(notices[0])}" if notices else "", width))]
 

@@ -4,7 +4,7 @@
     safety      whether STOP holds, always in the second line
     robots      | commands, and what became of them
                 | reports
-    prompt      to whom, as what, the text
+    prompt      addressees, command type, the text
     hint        who would obey, or what is wrong, with carets
     keys
 

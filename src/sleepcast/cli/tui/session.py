@@ -1,4 +1,4 @@
-"""What the terminal desk knows and does, without a terminal: to whom a text goes, who would obey it, what was said.
+"""The terminal desk without a terminal: the addressees of a text, who would obey it, what was reported.
 
 A session never waits. `tick` hears what has come and looks at the robots when that is due; keys call the rest.
 """
@@ -46,7 +46,7 @@ LOOKS_A_SECOND = 200.0
 SHARE = 0.1
 """Of the time that goes into previews at most: a keystroke and STOP come first."""
 QUICK = 0.02
-"""Seconds of one preview that nobody notices."""
+"""Seconds of one preview that are not noticed."""
 AGAIN_WITHIN = 3.0
 """Seconds within which a key that asks to be pressed twice is pressed again."""
 STOP_AGAIN = 0.5
@@ -60,7 +60,7 @@ MOST_NAMES = 6
 class Session:
     """See the module. look_every: seconds between two looks, 0 for none but those that are asked for.
 
-    said: the latest sentence for the person; wrong: whether it tells of something that went wrong. page: a text that is
+    said: the latest sentence for the person; wrong: whether it reports an error. page: a text that is
     read instead of the panes; shown: variables that the list of robots shows; by_age: its order.
     """
 
@@ -131,7 +131,7 @@ class Session:
     # ---- to whom
 
     def addressees(self) -> list[Addressee]:
-        """Everybody to whom a text can go, in the order in which Tab goes through them."""
+        """All addressees of a text, in the order in which Tab goes through them."""
         minds = self.telemetry.minds
         groups = sorted({name for mind in minds.values() for name in mind.telemetry.groups}, key=str.casefold)
         return [AS_WRITTEN, EVERYBODY, *(Addressee(name, f"(IN {name})") for name in groups), *self._own]
@@ -180,13 +180,13 @@ class Session:
         began = time.perf_counter()
         if began < self._rested:
             return found if seen is not None and seen[:3] == what[:3] else ForecastText("counting")
-        found = self._foretold(text)
+        found = self._forecast(text)
         took = time.perf_counter() - began
         self._rested = began + took / SHARE if took > QUICK else -inf
         self._foreseen = what, found
         return found
 
-    def _foretold(self, text: str) -> ForecastText:
+    def _forecast(self, text: str) -> ForecastText:
         missing = still_open(text)
         if missing > 0:
             waits = f"{missing} parenthes{'is is' if missing == 1 else 'es are'} open"
@@ -302,7 +302,7 @@ class Session:
             self.complain(str(error))
 
     def leave(self) -> None:
-        """End, twice where robots have not said yet that they are stopped."""
+        """End; twice where robots have not confirmed yet that they are stopped."""
         latch = self.latch
         silent = latch.n_silent if latch is not None and latch.kind is Kind.STOP else 0
         if not silent or self._twice("leave", f"STOP is still sent to {_robots(silent)}: leave once more to give up"):
@@ -393,7 +393,7 @@ class Session:
         self.said, self.wrong = sentence, False
 
     def hush(self) -> None:
-        """Another text is typed: what was said of the one before is of no interest."""
+        """Another text is typed: forget the sentence about the one before."""
         if self.pending is None and self.staging is None:
             self.said = ""
 

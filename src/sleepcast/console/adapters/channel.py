@@ -187,7 +187,7 @@ class FleetAdapter:
 
     @property
     def tick(self) -> int:
-        """Seconds since the page began: nobody counts ticks here."""
+        """Seconds since the page began; there are no ticks here."""
         return int(self.now())
 
     def now(self) -> float:
@@ -195,7 +195,7 @@ class FleetAdapter:
         return self._station.now - self._began
 
     def step(self) -> None:
-        """Ask everybody once."""
+        """Request telemetry of all robots once."""
         self._due = self._station.now
         self._ask()
 
@@ -257,7 +257,7 @@ class FleetAdapter:
         return sum(mind.stopped for mind in self._telemetry.minds.values() if mind.reported_at >= since)
 
     def standing(self) -> str:
-        """Who stands although nobody may have said STOP, and why."""
+        """Robots that stand although there may have been no STOP, and why."""
         return self._telemetry.minds.standing()
 
     def doubt(self, robot: str) -> str:

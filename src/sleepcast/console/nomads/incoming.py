@@ -10,7 +10,7 @@ from msgspec import Meta
 from sleepcast.console.incoming import Drawn, Message, Pace, Release, Serial, Step, Stop, Watch, read
 
 MOST_CORNERS = 64
-"""Of a polygon drawn on the page: somebody clicks each of them."""
+"""Of a polygon drawn on the page, by a click for each."""
 MOST_NUMBERS = 64
 """Of an order: more than any has."""
 MOST_NAME = 200

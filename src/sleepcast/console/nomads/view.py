@@ -108,7 +108,7 @@ class Nomads(Protocol):
     def window(self, robot: int) -> RobotWindow: ...
 
     def sketches(self) -> Sequence[Sketch]:
-        """What programs have drawn and nobody has erased."""
+        """What programs have drawn, unless it was erased."""
 
     def solids(self) -> Sequence[Corners]:
         """The polygons that there are now."""
@@ -125,7 +125,7 @@ class Nomads(Protocol):
         """What a program's `tk` does."""
 
     def click(self, robot: int, x: float, y: float) -> None:
-        """Somebody points at a place."""
+        """A person points at a place."""
 
     def hold(self, still: bool) -> None:
         """Keep every body at rest from now on, or no longer."""

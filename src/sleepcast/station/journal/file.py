@@ -120,7 +120,7 @@ def line_of(entry: Entry, written: float) -> str:
 
 
 def read_line(line: str, hash: bytes) -> Written:
-    """What a line says. Raises JournalError for one that is no entry."""
+    """The entry in a line. Raises JournalError for one that is no entry."""
     try:
         match json.loads(line):
             case {
@@ -218,7 +218,7 @@ def prepare(connection: sqlite3.Connection, file: Path, origin: Origin | None = 
 
 @contextmanager
 def transaction(connection: sqlite3.Connection, patience: float = PATIENCE) -> Iterator[None]:
-    """All or nothing, and nobody else writes meanwhile. patience: s to wait until nobody does."""
+    """One transaction, alone. patience: s to wait for other writers."""
     _patiently(connection, "BEGIN IMMEDIATE", patience)
     try:
         yield
@@ -260,7 +260,7 @@ def journal_errors(file: Path) -> Iterator[None]:
 
 
 def get_attribute(connection: sqlite3.Connection, key: str) -> str:
-    """What a file says of itself, "" for nothing."""
+    """What kind of file it is by its own entry, "" for none."""
     found = connection.execute("SELECT value FROM about WHERE key = ?", (key,)).fetchone()
     return str(found[0]) if found else ""
 
@@ -334,7 +334,7 @@ def _at_one_moment(connection: sqlite3.Connection) -> Iterator[None]:
 
 
 PAGE = 500
-"""Entries that are read in one go, so that a reader keeps nobody waiting."""
+"""Entries that are read in one go, so that a reader blocks no writer for long."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -676,6 +676,15 @@ def test_time_pauses_steps_and_changes_its_speed(rovers: Page) -> None:
     rovers.locator("#speed").select_option("5")
 
 
+CORNER = """
+() => {
+  const pen = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
+  pen.drawImage(document.getElementById("ground"), 0, 0);
+  return [...pen.getImageData(2, 2, 1, 1).data];
+}
+"""
+
+
 def test_light_and_dark(rovers: Page, context: BrowserContext) -> None:
     expect(rovers.locator("html")).to_have_attribute("data-theme", "light")
     rovers.locator("#theme").click()
@@ -683,11 +692,8 @@ def test_light_and_dark(rovers: Page, context: BrowserContext) -> None:
     rovers.reload()
     expect(rovers.locator("html")).to_have_attribute("data-theme", "dark")  # kept
     expect(rovers.locator("#scale-text")).not_to_be_empty()
-    *colour, opacity = rovers.evaluate(
-        "[...document.getElementById('ground').getContext('2d').getImageData(2, 2, 1, 1).data]"
-    )
-    assert max(colour) < 60  # the map is dark as well
-    assert opacity == 255
+    until(rovers, lambda: rovers.evaluate(CORNER)[3] == 255)  # the map is drawn
+    assert max(rovers.evaluate(CORNER)[:3]) < 60  # it is dark as well
 
 
 def test_on_a_tablet_stop_stays_in_sight(rovers: Page) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sleepcast.channel.name_index import NameIndex
+from sleepcast.channel.message_batch import NameIndex
 
 
 def test_numbered_names_are_made_when_they_are_asked_for() -> None:

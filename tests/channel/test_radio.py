@@ -10,8 +10,7 @@ import pytest
 
 from channel_contract import Air, ChannelContract, message
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.message_batch import Answers, MessageBatch
-from sleepcast.channel.name_index import NameIndex
+from sleepcast.channel.message_batch import Answers, MessageBatch, NameIndex
 from sleepcast.channel.simulated_radio import OPERATOR, Radio, RadioModel, TransmitQueue
 from sleepcast.core.clock import ManualClock
 from sleepcast.core.counter_rng import key, mix, uniform

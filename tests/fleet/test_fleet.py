@@ -13,12 +13,12 @@ from language.cases import SENSORS
 from sleepcast.channel.message import Kind, Message
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.model import Quantity
-from sleepcast.fleet import Fleet, FleetError, columns, pure
+from sleepcast.fleet import Fleet, FleetError, pure, state
 from sleepcast.language import CheckError, ReadError, Vocabulary
 from sleepcast.language.parts import Template
 from sleepcast.mind import limits
 from sleepcast.node import node
-from sleepcast.station.preview import FleetNames
+from sleepcast.station.validation import FleetNames
 
 X = [sensor.name for sensor in SENSORS].index("x")
 
@@ -343,7 +343,7 @@ def test_measurements_grow_old() -> None:
 
 
 def test_a_fault_of_some_robots_is_no_fault_of_others() -> None:
-    fleet = Fleet([f"r{i}" for i in range(columns.CHUNK + 5)], vocabulary())
+    fleet = Fleet([f"r{i}" for i in range(state.CHUNK + 5)], vocabulary())
     readings = np.full((len(fleet), len(SENSORS)), nan)
     readings[:, X] = np.arange(len(fleet)) - 3.0
     fleet.sense(readings, 0.0)

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from fleet.twins import Twins
 from language.cases import SENSORS
 from sleepcast.core.threads import ThreadPool
-from sleepcast.fleet import columns, rule_statistics
+from sleepcast.fleet import evaluation, state
 from sleepcast.fleet.native import compiler, kernels
 from sleepcast.fleet.native.formulas import FORMULAS
 from sleepcast.fleet.native.kernels import Kernels, available, translatable
@@ -215,7 +215,7 @@ def test_only_robots_that_meet_a_fault_are_walked() -> None:
     walked = []
     evaluate = Kernels.evaluate
 
-    def watching(self: Kernels, *given: object) -> columns.Rows:
+    def watching(self: Kernels, *given: object) -> state.Rows:
         left = evaluate(self, *given)  # type: ignore[arg-type]
         walked.append(left.robots.tolist())
         return left
@@ -266,7 +266,7 @@ def test_a_thousand_matches_are_all_counted() -> None:
     twins.sense([[float(i)] * len(SENSORS) for i in range(ROBOTS)])
     twins.do("(RULE r (WHEN (> x 2) (SETQ lamp x)))")
     made.settle()
-    with patch.object(rule_statistics, "MOST_FRESH", 7), patch.object(rule_statistics, "NARROW", 250):
+    with patch.object(evaluation, "MOST_FRESH", 7), patch.object(evaluation, "NARROW", 250):
         for tick in range(300):
             twins.think()
             if tick == 40:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from sleepcast.fleet.columns import Rows
-from sleepcast.fleet.rule_statistics import RuleStatistics
+from sleepcast.fleet.evaluation import RuleStatistics
+from sleepcast.fleet.state import Rows
 
 
 def told_by_native_code(tally: RuleStatistics, *steps: int) -> None:

@@ -21,9 +21,8 @@ from sleepcast.core.model import Quantity
 from sleepcast.language import HostFunction, Vocabulary
 from sleepcast.node.node import Node
 from sleepcast.station.network import NetworkStation
-from sleepcast.station.preview import Minds
 from sleepcast.station.roster import NOBODY_SAID, Expectation
-from sleepcast.station.validation import SendPolicy
+from sleepcast.station.validation import Minds, SendPolicy
 
 START = 1_000_000.0
 STEP = 0.01

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.name_index import NameIndex
+from sleepcast.channel.message_batch import NameIndex
 from sleepcast.station import Outcome
 from sleepcast.station.account import LATE, Command, account, answer_from
 from station.fleet import Fleet

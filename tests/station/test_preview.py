@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sleepcast.language import CheckError, ReadError
-from sleepcast.station.preview import NEVER_HEARD, STALE
+from sleepcast.station.validation import NEVER_HEARD, STALE
 from station.fleet import Fleet
 
 BRAVO = "(WHEN (AND (> fuel 50%) (> ordnance 70%)) (JOIN bravo))"

@@ -18,7 +18,7 @@ from sleepcast.api.table import DataTable, Numbers, Texts
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import Explanation
 from sleepcast.station import Account, Command, Preview, Station
-from sleepcast.station.preview import is_mere_test
+from sleepcast.station.validation import is_mere_test
 
 WAIT = 2.0
 """Seconds for which a command waits for answers: robots answer at once, and a lossy radio asks them again."""

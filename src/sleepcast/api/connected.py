@@ -22,7 +22,7 @@ from sleepcast.language import Explanation
 from sleepcast.station import Command, Preview
 from sleepcast.station.asking import AHEAD, ask_first, ask_why, look_around, unknown_names
 from sleepcast.station.network import NetworkStation
-from sleepcast.station.telemetry_client import TelemetryClient
+from sleepcast.station.remote import TelemetryClient
 from sleepcast.station.validation import MAX_LISTED, UnknownNameError
 
 TURN = 0.05

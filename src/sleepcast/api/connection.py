@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from sleepcast.node.store import Store
     from sleepcast.station.journal.file import DeferredJournal
     from sleepcast.station.network import NetworkStation
+    from sleepcast.station.remote import TelemetryClient
     from sleepcast.station.roster import Expectation
-    from sleepcast.station.telemetry_client import TelemetryClient
 
 FLEET = "sleepcast"
 """Whose messages are heard, unless another fleet is named."""
@@ -78,9 +78,8 @@ def observing_station(
     from sleepcast.core.errors import printable
     from sleepcast.station.cache import CacheError, PeerCache, TelemetryCache
     from sleepcast.station.network import ABOVE, NetworkStation
-    from sleepcast.station.remote import RemoteMinds
+    from sleepcast.station.remote import RemoteMinds, TelemetryClient
     from sleepcast.station.roster import NOBODY_SAID
-    from sleepcast.station.telemetry_client import TelemetryClient
     from sleepcast.station.validation import SendPolicy
 
     if expected is None:

@@ -20,7 +20,7 @@ from sleepcast.channel.drops import DropCounter, DropReason
 from sleepcast.channel.envelope import MAX_CONTENT, EnvelopeError, Fragment, Piece, look, read_message, read_piece
 from sleepcast.channel.keys import MAY, PublicKey, Trust
 from sleepcast.channel.message import TO_OPERATOR, Kind, Message, Role
-from sleepcast.channel.message_store import StoredWindow
+from sleepcast.channel.sequencer import StoredWindow
 from sleepcast.core.clock import Clock
 
 WINDOW = 4_096

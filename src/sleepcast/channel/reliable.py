@@ -7,7 +7,7 @@ It has no socket and no clock: datagrams and the time go in, messages and datagr
              Commands after a gap wait until it is filled, or until the missing one is too late anyway
     repair   a party that misses a command requests it. Any party that has it sends it again, after a random wait in
              which it listens whether another one does. The datagrams are the original sender's, so no repairer needs to
-             be trusted (`message_store`)
+             be trusted (`sequencer.MessageStore`)
     rules    all parties store standing commands. Digests report the progress of each party: more and more rarely while
              all agree, at once after a difference (`sequencer.DigestTimer`)
 
@@ -31,8 +31,17 @@ from sleepcast.channel.clock_sync import MAX_TRIP, NONCE_BYTES, TimeRequest
 from sleepcast.channel.envelope import MAX_PARTS, Fragment, encode
 from sleepcast.channel.keys import MAY, KeyChange, KeyPair, KeyRefusal
 from sleepcast.channel.message import KEYS, TIME, Kind, Message, Role, age_of
-from sleepcast.channel.message_store import DeliveryState, MessageStore, StreamId
-from sleepcast.channel.sequencer import MAX_STREAMS, DigestTimer, Sequencer, Skipped, Stream, mostly_late
+from sleepcast.channel.sequencer import (
+    MAX_STREAMS,
+    DeliveryState,
+    DigestTimer,
+    MessageStore,
+    Sequencer,
+    Skipped,
+    Stream,
+    StreamId,
+    mostly_late,
+)
 from sleepcast.core.clock import MADE
 
 _REPEATS = (0.03, 0.09, 0.21, 0.45)

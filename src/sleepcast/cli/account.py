@@ -50,7 +50,7 @@ def stages_as_dict(text: str, stages: Sequence[tuple[Command, Account]]) -> dict
 
 
 def _counted(names: Mapping[str, Collection[str]]) -> dict[str, object]:
-    from sleepcast.channel.name_index import natural_order
+    from sleepcast.channel.message_batch import natural_order
 
     few = {sort: found for sort, found in names.items() if len(found) <= MANY}
     listed: dict[str, object] = {sort: sorted(found, key=natural_order) for sort, found in few.items()}
@@ -111,6 +111,6 @@ def listed(what: str, names: Sequence[str], count: int | None = None) -> str:
 
 def _sorted(names: Sequence[str]) -> Sequence[str]:
     """Sorted by number, unless there are too many to read."""
-    from sleepcast.channel.name_index import natural_order
+    from sleepcast.channel.message_batch import natural_order
 
     return sorted(names, key=natural_order) if len(names) <= MANY else names

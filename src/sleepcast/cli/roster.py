@@ -83,7 +83,7 @@ def roster(fleet: str, channel: str, expect: str | None, forget: str | None, as_
 
 def _expect(said: str, contacts: PeerCache, kept: FleetFile) -> None:
     """Keep which robots belong to the fleet. Raises ExpectationError, FleetFileLostError."""
-    from sleepcast.channel.name_index import natural_order
+    from sleepcast.channel.message_batch import natural_order
     from sleepcast.station.roster import Expectation, read_expectation
 
     if said == NONE:

@@ -19,7 +19,7 @@ from sleepcast.core.errors import SleepcastError, and_more
 if TYPE_CHECKING:
     from sleepcast.station.account import Command
     from sleepcast.station.network import NetworkStation
-    from sleepcast.station.telemetry_client import TelemetryClient
+    from sleepcast.station.remote import TelemetryClient
     from sleepcast.station.validation import Draft
 
 GRACE = 1.0

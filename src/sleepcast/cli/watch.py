@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from sleepcast.station.network import NetworkStation
-    from sleepcast.station.remote import RemoteMind
-    from sleepcast.station.telemetry_client import TelemetryClient
+    from sleepcast.station.remote import RemoteMind, TelemetryClient
 
 USUAL = ("x", "y", "heading", "battery", "fuel", "speed")
 """Variables that are shown, of those that there are, unless others are named."""

@@ -92,7 +92,7 @@ def who(text: str, poll: bool, told: bool, air: AirOptions, as_json: bool) -> in
       sleepcast who --poll '(WHEN (< (SONAR 0) 1m) (ST))'
     """
     from sleepcast.station.asking import look_around
-    from sleepcast.station.preview import is_mere_test
+    from sleepcast.station.validation import is_mere_test
 
     with observing_station(air, complain) as (station, telemetry):
         if not (poll or told):

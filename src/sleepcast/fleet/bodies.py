@@ -12,9 +12,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from sleepcast.channel.message import Message
-from sleepcast.channel.stop_latch import Latch
-from sleepcast.fleet.columns import FleetState, Index, Mask, Rows
+from sleepcast.fleet.state import FleetState, Index, Mask, Rows
 from sleepcast.language.vocabulary import FROZEN, SLEEPING
+from sleepcast.mind.authority import Latch
 from sleepcast.robot import Robot
 
 MAX_LATCHES = 16

@@ -1,4 +1,5 @@
-"""An evaluation under way: whose it is, what it has cost, what went wrong in it, and which minds it changes.
+"""An evaluation under way: whose it is, what it has cost, what went wrong in it, and which minds it changes; and the
+statistics that remain of it: how each rule has fared on each robot.
 
 A refusal is a fault: noted, unknown as a value, and nothing is changed. Robots that have run out of steps take no
 further part: whatever is asked for them changes nothing.
@@ -8,22 +9,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from functools import partial, wraps
-from math import nan
+from math import inf, nan
 from typing import Concatenate, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
-from sleepcast.fleet.minds import Mind, Minds
-from sleepcast.fleet.rule_statistics import StatisticsTable
+from sleepcast.core.arrays import filled
+from sleepcast.core.serial import Arrays, SerialError, dump_arrays, load_arrays, within
+from sleepcast.fleet.native.compiler import Sink
+from sleepcast.fleet.schema import RuleStatisticsState, StatisticsState
+from sleepcast.fleet.state import Column, FleetState, Index, Mask, Mind, Minds, Rows
 from sleepcast.language.parts import Part
 from sleepcast.language.program import MAX_STEPS, Program
 from sleepcast.language.reader import show
 from sleepcast.language.rehearsal import Answer, Refusal
-from sleepcast.language.vocabulary import TICK
+from sleepcast.language.vocabulary import ACTIVE0, TICK, buffer_number
 from sleepcast.mind.limits import MAX_FAULTS, PROVEN_TICKS
-from sleepcast.mind.rules import RuleBase
+from sleepcast.mind.rules import Effect, RuleBase
 
 Sort = TypeVar("Sort", bound=Hashable)
 Rest = ParamSpec("Rest")
@@ -256,3 +259,256 @@ def distinct(numbers: NDArray[np.int32]) -> tuple[NDArray[np.intp], NDArray[np.i
 def fault_text(noted: Noted) -> str:
     """A fault as people read it."""
     return f"{noted.reason} in {show(noted.part.form)}"
+
+
+# ---- rule statistics: how each rule has fared on each robot, and when its lease ends, as columns by its key
+
+MOST_FRESH = 255
+"""Evaluations by native code until their matches, counted in single bytes, are added to the others."""
+NARROW = 65_535
+"""Matches that two bytes can count; after that it takes four."""
+
+
+class RuleStatistics:
+    """One key's columns: last value, steps of the last evaluation, firings, faults in a row; texts of last faults.
+
+    What all robots have in common takes no column, and counts are as narrow as they can be.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.last_value: Column = filled(nan, np.float64, count)
+        self.most_steps = 0
+        """No robot has used more steps in an evaluation."""
+        self._steps: NDArray[np.uint16] | int = 0
+        self._firings: NDArray[np.uint16 | np.uint32] = filled(0, np.uint16, count)
+        self._fired = 0
+        """No robot has fired more often."""
+        self._fresh: NDArray[np.uint8] = filled(0, np.uint8, count)
+        self._counted = 0
+        self._in_row: NDArray[np.int8] | None = None
+        """Made by the first fault."""
+        self.last_fault: dict[int, str] = {}
+        self._sink = Sink(self.last_value, self._fresh, None)
+
+    def sink(self, *, steps: bool) -> Sink:
+        """The columns that native code writes. steps: whether those as well."""
+        if steps and self._sink.steps is None:
+            self._sink = self._sink._replace(steps=self._own_steps())
+        return self._sink
+
+    # ---- steps
+
+    def steps(self, rows: Rows) -> NDArray[np.uint16] | int:
+        """Steps of the last evaluation of each of these robots, or of all alike."""
+        return self._steps if isinstance(self._steps, int) else self._steps[rows.index]
+
+    def steps_of(self, robot: int) -> int:
+        return self._steps if isinstance(self._steps, int) else int(self._steps[robot])
+
+    def used(self, steps: NDArray[np.int32] | int, rows: Rows) -> None:
+        """These robots have used so many steps, each or all alike."""
+        if isinstance(steps, int) and rows.size == len(self._fresh):
+            self._steps = steps
+            if self._sink.steps is not None:
+                self._sink = self._sink._replace(steps=None)
+        elif not (isinstance(steps, int) and isinstance(self._steps, int) and self._steps == steps):
+            self._own_steps()[rows.index] = steps
+
+    def _own_steps(self) -> NDArray[np.uint16]:
+        if isinstance(self._steps, int):
+            self._steps = filled(self._steps, np.uint16, len(self._fresh))
+        return self._steps
+
+    # ---- firings
+
+    @property
+    def firings(self) -> NDArray[np.uint16 | np.uint32]:
+        """How often each robot has matched."""
+        if self._counted:
+            self._gather()
+        return self._firings
+
+    def _gather(self) -> None:
+        """Add what native code has counted."""
+        self._count(slice(None), self._fresh, self._counted)
+        self._fresh[...] = 0
+        self._counted = 0
+
+    def fired(self, rows: Rows, matched: Mask) -> None:
+        """Those of these robots have matched once more that are `matched`."""
+        self._count(rows.index, matched.view(np.uint8), 1)
+
+    def _count(self, index: slice | Index, more: NDArray[np.uint8], most: int) -> None:
+        """Add to firings. most: no robot's `more` is greater."""
+        if self._fired + most > NARROW and self._firings.dtype == np.uint16:
+            self._fired = int(self._firings.max(initial=0))
+            if self._fired + most > NARROW:
+                self._firings = self._firings.astype(np.uint32)
+        self._fired += most
+        self._firings[index] += more
+
+    # ---- faults
+
+    @property
+    def faulted(self) -> bool:
+        """Whether any evaluation has ever had a fault: until then nothing has to be counted."""
+        return self._in_row is not None
+
+    def in_row(self, rows: Rows) -> NDArray[np.int8]:
+        """Evaluations of each of these robots, one after the other, that had a fault."""
+        return np.zeros(rows.size, np.int8) if self._in_row is None else self._in_row[rows.index]
+
+    def failed(self, rows: Rows, faulted: Mask) -> None:
+        """Evaluations of these robots: of those that are `faulted` with a fault, of the others without."""
+        if self._in_row is None:
+            self._in_row = np.zeros(len(self._fresh), np.int8)
+        self._in_row[rows.index] = np.where(faulted, np.minimum(self._in_row[rows.index], 100) + 1, 0)
+
+    # ---- what happens to an expression
+
+    def ran(self, steps: int, rows: Rows, *, kept: bool) -> None:
+        """Native code has evaluated the expression on these robots, without a fault. steps: at most, of one of them;
+        kept: whether it has kept those of each, else all have used as many."""
+        if not kept:
+            self.used(steps, rows)
+        if steps > self.most_steps:
+            self.most_steps = max(self.most_steps, int(np.max(self.steps(rows), initial=0)))
+        self._counted += 1
+        if self._counted == MOST_FRESH:
+            self._gather()
+        if self._in_row is not None and self._in_row[rows.index].any():
+            self._in_row[rows.index] = 0
+
+    def renew(self, rows: Rows) -> None:
+        """The expression is another one now: nothing is known of its last evaluation."""
+        self.last_value[rows.index] = nan
+        if self._in_row is not None:
+            self._in_row[rows.index] = 0
+        if self.last_fault:
+            for robot in rows.robots.tolist():
+                self.last_fault.pop(robot, None)
+
+    def begin(self, rows: Rows) -> None:
+        """The expression has just come to these robots."""
+        self.renew(rows)
+        self.used(0, rows)
+        self.firings[rows.index] = 0
+
+    # ---- kept and made again
+
+    def state(self) -> RuleStatisticsState:
+        everybody = Rows.run(0, len(self._fresh))
+        steps = np.broadcast_to(np.asarray(self.steps(everybody), np.uint16), everybody.size)
+        firings, in_row = self.firings.astype(np.int32), self.in_row(everybody)
+        arrays: dict[str, NDArray[np.generic]] = {
+            "last_value": self.last_value,
+            "steps": steps,
+            "firings": firings,
+            "in_row": in_row,
+        }
+        return RuleStatisticsState(dump_arrays(arrays), self.most_steps, self.faulted, dict(self.last_fault))
+
+    def restore(self, state: RuleStatisticsState) -> None:
+        """Be as that tally was. Raises SerialError."""
+        count = len(self._fresh)
+        steps, firings = np.zeros(count, np.uint16), np.zeros(count, np.int32)
+        in_row = np.zeros(count, np.int8)
+        load_arrays(state.arrays, {"last_value": self.last_value, "steps": steps, "firings": firings, "in_row": in_row})
+        if not all(0 <= robot < count for robot in state.last_fault):
+            raise SerialError("the fault of a robot that is not there")
+        within(firings, 0, inf, "how often an expression has matched")
+        self._steps = int(steps[0]) if (steps == steps[0]).all() else steps
+        self._fired = int(firings.max())
+        self._firings = firings.astype(np.uint16 if self._fired <= NARROW else np.uint32)
+        self._in_row = in_row if state.faulted else None
+        self.most_steps, self.last_fault = state.most_steps, dict(state.last_fault)
+
+
+class StatisticsTable:
+    """All tallies, leases (s, inf for none) and, while a round runs, which expressions robots have lost in it."""
+
+    def __init__(self, state: FleetState) -> None:
+        self._state = state
+        self._tallies: dict[str, RuleStatistics] = {}
+        self.leases: dict[str, Column] = {}
+        self.proven_leases: dict[str, Column] = {}
+        self.lost: dict[str, Mask] = {}
+
+    def __getitem__(self, key: str) -> RuleStatistics:
+        found = self._tallies.get(key)
+        if found is None:
+            found = self._tallies[key] = RuleStatistics(self._state.count)
+        return found
+
+    def keep_only(self, keys: set[str]) -> None:
+        """Forget the columns of expressions that no robot keeps any more."""
+        for columns in (self._tallies, self.leases):
+            for key in [key for key in columns if key not in keys]:
+                del columns[key]
+
+    def lease(self, key: str, rows: Rows, until: Column | float) -> None:
+        """Set the time at which an expression is deactivated."""
+        self._lease_column(self.leases, key)[rows.index] = until
+
+    def prove(self, rows: Rows) -> None:
+        """Remember the leases as they are, to come back to them."""
+        for key in self.leases.keys() | self.proven_leases.keys():
+            column = self.leases.get(key)
+            now: Column | float = inf if column is None else column[rows.index]
+            self._lease_column(self.proven_leases, key)[rows.index] = now
+
+    def restore_lease(self, key: str, rows: Rows) -> None:
+        """Bring a lease back."""
+        column = self.proven_leases.get(key)
+        if column is not None:
+            self.lease(key, rows, column[rows.index])
+
+    def _lease_column(self, columns: dict[str, Column], key: str) -> Column:
+        found = columns.get(key)
+        if found is None:
+            found = columns[key] = np.full(self._state.count, inf)
+        return found
+
+    def lost_in_round(self, key: str, rows: Rows) -> Mask | None:
+        """Which of the rows have lost this expression since the round began, None if none has."""
+        lost = self.lost.get(key)
+        return None if lost is None else lost[rows.index]
+
+    def carry_out(self, effects: Sequence[Effect], rows: Rows) -> None:
+        """Do to each of these robots what a change of mind says."""
+        for effect in effects:
+            key = effect.key
+            if effect.what == "new":
+                self[key].begin(rows)
+            elif effect.what == "renewed":
+                self[key].renew(rows)
+            elif effect.what == "gone":
+                lost = self.lost.get(key)
+                if lost is None:
+                    lost = self.lost[key] = np.zeros(self._state.count, np.bool_)
+                lost[rows.index] = True
+            elif effect.what in ("active", "inactive"):
+                self._activate(key, rows, effect.what == "active")
+
+    def _activate(self, key: str, rows: Rows, active: bool) -> None:
+        number = buffer_number(key)
+        if number is not None:
+            self._state.assign(ACTIVE0 + number, rows, 1.0 if active else 0.0)
+        if not active and key in self.leases:
+            self.leases[key][rows.index] = inf
+
+    def state(self) -> StatisticsState:
+        """All of it between two rounds."""
+        tallies = {key: tally.state() for key, tally in self._tallies.items()}
+        return StatisticsState(tallies, dump_arrays(self.leases), dump_arrays(self.proven_leases))
+
+    def restore(self, state: StatisticsState) -> None:
+        """Be as those tallies were. Raises SerialError."""
+        self._tallies.clear()
+        for key, tally in state.tallies.items():
+            self[key].restore(tally)
+        self.leases, self.proven_leases = self._columns(state.leases), self._columns(state.proven_leases)
+
+    def _columns(self, state: Arrays) -> dict[str, Column]:
+        shape = (self._state.count,)
+        return {key: leases.made(np.float64, shape, f"leases of {key}") for key, leases in state.items()}

@@ -16,23 +16,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.message import FOR, NOT, Kind, Message, hops_left, is_addressed
-from sleepcast.channel.message_batch import Answers, MessageBatch
-from sleepcast.channel.name_index import NameIndex
-from sleepcast.channel.stop_latch import ENDED
+from sleepcast.channel.message_batch import Answers, MessageBatch, NameIndex
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.threads import ThreadPool
 from sleepcast.fleet.bodies import Bodies
-from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.evaluation import Noted, fault_text
-from sleepcast.fleet.evaluation_log import EvaluationLog, LogEntry, recollect, rehearsal
+from sleepcast.fleet.inspection import (
+    EvaluationLog,
+    FleetTelemetry,
+    LogEntry,
+    QuietMemory,
+    ReadSet,
+    recollect,
+    rehearsal,
+)
 from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.messages import Inbox, Outbox
-from sleepcast.fleet.minds import Mind, Minds, Named
 from sleepcast.fleet.native.kernels import Kernels, available
-from sleepcast.fleet.read_set import ReadSet
 from sleepcast.fleet.scheduler import BatchScheduler, expired
-from sleepcast.fleet.telemetry import FleetTelemetry, QuietMemory
+from sleepcast.fleet.state import Column, FleetState, Index, Mask, Mind, Minds, Named, Rows
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.lint import Checked, check
@@ -41,6 +44,7 @@ from sleepcast.language.program import Program
 from sleepcast.language.reader import read, show
 from sleepcast.language.symbols import Declared, UserVariable
 from sleepcast.language.vocabulary import TICK, TIME_SLOT, Variable, Vocabulary, buffer_number
+from sleepcast.mind.authority import ENDED
 from sleepcast.mind.rules import in_order
 from sleepcast.mind.views import Fault, Result, RuleView
 

@@ -16,8 +16,8 @@ from math import nan
 import numpy as np
 
 from sleepcast.fleet import pure
-from sleepcast.fleet.columns import Column, Index, Mask, Rows, is_true
 from sleepcast.fleet.memory import FleetMemory, Found
+from sleepcast.fleet.state import Column, Index, Mask, Rows, is_true
 from sleepcast.language.evaluate import too_deep
 from sleepcast.language.numerics import normal
 from sleepcast.language.parts import Part, walk

@@ -14,11 +14,10 @@ import numpy as np
 
 from sleepcast.core.model import HostFunction
 from sleepcast.fleet.bodies import ManyBodies
-from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows, draws
 from sleepcast.fleet.evaluation import Evaluation, by_the_living
 from sleepcast.fleet.messages import Outbox
-from sleepcast.fleet.minds import Minds
 from sleepcast.fleet.native.kernels import Kernels
+from sleepcast.fleet.state import Column, FleetState, Index, Mask, Minds, Rows, draws
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.parts import Defining, Label, Part, Storing, Template, host_of, label_of, written
 from sleepcast.language.program import Program
@@ -28,7 +27,7 @@ from sleepcast.language.symbols import UserVariable
 from sleepcast.language.vocabulary import ACTIVE0, BUFFERS, TICK, TIME_SLOT, Variable, VariableKind, buffer_number
 from sleepcast.mind import rules
 from sleepcast.mind.limits import PROVEN_TICKS, TELLS_TOO_FAR, TELLS_TOO_OFTEN
-from sleepcast.mind.refusals import (
+from sleepcast.mind.rules import (
     UNKNOWN_CASTE,
     UNKNOWN_LEASE,
     UNKNOWN_STORED,

@@ -24,8 +24,8 @@ from sleepcast.channel.message_batch import (
     load_batch,
 )
 from sleepcast.core.serial import Array, SerialError
-from sleepcast.fleet.columns import Column, FleetState, Index, Mask, Rows
 from sleepcast.fleet.schema import InboxState, OutboxState
+from sleepcast.fleet.state import Column, FleetState, Index, Mask, Rows
 from sleepcast.language.vocabulary import TIME_SLOT
 from sleepcast.mind.limits import (
     MAX_OUTBOX,

@@ -14,13 +14,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sleepcast.fleet.columns import Mask, Rows
+from sleepcast.fleet.evaluation import RuleStatistics
 from sleepcast.fleet.machine import walk_through
 from sleepcast.fleet.memory import FleetMemory
-from sleepcast.fleet.minds import Mind
 from sleepcast.fleet.native.compiler import Kernel, moment
 from sleepcast.fleet.native.kernels import Plan
-from sleepcast.fleet.rule_statistics import RuleStatistics
+from sleepcast.fleet.state import Mask, Mind, Rows
 from sleepcast.language.program import Program
 from sleepcast.mind.limits import FAILED, MAX_FAULTS_IN_ROW, TICK_STEPS
 from sleepcast.mind.rules import Rule

@@ -11,8 +11,8 @@ import msgspec
 
 from sleepcast.channel.message import Message
 from sleepcast.channel.message_batch import MessageBatchState
-from sleepcast.channel.stop_latch import Latch
 from sleepcast.core.serial import Array, Arrays
+from sleepcast.mind.authority import Latch
 from sleepcast.mind.state import SharedMinds
 
 

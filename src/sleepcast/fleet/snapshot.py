@@ -13,8 +13,8 @@ import numpy as np
 
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.fleet.fleet import Fleet
-from sleepcast.fleet.minds import Mind, Minds
 from sleepcast.fleet.schema import FleetSnapshot
+from sleepcast.fleet.state import Mind, Minds
 from sleepcast.language.program import Program
 from sleepcast.language.symbols import Operator
 from sleepcast.language.vocabulary import MAX_USER_VARIABLES, Vocabulary

@@ -27,7 +27,7 @@ from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.model import Constant
 from sleepcast.core.units import NONE, UNITS
 from sleepcast.fleet import Fleet, RobotView
-from sleepcast.fleet.columns import Index, Rows
+from sleepcast.fleet.state import Index, Rows
 from sleepcast.language.reader import read
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.mind.views import Result

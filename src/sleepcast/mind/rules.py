@@ -11,8 +11,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from sleepcast.core.errors import SleepcastError
+from sleepcast.core.model import HostFunction
 from sleepcast.language.program import Library, Program
-from sleepcast.language.reader import read_all
+from sleepcast.language.reader import MAX_TEXT, read_all
 from sleepcast.language.symbols import (
     Declared,
     Group,
@@ -24,9 +25,17 @@ from sleepcast.language.symbols import (
     declared_in,
     uses_in,
 )
-from sleepcast.language.vocabulary import BUFFERS, MAX_GROUPS, MAX_OPERATORS, MAX_RULES, Vocabulary, buffer_number
+from sleepcast.language.vocabulary import (
+    BUFFERS,
+    MAX_GROUPS,
+    MAX_OPERATORS,
+    MAX_RULES,
+    Variable,
+    VariableKind,
+    Vocabulary,
+    buffer_number,
+)
 from sleepcast.mind.merging import Merging
-from sleepcast.mind.refusals import built_in, no_room, no_rule, too_late
 
 BUFFER_KEYS = tuple(f"e{number}" for number in range(1, BUFFERS))
 
@@ -323,3 +332,58 @@ def roll_back(base: RuleBase, wanted: Iterable[Rule]) -> None:
     for key in list(base.rules):
         if buffer_number(key) is None:
             base.learn(key, Stored(base.rules[key].name, base.rules[key].program.uses))
+
+
+# ---- refusals: the sentences that say why a mind does not do what an expression asks for
+
+UNKNOWN_STORED = "unknown cannot be stored as an expression"
+UNKNOWN_LEASE = "a lease of unknown length"
+UNKNOWN_TOLD = "an unknown cannot be told"
+UNKNOWN_CASTE = "a ping of unknown caste"
+
+
+def built_in(name: str) -> str:
+    """A rule or buffer, or the flag of one, that belongs to the robot itself."""
+    return f"{name} is built in: it cannot be changed over the air"
+
+
+def too_late(name: str) -> str:
+    """What an earlier command wants to change."""
+    return f"{name} was changed by a command that was sent later"
+
+
+def no_room(what: str, most: int) -> str:
+    return f"no room for another {what}: there are {most}"
+
+
+def no_rule(key: str) -> str:
+    return f"no rule {key}"
+
+
+def no_variable(name: str) -> str:
+    return f"no variable {name}: make it first with (DEFVAR {name})"
+
+
+def no_operator(name: str, arguments: int) -> str:
+    return f"no operator {name} of {arguments} arguments"
+
+
+def unknown_assigned(variable: Variable) -> str:
+    never = "never reaches an actuator" if variable.kind is VariableKind.ACTUATOR else "cannot be assigned to a flag"
+    return f"unknown {never} ({variable.name})"
+
+
+def unknown_asked(function: HostFunction) -> str:
+    return f"unknown never reaches the body ({function.name})"
+
+
+def stopped(function: HostFunction) -> str:
+    return f"the robot is stopped: {function.name} waits for RELEASE"
+
+
+def failed(function: HostFunction, error: Exception) -> str:
+    return f"{function.name} failed: {type(error).__name__}: {error}"
+
+
+def too_long(text: str) -> str:
+    return f"a text of {len(text)} characters cannot be sent by TELL: at most {MAX_TEXT} fit"

@@ -34,11 +34,12 @@ from sleepcast.language.vocabulary import (
 from sleepcast.mind import rules
 from sleepcast.mind.limits import FAILED, MAX_FAULTS, PROVEN_TICKS
 from sleepcast.mind.merging import Merging
-from sleepcast.mind.refusals import (
+from sleepcast.mind.rules import (
     UNKNOWN_CASTE,
     UNKNOWN_LEASE,
     UNKNOWN_STORED,
     UNKNOWN_TOLD,
+    RuleBase,
     built_in,
     failed,
     no_operator,
@@ -48,7 +49,6 @@ from sleepcast.mind.refusals import (
     unknown_asked,
     unknown_assigned,
 )
-from sleepcast.mind.rules import RuleBase
 from sleepcast.mind.views import Fault
 from sleepcast.node.linking import VariableTable
 from sleepcast.node.scheduler import RuleRecords, RuleSet

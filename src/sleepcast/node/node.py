@@ -14,7 +14,6 @@ from math import inf, isnan, nan
 
 from sleepcast.channel.clock_sync import differs
 from sleepcast.channel.message import HOPS, LEASE, LOOK, MATCHED, Kind, Message, age_of, hops_left, is_addressed
-from sleepcast.channel.stop_latch import ENDED
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
@@ -26,7 +25,7 @@ from sleepcast.language.reader import read, show
 from sleepcast.language.rehearsal import Answer
 from sleepcast.language.symbols import Declared, UserVariable
 from sleepcast.language.vocabulary import FROZEN, SLEEPING, Variable, Vocabulary, buffer_number
-from sleepcast.mind.authority import Authority, DeadManSwitch, drives
+from sleepcast.mind.authority import ENDED, Authority, DeadManSwitch, drives
 from sleepcast.mind.limits import (
     MAX_FAULTS_IN_ROW,
     MAX_OUTBOX,

@@ -26,8 +26,8 @@ from pathlib import Path
 import msgspec
 
 from sleepcast.channel.message import Kind, Message
-from sleepcast.channel.message_store import DeliveryState
 from sleepcast.channel.reliable import KEEP_EVERY, ReliableDelivery
+from sleepcast.channel.sequencer import DeliveryState
 from sleepcast.core.clock import Clock
 from sleepcast.core.serial import SerialError, pack
 from sleepcast.mind.limits import MAX_QUEUE, MAX_SEEN

@@ -18,7 +18,7 @@ from pathlib import Path
 import msgspec
 
 from sleepcast.channel.message import Message
-from sleepcast.channel.message_store import MAX_STANDING, StandingCommand, StoredWindow, StreamId, StreamProgress
+from sleepcast.channel.sequencer import MAX_STANDING, StandingCommand, StoredWindow, StreamId, StreamProgress
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.files import settle
 from sleepcast.core.serial import SerialError, unpack

@@ -14,8 +14,8 @@ from sleepcast.core.threads import ThreadPool
 from sleepcast.robot import RobotModel
 from sleepcast.simulator.bodies.bodies import TURN, Bodies, Flags, Floats, Mode, Saying, Whole
 from sleepcast.simulator.bodies.body import TUMBLE, Body, model_of
+from sleepcast.simulator.bodies.proximity import Sonars
 from sleepcast.simulator.bodies.senses import Senses
-from sleepcast.simulator.bodies.sonars import Sonars
 from sleepcast.simulator.engine import Machine, choose, cores
 from sleepcast.simulator.motion.steps import Draws, Settled, clear
 from sleepcast.simulator.scenario.events import apply_events

@@ -12,17 +12,25 @@ from sleepcast.station.account import (
     Outcome,
 )
 from sleepcast.station.journal.journal import Entry, Event, Journal, MemoryJournal, Report
-from sleepcast.station.preview import NO, UNKNOWN, YES, FleetNames, ManyMinds, Mind, Minds, Preview, Telemetry
 from sleepcast.station.roster import UnknownRobotError
 from sleepcast.station.station import NoExplanationError, Station
 from sleepcast.station.validation import (
     DEADLINE,
+    NO,
+    UNKNOWN,
+    YES,
     AddressError,
     CommandTypeError,
     CountNeededError,
     DoubtError,
+    FleetNames,
+    ManyMinds,
+    Mind,
+    Minds,
     NobodyHeardError,
+    Preview,
     SendPolicy,
+    Telemetry,
 )
 
 __all__ = [

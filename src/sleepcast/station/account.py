@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import LOOK
 from sleepcast.channel.message_batch import Answers as Said
-from sleepcast.channel.message_batch import ascending
-from sleepcast.channel.name_index import NameIndex, natural_order
+from sleepcast.channel.message_batch import NameIndex, ascending, natural_order
 from sleepcast.core.errors import MisuseError, did_you_mean, printable
 from sleepcast.core.serial import Array, SerialError, within
 from sleepcast.core.units import shown_value

@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 from sleepcast.core.errors import SleepcastError
 from sleepcast.language import Explanation
 from sleepcast.language.rehearsal import CHANCE
-from sleepcast.station.preview import NEVER_HEARD, STALE
-from sleepcast.station.validation import MAX_LISTED
+from sleepcast.station.validation import MAX_LISTED, NEVER_HEARD, STALE
 
 if TYPE_CHECKING:
     from sleepcast.station.network import NetworkStation
-    from sleepcast.station.telemetry_client import TelemetryClient
+    from sleepcast.station.remote import TelemetryClient
 
 PATIENCE = 1.0
 """Seconds after the time for answers for which they are still taken: they are asked for again where they were lost."""

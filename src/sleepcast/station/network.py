@@ -42,19 +42,28 @@ from sleepcast.channel.message import (
 from sleepcast.channel.message import MATCHED as WOULD
 from sleepcast.channel.reliable import ReliableDelivery
 from sleepcast.channel.session import MAX_SPREAD, ChannelSession
-from sleepcast.channel.stop_latch import MAX_MARKS, Life, Mark, mark_of, marks_and_ages
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.language import CheckError
 from sleepcast.language.parts import acts, rules
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
+from sleepcast.mind.authority import MAX_MARKS, Life, Mark, mark_of, marks_and_ages
 from sleepcast.station.account import MATCHED, Command, SentCommands, account
 from sleepcast.station.journal.journal import Event, Journal
-from sleepcast.station.preview import NO, UNKNOWN, YES, Index, Minds
-from sleepcast.station.roster import NOBODY_SAID, Expectation, RobotNames, Roster
+from sleepcast.station.roster import NOBODY_SAID, Expectation, Index, RobotNames, Roster
 from sleepcast.station.station import REPEAT_AFTER, STALE_AFTER, Station
-from sleepcast.station.validation import DEADLINE, Audience, Draft, SendPolicy, Validated
+from sleepcast.station.validation import (
+    DEADLINE,
+    NO,
+    UNKNOWN,
+    YES,
+    Audience,
+    Draft,
+    Minds,
+    SendPolicy,
+    Validated,
+)
 
 SETTLE = 0.15
 """Seconds after the time for answers before a robot counts as missed: for a tick, and the way there and back."""

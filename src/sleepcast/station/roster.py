@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sleepcast.channel.message import MAX_NAME
-from sleepcast.channel.name_index import NameIndex
+from sleepcast.channel.message_batch import NameIndex
 from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
 from sleepcast.core.files import config_folder, open_file, replace_file
 from sleepcast.core.serial import Array

@@ -32,31 +32,29 @@ from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.account import Account, Command, SentCommands, account, answer_from
 from sleepcast.station.journal.journal import Event, Journal, MemoryJournal, PendingEntry, Report, WriteBatch
 from sleepcast.station.journal.snapshot import dump_journal, restore_journal
-from sleepcast.station.preview import (
+from sleepcast.station.roster import Index, RobotNames, Roster
+from sleepcast.station.serialized import AccountState, ReportState, StationState
+from sleepcast.station.validation import (
+    DEADLINE,
     NO,
     UNKNOWN,
     YES,
+    Audience,
+    DoubtError,
+    Draft,
     FleetNames,
     FleetTelemetry,
+    Forecast,
     ManyMinds,
     Mask,
     Minds,
     Preview,
     Rows,
-    Telemetry,
-    preview,
-)
-from sleepcast.station.roster import Index, RobotNames, Roster
-from sleepcast.station.serialized import AccountState, ReportState, StationState
-from sleepcast.station.validation import (
-    DEADLINE,
-    Audience,
-    DoubtError,
-    Draft,
-    Forecast,
     SendPolicy,
+    Telemetry,
     UnknownNameError,
     Validated,
+    preview,
     validate_address,
     validate_count,
     validate_type,

@@ -1,20 +1,38 @@
-"""What is checked before a command is sent: for whom it is, of which type it is, and how many are meant to obey."""
+"""What is checked before a command is sent: for whom it is, of which type it is, who would obey it by the robots'
+latest telemetry (the preview), and how many are meant to.
+
+For the preview only the command's top-level test is evaluated, on a copy of each robot's latest telemetry, and nothing
+it could do is done. What the desk cannot know (chance, what a robot's own function would say, news too old) makes a
+robot `unknown` with the reason, unless the rest of the test decides without it: in `(AND (> fuel 50%) (PROB 0.5))` an
+empty tank is a certain no.
+
+The desk never touches a mind, it only asks. A dictionary of nodes by name will do; minds that answer for many robots at
+once (`ManyMinds`) save it a million questions.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
-from math import inf
-from typing import NamedTuple
+from functools import cached_property
+from math import inf, nan
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sleepcast.channel.message import FOR, NOT
 from sleepcast.core.errors import MisuseError
 from sleepcast.language import Checked
-from sleepcast.language.parts import irreversible, walk
-from sleepcast.language.program import Program
-from sleepcast.station.preview import is_for_everybody
+from sleepcast.language.evaluate import Entered
+from sleepcast.language.explain import Explanation
+from sleepcast.language.parts import Part, acts, irreversible, walk
+from sleepcast.language.program import Program, evaluate
+from sleepcast.language.rehearsal import CHANCE, DEED, asks, does, holds
+from sleepcast.language.symbols import Declared, Operator
+from sleepcast.language.vocabulary import Variable, Vocabulary
 from sleepcast.station.roster import Index, Roster
 
 MAX_LISTED = 4_096
@@ -209,3 +227,394 @@ def validate_type(program: Program, standing: bool, deadline: float | None) -> f
             "send it as a one-shot command"
         )
     return inf
+
+
+# ---- minds, as the desk asks them
+
+Mask = NDArray[np.bool_]
+
+
+class Telemetry(Protocol):
+    """A robot's telemetry. values: its numbers by slot, SI, NaN unknown. groups: keys of those it is in."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def values(self) -> list[float]: ...
+
+    @property
+    def groups(self) -> frozenset[str]: ...
+
+    @property
+    def stopped(self) -> bool: ...
+
+
+class Mind(Telemetry, Protocol):
+    """One robot's mind, as far as the desk is concerned."""
+
+    def declared(self, key: str) -> Declared | None:
+        """What the robot has learned under this key, or None."""
+
+    def heard(self) -> Iterable[str]:
+        """Every learned name as written."""
+
+    def fetch(self, part: Part) -> Entered | None:
+        """The program in the buffer or rule that a `fetch` part names, None if it is empty."""
+
+    def operator(self, part: Part) -> Entered | None:
+        """The program of the operator that a `call` part names, None if it has none of that name."""
+
+    def why(self, command: str | None = None) -> Explanation:
+        """How the robot evaluated a command (by its id; None: the last one)."""
+
+
+Minds = Mapping[str, Mind]
+"""The minds of a fleet by the robots' names."""
+
+
+Judged = tuple[Mask, NDArray[np.uint8], list[str]]
+"""The result of a test on some robots: where it holds; where that is unknown, which of the reasons, listed last, is why
+(from 1; 0 where it can be said)."""
+
+
+class TelemetryTable(Protocol):
+    """The latest telemetry of robots, by their places."""
+
+    def judge(self, test: Program, robots: Index) -> Judged:
+        """The value of a test for these robots, all of which have sent telemetry."""
+
+
+class FleetTelemetry(TelemetryTable, Protocol):
+    """The same of minds that tell all at once."""
+
+    def take(self, robots: Index) -> None:
+        """These robots tell of themselves now."""
+
+    def stopped(self, robots: Index) -> Mask:
+        """Which of these robots were stopped at their latest telemetry."""
+
+
+@runtime_checkable
+class SharedNames(Protocol):
+    """Minds of which one can ask at once what any of them has learned."""
+
+    def declared(self, key: str) -> Declared | None:
+        """What any robot has learned under this key, or None."""
+
+    def heard(self) -> Iterable[str]:
+        """Every name that any robot has learned, as written."""
+
+
+@runtime_checkable
+class ManyMinds(SharedNames, Protocol):
+    """Minds, in the order of the roster, that answer for many robots at once."""
+
+    @property
+    def names(self) -> Iterable[str]: ...
+
+    @property
+    def telemetry(self) -> FleetTelemetry: ...
+
+
+class FleetNames:
+    """The names that a fleet knows: its vocabulary, and what any of its minds has learned (a `Names` for the checker).
+
+    Slots of new user variables are given out in a copy of the vocabulary: checking a text, keystroke by keystroke,
+    leaves nothing behind in the robots' own tables.
+    """
+
+    def __init__(self, vocabulary: Vocabulary, minds: Minds) -> None:
+        self.vocabulary = copy(vocabulary)
+        self.vocabulary.user_slots = dict(vocabulary.user_slots)
+        self._minds = minds
+
+    def declared(self, key: str) -> Declared | None:
+        """What the first mind that knows `key` has learned under it, or None."""
+        if isinstance(self._minds, SharedNames):
+            return self._minds.declared(key)
+        for mind in self._minds.values():
+            found = mind.declared(key)
+            if found is not None:
+                return found
+        return None
+
+    def heard(self) -> Iterable[str]:
+        """Every name that some mind has learned, each once."""
+        if isinstance(self._minds, SharedNames):
+            return self._minds.heard()
+        return {name: None for mind in self._minds.values() for name in mind.heard()}
+
+
+# ---- who would obey
+
+
+NEVER_HEARD = "it has sent no telemetry yet"
+STALE = "its last news is too old"
+MAX_REASONS = 200
+"""Different reasons told apart in one preview, so that one fits a byte; the rest counts as the last of them."""
+
+
+NO, YES, UNKNOWN = range(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Preview:
+    """Who would obey: certainly (`yes`), certainly not (`no`), and of whom the desk cannot say (`unknown`).
+
+    codes: NO, YES or UNKNOWN of each robot by its place, uint8. reason: why a robot is unknown, uint8, which of
+    `listed` from 1. names: of the robots, by place. everybody: the command has no test, or one that is true whatever
+    the robot. oldest: the age in s of the oldest news that a yes or no rests on (0 if none does). nameless: how many
+    robots there are besides that were never heard, all of them unknown.
+    """
+
+    codes: NDArray[np.uint8]
+    reason: NDArray[np.uint8]
+    listed: tuple[str, ...]
+    names: Sequence[str]
+    everybody: bool
+    oldest: float
+    nameless: int = 0
+
+    def count(self, code: int) -> int:
+        """How many robots there are of this code."""
+        return int(np.count_nonzero(self.codes == code)) + (self.nameless if code == UNKNOWN else 0)
+
+    @cached_property
+    def yes(self) -> tuple[str, ...]:
+        """The robots that would obey."""
+        return self._named(YES)
+
+    @cached_property
+    def no(self) -> tuple[str, ...]:
+        """The robots that would not."""
+        return self._named(NO)
+
+    @cached_property
+    def unknown(self) -> Mapping[str, str]:
+        """The robots of which the desk cannot say, each with the reason."""
+        places = np.flatnonzero(self.codes == UNKNOWN).tolist()
+        return {self.names[place]: self.listed[self.reason[place] - 1] for place in places}
+
+    @property
+    def reasons(self) -> dict[str, int]:
+        """Why robots are unknown, and how many for each reason, the most frequent first."""
+        counts = np.bincount(self.reason[self.codes == UNKNOWN], minlength=len(self.listed) + 1)[1:].tolist()
+        found = Counter({reason: count for reason, count in zip(self.listed, counts, strict=True) if count})
+        if self.nameless:
+            found[NEVER_HEARD] += self.nameless
+        return dict(found.most_common())
+
+    def _named(self, code: int) -> tuple[str, ...]:
+        return tuple(self.names[place] for place in np.flatnonzero(self.codes == code).tolist())
+
+
+class Undecided(Exception):
+    """The test needs something that the desk does not know, which the text names."""
+
+
+class PreviewMemory:
+    """A robot's memory as the desk knows it: its last numbers to read and nothing to change (a `Memory`)."""
+
+    def __init__(self) -> None:
+        self.values: list[float] = []
+        self.groups: frozenset[str] = frozenset()
+        self.steps = self.depth = self.levels = 0
+        self.matched = False
+        self.mind: Mind | None = None
+
+    def fault(self, part: Part, reason: str) -> float:
+        """On the robot this would be a fault, and a fault never matches."""
+        return nan
+
+    def draw(self) -> float:
+        raise Undecided(CHANCE)
+
+    def read(self, part: Part) -> float:
+        """A linked variable: known only if it is part of the robot's telemetry."""
+        value = self.values[part.slot] if part.slot < len(self.values) else nan
+        if value != value:
+            raise Undecided("its test reads a variable that lies in the robot's own memory")
+        return value
+
+    def fetch(self, part: Part) -> Entered | None:
+        """What the robot's buffer or rule holds, if its value can be asked for without changing anything."""
+        return self._quiet(self._asked(part).fetch(part), part)
+
+    def operator(self, part: Part) -> Entered | None:
+        """The robot's own operator, if it can be called without changing anything."""
+        mind = self._asked(part)
+        program = mind.operator(part)  # a mind of which this is not known says so here
+        found = mind.declared(part.name)
+        if not isinstance(found, Operator) or len(found.parameters) != len(part.parts):
+            return None
+        return self._quiet(program, part)
+
+    def _asked(self, part: Part) -> Mind:
+        if self.mind is None:
+            raise Undecided(holds(part.name))
+        return self.mind
+
+    def _quiet(self, program: Entered | None, part: Part) -> Entered | None:
+        if program is not None and acts(program.root):
+            raise Undecided(does(part.name))
+        return program
+
+    def host(self, part: Part, *arguments: float) -> float:
+        raise Undecided(asks(part.name))
+
+    def write(self, part: Part, value: float) -> float:
+        raise self._deed(part)
+
+    def define(self, part: Part, value: float) -> float:
+        raise self._deed(part)
+
+    def store(self, part: Part, value: float) -> float:
+        raise self._deed(part)
+
+    def act(self, part: Part, *arguments: float) -> float:
+        raise self._deed(part)
+
+    def defined(self, part: Part) -> bool:
+        raise self._deed(part)
+
+    def _deed(self, part: Part) -> Undecided:
+        return Undecided(DEED)
+
+
+class Rows:
+    """Telemetry of single robots (a `TelemetryTable`). minds: theirs, as far as they can be asked."""
+
+    def __init__(self, minds: Minds) -> None:
+        self._minds = minds
+        self._rows: dict[int, tuple[str, list[float], frozenset[str]]] = {}
+
+    def take(self, place: int, news: Telemetry) -> None:
+        """What the robot at a place tells now; its numbers are copied."""
+        self._rows[place] = (news.name, list(news.values), news.groups)
+
+    def judge(self, test: Program, robots: Index) -> Judged:
+        values, reason, reasons = self.values(test, robots)
+        return (values < 0.0) | (values > 0.0), reason, reasons
+
+    def values(self, program: Program, robots: Index) -> tuple[NDArray[np.float64], NDArray[np.uint8], list[str]]:
+        """What a program that does nothing comes to on robots by their places, NaN for unknown; and why it cannot be
+        told, see `Judged`."""
+        memory = PreviewMemory()
+        nameless = [part.name.casefold() for part in walk(program.root) if part.op in ("absent", "missing")]
+        values, reason = np.full(len(robots), nan), np.zeros(len(robots), np.uint8)
+        reasons: dict[str, int] = {}
+        for at, place in enumerate(robots.tolist()):
+            name, memory.values, memory.groups = self._rows[place]
+            mind = memory.mind = self._minds.get(name)
+            try:
+                for key in nameless:
+                    if mind is not None:
+                        mind.declared(key)  # a mind that may know it says so here
+                values[at] = evaluate(program, memory)
+            except Undecided as why:
+                if len(reasons) < MAX_REASONS:
+                    reasons.setdefault(str(why), len(reasons) + 1)
+                reason[at] = reasons.get(str(why), MAX_REASONS)
+        return values, reason, list(reasons)
+
+
+def preview(program: Program, roster: Roster, table: TelemetryTable, now: float, stale_after: float) -> Preview:
+    """Who would obey `program`. table: telemetry by place on the roster, which decides nothing where it is older than
+    `stale_after` s at `now`."""
+    count = len(roster)
+    times = roster.reported[:count].copy()
+    fresh = now - times <= stale_after
+    codes, reason = np.full(count, UNKNOWN, np.uint8), np.where(np.isfinite(times), np.uint8(2), np.uint8(1))
+    listed, oldest = [NEVER_HEARD, STALE], now
+    obstacle, test = _obstacle(program), program.test
+    if test is None:
+        codes[fresh] = YES
+    elif obstacle:
+        reason[fresh] = len(listed) + 1
+        listed.append(obstacle)
+    else:
+        robots = np.flatnonzero(fresh)
+        yes, why, reasons = table.judge(test, robots)
+        known = why == 0
+        codes[robots] = np.where(known, yes, UNKNOWN)
+        reason[robots] = why + np.uint8(len(listed))
+        listed += reasons
+        oldest = float(np.min(times[robots][known], initial=now))
+    return Preview(codes, reason, tuple(listed), roster.names, is_for_everybody(program), now - oldest, roster.nameless)
+
+
+_DEEDS = frozenset({"set_user", "write", "defvar", "store", "act"})
+_PERHAPS_DEEDS = _DEEDS | {"host", "call", "fetch"}
+
+
+def _obstacle(program: Program) -> str:
+    """Why the test is unknown on every robot, or an empty text."""
+    test = program.test
+    if test is None:
+        return ""
+    if any(part.op in _DEEDS for part in walk(test.root)):
+        return DEED
+    for part in walk(program.root):
+        if part.form is test.form:
+            break
+        if part.op in _PERHAPS_DEEDS:
+            return "it does something before its test"
+    return ""
+
+
+_STRICT = frozenset({"const", "var", "linked", "absent", "pure", "and", "or", "local", "let", "progn"})
+"""Parts whose value can only become unknown, never another, when what they read becomes unknown."""
+
+
+_TESTS = frozenset({"or", "known", "in", "prob"})
+"""Special forms that are no more than tests."""
+
+
+def is_mere_test(program: Program) -> bool:
+    """Whether this is a test and nothing else. Sent as it is, all robots would evaluate it and do nothing; a desk that
+    is asked about it asks for which robots it holds."""
+    root = program.root
+    if program.test is not None or program.acts:
+        return False
+    return root.op in _TESTS or (root.op == "pure" and root.function.rule in ("compare", "truth"))
+
+
+def is_for_everybody(program: Program) -> bool:
+    """Whether every robot that hears the command would obey: it has no test, or one that is true of nothing known,
+    or one that the declared ranges of its variables make always true."""
+    test = program.test
+    return test is None or _always(test.root) or _true_of_nothing_known(test)
+
+
+def _true_of_nothing_known(test: Program) -> bool:
+    if any(part.op not in _STRICT for part in walk(test.root)):
+        return False
+    blank = PreviewMemory()
+    blank.values = [nan] * test.slots
+    try:
+        value = evaluate(test, blank)
+    except Undecided:
+        return False
+    return value < 0.0 or value > 0.0
+
+
+_MIRRORED = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}
+
+
+def _always(part: Part) -> bool:
+    """Whether declared ranges alone make `part` true on every robot that knows its variables."""
+    if part.op in ("and", "or"):
+        holds = map(_always, part.parts)
+        return all(holds) if part.op == "and" else any(holds)
+    if part.op == "const":
+        return part.number < 0.0 or part.number > 0.0
+    if part.op != "pure" or part.name not in _MIRRORED or len(part.parts) != 2:
+        return False
+    (left, right), name = part.parts, part.name
+    if left.op == "const":
+        left, right, name = right, left, _MIRRORED[name]
+    if right.op != "const" or not isinstance(left.data, Variable):
+        return False
+    low, high, limit = left.data.quantity.low, left.data.quantity.high, right.number
+    return {"<": high < limit, "<=": high <= limit, ">": low > limit, ">=": low >= limit}[name]

@@ -16,8 +16,7 @@ from sleepcast.cli.tui.session import AGAIN_WITHIN, STOP_AGAIN, WHY_PATIENCE, Se
 from sleepcast.language import Checked
 from sleepcast.station import MemoryJournal
 from sleepcast.station.journal.journal import JournalError
-from sleepcast.station.remote import RemoteMinds
-from sleepcast.station.telemetry_client import TelemetryClient
+from sleepcast.station.remote import RemoteMinds, TelemetryClient
 
 
 class Seat:

@@ -17,7 +17,7 @@ from threading import Thread
 import numpy as np
 import pytest
 
-from sleepcast.channel.name_index import NameIndex
+from sleepcast.channel.message_batch import NameIndex
 from sleepcast.core.clock import ManualClock
 from sleepcast.station import Event, Station
 from sleepcast.station.journal.file import MAX_LISTED, DeferredJournal, Limits, NoJournalError, SqliteJournal

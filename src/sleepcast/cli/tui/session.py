@@ -12,7 +12,7 @@ from math import inf
 from typing import TYPE_CHECKING
 
 from sleepcast.channel import Kind
-from sleepcast.channel.name_index import natural_order
+from sleepcast.channel.message_batch import natural_order
 from sleepcast.cli.account import FEW
 from sleepcast.cli.streams import still_open
 from sleepcast.cli.tui.commands import (
@@ -31,15 +31,13 @@ from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean, pri
 from sleepcast.language import ReadError, read
 from sleepcast.language.vocabulary import Variable
 from sleepcast.station.network import ANSWERS_A_SECOND, NetworkStation
-from sleepcast.station.preview import NO, UNKNOWN, YES
 from sleepcast.station.staging import Stages
-from sleepcast.station.validation import AddressError, CountNeededError, DoubtError, Draft
+from sleepcast.station.validation import NO, UNKNOWN, YES, AddressError, CountNeededError, DoubtError, Draft
 
 if TYPE_CHECKING:
     from sleepcast.station.account import Command
     from sleepcast.station.network import NetworkStation
-    from sleepcast.station.remote import RemoteMind
-    from sleepcast.station.telemetry_client import TelemetryClient
+    from sleepcast.station.remote import RemoteMind, TelemetryClient
 
 LOOKS_A_SECOND = 200.0
 """Robots that tell of themselves in a second at most: 60 kB on the air; of a larger fleet, more seldom."""

@@ -25,8 +25,7 @@ from sleepcast.language.program import Program
 from sleepcast.language.symbols import Declared
 from sleepcast.station.account import Command
 from sleepcast.station.network import NetworkStation
-from sleepcast.station.remote import RemoteMind, RemoteMinds
-from sleepcast.station.telemetry_client import TelemetryClient
+from sleepcast.station.remote import RemoteMind, RemoteMinds, TelemetryClient
 
 X, Y, HEADING = "x", "y", "heading"
 """The variables in which a robot says where it is (m, m, rad)."""

@@ -24,11 +24,11 @@ from numpy.typing import NDArray
 
 from sleepcast.core.code_cache import CodeCache
 from sleepcast.core.threads import ThreadPool, borders
-from sleepcast.fleet.columns import Column, FleetState, Rows
 from sleepcast.fleet.native import libm
 from sleepcast.fleet.native.assembly import Assembly
 from sleepcast.fleet.native.lowering import Columns, Lowering, enters
 from sleepcast.fleet.native.symbols import Meaning, Size
+from sleepcast.fleet.state import Column, FleetState, Rows
 from sleepcast.language.parts import walk
 from sleepcast.language.program import Program
 from sleepcast.language.rehearsal import FLAGS

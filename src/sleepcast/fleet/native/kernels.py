@@ -19,11 +19,10 @@ from numpy.typing import NDArray
 
 from sleepcast.core.arrays import filled
 from sleepcast.core.threads import ThreadPool
-from sleepcast.fleet.columns import Column, FleetState, Rows
 from sleepcast.fleet.evaluation import Evaluation
-from sleepcast.fleet.minds import Mind
 from sleepcast.fleet.native.compiler import LANES, THERE, TROUBLED, Kernel, Sink, moment
 from sleepcast.fleet.native.symbols import Name, Size, meaning, name_of
+from sleepcast.fleet.state import Column, FleetState, Mind, Rows
 from sleepcast.language.parts import walk
 from sleepcast.language.program import MAX_STEPS, Program
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TypeAlias
 
-from sleepcast.fleet.minds import Mind
+from sleepcast.fleet.state import Mind
 from sleepcast.language.evaluate import MAX_DEPTH, MAX_LEVELS
 from sleepcast.language.parts import Part, walk
 from sleepcast.language.program import MAX_STEPS, Program

@@ -25,8 +25,7 @@ from numpy.typing import NDArray
 from sleepcast.core.arrays import filled
 from sleepcast.core.counter_rng import GOLDEN, key, mix, uniform
 from sleepcast.core.errors import MisuseError, did_you_mean
-from sleepcast.simulator.bodies.bumpers import Bumpers, Neighbours, least_cell, reach
-from sleepcast.simulator.bodies.sonars import SonarGroups, Sonars
+from sleepcast.simulator.bodies.proximity import Bumpers, Neighbours, SonarGroups, Sonars, least_cell, reach
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.motion.driving import DRIVE, GOTO, WANDER, laws_of
 from sleepcast.simulator.motion.steps import Columns

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from sleepcast.core.errors import MisuseError
 from sleepcast.robot import Axes, Condition, Contact, Corners, Pose
 from sleepcast.simulator.bodies.bodies import Bodies, Mode
-from sleepcast.simulator.bodies.bumpers import reach
-from sleepcast.simulator.bodies.sonars import Sonars
+from sleepcast.simulator.bodies.proximity import Sonars, reach
 from sleepcast.simulator.nomads.obstacles import Obstacles
 from sleepcast.simulator.nomads.paths import discs, first_along, first_round, has_room
 from sleepcast.simulator.nomads.setups import Infrared, Setup

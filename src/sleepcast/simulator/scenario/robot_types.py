@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sleepcast.channel.name_index import NameIndex
+from sleepcast.channel.message_batch import NameIndex
 from sleepcast.core.errors import did_you_mean
 from sleepcast.core.settings import Table, toml_document
 from sleepcast.robot import Geometry, Limits

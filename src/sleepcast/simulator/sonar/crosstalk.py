@@ -12,9 +12,9 @@ No sound is heard after more than twice the greatest range, nor by a sonar whose
 that of the one that sent it, and each of them is heard with the model's chance. So a pause of twice the greatest range
 between one echo and the next ping cures a ring of its own cross-talk.
 
-Bodies stand still for a tick, as in `bodies.sonars`, and what another robot sends after its end is not heard in it. A
-reading shortened by another robot does not make the next ping earlier, so the order in which robots are worked out does
-not matter.
+Bodies stand still for a tick, as in `bodies.proximity`, and what another robot sends after its end is not heard in it.
+A reading shortened by another robot does not make the next ping earlier, so the order in which robots are worked out
+does not matter.
 """
 
 from __future__ import annotations

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sleepcast.channel.message_batch import ascending
-from sleepcast.channel.name_index import NameIndex
+from sleepcast.channel.message_batch import NameIndex, ascending
 from sleepcast.core.serial import Array, SerialError
 from sleepcast.station.journal.journal import MAX_ENTRIES, Entry, Journal, MemoryJournal
 from sleepcast.station.roster import RobotNames

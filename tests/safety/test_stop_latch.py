@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sleepcast.channel import Kind, Message
-from sleepcast.channel.stop_latch import MAX_MARKS, Latch, Mark, mark_of, restored
+from sleepcast.mind.authority import MAX_MARKS, Latch, Mark, mark_of, restored
 
 
 def stop(sender: str, number: int, epoch: int = 1, issued: float = 0.0, **body: object) -> Message:

@@ -12,7 +12,7 @@ from machines import ALL
 from sleepcast.core.counter_rng import key
 from sleepcast.core.errors import MisuseError
 from sleepcast.simulator import Simulator
-from sleepcast.simulator.bodies.sonars import Sonars
+from sleepcast.simulator.bodies.proximity import Sonars
 from sleepcast.simulator.sonar.noise import Noise
 from small_worlds import scouts
 

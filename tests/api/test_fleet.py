@@ -14,7 +14,7 @@ from sleepcast.api.fleet import SimulatedFleet
 from sleepcast.loop.snapshots import SnapshotError
 from sleepcast.simulator import SettingsError, find_scenario
 from sleepcast.simulator.recording.recording import load_recording
-from sleepcast.station import AddressError
+from sleepcast.station import NotConfirmedError
 
 NEAR = "(WHEN (AND (< (DIST x y vessel_x vessel_y) 5mi) (> fuel 50%)) (JOIN bravo))"
 
@@ -83,7 +83,7 @@ class TestCommands:
         assert set(table["outcome"]) == {"matched"}
 
     def test_an_accident_is_refused(self) -> None:
-        with pytest.raises(AddressError):
+        with pytest.raises(NotConfirmedError):
             bravo().send("(ST)")
 
 

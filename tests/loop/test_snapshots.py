@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 from sleepcast.core import serial
 from sleepcast.core.errors import SleepcastError
 from sleepcast.loop import SnapshotError, Swarm, load, resume, save, snapshot
-from sleepcast.loop.snapshots import FORMAT, KIND, Document, SnapshotLostError
+from sleepcast.loop.snapshots import FORMAT, KIND, SnapshotFile, SnapshotLostError
 from sleepcast.simulator import Changes, Scenario, find_scenario, scenario_names
 from small_worlds import small
 from swarms import ORDERS, desk_of, drive, seen, station_of, swarm_of
@@ -210,8 +210,8 @@ def test_files_are_replaced_as_a_whole(tmp_path: Path) -> None:
 # ---- what is no snapshot
 
 
-def document(data: bytes) -> Document:
-    return msgspec.msgpack.decode(data, type=Document)
+def document(data: bytes) -> SnapshotFile:
+    return msgspec.msgpack.decode(data, type=SnapshotFile)
 
 
 @cache

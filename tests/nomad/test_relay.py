@@ -10,7 +10,7 @@ import pytest
 
 from nomad.test_server import Caller, Served, eventually, play, served
 from sleepcast.core.errors import MisuseError
-from sleepcast.nomad import RealRobot, real_robot
+from sleepcast.nomad import RealAddress, real_robot
 from sleepcast.nomad.relay import REAL_TIMEOUT
 from sleepcast.nomad.requests import Kind
 from sleepcast.nomad.wire import Layout, encode_request
@@ -20,7 +20,7 @@ from sleepcast.nomad.wire import Layout, encode_request
 async def pair(number: int = 2) -> AsyncIterator[tuple[Served, Served, Caller]]:
     """Ours, theirs with two robots, and a client of ours; its real robot is theirs of this number."""
     async with served(2) as theirs:
-        robot = RealRobot("127.0.0.1", theirs.nserver.port, number)
+        robot = RealAddress("127.0.0.1", theirs.nserver.port, number)
         async with served(1, real={0: robot}) as ours:
             yield ours, theirs, await ours.caller()
 
@@ -178,12 +178,12 @@ def test_who_has_no_real_robot_stays_with_the_simulated_one() -> None:
 @pytest.mark.parametrize(
     ("text", "robot"),
     [
-        ("nomad://scout.local:7019#2", RealRobot("scout.local", 7019, 2)),
-        ("nomad://127.0.0.1:7771", RealRobot("127.0.0.1", 7771, 1)),
-        ("nomad://[::1]:7019#1", RealRobot("::1", 7019, 1)),
+        ("nomad://scout.local:7019#2", RealAddress("scout.local", 7019, 2)),
+        ("nomad://127.0.0.1:7771", RealAddress("127.0.0.1", 7771, 1)),
+        ("nomad://[::1]:7019#1", RealAddress("::1", 7019, 1)),
     ],
 )
-def test_where_a_robot_is(text: str, robot: RealRobot) -> None:
+def test_where_a_robot_is(text: str, robot: RealAddress) -> None:
     assert real_robot(text) == robot
 
 

@@ -9,11 +9,11 @@ from sleepcast.channel import Kind, Message
 from sleepcast.channel.message import FOR, NOT
 from sleepcast.language import CheckError
 from sleepcast.station import (
-    AddressError,
     CommandTypeError,
     CountNeededError,
     DoubtError,
     NobodyHeardError,
+    NotConfirmedError,
     UnknownRobotError,
 )
 from sleepcast.station.network import ABOVE, NetworkStation
@@ -41,9 +41,9 @@ def test_everybody_is_never_a_default(text: str) -> None:
     scene = Scene()
     desk = scene.desk()
     before = sends_nothing(desk)
-    with pytest.raises(AddressError, match="--all"):
+    with pytest.raises(NotConfirmedError, match="--all"):
         desk.send(text)
-    with pytest.raises(AddressError):
+    with pytest.raises(NotConfirmedError):
         desk.send(text, but=["r1"])
     scene.run(0.5)
     assert sends_nothing(desk) == before
@@ -238,7 +238,7 @@ def test_staged_sending_asks_for_the_count_before_it_begins() -> None:
     scene = Scene(robots=20)
     with pytest.raises(CountNeededError):
         stages(scene, Draft("(WHEN (> x 3) (DRIVE 1))"))
-    with pytest.raises(AddressError):
+    with pytest.raises(NotConfirmedError):
         stages(scene, Draft("(DRIVE 1)", count=20))
     assert driven(scene) == set()
 

@@ -16,7 +16,7 @@ from random import Random
 from typing import BinaryIO
 
 from sleepcast.core.clock import UnixClock
-from sleepcast.station import Event
+from sleepcast.station import JournalEvent
 from sleepcast.station.journal.file import SqliteJournal
 
 WRITERS = 2
@@ -35,9 +35,9 @@ def write(file: Path, name: str, shown: int) -> None:
             texts += [f"{name}.{number}.{more}" for more in range(3)]
             with journal.together():
                 for text in texts:
-                    journal.append(0.0, name, Event.SENT, text=text, details={})
+                    journal.append(0.0, name, JournalEvent.SENT, text=text, details={})
         else:
-            journal.append(0.0, name, Event.SENT, text=texts[0], details={"robots": ["r1"] * 50})
+            journal.append(0.0, name, JournalEvent.SENT, text=texts[0], details={"robots": ["r1"] * 50})
         os.write(shown, "".join(f"{text}\n" for text in texts).encode())
         if number % 5 == 4:
             journal.rotate()

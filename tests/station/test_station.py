@@ -14,11 +14,11 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.language import CheckError, ReadError
 from sleepcast.station import (
     DEADLINE,
-    AddressError,
     CommandTypeError,
-    Event,
+    JournalEvent,
     NoExplanationError,
     NoSuchCommandError,
+    NotConfirmedError,
     Station,
     UnknownRobotError,
 )
@@ -119,9 +119,9 @@ def test_errors_are_not_sent(fleet: Fleet) -> None:
 
 
 def test_everybody_must_be_spelled_out(fleet: Fleet) -> None:
-    with pytest.raises(AddressError, match=r"has no test.*10 on the roster"):
+    with pytest.raises(NotConfirmedError, match=r"has no test.*10 on the roster"):
         fleet.station.send("(JOIN bravo)")
-    with pytest.raises(AddressError, match="always true"):
+    with pytest.raises(NotConfirmedError, match="always true"):
         fleet.station.send("(WHEN (>= fuel 0%) (JOIN bravo))")
     assert fleet.sent == []
     fleet.station.send("(JOIN bravo)", everybody=True)
@@ -247,7 +247,7 @@ def test_reports_are_kept_the_latest_last(fleet: Fleet) -> None:
 
 def test_the_journal_has_all_that_was_sent_heard_and_decided(fleet: Fleet) -> None:
     fleet.report()
-    with pytest.raises(AddressError):
+    with pytest.raises(NotConfirmedError):
         fleet.station.send("(MARK)")
     command = fleet.station.send(HALF)
     fleet.deliver(["s4", "s9"])
@@ -258,12 +258,12 @@ def test_the_journal_has_all_that_was_sent_heard_and_decided(fleet: Fleet) -> No
     assert [entry.number for entry in entries] == list(range(1, 7))
     events = [(entry.event, entry.who) for entry in entries]
     assert events == [
-        (Event.REFUSED, "desk"),
-        (Event.SENT, "desk"),
-        (Event.HEARD, "s4"),
-        (Event.HEARD, "s9"),
-        (Event.SENT, "desk"),
-        (Event.REPEATED, "desk"),
+        (JournalEvent.REFUSED, "desk"),
+        (JournalEvent.SENT, "desk"),
+        (JournalEvent.HEARD, "s4"),
+        (JournalEvent.HEARD, "s9"),
+        (JournalEvent.SENT, "desk"),
+        (JournalEvent.REPEATED, "desk"),
     ]
     assert "has no test" in str(entries[0].details["reason"])
     sent = entries[1]
@@ -309,7 +309,7 @@ def test_many_threads_at_one_desk(fleet: Fleet) -> None:
 
 
 def test_errors_at_the_desk_are_the_users_own() -> None:
-    for error in (AddressError, CommandTypeError, NoSuchCommandError, UnknownRobotError):
+    for error in (NotConfirmedError, CommandTypeError, NoSuchCommandError, UnknownRobotError):
         assert issubclass(error, MisuseError)
     assert not issubclass(NoExplanationError, MisuseError)
 

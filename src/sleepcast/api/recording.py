@@ -58,8 +58,8 @@ class RecordingPlan:
     rotation: Rotation = ONE_FILE
 
 
-class Witness:
-    """Sees what happens in a swarm (the loop's `Witness`) and records it."""
+class RecordingWitness:
+    """Sees what happens in a swarm (the loop's `RecordingWitness`) and records it."""
 
     def __init__(self, recorder: Recorder, swarm: Swarm, station: Station, wanted: RecordingPlan) -> None:
         self._recorder, self._swarm, self._station = recorder, swarm, station
@@ -234,7 +234,7 @@ def recorded(
         rotation=wanted.rotation,
         first=first,
     ) as recorder:
-        witness = Witness(recorder, swarm, station, wanted)
+        witness = RecordingWitness(recorder, swarm, station, wanted)
         swarm.witness = witness
         try:
             yield recorder

@@ -13,7 +13,7 @@ from sleepcast.cli.standard_memory import reported_body
 from sleepcast.core.clock import WallClock
 from sleepcast.core.errors import printable
 from sleepcast.language import format_value
-from sleepcast.station.journal.journal import Entry, Event
+from sleepcast.station.journal.journal import JournalEntry, JournalEvent
 
 SHOWN = 5
 """Names that are listed."""
@@ -21,7 +21,7 @@ COUNTED = {"matched": "matched", "not_matched": "did not match", "fault": "fault
 """What is counted of a command, and how it is said."""
 
 
-def entry_text(entry: Entry) -> str:
+def entry_text(entry: JournalEntry) -> str:
     """What an entry says."""
     about = f"{entry.subject}: " if entry.subject else ""
     return about + TELLERS.get(entry.event, _other)(entry)
@@ -55,7 +55,7 @@ def notices_of(admission: Admission) -> NoticeLog:
     return NoticeLog(admission.drops, admission.trust, WallClock(), admission.clocks.of_operators)
 
 
-def _sent(entry: Entry) -> str:
+def _sent(entry: JournalEntry) -> str:
     details, text = entry.details, _one_line(entry.text)
     kind = str(details.get("kind", "")).upper()
     named = text if kind == "COMMAND" else f"{kind} {text}".strip()
@@ -67,20 +67,20 @@ def _sent(entry: Entry) -> str:
     return f"{named}{'  [standing]' if details.get('standing') else ''}{expected}"
 
 
-def _refused(entry: Entry) -> str:
+def _refused(entry: JournalEntry) -> str:
     reason = str(entry.details.get("reason", "")).partition("\n")[0]
     return f"{_one_line(entry.text)} ({reason})"
 
 
-def _heard(entry: Entry) -> str:
+def _heard(entry: JournalEntry) -> str:
     return answer_text(entry.details)
 
 
-def _repeated(entry: Entry) -> str:
+def _repeated(entry: JournalEntry) -> str:
     return f"{entry.text}, as {entry.details.get('silent')} are silent"
 
 
-def _accounted(entry: Entry) -> str:
+def _accounted(entry: JournalEntry) -> str:
     details = entry.details
     counts = [f"{words} {details.get(f'n_{sort}')}" for sort, words in COUNTED.items()]
     names = details.get("silent")
@@ -89,16 +89,16 @@ def _accounted(entry: Entry) -> str:
     return ", ".join(counts) + (f": {listed}" if silent else "")
 
 
-def _other(entry: Entry) -> str:
+def _other(entry: JournalEntry) -> str:
     return f"{_one_line(entry.text)} {json.dumps(dict(entry.details), ensure_ascii=False)}".strip()
 
 
-TELLERS: Mapping[Event, Callable[[Entry], str]] = {
-    Event.SENT: _sent,
-    Event.REFUSED: _refused,
-    Event.HEARD: _heard,
-    Event.REPEATED: _repeated,
-    Event.ACCOUNTED: _accounted,
+TELLERS: Mapping[JournalEvent, Callable[[JournalEntry], str]] = {
+    JournalEvent.SENT: _sent,
+    JournalEvent.REFUSED: _refused,
+    JournalEvent.HEARD: _heard,
+    JournalEvent.REPEATED: _repeated,
+    JournalEvent.ACCOUNTED: _accounted,
 }
 
 

@@ -84,13 +84,13 @@ def _query(command: Callable[..., int]) -> Callable[..., int]:
     def chosen(
         text: str, robot: str, event: str, command_: str, since: float | None, until: float | None, **others: object
     ) -> int:
-        from sleepcast.station.journal.journal import Event
+        from sleepcast.station.journal.journal import JournalEvent
         from sleepcast.station.journal.reader import Query
 
-        sorts = [each.value for each in Event]
+        sorts = [each.value for each in JournalEvent]
         if event and event not in sorts:
             raise MisuseError(f"--event {event}: entries tell of {', '.join(sorts)}")
-        sort = Event(event) if event else None
+        sort = JournalEvent(event) if event else None
         return command(query=Query(0, since, until, text, robot, sort, command_), **others)
 
     return chosen
@@ -203,7 +203,7 @@ def rotate(file: Path, at: str | None) -> int:
     from contextlib import closing
 
     from sleepcast.core.clock import UnixClock
-    from sleepcast.station.journal.file import Limits, SqliteJournal, open_reading
+    from sleepcast.station.journal.file import ArchiveLimits, SqliteJournal, open_reading
 
     open_reading(file).close()  # there must be one
     with closing(SqliteJournal(file, UnixClock())) as found:
@@ -211,13 +211,13 @@ def rotate(file: Path, at: str | None) -> int:
             archive = found.rotate()
             put(f"moved into {archive}" if archive else "there is nothing to move")
         elif at == NEVER:
-            found.limits = Limits()
+            found.limits = ArchiveLimits()
             put(f"{file} moves into an archive only when you say so")
         else:
             from sleepcast.simulator.recording.recorder import read_rotation
 
             rotation = read_rotation(at)
-            found.limits = Limits(rotation.size, rotation.age)
+            found.limits = ArchiveLimits(rotation.size, rotation.age)
             put(f"{file} moves into an archive at {at}")
     return 0
 

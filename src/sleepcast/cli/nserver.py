@@ -21,7 +21,7 @@ from sleepcast.cli.streams import ReaderGone, announce, complain
 from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
-    from sleepcast.nomad import Nserver, RealRobot, ServerPace
+    from sleepcast.nomad import Nserver, RealAddress, ServerPace
     from sleepcast.simulator.nomads.nomads import NomadWorld
 
 PAGE_PORT = 8318
@@ -164,7 +164,7 @@ async def _serve(
     await (server.run(pace) if page is None else page(server))
 
 
-def _real_robots(given: Sequence[str], count: int) -> dict[int, RealRobot]:
+def _real_robots(given: Sequence[str], count: int) -> dict[int, RealAddress]:
     """The real robots of --real by the index of the simulated one. Raises MisuseError."""
     from sleepcast.nomad import real_robot
 

@@ -14,7 +14,7 @@ NAMED = 3
 """Silent robots named in the sentence about STOP."""
 
 
-class Row(msgspec.Struct, frozen=True):
+class CommandRow(msgspec.Struct, frozen=True):
     """One command. at: when it was sent, in simulated s. kind: command, ask, stop or release. Then counts of robots.
     standing: whether it has no deadline. values: what was answered to a question, in words. scope: among whom silence
     was counted, in words."""
@@ -39,11 +39,11 @@ class AccountTable:
 
     def __init__(self, station: Station, swarm: SwarmView, began: float = 0.0) -> None:
         self._station, self._swarm, self._began = station, swarm, began
-        self._rows: dict[str, tuple[tuple[int, int], Row]] = {}
+        self._rows: dict[str, tuple[tuple[int, int], CommandRow]] = {}
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[CommandRow]:
         """The latest commands, oldest first."""
-        kept: dict[str, tuple[tuple[int, int], Row]] = {}
+        kept: dict[str, tuple[tuple[int, int], CommandRow]] = {}
         for command in self._station.commands()[-MOST_ROWS:]:
             known = self._rows.get(command.id)
             state = len(command.answers), command.addressed
@@ -53,8 +53,8 @@ class AccountTable:
         self._rows = kept
         return [row for _, row in kept.values()]
 
-    def _row(self, command: Command, found: Account) -> Row:
-        return Row(
+    def _row(self, command: Command, found: Account) -> CommandRow:
+        return CommandRow(
             command.id,
             command.kind.value,
             command.text.strip(),

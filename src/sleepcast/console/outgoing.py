@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import msgspec
 
-from sleepcast.console.account_table import Row
+from sleepcast.console.account_table import CommandRow
 from sleepcast.console.completion import ShownName
 from sleepcast.console.explanation import ShownWhy
 from sleepcast.console.view import Outline, Scene
@@ -109,7 +109,7 @@ class Answered(Said):
 class Commands(Said):
     """The account of every command; serial: of the question, if it was asked for."""
 
-    rows: list[Row]
+    rows: list[CommandRow]
     serial: int | None = None
 
 

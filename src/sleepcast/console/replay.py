@@ -16,7 +16,7 @@ from typing import Generic, NoReturn, TypeVar
 import msgspec
 
 from sleepcast.console import outgoing
-from sleepcast.console.account_table import MOST_ROWS, Row
+from sleepcast.console.account_table import MOST_ROWS, CommandRow
 from sleepcast.console.driver import FRAME_PERIOD, FrameSource
 from sleepcast.console.frames import pack
 from sleepcast.console.incoming import Sort
@@ -81,7 +81,7 @@ class Timeline:
     part: int = 0
     poses: Track[tuple[int, bytes]] = field(default_factory=Track)
     marks: Track[Marks] = field(default_factory=Track)
-    rows: Track[Row] = field(default_factory=Track)
+    rows: Track[CommandRow] = field(default_factory=Track)
     values: Track[bytes] = field(default_factory=Track)
     rules: dict[str, Track[list[outgoing.ShownRule]]] = field(default_factory=dict)
     said: dict[str, Track[str]] = field(default_factory=dict)

@@ -11,7 +11,7 @@ from typing import Protocol
 import msgspec
 
 from sleepcast.core.model import ReadyCommand
-from sleepcast.fleet.marks import ManyMinds
+from sleepcast.fleet.marks import FleetMarks
 from sleepcast.language import Vocabulary
 from sleepcast.station import Mind
 
@@ -74,7 +74,7 @@ class MindView(Mind, Protocol):
         """Every kept expression."""
 
 
-class MindsView(ManyMinds, Protocol):
+class MindsView(FleetMarks, Protocol):
     """All minds: one by its name, and what the page asks of all of them, in the order of `scene.names`."""
 
     def __getitem__(self, name: str, /) -> MindView: ...

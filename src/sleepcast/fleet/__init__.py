@@ -10,6 +10,6 @@ marks         groups and flags of each robot, for pictures
 fleet         messages and readings in, a tick of all; the robots by name, and each seen as a mind of its own
 """
 
-from sleepcast.fleet.fleet import Fleet, FleetError, Outcome, RobotView
+from sleepcast.fleet.fleet import Evaluated, Fleet, FleetError, RobotView
 
-__all__ = ["Fleet", "FleetError", "Outcome", "RobotView"]
+__all__ = ["Evaluated", "Fleet", "FleetError", "RobotView"]

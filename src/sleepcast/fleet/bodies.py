@@ -32,7 +32,7 @@ class ManyBodies(Protocol):
     def hold(self, robots: Index, still: Mask, /) -> None: ...
 
 
-class Bodies:
+class FleetBodies:
     """The bodies of a fleet's robots. bodies: `ManyBodies`, or one by one what may be a `Robot`."""
 
     def __init__(self, state: FleetState, bodies: Sequence[object | None]) -> None:

@@ -19,7 +19,7 @@ from sleepcast.channel.message import FOR, NOT, Kind, Message, hops_left, is_add
 from sleepcast.channel.message_batch import Answers, MessageBatch, NameIndex
 from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.threads import ThreadPool
-from sleepcast.fleet.bodies import Bodies
+from sleepcast.fleet.bodies import FleetBodies
 from sleepcast.fleet.evaluation import Noted, fault_text
 from sleepcast.fleet.inspection import (
     EvaluationLog,
@@ -35,7 +35,7 @@ from sleepcast.fleet.memory import FleetMemory
 from sleepcast.fleet.messages import Inbox, Outbox
 from sleepcast.fleet.native.kernels import Kernels, available
 from sleepcast.fleet.scheduler import BatchScheduler, expired
-from sleepcast.fleet.state import Column, FleetState, Index, Mask, Mind, Minds, Named, Rows
+from sleepcast.fleet.state import Column, FleetState, Index, Mask, Mind, MindNames, Minds, Rows
 from sleepcast.language.explain import Explanation, Recollection, explain, rehearse
 from sleepcast.language.functions import MAX_HOPS
 from sleepcast.language.lint import Checked, check
@@ -61,7 +61,7 @@ Some: TypeAlias = Rows | Sequence[int] | Index | None
 
 
 @dataclass
-class Outcome:
+class Evaluated:
     """What came of one text on the robots `rows`. Columns have one value for each of them; faults are in order."""
 
     rows: Rows
@@ -215,7 +215,7 @@ class RobotView:
         outcome = self._fleet.run(checked.required(), self._fleet.rows([self.place]))
         return self.result(outcome, checked.cost)
 
-    def result(self, outcome: Outcome, cost: int) -> Result:
+    def result(self, outcome: Evaluated, cost: int) -> Result:
         """What an evaluation by many robots, this one among them, came to on this one."""
         at = int(np.searchsorted(outcome.rows.robots, self.place))
         printed = []
@@ -305,7 +305,7 @@ class Fleet(Mapping[str, RobotView]):
         self.memory = FleetMemory(self.state, self.minds, self.outbox, bodies, self.kernels)
         self.evaluation_log = EvaluationLog(self.memory)
         self.scheduler = BatchScheduler(self.memory)
-        self._bodies = Bodies(self.state, bodies)
+        self._bodies = FleetBodies(self.state, bodies)
         self.telemetry = FleetTelemetry(self.state, self.minds)
         """The latest telemetry that the robots have sent."""
         self._read_set = ReadSet(self.memory)
@@ -538,7 +538,7 @@ class Fleet(Mapping[str, RobotView]):
 
     # ---- evaluating
 
-    def evaluate(self, text: str, robots: Some = None) -> list[Outcome]:
+    def evaluate(self, text: str, robots: Some = None) -> list[Evaluated]:
         """Check and evaluate one text on these robots, as if it were a message.
 
         Robots that have learned different things may take it differently: one outcome for each sort. Raises ReadError
@@ -546,7 +546,9 @@ class Fleet(Mapping[str, RobotView]):
         """
 
         def program(number: int) -> Program:
-            return self.minds.library.program(text, lambda: [read(text)], Named(self.vocabulary, self.minds[number]))
+            return self.minds.library.program(
+                text, lambda: [read(text)], MindNames(self.vocabulary, self.minds[number])
+            )
 
         return [self.run(found, rows) for found, rows, _ in self.memory.divide(self.rows(robots), program)]
 
@@ -557,7 +559,9 @@ class Fleet(Mapping[str, RobotView]):
         found, memory = np.full(rows.size, nan), QuietMemory(self.state, self.minds)
 
         def program(number: int) -> Program:
-            return self.minds.library.program(text, lambda: [read(text)], Named(self.vocabulary, self.minds[number]))
+            return self.minds.library.program(
+                text, lambda: [read(text)], MindNames(self.vocabulary, self.minds[number])
+            )
 
         for checked, some, mask in memory.divide(rows, program):
             found[... if mask is None else mask] = evaluate(memory, checked, some)
@@ -565,7 +569,7 @@ class Fleet(Mapping[str, RobotView]):
             raise FleetError(f"cannot say what {text} comes to without doing it: {memory.reasons[0]}")
         return found
 
-    def run(self, program: Program, rows: Rows, command: str = "") -> Outcome:
+    def run(self, program: Program, rows: Rows, command: str = "") -> Evaluated:
         """Evaluate a program on these robots, and remember how to explain it."""
         memory = self.memory
         entry = self.evaluation_log.remember(program, rows, command)
@@ -574,7 +578,7 @@ class Fleet(Mapping[str, RobotView]):
         steps = np.broadcast_to(np.asarray(memory.steps(rows), np.int32), rows.size)
         printed, memory.hosts, memory.printed = memory.printed, None, None
         self.evaluation_log.weigh(entry)
-        return Outcome(rows, entry, values, memory.matched[rows.index].copy(), steps, memory.noted, printed)
+        return Evaluated(rows, entry, values, memory.matched[rows.index].copy(), steps, memory.noted, printed)
 
     def install(
         self,
@@ -605,7 +609,7 @@ class Fleet(Mapping[str, RobotView]):
             return
 
         def program(number: int) -> Program | str:
-            names = Named(self.vocabulary, self.minds[number])
+            names = MindNames(self.vocabulary, self.minds[number])
             try:
                 return self.minds.library.program(message.text, lambda: [read(message.text)], names)
             except SleepcastError as error:
@@ -637,7 +641,7 @@ def _runs(mind: Mind) -> bool:
 _SORTS = ("not matched", "matched", "fault")
 
 
-def _came_of(message: Message, outcome: Outcome) -> Answers:
+def _came_of(message: Message, outcome: Evaluated) -> Answers:
     """The answers to a command, in the order of the robots that evaluated it."""
     rows, faults = outcome.rows, [fault_text(noted) for noted in outcome.faults]
     fault = np.zeros(rows.size, np.int32) if faults else np.broadcast_to(np.int32(0), rows.size)

@@ -35,7 +35,7 @@ from sleepcast.fleet.machine import evaluate
 from sleepcast.fleet.memory import FleetMemory, Found, Given
 from sleepcast.fleet.messages import Outbox
 from sleepcast.fleet.schema import TelemetryState
-from sleepcast.fleet.state import Column, FleetState, Index, Mask, Mind, Minds, Named, Rows, is_true
+from sleepcast.fleet.state import Column, FleetState, Index, Mask, Mind, MindNames, Minds, Rows, is_true
 from sleepcast.language.explain import Recollection
 from sleepcast.language.numerics import draw
 from sleepcast.language.parts import Part, Storing, acts, walk, written
@@ -85,7 +85,7 @@ class ReadSet:
 
     def _by_message(self, message: Message, mind: Mind) -> frozenset[int] | None:
         """What a message looks at, or the rules that it changes; one that cannot be read now may be readable then."""
-        names = Named(self._memory.minds.vocabulary, mind)
+        names = MindNames(self._memory.minds.vocabulary, mind)
         try:
             program = self._memory.minds.library.program(message.text, lambda: [read(message.text)], names)
         except SleepcastError:

@@ -18,7 +18,7 @@ _BITS = ((FROZEN, 2), (SLEEPING, 4))
 _MARK = 8
 
 
-class ManyMinds(Protocol):
+class FleetMarks(Protocol):
     """The minds of a fleet, as arrays in the order of its robots."""
 
     def __len__(self) -> int: ...
@@ -37,7 +37,7 @@ class ManyMinds(Protocol):
         """What any robot has learned under this key."""
 
 
-def flags_of(minds: ManyMinds) -> bytes:
+def flags_of(minds: FleetMarks) -> bytes:
     """The flags of each robot."""
     found = minds.stopped.astype(np.uint8)
     for slot, bit in _BITS:
@@ -60,7 +60,7 @@ class Groups:
         self.shown: list[int] = []
         self._codes: dict[str, int] = {}
 
-    def look(self, minds: ManyMinds) -> bytes:
+    def look(self, minds: FleetMarks) -> bytes:
         """The code of each robot's newest group (0: none), and the counts brought up to date."""
         codes = np.zeros(len(minds), np.uint8)
         counts = [0] * MAX_GROUPS

@@ -433,7 +433,7 @@ class Mind:
         return [found.name for found in self.symbols.values()]
 
 
-class Named:
+class MindNames:
     """The names of a mind, for the checker."""
 
     def __init__(self, vocabulary: Vocabulary, mind: Mind) -> None:

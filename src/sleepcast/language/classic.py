@@ -25,9 +25,9 @@ from sleepcast.language.classic_evaluator import (
     OPEN,
     VARIABLE_NAMES,
     ClassicError,
+    ClassicMemory,
     ClassicReadError,
     Evaluator,
-    Memory,
     closing,
     display,
     lookup,
@@ -64,7 +64,7 @@ class ClassicMachine:
         """What the last `evaluate` said, in order: messages of the original and lines of PRINT."""
         self._repairs = mode == "classic"
         self._say = say
-        self._memory = Memory() if self._repairs else Memory(unwritten=[0])
+        self._memory = ClassicMemory() if self._repairs else ClassicMemory(unwritten=[0])
 
     @property
     def variables(self) -> dict[str, int]:

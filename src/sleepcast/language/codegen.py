@@ -19,7 +19,7 @@ from sleepcast.language.parts import Part
 # ---- the emitter: lines, blocks, temporaries, and operands in their order
 
 
-class Piece(NamedTuple):
+class CodePiece(NamedTuple):
     """Code for a value. code: a Python expression. atom: it can be repeated and has no effect. fixed: nothing
     later changes it. slow: what to compute instead if `code` comes out not finite ("" if it cannot)."""
 
@@ -29,7 +29,7 @@ class Piece(NamedTuple):
     slow: str = ""
 
 
-ZERO, ONE, UNKNOWN = Piece("0.0", True, True), Piece("1.0", True, True), Piece("N", True, True)
+ZERO, ONE, UNKNOWN = CodePiece("0.0", True, True), CodePiece("1.0", True, True), CodePiece("N", True, True)
 
 
 class Emitter(ABC):
@@ -52,15 +52,15 @@ class Emitter(ABC):
         self.temporaries += 1
         return f"t{self.temporaries}"
 
-    def keep(self, piece: Piece) -> Piece:
+    def keep(self, piece: CodePiece) -> CodePiece:
         """The value in a temporary, as a statement, so that nothing later changes it."""
         if piece.fixed:
             return piece
         name = self.temporary()
         self.emit(f"{name}={self.safe(piece).code}")
-        return Piece(name, True, True)
+        return CodePiece(name, True, True)
 
-    def atom(self, piece: Piece) -> tuple[str, str]:
+    def atom(self, piece: CodePiece) -> tuple[str, str]:
         """How to write the piece the first time it is evaluated, and how to repeat it."""
         piece = self.safe(piece)
         if piece.atom:
@@ -68,12 +68,12 @@ class Emitter(ABC):
         name = self.temporary()
         return f"({name}:={piece.code})", name
 
-    def safe(self, piece: Piece) -> Piece:
+    def safe(self, piece: CodePiece) -> CodePiece:
         """The piece with its check that the value is finite."""
         if not piece.slow:
             return piece
         name = self.temporary()
-        return Piece(f"({name} if -I<({name}:={piece.code})<I else {piece.slow})")
+        return CodePiece(f"({name} if -I<({name}:={piece.code})<I else {piece.slow})")
 
     def constant(self, part: Part) -> str:
         """The name of `part` in the code's namespace."""
@@ -91,12 +91,12 @@ class Emitter(ABC):
     # ---- values
 
     @abstractmethod
-    def value(self, part: Part) -> Piece:
+    def value(self, part: Part) -> CodePiece:
         """The piece for `part`; what must happen first is written down."""
 
-    def values(self, parts: Sequence[Part]) -> list[Piece]:
+    def values(self, parts: Sequence[Part]) -> list[CodePiece]:
         """Pieces for operands in order: when a later one needs statements, earlier ones are computed before them."""
-        pieces: list[Piece] = []
+        pieces: list[CodePiece] = []
         for part in parts:
             mark = len(self.lines)
             piece = self.value(part)
@@ -118,7 +118,7 @@ class Emitter(ABC):
         """Operands as the inside of a tuple, a comma after each."""
         return "".join(f"{self.safe(p).code}," for p in self.values(parts))
 
-    def last(self, parts: Sequence[Part]) -> Piece:
+    def last(self, parts: Sequence[Part]) -> CodePiece:
         """One after the other; the last one's piece."""
         piece = ZERO
         for i, part in enumerate(parts):
@@ -127,9 +127,9 @@ class Emitter(ABC):
                 self.emit(self.safe(piece).code)
         return piece
 
-    def statement(self, code: str) -> Piece:
+    def statement(self, code: str) -> CodePiece:
         """A value that comes with an effect: computed now, once."""
-        return self.keep(Piece(code))
+        return self.keep(CodePiece(code))
 
 
 # ---- which parts become one Python expression
@@ -211,40 +211,40 @@ class _Generator(Emitter):
         code: Code = self.space["f"]  # type: ignore[assignment]
         return code
 
-    def value(self, part: Part) -> Piece:
+    def value(self, part: Part) -> CodePiece:
         how = getattr(self, f"_{part.op}", None)
         if how is None:
             raise TypeError(f"no code for op {part.op}")
-        piece: Piece = how(part)
+        piece: CodePiece = how(part)
         return piece
 
-    def _const(self, part: Part) -> Piece:
+    def _const(self, part: Part) -> CodePiece:
         if part.number != part.number:
             return UNKNOWN
-        return Piece(repr(float(part.number)), True, True)
+        return CodePiece(repr(float(part.number)), True, True)
 
-    def _var(self, part: Part) -> Piece:
-        return Piece(f"v[{part.slot}]", True)
+    def _var(self, part: Part) -> CodePiece:
+        return CodePiece(f"v[{part.slot}]", True)
 
-    def _local(self, part: Part) -> Piece:
-        return Piece(f"n{part.slot}", True)
+    def _local(self, part: Part) -> CodePiece:
+        return CodePiece(f"n{part.slot}", True)
 
-    def _absent(self, part: Part) -> Piece:
+    def _absent(self, part: Part) -> CodePiece:
         return UNKNOWN
 
-    def _linked(self, part: Part) -> Piece:
+    def _linked(self, part: Part) -> CodePiece:
         return self.statement(f"m.read({self.constant(part)})")
 
-    def _in(self, part: Part) -> Piece:
-        return Piece(f"(1.0 if {self._in_test(part)} else 0.0)")
+    def _in(self, part: Part) -> CodePiece:
+        return CodePiece(f"(1.0 if {self._in_test(part)} else 0.0)")
 
-    def _known(self, part: Part) -> Piece:
+    def _known(self, part: Part) -> CodePiece:
         first, again = self.atom(self.value(part.parts[0]))
-        return Piece(f"(1.0 if {first}=={again} else 0.0)")
+        return CodePiece(f"(1.0 if {first}=={again} else 0.0)")
 
     # ---- pure functions
 
-    def _pure(self, part: Part) -> Piece:
+    def _pure(self, part: Part) -> CodePiece:
         name, count = part.name, len(part.parts)
         if name in ("+", "-", "*") and count > 1:
             return self._fold(part)
@@ -253,9 +253,9 @@ class _Generator(Emitter):
         how = _INLINE.get((name, count))
         if how is not None:
             return how(self, part, *self.kept(part.parts))
-        return Piece(f"A(m,{self.constant(part)},({self.arguments(part.parts)}))")
+        return CodePiece(f"A(m,{self.constant(part)},({self.arguments(part.parts)}))")
 
-    def _fold(self, part: Part) -> Piece:
+    def _fold(self, part: Part) -> CodePiece:
         pieces = self.values(part.parts)
         fast, slow = [], []
         for piece in pieces:
@@ -268,21 +268,21 @@ class _Generator(Emitter):
                 slow.append(again)
         code = f"({part.name.join(fast)})"
         if self._cannot_overflow(part, pieces):
-            return Piece(code)
-        return Piece(code, slow=f"A(m,{self.constant(part)},({','.join(slow)},))")
+            return CodePiece(code)
+        return CodePiece(code, slow=f"A(m,{self.constant(part)},({','.join(slow)},))")
 
-    def _cannot_overflow(self, part: Part, pieces: list[Piece]) -> bool:
+    def _cannot_overflow(self, part: Part, pieces: list[CodePiece]) -> bool:
         if len(pieces) != 2 or any(piece.slow for piece in pieces):
             return False
         limit = 1.0 if part.name == "*" else _TINY
         return any(p.op == "const" and abs(p.number) <= limit for p in part.parts)
 
-    def _comparison(self, part: Part) -> Piece:
+    def _comparison(self, part: Part) -> CodePiece:
         left, right = self.values(part.parts)
         (a, again), (b, b_again) = self.atom(left), self.atom(right)
         yes, no = _COMPARE[part.name]
         otherwise = f"{again}{no}{b_again}" if no else f"{again}<{b_again} or {again}>{b_again}"
-        return Piece(f"(1.0 if {a}{yes}{b} else 0.0 if {otherwise} else N)")
+        return CodePiece(f"(1.0 if {a}{yes}{b} else 0.0 if {otherwise} else N)")
 
     # ---- tests: Python expressions that are true just if the value is
 
@@ -327,11 +327,11 @@ class _Generator(Emitter):
 
     # ---- special forms
 
-    def _and(self, part: Part) -> Piece:
+    def _and(self, part: Part) -> CodePiece:
         if not part.parts:
             return ONE
         if flat(part):
-            return Piece(self._nested(part.parts))
+            return CodePiece(self._nested(part.parts))
         result = self.temporary()
         for i, inside in enumerate(part.parts):
             before = self.block(f"if {result}<0.0 or {result}>0.0:") if i else self.indent
@@ -341,7 +341,7 @@ class _Generator(Emitter):
             self.indent = before
         if part.watch == len(part.parts):
             self.emit(f"if {result}<0.0 or {result}>0.0: m.matched=True")
-        return Piece(result, True, True)
+        return CodePiece(result, True, True)
 
     def _nested(self, parts: Sequence[Part]) -> str:
         part, rest = parts[0], parts[1:]
@@ -356,7 +356,7 @@ class _Generator(Emitter):
         first, again = self.atom(self.value(part))
         return f"({self._nested(rest)} if {first}<0.0 or {again}>0.0 else {again})"
 
-    def _or(self, part: Part) -> Piece:
+    def _or(self, part: Part) -> CodePiece:
         if not part.parts:
             return ZERO
         result, unknown = self.temporary(), self.temporary()
@@ -366,9 +366,9 @@ class _Generator(Emitter):
             self.emit(f"{result}={self.safe(self.value(inside)).code}")
             self.emit(f"if {result}!={result}: {unknown}=N")
             self.indent = before
-        return Piece(f"({result} if {result}<0.0 or {result}>0.0 else {unknown})", True, True)
+        return CodePiece(f"({result} if {result}<0.0 or {result}>0.0 else {unknown})", True, True)
 
-    def _cond(self, part: Part) -> Piece:
+    def _cond(self, part: Part) -> CodePiece:
         result, begun = self.temporary(), self.indent
         self.emit(f"{result}=0.0")
         # Clauses chain as if and elif, unless a later test needs statements of its own: then a flag says to go on.
@@ -392,13 +392,13 @@ class _Generator(Emitter):
                 self.emit("m.matched=True")
             self.emit(f"{result}={self.safe(self.last(body)).code if body else value}")
             self.indent = begun
-        return Piece(result, True, True)
+        return CodePiece(result, True, True)
 
-    def _if(self, part: Part) -> Piece:
+    def _if(self, part: Part) -> CodePiece:
         test, yes, *no = part.parts
         code = self.test(test)
         if flat(part):
-            return Piece(f"({self.safe(self.value(yes)).code} if {code} else {self.safe(self.last(no)).code})")
+            return CodePiece(f"({self.safe(self.value(yes)).code} if {code} else {self.safe(self.last(no)).code})")
         result = self.temporary()
         before = self.block(f"if {code}:")
         if part.watch:
@@ -408,18 +408,18 @@ class _Generator(Emitter):
         self.block("else:")
         self.emit(f"{result}={self.safe(self.last(no)).code}")
         self.indent = before
-        return Piece(result, True, True)
+        return CodePiece(result, True, True)
 
-    def _progn(self, part: Part) -> Piece:
+    def _progn(self, part: Part) -> CodePiece:
         return self.last(part.parts)
 
-    def _let(self, part: Part) -> Piece:
+    def _let(self, part: Part) -> CodePiece:
         count = int(part.number)
         for i, piece in enumerate(self.values(part.parts[:count])):
             self.emit(f"n{part.slot + i}={self.safe(piece).code}")
         return self.last(part.parts[count:])
 
-    def _dotimes(self, part: Part) -> Piece:
+    def _dotimes(self, part: Part) -> CodePiece:
         repeats = f"r{part.index}"
         self.space[repeats] = tuple(map(float, range(int(part.number))))
         before = self.block(f"for n{part.slot} in {repeats}:")
@@ -428,7 +428,7 @@ class _Generator(Emitter):
         self.indent = before
         return ZERO
 
-    def _dice(self, part: Part) -> Piece:
+    def _dice(self, part: Part) -> CodePiece:
         result, drawn, total, going = (self.temporary() for _ in range(4))
         self.emit(f"{result}={total}=0.0; {going}=True; {drawn}=m.draw()")
         for side in part.parts:
@@ -440,84 +440,84 @@ class _Generator(Emitter):
             self.emit(f"{going}=False")
             self.emit(f"{result}={self.safe(self.value(expression)).code}")
             self.indent = before
-        return Piece(result, True, True)
+        return CodePiece(result, True, True)
 
     # ---- assignment, storing, calling
 
-    def _set_user(self, part: Part) -> Piece:
+    def _set_user(self, part: Part) -> CodePiece:
         self.emit(f"v[{part.slot}]={self.safe(self.value(part.parts[0])).code}")
-        return Piece(f"v[{part.slot}]", True)
+        return CodePiece(f"v[{part.slot}]", True)
 
-    def _set_local(self, part: Part) -> Piece:
+    def _set_local(self, part: Part) -> CodePiece:
         self.emit(f"n{part.slot}={self.safe(self.value(part.parts[0])).code}")
-        return Piece(f"n{part.slot}", True)
+        return CodePiece(f"n{part.slot}", True)
 
-    def _write(self, part: Part) -> Piece:
+    def _write(self, part: Part) -> CodePiece:
         value = self.safe(self.value(part.parts[0])).code
         return self.statement(f"m.write({self.constant(part)},{value})")
 
-    def _defvar(self, part: Part) -> Piece:
+    def _defvar(self, part: Part) -> CodePiece:
         name = self.constant(part)
         before = self.block(f"if not m.defined({name}):")
         value = self.safe(self.value(part.parts[0])).code if part.parts else "N"
         self.emit(f"m.define({name},{value})")
         self.indent = before
-        return Piece(f"v[{part.slot}]", True)
+        return CodePiece(f"v[{part.slot}]", True)
 
-    def _store(self, part: Part) -> Piece:
+    def _store(self, part: Part) -> CodePiece:
         value = self.safe(self.value(part.parts[0])).code if part.parts else "0.0"
         return self.statement(f"m.store({self.constant(part)},{value})")
 
-    def _fetch(self, part: Part) -> Piece:
+    def _fetch(self, part: Part) -> CodePiece:
         name = self.constant(part)
         return self.statement(f"E(m,{name},m.fetch({name}))")
 
-    def _call(self, part: Part) -> Piece:
+    def _call(self, part: Part) -> CodePiece:
         name, program, result = self.constant(part), self.temporary(), self.temporary()
         self.emit(f"{program}=m.operator({name}); {result}=N")
         before = self.block(f"if {program} is not None:")
         self.emit(f"{result}=E(m,{name},{program},({self.arguments(part.parts)}))")
         self.indent = before
-        return Piece(result, True, True)
+        return CodePiece(result, True, True)
 
-    def _host(self, part: Part) -> Piece:
+    def _host(self, part: Part) -> CodePiece:
         return self.statement(f"m.host({self.constant(part)},{self.arguments(part.parts)})")
 
-    def _act(self, part: Part) -> Piece:
+    def _act(self, part: Part) -> CodePiece:
         return self.statement(f"m.act({self.constant(part)},{self.arguments(part.parts)})")
 
-    def _missing(self, part: Part) -> Piece:
+    def _missing(self, part: Part) -> CodePiece:
         name = self.constant(part)
         return self.statement(f"m.fault({name},'this robot has no function '+{name}.name)")
 
-    def _prob(self, part: Part) -> Piece:
-        return Piece(f"P(m,{self.safe(self.value(part.parts[0])).code})")
+    def _prob(self, part: Part) -> CodePiece:
+        return CodePiece(f"P(m,{self.safe(self.value(part.parts[0])).code})")
 
-    def _random(self, part: Part) -> Piece:
-        return Piece(f"B(m,{self.constant(part)},{self.arguments(part.parts)})")
+    def _random(self, part: Part) -> CodePiece:
+        return CodePiece(f"B(m,{self.constant(part)},{self.arguments(part.parts)})")
 
-    def _gauss(self, part: Part) -> Piece:
-        return Piece(f"G(m,{self.constant(part)},{self.arguments(part.parts)})")
+    def _gauss(self, part: Part) -> CodePiece:
+        return CodePiece(f"G(m,{self.constant(part)},{self.arguments(part.parts)})")
 
 
-def _quotient(g: _Generator, part: Part, a: str, b: str) -> Piece:
+def _quotient(g: _Generator, part: Part, a: str, b: str) -> CodePiece:
     name = g.temporary()
-    return Piece(f"({name} if {b} and -I<({name}:={a}/{b})<I else A(m,{g.constant(part)},({a},{b})))")
+    return CodePiece(f"({name} if {b} and -I<({name}:={a}/{b})<I else A(m,{g.constant(part)},({a},{b})))")
 
 
-def _distance(g: _Generator, part: Part, x1: str, y1: str, x2: str, y2: str) -> Piece:
+def _distance(g: _Generator, part: Part, x1: str, y1: str, x2: str, y2: str) -> CodePiece:
     across, up, name = g.temporary(), g.temporary(), g.temporary()
     code = f"sqrt(({across}:={x1}-{x2})*{across}+({up}:={y1}-{y2})*{up})"
-    return Piece(f"({name} if ({name}:={code})<I else A(m,{g.constant(part)},({x1},{y1},{x2},{y2})))")
+    return CodePiece(f"({name} if ({name}:={code})<I else A(m,{g.constant(part)},({x1},{y1},{x2},{y2})))")
 
 
-_INLINE: dict[tuple[str, int], Callable[..., Piece]] = {
-    ("-", 1): lambda g, part, a: Piece(f"(-{a})"),
+_INLINE: dict[tuple[str, int], Callable[..., CodePiece]] = {
+    ("-", 1): lambda g, part, a: CodePiece(f"(-{a})"),
     ("/", 2): _quotient,
-    ("ABS", 1): lambda g, part, a: Piece(f"abs({a})"),
-    ("MIN", 2): lambda g, part, a, b: Piece(f"({a} if {a}<={b} else {b} if {b}<{a} else N)"),
-    ("MAX", 2): lambda g, part, a, b: Piece(f"({a} if {a}>={b} else {b} if {b}>{a} else N)"),
-    ("NOT", 1): lambda g, part, a: Piece(f"(1.0 if {a}==0.0 else 0.0 if {a}=={a} else N)"),
-    ("SQRT", 1): lambda g, part, a: Piece(f"(sqrt({a}) if {a}>=0.0 else A(m,{g.constant(part)},({a},)))"),
+    ("ABS", 1): lambda g, part, a: CodePiece(f"abs({a})"),
+    ("MIN", 2): lambda g, part, a, b: CodePiece(f"({a} if {a}<={b} else {b} if {b}<{a} else N)"),
+    ("MAX", 2): lambda g, part, a, b: CodePiece(f"({a} if {a}>={b} else {b} if {b}>{a} else N)"),
+    ("NOT", 1): lambda g, part, a: CodePiece(f"(1.0 if {a}==0.0 else 0.0 if {a}=={a} else N)"),
+    ("SQRT", 1): lambda g, part, a: CodePiece(f"(sqrt({a}) if {a}>=0.0 else A(m,{g.constant(part)},({a},)))"),
     ("DIST", 4): _distance,
 }

@@ -60,7 +60,7 @@ class Cover(msgspec.Struct):
     version: str
 
 
-class Document(Cover):
+class SnapshotFile(Cover):
     """The whole file. robots: how many there are, which bounds the rest. desk: None if there was none."""
 
     robots: int
@@ -102,7 +102,7 @@ def snapshot(swarm: Swarm) -> bytes:
     except SerialError as error:
         raise SnapshotLostError(f"the swarm does not fit into a snapshot: {error}") from None
     return msgspec.msgpack.encode(
-        Document(KIND, FORMAT, VERSION, robots, simulator, fleet, radio, rest, desk),
+        SnapshotFile(KIND, FORMAT, VERSION, robots, simulator, fleet, radio, rest, desk),
     )
 
 
@@ -160,7 +160,7 @@ def resume(
     return swarm
 
 
-def _opened(data: bytes, name: str) -> Document:
+def _opened(data: bytes, name: str) -> SnapshotFile:
     try:
         cover = msgspec.msgpack.decode(data, type=Cover)
     except UNREADABLE:
@@ -175,7 +175,7 @@ def _opened(data: bytes, name: str) -> Document:
             f"update sleepcast (the snapshot was taken by version {cover.version[:40]})"
         )
     try:
-        document = msgspec.msgpack.decode(data, type=Document)
+        document = msgspec.msgpack.decode(data, type=SnapshotFile)
     except UNREADABLE as error:
         raise SnapshotError(f"{name} is damaged: {error}. Take another snapshot, or run the scenario anew") from None
     if not 0 < document.robots <= MAX_MINDS:
@@ -183,7 +183,7 @@ def _opened(data: bytes, name: str) -> Document:
     return document
 
 
-def _resumed(document: Document, seed: int | None, threads: int | None) -> Swarm:
+def _resumed(document: SnapshotFile, seed: int | None, threads: int | None) -> Swarm:
     room = room_for(document.robots)
     state = unpack(SimulatorState, document.simulator, room, "the part of the simulator")
     if simulators.scenario_of(state.scenario).robots.count != document.robots:

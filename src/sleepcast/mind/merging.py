@@ -16,11 +16,11 @@ import msgspec
 
 from sleepcast.channel.message import Message
 
-Place = tuple[int, int, int, str]
+CommandOrder = tuple[int, int, int, str]
 """Of a command: when it was issued (microseconds of Unix time), its epoch, its number, and its sender's name."""
-NOWHERE: Place = (0, 0, 0, "")
+NOWHERE: CommandOrder = (0, 0, 0, "")
 """Before all commands."""
-Making = tuple[Place, int]
+Making = tuple[CommandOrder, int]
 """A command that has made a rule, and which of those that it has made."""
 MAX_NAMES = 1_024
 """Registers of a kind whose last change is remembered; of more, the oldest one is forgotten."""
@@ -33,10 +33,10 @@ Value = TypeVar("Value")
 class MergingState(msgspec.Struct, frozen=True, array_like=True):
     """See `Merging`; its fields."""
 
-    floor: Place = NOWHERE
-    written: dict[str, Place] = {}
-    flags: dict[str, tuple[Place, bool]] = {}
-    made: dict[str, tuple[Place, tuple[Making, ...]]] = {}
+    floor: CommandOrder = NOWHERE
+    written: dict[str, CommandOrder] = {}
+    flags: dict[str, tuple[CommandOrder, bool]] = {}
+    made: dict[str, tuple[CommandOrder, tuple[Making, ...]]] = {}
 
 
 class Merging:
@@ -45,16 +45,16 @@ class Merging:
     when a rule was last forgotten, and the commands that have made it since."""
 
     def __init__(self) -> None:
-        self.place: Place | None = None
+        self.place: CommandOrder | None = None
         self.version = 0
         """Grows with every change."""
         self._floor = NOWHERE
-        self._written: dict[str, Place] = {}
-        self._flags: dict[str, tuple[Place, bool]] = {}
-        self._made: dict[str, tuple[Place, tuple[Making, ...]]] = {}
+        self._written: dict[str, CommandOrder] = {}
+        self._flags: dict[str, tuple[CommandOrder, bool]] = {}
+        self._made: dict[str, tuple[CommandOrder, tuple[Making, ...]]] = {}
         self._makes = 0
 
-    def begin(self, place: Place | None) -> None:
+    def begin(self, place: CommandOrder | None) -> None:
         """What comes now is done by the command of this place, or by none."""
         self.place, self._makes = place, 0
 
@@ -92,7 +92,7 @@ class Merging:
             forgotten, made = self._made.get(key, (NOWHERE, ()))
             self._set_made(key, max(forgotten, self.place), made)
 
-    def _set_made(self, key: str, forgotten: Place, made: Iterable[Making]) -> None:
+    def _set_made(self, key: str, forgotten: CommandOrder, made: Iterable[Making]) -> None:
         since = sorted(making for making in made if making[0] > forgotten)
         self._put(self._made, key, (forgotten, (*since[:1], *since[1:][1 - MAX_MADE :])))
 
@@ -124,7 +124,7 @@ class Merging:
             del registers[next(iter(registers))]
 
 
-def place_of(message: Message, zero: float) -> Place:
+def place_of(message: Message, zero: float) -> CommandOrder:
     """The place of a command. zero: when the mind's time began, s of Unix time."""
     return round((message.issued + zero) * 1e6), message.epoch, message.sequence, message.sender
 

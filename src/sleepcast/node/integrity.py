@@ -106,7 +106,7 @@ class Seal:
         to.execute("INSERT INTO seal VALUES (?, ?, ?, ?)", (self.store, self.generation, self.doubt, self._own_sum()))
 
 
-class Mark(msgspec.Struct, frozen=True):
+class StoreMark(msgspec.Struct, frozen=True):
     """What a marker says: format, store and generation as the store had them, and a sum over these."""
 
     format: int
@@ -124,11 +124,11 @@ class Marker:
     def __init__(self, store: Path, version: int) -> None:
         self.file, self._version = store.with_name(f"{store.name}.marker"), version
 
-    def read(self) -> Mark | None:
+    def read(self) -> StoreMark | None:
         """What it says; None if there is none. Raises DamageError for one that cannot be read."""
         try:
             with self.file.open("rb") as opened:
-                found = msgspec.json.decode(opened.read(MAX_MARKER), type=Mark)
+                found = msgspec.json.decode(opened.read(MAX_MARKER), type=StoreMark)
         except (FileNotFoundError, NotADirectoryError):
             return None
         except (OSError, msgspec.MsgspecError, ValueError) as error:
@@ -139,7 +139,7 @@ class Marker:
 
     def write(self, seal: Seal) -> None:
         """The store has come so far. Raises OSError."""
-        mark = Mark(self._version, seal.store, seal.generation, 0)
+        mark = StoreMark(self._version, seal.store, seal.generation, 0)
         replace_file(self.file, msgspec.json.encode(msgspec.structs.replace(mark, sum=mark.own_sum())), private=True)
 
     def withdraw(self) -> None:
@@ -148,7 +148,7 @@ class Marker:
             self.file.unlink()
 
 
-def doubt_about(seal: Seal | None, mark: Mark | None) -> str:
+def doubt_about(seal: Seal | None, mark: StoreMark | None) -> str:
     """What is wrong with a store that is whole, but may not be the latest of its robots; "" if it is. seal: None in one
     of an older format."""
     if seal is None:

@@ -46,7 +46,7 @@ from sleepcast.node.host_memory import HostNumber, LinkError, as_number, attribu
 __all__ = ["LinkError", "VariableTable", "actuator", "command", "function", "sensor"]
 
 
-class Link(NamedTuple):
+class VariableSlot(NamedTuple):
     """A variable and its place. measured: where the host keeps the time of its last measurement, if it does.
 
     rest: what STOP sets an actuator to, in SI; None leaves it.
@@ -82,7 +82,7 @@ class VariableTable:
         self._name, self._like = name, like
         self._sensors, self._actuators = tuple(sensors), tuple(actuators)
         self._constants, self._functions = tuple(constants), list(functions)
-        self._links: list[Link] = []
+        self._links: list[VariableSlot] = []
         self._vocabulary: Vocabulary | None = None
         self._readers: dict[int, Callable[[], float]] = {}
         self._writers: dict[int, Callable[[float], None]] = {}
@@ -158,7 +158,7 @@ class VariableTable:
             )
         measured = look_up(found.measured_at) if found.measured_at else None
         rest = None if found.rest is None else si(found.rest, found.unit)
-        self._links.append(Link(found.quantity(name, doc), found.acts, place, measured, rest))
+        self._links.append(VariableSlot(found.quantity(name, doc), found.acts, place, measured, rest))
 
     # ---- what the robot's mind uses
 
@@ -302,7 +302,7 @@ class VariableTable:
         self._measured.update((slot, -inf) for slot, _ in self._aging)
         self._plain = len(in_list) == len(vocabulary.sensors) and not self._aging
 
-    def _fresh_reader(self, link: Link, slot: int) -> Callable[[], float]:
+    def _fresh_reader(self, link: VariableSlot, slot: int) -> Callable[[], float]:
         """A reader that gives unknown when the measurement is too old."""
         read, limit = _reader(link.place, link.quantity.unit), link.quantity.freshness
         if limit == inf:
@@ -331,7 +331,7 @@ def _reader(place: HostNumber, unit: str) -> Callable[[], float]:
     return read
 
 
-def _writer(link: Link) -> Callable[[float], None]:
+def _writer(link: VariableSlot) -> Callable[[float], None]:
     place, unit, low, high = link.place, link.quantity.unit, link.quantity.low, link.quantity.high
     store, label = place.store, place.label
     if store is None:

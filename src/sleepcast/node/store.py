@@ -73,7 +73,7 @@ INTERRUPTED = "interrupted"
 
 
 @dataclass(slots=True)
-class Robot:
+class StoredRobot:
     """One robot of the store. known: ids of what is written down as taken, and how often it was begun; begun: of these,
     what was in this life; fingerprint: of the mind as it was last looked at."""
 
@@ -95,7 +95,7 @@ class Store:
     def __init__(self, file: Path, clock: Clock, say: Callable[[str], None]) -> None:
         self.file, self._clock, self._say = Path(os.path.realpath(file)), clock, say
         self.doubt = ""
-        self._robots: dict[str, Robot] = {}
+        self._robots: dict[str, StoredRobot] = {}
         self._attended: tuple[Remembered, ReliableDelivery] | None = None
         self._listening: tuple[Remembered, ReliableDelivery] | None = None
         self._lock: int | None = None
@@ -148,7 +148,7 @@ class Store:
         if node.name not in self._content.robots:
             self.life(node.name)
         kept = self._content.robots[node.name]
-        robot = self._robots[node.name] = Robot(kept.number, node, delivery)
+        robot = self._robots[node.name] = StoredRobot(kept.number, node, delivery)
         mind, kept.mind = kept.mind, None
         if mind is not None:
             self._restore(node, mind, kept.saved)
@@ -249,7 +249,7 @@ class Store:
         if begins:
             self._write(now)
 
-    def _take(self, robot: Robot, message: Message, begins: bool) -> bool:
+    def _take(self, robot: StoredRobot, message: Message, begins: bool) -> bool:
         """A message is taken, and its evaluation begins or it waits for another tick; whether this must be written
         before that."""
         begins = begins and message.id not in robot.begun
@@ -308,7 +308,7 @@ class Store:
         for each in news.standing:
             waits.standing[each.stream, each.number] = each.datagrams
 
-    def _finish(self, robot: Robot, message: Message, outcome: str, time: float) -> None:
+    def _finish(self, robot: StoredRobot, message: Message, outcome: str, time: float) -> None:
         waits, which = self._unwritten, (robot.number, message.id)
         if message.kind in DECISIVE:
             self._decided.add(message.kind)
@@ -319,7 +319,7 @@ class Store:
         waits.evaluated.append((robot.number, message.id, message.kind.value, time, outcome, arrived))
         del waits.evaluated[:-MAX_UNWRITTEN]
 
-    def _look(self, robot: Robot, now: float) -> None:
+    def _look(self, robot: StoredRobot, now: float) -> None:
         found = fingerprint(robot.node)
         if found != robot.fingerprint:
             robot.fingerprint = found

@@ -6,7 +6,7 @@ The wire is pure (bytes in, requests out; words in, bytes out) and so is a sessi
 come in with connections and the server. Lengths in inches live in `units` alone.
 """
 
-from sleepcast.nomad.relay import RealRobot, real_robot
+from sleepcast.nomad.relay import RealAddress, real_robot
 from sleepcast.nomad.server import (
     DEFAULT_PORT,
     Nserver,
@@ -21,7 +21,7 @@ from sleepcast.nomad.windows import RobotWindow, Sketch, Windows
 __all__ = [
     "DEFAULT_PORT",
     "Nserver",
-    "RealRobot",
+    "RealAddress",
     "RobotWindow",
     "ServerError",
     "ServerPace",

@@ -34,7 +34,7 @@ Ask = Callable[[int, Sequence[int]], Awaitable[tuple[int, Sequence[int]]]]
 
 
 @dataclass(frozen=True, slots=True)
-class RealRobot:
+class RealAddress:
     """Where a real robot is: `nomad://host:port#number`."""
 
     host: str
@@ -60,7 +60,7 @@ class Relay:
 
     def __init__(
         self,
-        robot: RealRobot,
+        robot: RealAddress,
         mask: Sequence[int],
         timeout: int,
         nudge: Callable[[], None],
@@ -158,7 +158,7 @@ async def _ask(
     return answered, decode(await reader.readexactly(4 * size))
 
 
-def real_robot(text: str) -> RealRobot:
+def real_robot(text: str) -> RealAddress:
     """`nomad://HOST:PORT#NUMBER` as where a robot is. Raises MisuseError."""
     from urllib.parse import urlsplit
 
@@ -169,4 +169,4 @@ def real_robot(text: str) -> RealRobot:
         host, port, number = None, None, 0
     if host is None or port is None or parts.scheme != "nomad" or number < 1:
         raise MisuseError(f"wanted a robot such as nomad://scout.local:7019#1, not {text!r}")
-    return RealRobot(host, port, number)
+    return RealAddress(host, port, number)

@@ -16,7 +16,7 @@ from math import inf
 
 from sleepcast.core.clock import Clock, WallClock
 from sleepcast.core.errors import SleepcastError
-from sleepcast.nomad.relay import RealRobot, Relay
+from sleepcast.nomad.relay import RealAddress, Relay
 from sleepcast.nomad.server_connection import ManualClient, ServerConnection
 from sleepcast.nomad.session import Service
 from sleepcast.nomad.simulated_robot import SimulatedRobot
@@ -62,7 +62,7 @@ class Nserver:
         may_quit: bool = False,
         lockstep: bool = False,
         headless: bool = False,
-        real: Mapping[int, RealRobot] | None = None,
+        real: Mapping[int, RealAddress] | None = None,
         say: Callable[[str], None] = print,
         clock: Clock | None = None,
     ) -> None:

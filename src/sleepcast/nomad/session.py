@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from sleepcast.nomad import units
-from sleepcast.nomad.relay import RealRobot, Relay
+from sleepcast.nomad.relay import RealAddress, Relay
 from sleepcast.nomad.requests import Fault, Kind, Reply
 from sleepcast.nomad.simulated_robot import SimulatedRobot
 from sleepcast.nomad.state import Mask
@@ -38,7 +38,7 @@ class Service:
     may_quit: bool
     lockstep: bool
     headless: bool
-    real: dict[int, RealRobot] = field(default_factory=dict)
+    real: dict[int, RealAddress] = field(default_factory=dict)
     port: int = 0
     quitting: bool = False
 

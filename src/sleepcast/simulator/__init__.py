@@ -19,7 +19,7 @@ from sleepcast.simulator.bodies.body import Body
 from sleepcast.simulator.engine import Machine, choose
 from sleepcast.simulator.kernel_warm_up import compile_kernels
 from sleepcast.simulator.scenario.mission import MissionError, Order, parse_mission, read_mission
-from sleepcast.simulator.scenario.robot_settings import Store
+from sleepcast.simulator.scenario.robot_settings import Supply
 from sleepcast.simulator.scenario.scenario import (
     Place,
     Scenario,
@@ -51,7 +51,7 @@ __all__ = [
     "Shape",
     "Simulator",
     "SingleRobot",
-    "Store",
+    "Supply",
     "Wall",
     "World",
     "added_scenarios",

@@ -17,11 +17,11 @@ from sleepcast.core.errors import MisuseError
 from sleepcast.core.threads import ThreadPool
 from sleepcast.simulator.motion import steps
 from sleepcast.simulator.motion.driving import Laws
-from sleepcast.simulator.motion.steps import Columns, Draws, Proposal, Settled
+from sleepcast.simulator.motion.steps import BodyColumns, Draws, Proposal, Settled
 from sleepcast.simulator.sonar import cones, noise
 from sleepcast.simulator.sonar.cones import Ranges, Seen, View
 from sleepcast.simulator.sonar.firing import Firing, Tick, fire
-from sleepcast.simulator.sonar.noise import Noise, Receiver
+from sleepcast.simulator.sonar.noise import Noise, SonarReceiver
 from sleepcast.simulator.world import grid
 from sleepcast.simulator.world.grid import Floats, Grid, Listed, Sorted, Whole
 
@@ -52,7 +52,7 @@ class Machine(Protocol):
 
     def ranges(self, view: View, which: Whole, /) -> Ranges: ...
 
-    def hear(self, view: View, which: Whole, receiver: Receiver, sensed: Floats, /) -> None:
+    def hear(self, view: View, which: Whole, receiver: SonarReceiver, sensed: Floats, /) -> None:
         """`ranges`, then `tell`."""
 
     def look(self, view: View, which: Whole, sonars: Whole, /) -> Ranges: ...
@@ -63,9 +63,9 @@ class Machine(Protocol):
     def room(self, count: int, /) -> tuple[Proposal, Floats]:
         """Room for where so many bodies are going in a tick, and for the share of it that they may go."""
 
-    def propose(self, bodies: Columns, laws: Laws, draws: Draws, proposal: Proposal, /) -> None: ...
+    def propose(self, bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Proposal, /) -> None: ...
 
-    def commit(self, bodies: Columns, laws: Laws, proposal: Proposal, settled: Settled, /) -> None: ...
+    def commit(self, bodies: BodyColumns, laws: Laws, proposal: Proposal, settled: Settled, /) -> None: ...
 
     def settle(
         self,
@@ -82,7 +82,7 @@ class Machine(Protocol):
 
     def disturb(self, seen: Ranges, which: Whole, noise: Noise, /) -> None: ...
 
-    def tell(self, seen: Ranges, which: Whole, receiver: Receiver, sensed: Floats, /) -> None: ...
+    def tell(self, seen: Ranges, which: Whole, receiver: SonarReceiver, sensed: Floats, /) -> None: ...
 
     def share(self, count: int, work: Callable[[int, int], object], /) -> None:
         """Let `work`, which is little for each, be done for so many things, in stretches from a number up to another
@@ -109,7 +109,7 @@ class NumPyMachine:
     def room(self, count: int) -> tuple[Proposal, Floats]:
         return Proposal(*np.empty((3, count))), np.empty(count)
 
-    def hear(self, view: View, which: Whole, receiver: Receiver, sensed: Floats) -> None:
+    def hear(self, view: View, which: Whole, receiver: SonarReceiver, sensed: Floats) -> None:
         noise.tell(cones.ranges(view, which), which, receiver, sensed)
 
     def fire(self, firing: Firing, tick: Tick) -> None:

@@ -19,14 +19,14 @@ from sleepcast.core.arrays import LINE, Arena
 from sleepcast.core.threads import FEW, SIZES, ThreadPool, borders
 from sleepcast.simulator.motion import kernels_motion, steps
 from sleepcast.simulator.motion.driving import Laws
-from sleepcast.simulator.motion.steps import SKIN, Columns, Draws, Proposal, Settled, boxes_of, clear
+from sleepcast.simulator.motion.steps import SKIN, BodyColumns, Draws, Proposal, Settled, boxes_of, clear
 from sleepcast.simulator.simd.kernels_wait import wait
 from sleepcast.simulator.simd.vectors import LANES
 from sleepcast.simulator.sonar import kernels, kernels_firing, kernels_sonar
 from sleepcast.simulator.sonar.cones import Cones, Ranges, View
 from sleepcast.simulator.sonar.fields import Fields, Shots, beam_of, one_of_each, shots_of
 from sleepcast.simulator.sonar.firing import Firing, Tick
-from sleepcast.simulator.sonar.noise import Noise, Receiver
+from sleepcast.simulator.sonar.noise import Noise, SonarReceiver
 from sleepcast.simulator.world.grid import Floats, Grid, Listed, Short, Sorted, Whole
 from sleepcast.simulator.world.walls import Walls, walls_of
 
@@ -128,7 +128,7 @@ class NumbaMachine:
         kernels.collect(squares, seen)
         return seen
 
-    def hear(self, view: View, which: Whole, receiver: Receiver, sensed: Floats) -> None:
+    def hear(self, view: View, which: Whole, receiver: SonarReceiver, sensed: Floats) -> None:
         squares = self._squares(view, which, forward=not receiver.wanted[:-1][_ring_of(view.cones).rear].any())
         noise = receiver.noise or Noise(0.0, 0.0, 0.0, 0, 0)
         noises = noise.share, noise.dropout, np.uint64(noise.key), np.uint64(noise.dropout_key)
@@ -210,7 +210,7 @@ class NumbaMachine:
         rows = self._arena.take(np.float64, 4, count)
         return Proposal(*rows[:3]), rows[3]
 
-    def propose(self, bodies: Columns, laws: Laws, draws: Draws, proposal: Proposal) -> None:
+    def propose(self, bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Proposal) -> None:
         if not laws.track:  # crafts without wheels are few
             steps.propose(bodies, laws, draws, proposal)
             return
@@ -220,7 +220,7 @@ class NumbaMachine:
             lambda first, last: kernels_motion.propose(bodies, laws, roam, left, right, proposal, first, last),
         )
 
-    def commit(self, bodies: Columns, laws: Laws, proposal: Proposal, settled: Settled) -> None:
+    def commit(self, bodies: BodyColumns, laws: Laws, proposal: Proposal, settled: Settled) -> None:
         if not laws.track:
             steps.commit(bodies, laws, proposal, settled)
             return
@@ -273,7 +273,7 @@ class NumbaMachine:
         keys = np.uint64(noise.key), np.uint64(noise.dropout_key)
         kernels.disturb(seen, which, noise.share, noise.dropout, np.float32(noise.most), *keys)
 
-    def tell(self, seen: Ranges, which: Whole, receiver: Receiver, sensed: Floats) -> None:
+    def tell(self, seen: Ranges, which: Whole, receiver: SonarReceiver, sensed: Floats) -> None:
         if receiver.noise is not None:
             self.disturb(seen, which, receiver.noise)
 

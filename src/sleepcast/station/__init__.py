@@ -11,7 +11,7 @@ from sleepcast.station.account import (
     NoSuchCommandError,
     Outcome,
 )
-from sleepcast.station.journal.journal import Entry, Event, Journal, MemoryJournal, Report
+from sleepcast.station.journal.journal import Journal, JournalEntry, JournalEvent, MemoryJournal, Report
 from sleepcast.station.roster import UnknownRobotError
 from sleepcast.station.station import NoExplanationError, Station
 from sleepcast.station.validation import (
@@ -19,7 +19,6 @@ from sleepcast.station.validation import (
     NO,
     UNKNOWN,
     YES,
-    AddressError,
     CommandTypeError,
     CountNeededError,
     DoubtError,
@@ -28,6 +27,7 @@ from sleepcast.station.validation import (
     Mind,
     Minds,
     NobodyHeardError,
+    NotConfirmedError,
     Preview,
     SendPolicy,
     Telemetry,
@@ -43,16 +43,15 @@ __all__ = [
     "UNKNOWN",
     "YES",
     "Account",
-    "AddressError",
     "Answer",
     "Command",
     "CommandTypeError",
     "CountNeededError",
     "DoubtError",
-    "Entry",
-    "Event",
     "FleetNames",
     "Journal",
+    "JournalEntry",
+    "JournalEvent",
     "ManyMinds",
     "MemoryJournal",
     "Mind",
@@ -60,6 +59,7 @@ __all__ = [
     "NoExplanationError",
     "NoSuchCommandError",
     "NobodyHeardError",
+    "NotConfirmedError",
     "Outcome",
     "Preview",
     "Report",

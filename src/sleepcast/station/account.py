@@ -26,7 +26,7 @@ from sleepcast.core.serial import Array, SerialError, within
 from sleepcast.core.units import shown_value
 from sleepcast.language.vocabulary import Vocabulary, unit_of
 from sleepcast.station.roster import Index, Seconds, of_robots
-from sleepcast.station.serialized import AnswersState, CommandState
+from sleepcast.station.serialized import CommandAnswersState, CommandState
 
 # ---- what robots answer
 
@@ -167,12 +167,12 @@ class Answers(Mapping[str, Answer]):
         number = 0 if self._fault is None else int(self._fault[place])
         return self._faults[number - 1] if number else None
 
-    def state(self) -> AnswersState:
+    def state(self) -> CommandAnswersState:
         fault = None if self._fault is None else Array.of(self._fault)
         columns = (Array.of(self._outcome), Array.of(self._heard), Array.of(self._value))
-        return AnswersState(*columns, fault, tuple(self._faults))
+        return CommandAnswersState(*columns, fault, tuple(self._faults))
 
-    def restore(self, state: AnswersState) -> None:
+    def restore(self, state: CommandAnswersState) -> None:
         """Be as those answers were. Raises SerialError."""
         most = len(self.names)
         self._outcome = state.outcome.column(np.uint8, most, "answers")

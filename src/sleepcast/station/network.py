@@ -50,7 +50,7 @@ from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.mind.authority import MAX_MARKS, Life, Mark, mark_of, marks_and_ages
 from sleepcast.station.account import MATCHED, Command, SentCommands, account
-from sleepcast.station.journal.journal import Event, Journal
+from sleepcast.station.journal.journal import Journal, JournalEvent
 from sleepcast.station.roster import NOBODY_SAID, Expectation, Index, RobotNames, Roster
 from sleepcast.station.station import REPEAT_AFTER, STALE_AFTER, Station
 from sleepcast.station.validation import (
@@ -509,7 +509,7 @@ class NetworkStation(Station):
             return
         self.news.append(message)
         details = {"kind": message.kind.value, **message.body}
-        self._note(Event.HEARD, message.sender, subject=message.id, text=message.text, details=details)
+        self._note(JournalEvent.HEARD, message.sender, subject=message.id, text=message.text, details=details)
         if message.kind is Kind.STOP:
             self._drivers.clear()
             self._note_stop(mark_of(message), self.now)
@@ -553,7 +553,7 @@ class NetworkStation(Station):
     def _note_again(self, command: Command) -> None:
         if not command.is_look:
             details = {"silent": command.n_silent}
-            self._note(Event.REPEATED, subject=command.id, text=command.text, details=details)
+            self._note(JournalEvent.REPEATED, subject=command.id, text=command.text, details=details)
 
     def _note_account(self, command: Command) -> None:
         if not command.is_look:
@@ -562,7 +562,7 @@ class NetworkStation(Station):
             counts = (found.n_matched, found.n_not_matched, found.n_fault, found.n_silent)
             names = ("n_matched", "n_not_matched", "n_fault", "n_silent")
             details = {**dict(zip(names, counts, strict=True)), "silent": silent}
-            self._note(Event.ACCOUNTED, subject=command.id, text=command.text, details=details)
+            self._note(JournalEvent.ACCOUNTED, subject=command.id, text=command.text, details=details)
 
     def _drives(self) -> bool:
         """Whether our commands may be moving robots: one has obeyed, or may yet answer."""

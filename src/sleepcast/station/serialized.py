@@ -9,10 +9,10 @@ import msgspec
 
 from sleepcast.channel import Message
 from sleepcast.core.serial import Array
-from sleepcast.station.journal.journal import Event
+from sleepcast.station.journal.journal import JournalEvent
 
 
-class AnswersState(msgspec.Struct, array_like=True):
+class CommandAnswersState(msgspec.Struct, array_like=True):
     """The first answer of each robot; see `Answers`."""
 
     outcome: Array
@@ -29,7 +29,7 @@ class CommandState(msgspec.Struct, array_like=True):
     addressed: int
     expected: Array
     last_sent: float
-    answers: AnswersState
+    answers: CommandAnswersState
     only: Array | None = None
 
 
@@ -38,7 +38,7 @@ class EntryState(msgspec.Struct, array_like=True):
 
     time: float
     who: str
-    event: Event
+    event: JournalEvent
     subject: str
     text: str
     details: dict[str, object]

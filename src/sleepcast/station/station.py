@@ -30,7 +30,7 @@ from sleepcast.language import Checked, CheckError, Explanation, check
 from sleepcast.language.program import Program
 from sleepcast.language.vocabulary import Vocabulary
 from sleepcast.station.account import Account, Command, SentCommands, account, answer_from
-from sleepcast.station.journal.journal import Event, Journal, MemoryJournal, PendingEntry, Report, WriteBatch
+from sleepcast.station.journal.journal import Journal, JournalEvent, MemoryJournal, PendingEntry, Report, WriteBatch
 from sleepcast.station.journal.snapshot import dump_journal, restore_journal
 from sleepcast.station.roster import Index, RobotNames, Roster
 from sleepcast.station.serialized import AccountState, ReportState, StationState
@@ -49,9 +49,9 @@ from sleepcast.station.validation import (
     Mask,
     Minds,
     Preview,
-    Rows,
     SendPolicy,
     Telemetry,
+    TelemetryRows,
     UnknownNameError,
     Validated,
     preview,
@@ -104,7 +104,7 @@ class Station:
         """Functions that get the messages of robots, each time some were heard."""
         self._minds, self._clock = minds, clock
         self._roster = Roster(minds.names if isinstance(minds, ManyMinds) else minds, len(minds))
-        self._rows = Rows(minds)
+        self._rows = TelemetryRows(minds)
         self._fleet_telemetry: FleetTelemetry | None = minds.telemetry if isinstance(minds, ManyMinds) else None
         self._sent = SentCommands()
         self._lock = RLock()
@@ -248,7 +248,7 @@ class Station:
         never; a standing one is good until it has reached everybody. count: how many robots may obey (see `foresee`),
         where the desk asks for confirmation. only, but: for these robots, or for all except these. confirmed: send it
         although the checker doubts it. Raises ReadError and CheckError for a text that no robot could run, DoubtError
-        for one that is hardly meant, where the desk asks about that, AddressError if it would go to everybody and
+        for one that is hardly meant, where the desk asks about that, NotConfirmedError if it would go to everybody and
         neither `everybody` nor `only` says so, CountNeededError for a missing or wrong count, SortError for a standing
         command that has a test and joins a group (who matches is a matter of the moment) or a deadline,
         UnknownRobotError, AudienceError.
@@ -280,7 +280,7 @@ class Station:
         return self._broadcast(Kind.RELEASE)
 
     def _refuse(self, text: str, error: SleepcastError) -> None:
-        self._note(Event.REFUSED, text=text, details={"reason": str(error)})
+        self._note(JournalEvent.REFUSED, text=text, details={"reason": str(error)})
 
     def attend(self) -> None:
         """Send the last STOP or RELEASE again if robots are not accounted for; call this at every tick or so."""
@@ -291,7 +291,7 @@ class Station:
             silent = latest.n_silent
             if silent:
                 latest.last_sent = now
-                self._note(Event.REPEATED, subject=latest.id, text=latest.text, details={"silent": silent})
+                self._note(JournalEvent.REPEATED, subject=latest.id, text=latest.text, details={"silent": silent})
                 self._outbox(latest.message)
 
     def _broadcast(
@@ -320,7 +320,7 @@ class Station:
                     "digest": hashlib.sha256(text.encode()).hexdigest(),
                     "predicted": RobotNames(self._roster.names, command.expected),
                 }
-                self._note(Event.SENT, subject=message.id, text=text, details=details | said, first=not urgent)
+                self._note(JournalEvent.SENT, subject=message.id, text=text, details=details | said, first=not urgent)
             self._sent.add(command, len(self._roster))
             if not urgent:
                 self._outbox(message)
@@ -372,7 +372,7 @@ class Station:
                 return
             details = {"kind": message.kind.value, **message.body}
             subject = message.body.get("command", "")
-            self._note(Event.HEARD, message.sender, subject=str(subject), details=details)
+            self._note(JournalEvent.HEARD, message.sender, subject=str(subject), details=details)
 
     def hear_many(self, batch: MessageBatch) -> None:
         """Take in what many robots say at once; their places are those of the roster. Reports are heard one by one, as
@@ -391,7 +391,7 @@ class Station:
                 counts = np.bincount(said.sort[batch.places], minlength=len(said.sorts)).tolist()
                 found = {word: count for word, count in zip(said.sorts, counts, strict=True) if count}
                 details = {"kind": batch.kind.value, "robots": len(batch), "outcomes": found}
-                self._note(Event.HEARD, MANY, subject=said.command, details=details)
+                self._note(JournalEvent.HEARD, MANY, subject=said.command, details=details)
         if isinstance(said, Answers) and self.listeners:
             self._pass_on(list(batch.messages()))
 
@@ -430,7 +430,7 @@ class Station:
 
     def _note(
         self,
-        event: Event,
+        event: JournalEvent,
         who: str = "",
         *,
         subject: str = "",

@@ -84,7 +84,7 @@ MOST_DOUBTS = 5
 """Of one text that are shown when it is refused."""
 
 
-class AddressError(MisuseError):
+class NotConfirmedError(MisuseError):
     """A command to all robots that was not confirmed."""
 
 
@@ -183,11 +183,11 @@ class Validated(NamedTuple):
 
 
 def validate_address(program: Program, everybody: bool, roster: int) -> None:
-    """A command to all robots must be confirmed. Raises AddressError."""
+    """A command to all robots must be confirmed. Raises NotConfirmedError."""
     if everybody or not is_for_everybody(program):
         return
     which = "has no test" if program.test is None else "has a test that is always true"
-    raise AddressError(
+    raise NotConfirmedError(
         f"this command {which}, so every robot that hears it would obey ({roster} on the roster): confirm that "
         "you mean all robots (--all), or put a test before it, as in (WHEN (IN bravo) ...)"
     )
@@ -482,7 +482,7 @@ class PreviewMemory:
         return Undecided(DEED)
 
 
-class Rows:
+class TelemetryRows:
     """Telemetry of single robots (a `TelemetryTable`). minds: theirs, as far as they can be asked."""
 
     def __init__(self, minds: Minds) -> None:

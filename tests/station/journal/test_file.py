@@ -19,8 +19,8 @@ import pytest
 
 from sleepcast.channel.message_batch import NameIndex
 from sleepcast.core.clock import ManualClock
-from sleepcast.station import Event, Station
-from sleepcast.station.journal.file import MAX_LISTED, DeferredJournal, Limits, NoJournalError, SqliteJournal
+from sleepcast.station import JournalEvent, Station
+from sleepcast.station.journal.file import MAX_LISTED, ArchiveLimits, DeferredJournal, NoJournalError, SqliteJournal
 from sleepcast.station.journal.journal import JournalError
 from sleepcast.station.journal.reader import JournalReader, Query, Verified
 from sleepcast.station.roster import RobotNames
@@ -47,7 +47,7 @@ def journal(file: Path, clock: ManualClock) -> Iterator[SqliteJournal]:
 
 def fill(journal: SqliteJournal, first: int, last: int) -> None:
     for number in range(first, last + 1):
-        journal.append(float(number), "desk", Event.SENT, subject=f"desk-1.{number}", text="(ST)", details={})
+        journal.append(float(number), "desk", JournalEvent.SENT, subject=f"desk-1.{number}", text="(ST)", details={})
 
 
 def verified(file: Path) -> Verified:
@@ -74,10 +74,10 @@ def test_entries_come_back_as_they_were_also_to_another_process(journal: SqliteJ
     names = NameIndex()
     for name in ("r1", "r2", "r3"):
         names.add(name)
-    journal.append(2.5, "desk", Event.SENT, subject="desk-1.1", text='(REPORT "größer" 1)', details=told)
-    journal.append(3.5, "r2\udc80", Event.HEARD, details={"predicted": RobotNames(names, np.array([0, 2]))})
+    journal.append(2.5, "desk", JournalEvent.SENT, subject="desk-1.1", text='(REPORT "größer" 1)', details=told)
+    journal.append(3.5, "r2\udc80", JournalEvent.HEARD, details={"predicted": RobotNames(names, np.array([0, 2]))})
     first, second = journal.entries()
-    assert (first.number, first.time, first.who, first.event) == (1, 2.5, "desk", Event.SENT)
+    assert (first.number, first.time, first.who, first.event) == (1, 2.5, "desk", JournalEvent.SENT)
     assert (first.subject, first.text) == ("desk-1.1", '(REPORT "größer" 1)')
     wanted = {"kind": "command", "deadline": None, "value": None, "bytes": "01ff", "n": 3, "list": [1, None]}
     assert first.details == wanted
@@ -101,7 +101,7 @@ def test_a_list_of_very_many_robots_is_cut_and_says_so(journal: SqliteJournal) -
     names = NameIndex()
     for number in range(MAX_LISTED + 5):
         names.add(f"r{number + 1}")
-    journal.append(0.0, "desk", Event.SENT, details={"predicted": RobotNames(names, np.arange(MAX_LISTED + 5))})
+    journal.append(0.0, "desk", JournalEvent.SENT, details={"predicted": RobotNames(names, np.arange(MAX_LISTED + 5))})
     (entry,) = journal.entries()
     predicted = entry.details["predicted"]
     assert isinstance(predicted, list)
@@ -115,8 +115,8 @@ def test_a_desk_writes_it(journal: SqliteJournal, file: Path) -> None:
     station.send("(ST)", everybody=True)
     with pytest.raises(Exception, match="confirm that"):
         station.send("(ST)")
-    assert [entry.event for entry in journal.entries()] == [Event.SENT, Event.REFUSED]
-    assert found(file, Query(event=Event.REFUSED)) == [2]
+    assert [entry.event for entry in journal.entries()] == [JournalEvent.SENT, JournalEvent.REFUSED]
+    assert found(file, Query(event=JournalEvent.REFUSED)) == [2]
 
 
 def test_nothing_that_was_shown_is_lost_whenever_its_writer_is_killed(tmp_path: Path) -> None:
@@ -138,7 +138,7 @@ def test_nothing_that_was_shown_is_lost_whenever_its_writer_is_killed(tmp_path: 
         if each.endswith(".0") and each.count(".") == 2:
             assert {f"{each[:-1]}1", f"{each[:-1]}2"} <= set(texts)
     with closing(SqliteJournal(file, ManualClock())) as journal:
-        journal.append(0.0, "desk", Event.SENT, details={})
+        journal.append(0.0, "desk", JournalEvent.SENT, details={})
     assert verified(file).last == result.last + 1
 
 
@@ -146,7 +146,7 @@ def test_writers_at_the_same_time_make_one_chain(file: Path) -> None:
     def write(name: str) -> None:
         with closing(SqliteJournal(file, ManualClock())) as journal:
             for _ in range(50):
-                journal.append(0.0, name, Event.SENT, details={})
+                journal.append(0.0, name, JournalEvent.SENT, details={})
 
     writers = [Thread(target=write, args=(name,)) for name in ("anna", "bert", "carl")]
     for each in writers:
@@ -196,10 +196,10 @@ def test_nobody_waits_longer_than_he_has_patience(journal: SqliteJournal, file: 
         (Query(text="ZERO"), [4]),
         (Query(text="100%"), []),
         (Query(robot="r2"), [1, 3]),
-        (Query(event=Event.HEARD), [2, 3, 4]),
+        (Query(event=JournalEvent.HEARD), [2, 3, 4]),
         (Query(command="desk-1.1"), [1, 2, 3]),
         (Query(since=1002.0, until=1003.0), [3, 4]),
-        (Query(event=Event.HEARD, robot="r1", text="zero"), [4]),
+        (Query(event=JournalEvent.HEARD, robot="r1", text="zero"), [4]),
         (Query(robot="' OR 1=1 --"), []),
     ],
 )
@@ -211,14 +211,14 @@ def test_it_is_searched(
         names.add(name)
     predicted = {"predicted": RobotNames(names, np.array([1]))}
     said = {"outcome": "fault", "fault": "division by zero"}
-    journal.append(0.0, "desk", Event.SENT, subject="desk-1.1", text="(VM 0.1 0.1)", details=predicted)
-    journal.append(0.0, "r1", Event.HEARD, subject="desk-1.1", details={"outcome": "not matched"})
+    journal.append(0.0, "desk", JournalEvent.SENT, subject="desk-1.1", text="(VM 0.1 0.1)", details=predicted)
+    journal.append(0.0, "r1", JournalEvent.HEARD, subject="desk-1.1", details={"outcome": "not matched"})
     clock.advance(2.0)
-    journal.append(0.0, "r2", Event.HEARD, subject="desk-1.1", details={"outcome": "matched"})
+    journal.append(0.0, "r2", JournalEvent.HEARD, subject="desk-1.1", details={"outcome": "matched"})
     clock.advance(1.0)
-    journal.append(0.0, "r1", Event.HEARD, subject="desk-1.2", details=said)
+    journal.append(0.0, "r1", JournalEvent.HEARD, subject="desk-1.2", details=said)
     clock.advance(1.0)
-    journal.append(0.0, "desk", Event.REFUSED, text="(ST", details={})
+    journal.append(0.0, "desk", JournalEvent.REFUSED, text="(ST", details={})
     assert found(file, query) == numbers
     assert found(file, query, last=2) == numbers[-2:]
 
@@ -253,7 +253,7 @@ def test_what_was_changed_or_taken_away_is_named(
 def test_an_end_that_was_cut_off_stays_seen_after_more_was_written(journal: SqliteJournal, file: Path) -> None:
     fill(journal, 1, 5)
     tamper(file, "DELETE FROM entries WHERE number > 3")
-    journal.append(0.0, "desk", Event.SENT, details={})
+    journal.append(0.0, "desk", JournalEvent.SENT, details={})
     assert "entries 4 to 5 are missing" in verified(file).broken
 
 
@@ -318,20 +318,22 @@ def test_an_archive_that_is_gone_or_another_one_is_told(journal: SqliteJournal, 
     assert verified(file).count == 5
 
 
-@pytest.mark.parametrize("limits", [Limits(size=150_000.0), Limits(age=60.0)])
-def test_it_moves_by_itself_when_asked(journal: SqliteJournal, file: Path, clock: ManualClock, limits: Limits) -> None:
+@pytest.mark.parametrize("limits", [ArchiveLimits(size=150_000.0), ArchiveLimits(age=60.0)])
+def test_it_moves_by_itself_when_asked(
+    journal: SqliteJournal, file: Path, clock: ManualClock, limits: ArchiveLimits
+) -> None:
     journal.limits = limits
     with closing(SqliteJournal(file, clock)) as other:  # it is the journal's wish, not one writer's
         assert other.limits == limits
         for number in range(40):
             clock.advance(5.0)
-            other.append(0.0, "desk", Event.SENT, text=f"({number}{' ' * 10_000})", details={})
+            other.append(0.0, "desk", JournalEvent.SENT, text=f"({number}{' ' * 10_000})", details={})
     with JournalReader(file) as reader:
         archives = reader.files[:-1]
     assert 2 <= len(archives) <= 5
     assert all(archive.stat().st_size < 250_000 for archive in archives)
     assert (verified(file).count, verified(file).broken) == (40, "")
-    journal.limits = Limits()
+    journal.limits = ArchiveLimits()
     fill(journal, 1, 50)
     with JournalReader(file) as reader:
         assert reader.files[:-1] == archives
@@ -347,7 +349,7 @@ def test_a_file_that_comes_late_is_written_then(tmp_path: Path) -> None:
         with pytest.raises(JournalError), journal.together():
             pass
         file.rmdir()
-        journal.append(0.0, "desk", Event.SENT, text="(ST)", details={})
+        journal.append(0.0, "desk", JournalEvent.SENT, text="(ST)", details={})
         assert [entry.text for entry in journal.entries()] == ["(ST)"]
         assert journal.dropped == 0
     assert found(file, Query()) == [1]
@@ -396,7 +398,7 @@ def test_a_full_disk_is_told_in_a_sentence(journal: SqliteJournal, file: Path) -
 
     def write_on() -> None:
         for _ in range(100):
-            journal.append(0.0, "desk", Event.SENT, text="x" * 10_000, details={})
+            journal.append(0.0, "desk", JournalEvent.SENT, text="x" * 10_000, details={})
 
     with pytest.raises(JournalError, match="full"):
         write_on()

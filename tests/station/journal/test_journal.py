@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from sleepcast.station import Event, MemoryJournal
+from sleepcast.station import JournalEvent, MemoryJournal
 
 
 def test_entries_come_back_in_order_from_any_number_on() -> None:
     journal = MemoryJournal()
     for i in range(5):
-        journal.append(float(i), "desk", Event.SENT, subject=f"desk-1.{i}", text="(MARK)", details={"i": i})
+        journal.append(float(i), "desk", JournalEvent.SENT, subject=f"desk-1.{i}", text="(MARK)", details={"i": i})
     assert [entry.number for entry in journal.entries()] == [1, 2, 3, 4, 5]
     assert [entry.details["i"] for entry in journal.entries(after=3)] == [3, 4]
     assert journal.entries(after=5) == []
@@ -18,6 +18,6 @@ def test_entries_come_back_in_order_from_any_number_on() -> None:
 def test_a_full_journal_forgets_the_oldest_and_says_how_many() -> None:
     journal = MemoryJournal(size=3)
     for i in range(10):
-        journal.append(float(i), "s1", Event.HEARD, details={})
+        journal.append(float(i), "s1", JournalEvent.HEARD, details={})
     assert [entry.number for entry in journal.entries()] == [8, 9, 10]
     assert journal.dropped == 7

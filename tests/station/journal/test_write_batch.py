@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import pytest
 
 from sleepcast.channel import Kind
-from sleepcast.station import Event, MemoryJournal, Station
+from sleepcast.station import JournalEvent, MemoryJournal, Station
 from sleepcast.station.journal.journal import AGAIN, MAX_KEPT, JournalError, PendingEntry, WriteBatch
 from station.fleet import Fleet, vocabulary
 
@@ -32,7 +32,7 @@ class FailingJournal(MemoryJournal):
 
 
 def note(text: str, time: float = 0.0, details: Mapping[str, object] | None = None) -> PendingEntry:
-    return PendingEntry(time, "desk", Event.SENT, "", text, details or {})
+    return PendingEntry(time, "desk", JournalEvent.SENT, "", text, details or {})
 
 
 def test_what_could_not_be_written_is_written_later_in_its_order() -> None:
@@ -107,7 +107,7 @@ def test_a_stop_goes_out_and_answers_count_whatever_becomes_of_the_journal() -> 
     journal.full = False
     fleet.clock.advance(AGAIN)
     station.release()
-    kinds = [entry.details["kind"] for entry in journal.entries() if entry.event is Event.SENT]
+    kinds = [entry.details["kind"] for entry in journal.entries() if entry.event is JournalEvent.SENT]
     assert kinds == ["stop", "release"]
-    assert sum(entry.event is Event.HEARD for entry in journal.entries()) == 10
+    assert sum(entry.event is JournalEvent.HEARD for entry in journal.entries()) == 10
     assert station.trouble == ""

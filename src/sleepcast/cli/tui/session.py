@@ -32,7 +32,7 @@ from sleepcast.language import ReadError, read
 from sleepcast.language.vocabulary import Variable
 from sleepcast.station.network import ANSWERS_A_SECOND, NetworkStation
 from sleepcast.station.staging import Stages
-from sleepcast.station.validation import NO, UNKNOWN, YES, AddressError, CountNeededError, DoubtError, Draft
+from sleepcast.station.validation import NO, UNKNOWN, YES, CountNeededError, DoubtError, Draft, NotConfirmedError
 
 if TYPE_CHECKING:
     from sleepcast.station.account import Command
@@ -234,7 +234,7 @@ class Session:
                 self._obey(text)
             elif text:
                 self._send(replace(request, confirmed=request == doubted))
-        except AddressError as error:
+        except NotConfirmedError as error:
             self.complain(f"{error}. Shift-Tab lets it go to all")
             return False
         except DoubtError as error:

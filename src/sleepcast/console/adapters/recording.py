@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from sleepcast.console.account_table import Row
+from sleepcast.console.account_table import CommandRow
 from sleepcast.console.adapters.swarm import outlines, scene_of
 from sleepcast.console.outgoing import ShownRule
 from sleepcast.console.replay import Marks, Timeline, Track, values_of
@@ -27,7 +27,14 @@ from sleepcast.simulator.recording.recorder import (
     RulesBody,
     WorldChange,
 )
-from sleepcast.simulator.recording.recording import Entry, NoRecordingError, Recording, alive, decoded, entries
+from sleepcast.simulator.recording.recording import (
+    NoRecordingError,
+    RecordedMessage,
+    Recording,
+    alive,
+    decoded,
+    entries,
+)
 
 MAX_FILM = 2_147_483_648
 """Bytes of poses, readings and the like that are held in memory: ten hours of `bravo` at the usual rates."""
@@ -41,7 +48,7 @@ class TimelineBuilder:
         with alive(recording):
             simulator = Simulator(scenario, recording.seed)
         self._count, self._tick, self._bytes = len(simulator.names), scenario.tick, 0
-        self._rows: dict[str, Row] = {}
+        self._rows: dict[str, CommandRow] = {}
         scene = scene_of(replace(scenario, commands=()), tuple(simulator.names))
         units = {sensor.name: sensor.shown_as or sensor.unit for sensor in simulator.model.sensors}
         part = recording.part if recording.part > 1 or recording.following else 0
@@ -51,10 +58,10 @@ class TimelineBuilder:
             message = posted.message
             if message.id not in self._rows:
                 about = (message.id, message.kind.value, message.text.strip(), message.issued)
-                self._rows[message.id] = Row(*about, 0, 0, 0, self._count, 0, message.standing)
+                self._rows[message.id] = CommandRow(*about, 0, 0, 0, self._count, 0, message.standing)
         self._waiting = list(self._rows.values())
 
-    def take(self, entry: Entry) -> None:
+    def take(self, entry: RecordedMessage) -> None:
         """Add what an entry says. Raises ValueError for what cannot be shown."""
         if entry.topic == POINTS:  # the poses say the same
             return
@@ -89,7 +96,9 @@ class TimelineBuilder:
         row = self._rows.get(found.command)
         if row is not None:
             counts = (found.matched, found.not_matched, found.fault, found.silent, found.predicted)
-            self.film.rows.add(time, Row(row.id, row.kind, row.text, row.at, *counts, row.standing, found.values))
+            self.film.rows.add(
+                time, CommandRow(row.id, row.kind, row.text, row.at, *counts, row.standing, found.values)
+            )
 
     def _change(self, time: float, found: WorldChange) -> None:
         for number in found.gone:

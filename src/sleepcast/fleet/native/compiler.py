@@ -26,7 +26,7 @@ from sleepcast.core.code_cache import CodeCache
 from sleepcast.core.threads import ThreadPool, borders
 from sleepcast.fleet.native import libm
 from sleepcast.fleet.native.assembly import Assembly
-from sleepcast.fleet.native.lowering import Columns, Lowering, enters
+from sleepcast.fleet.native.lowering import Addresses, Lowering, enters
 from sleepcast.fleet.native.symbols import Meaning, Size
 from sleepcast.fleet.state import Column, FleetState, Rows
 from sleepcast.language.parts import walk
@@ -123,7 +123,7 @@ class Writer:
 
     def _body(self, lanes: str, bad: str) -> None:
         a = self.a
-        columns = Columns(a, self._read)
+        columns = Addresses(a, self._read)
         for slot in _written(self._programs, self._names):
             columns.written[slot] = (a.cell(a.real, self._read("slot", slot, a.real)), a.cell(a.truth, a.no))
         low = Lowering(a, columns, self._names)

@@ -22,7 +22,7 @@ LIGHT = 3
 _FIRST, _SECOND = 0xBF58_476D_1CE4_E5B9, 0x94D0_49BB_1331_11EB
 
 
-class Columns:
+class Addresses:
     """Where the code finds what it works on: addresses of columns, one for each slot and so on, made as they are met.
 
     read: gives the lanes of a column. `written` holds the cells of slots that the code assigns: their new values, and
@@ -50,7 +50,7 @@ class Columns:
 class Lowering:
     """Writes the code of one program after the other. drawn: the cell of the draws of this tick."""
 
-    def __init__(self, a: Assembly, columns: Columns, names: Meaning) -> None:
+    def __init__(self, a: Assembly, columns: Addresses, names: Meaning) -> None:
         self.a, self._columns, self._names = a, columns, names
         self.trouble = a.cell(a.truth, a.no)
         self.drawn = ""

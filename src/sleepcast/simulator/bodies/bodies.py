@@ -28,7 +28,7 @@ from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.simulator.bodies.proximity import Bumpers, Neighbours, SonarGroups, Sonars, least_cell, reach
 from sleepcast.simulator.engine import Machine
 from sleepcast.simulator.motion.driving import DRIVE, GOTO, WANDER, laws_of
-from sleepcast.simulator.motion.steps import Columns
+from sleepcast.simulator.motion.steps import BodyColumns
 from sleepcast.simulator.scenario.groups import value_quantities, values_of
 from sleepcast.simulator.scenario.robot_settings import RobotSpec
 from sleepcast.simulator.scenario.robot_types import slices
@@ -52,7 +52,7 @@ ROW = 20.0
 """Metres from row to row, where robots are numbered along rows: those whom sonars see are in the same or the next."""
 
 
-_COLUMNS = attrgetter(*Columns._fields)
+_COLUMNS = attrgetter(*BodyColumns._fields)
 
 
 class Mode(IntEnum):
@@ -194,9 +194,9 @@ class Bodies:
         return self.tick * self.scenario.tick
 
     @property
-    def columns(self) -> Columns:
+    def columns(self) -> BodyColumns:
         """The state that motion changes."""
-        return Columns(*_COLUMNS(self))
+        return BodyColumns(*_COLUMNS(self))
 
     def _uses(self) -> Floats:
         """How much of each store a metre takes."""

@@ -25,7 +25,7 @@ from sleepcast.simulator.simd.formulas import wrap
 from sleepcast.simulator.sonar.cones import Cones, Ranges, Seen, View
 from sleepcast.simulator.sonar.crosstalk import Crosstalk, Scene, add_crosstalk
 from sleepcast.simulator.sonar.firing import Firing, Tick, fire
-from sleepcast.simulator.sonar.noise import Noise, Receiver
+from sleepcast.simulator.sonar.noise import Noise, SonarReceiver
 from sleepcast.simulator.world.grid import (
     Floats,
     Grid,
@@ -327,8 +327,8 @@ class Sonars:
         listed = near.solids(far) if alone else near.in_sight(far)
         return View(self.cones, near.grid, near.points(x, y), listed, near.world.solids, (x, y, heading), self.radii)
 
-    def _receiver(self, noise: Noise | None) -> Receiver:
-        return Receiver(self.ring.least, self.ring.most, self.front, noise, self._wanted)
+    def _receiver(self, noise: Noise | None) -> SonarReceiver:
+        return SonarReceiver(self.ring.least, self.ring.most, self.front, noise, self._wanted)
 
     def _noise(self, tick: int) -> Noise | None:
         """Noise and dropout of this tick, None for neither."""

@@ -43,7 +43,7 @@ UNIT_SPREAD = np.sqrt(12.0)
 """Makes an even draw of width 1 one of standard deviation 1."""
 
 
-class Columns(NamedTuple):
+class BodyColumns(NamedTuple):
     """The state of bodies of one type, as `bodies.Bodies` describes it, changed in place. uses: how much of each store
     a metre takes, shape (stores,)."""
 
@@ -91,7 +91,7 @@ class Draws(NamedTuple):
     right: int
 
 
-def propose(bodies: Columns, laws: Laws, draws: Draws, proposal: Proposal) -> None:
+def propose(bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Proposal) -> None:
     """Let the bodies set out: change the speeds of their wheels, and say where that leads."""
     speed, turn = _wanted(bodies, laws, draws)
     moves = ~(bodies.held | _empty(bodies))
@@ -112,7 +112,7 @@ def propose(bodies: Columns, laws: Laws, draws: Draws, proposal: Proposal) -> No
     proposal.up[:] = bounded(bodies.y + proposal.up, laws.bottom, laws.top) - bodies.y
 
 
-def commit(bodies: Columns, laws: Laws, proposal: Proposal, settled: Settled) -> None:
+def commit(bodies: BodyColumns, laws: Laws, proposal: Proposal, settled: Settled) -> None:
     """Let the bodies go as far as they are free to, and feel what stopped them."""
     free = settled.free
     touched = np.flatnonzero(free < 1.0)
@@ -138,7 +138,7 @@ def commit(bodies: Columns, laws: Laws, proposal: Proposal, settled: Settled) ->
             row[:] = np.where(rest < 0.0, 0.0, rest)
 
 
-def _wanted(bodies: Columns, laws: Laws, draws: Draws) -> tuple[Floats, Floats]:
+def _wanted(bodies: BodyColumns, laws: Laws, draws: Draws) -> tuple[Floats, Floats]:
     """What each body wants: speed and turn rate, before anything overrules or limits it."""
     drives = bodies.mode == DRIVE
     speed, turn = np.where(drives, bodies.wanted_speed, laws.roam_speed), np.where(drives, bodies.wanted_turn, 0.0)
@@ -153,7 +153,7 @@ def _wanted(bodies: Columns, laws: Laws, draws: Draws) -> tuple[Floats, Floats]:
     return speed, turn
 
 
-def _empty(bodies: Columns) -> NDArray[np.bool_]:
+def _empty(bodies: BodyColumns) -> NDArray[np.bool_]:
     """Whether each body has run out of something that driving uses."""
     empty = np.zeros(len(bodies.x), bool)
     for row, use in zip(bodies.stores, bodies.uses, strict=True):
@@ -167,7 +167,7 @@ def _tumbling(laws: Laws, swing: Floats) -> Floats:
     return tumbling(laws, swing) if laws.track else bounded(swing / laws.tick, -laws.turn_rate, laws.turn_rate)
 
 
-def _swing(bodies: Columns, laws: Laws, swinging: Whole, speed: Floats, turn: Floats) -> None:
+def _swing(bodies: BodyColumns, laws: Laws, swinging: Whole, speed: Floats, turn: Floats) -> None:
     """Note what is left of the swing of these bodies, after a tick in which they want that speed and turn rate."""
     swing = bodies.swing[swinging]
     if laws.track:
@@ -178,7 +178,7 @@ def _swing(bodies: Columns, laws: Laws, swinging: Whole, speed: Floats, turn: Fl
     bodies.swing[swinging] = np.where(np.abs(rest) < 1e-9, 0.0, rest)
 
 
-def _roll(bodies: Columns, laws: Laws, draws: Draws, speed: Floats, turn: Floats, proposal: Proposal) -> None:
+def _roll(bodies: BodyColumns, laws: Laws, draws: Draws, speed: Floats, turn: Floats, proposal: Proposal) -> None:
     """The steps of bodies on wheels; what their encoders make of them is worked out where they are gone."""
     bodies.left[:], bodies.right[:] = wheels_follow(laws, bodies.left, bodies.right, speed, turn)
     bodies.speed[:] = (bodies.left + bodies.right) / 2.0
@@ -192,7 +192,7 @@ def _roll(bodies: Columns, laws: Laws, draws: Draws, speed: Floats, turn: Floats
     proposal.across[:], proposal.up[:], proposal.turn[:] = arc(laws, left, right, towards)
 
 
-def _glide(bodies: Columns, laws: Laws, speed: Floats, turn: Floats, proposal: Proposal) -> None:
+def _glide(bodies: BodyColumns, laws: Laws, speed: Floats, turn: Floats, proposal: Proposal) -> None:
     """The steps of crafts without wheels, which know where they are."""
     most = laws.acceleration * laws.tick
     bodies.speed[:] += bounded(bounded(speed, -laws.speed, laws.speed) - bodies.speed, -most, most)

@@ -73,7 +73,7 @@ class Posted:
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class RecordedMessage:
     """One message of the file. time: simulated s."""
 
     topic: str
@@ -133,7 +133,7 @@ def load_recording(file: Path) -> Recording:
     return found
 
 
-def _take(found: Recording, entry: Entry) -> None:
+def _take(found: Recording, entry: RecordedMessage) -> None:
     """Keep what an entry says, if it is of a kind that is kept."""
     if entry.topic == OBSTACLES:
         change = unpack(WorldChange, entry.data)
@@ -159,7 +159,7 @@ def _tick(body: dict[str, object]) -> int:
     return tick
 
 
-def entries(file: Path, found: Recording) -> Iterator[Entry]:
+def entries(file: Path, found: Recording) -> Iterator[RecordedMessage]:
     """Every message of `file` in order, up to its end or to where it breaks off; what is seen is counted in `found`."""
     topics: dict[int, str] = {}
     found.counts, found.complete = {}, False
@@ -173,7 +173,7 @@ def entries(file: Path, found: Recording) -> Iterator[Entry]:
         elif isinstance(record, Record) and (topic := topics.get(record.channel_id)) is not None:
             found.counts[topic] = found.counts.get(topic, 0) + 1
             found.seconds = max(found.seconds, record.log_time / NANO)
-            yield Entry(topic, record.log_time / NANO, record.data)
+            yield RecordedMessage(topic, record.log_time / NANO, record.data)
 
 
 def _start(file: Path) -> Recording:

@@ -36,7 +36,7 @@ MAX_VALUES = 16
 
 
 @dataclass(frozen=True, slots=True)
-class Group:
+class RobotGroup:
     """Some of the robots. count: how many, or their share where the run has another number of robots than the file.
 
     values: what they have of their own, by name, in SI with the unit that was written. sees_light: whether they have
@@ -58,14 +58,14 @@ def read_constants(root: Table) -> tuple[BodyConstant, ...]:
     return tuple(BodyConstant(name, found.value, found.unit, "of this scenario") for name, found in measures.items())
 
 
-def read_groups(robots: Table, constants: Sequence[BodyConstant], most: int) -> tuple[Group, ...]:
+def read_groups(robots: Table, constants: Sequence[BodyConstant], most: int) -> tuple[RobotGroup, ...]:
     """The tables `[robots.groups.NAME]`, none if all robots are alike; `most` robots in each."""
     found = []
     for name, table in robots.tables("groups", most=MAX_GROUPS).items():
         checked_name(robots.table("groups"), name)
         with table:
             count = table.whole("count", low=1, high=most)
-            found.append(Group(name, count, _values(table, constants), table.flag("sees_light", True)))
+            found.append(RobotGroup(name, count, _values(table, constants), table.flag("sees_light", True)))
     return tuple(found)
 
 
@@ -88,7 +88,7 @@ def _values(group: Table, constants: Sequence[BodyConstant]) -> dict[str, Measur
         return found
 
 
-def _refuse_unlike_units(groups: Iterable[tuple[Table, Group]]) -> None:
+def _refuse_unlike_units(groups: Iterable[tuple[Table, RobotGroup]]) -> None:
     """One name has one meaning: the same spelling and dimension in every group, each with its table of robots."""
     first: dict[str, tuple[str, Measure]] = {}
     for robots, group in groups:
@@ -107,7 +107,7 @@ def _dimension(unit: str) -> object:
     return UNITS[unit].dimension if unit else UNITS["rad"].dimension
 
 
-def value_quantities(groups: Sequence[Group]) -> tuple[Quantity, ...]:
+def value_quantities(groups: Sequence[RobotGroup]) -> tuple[Quantity, ...]:
     """The sensors that the groups' values are, each with the range that the values span."""
     names = dict.fromkeys(name for group in groups for name in group.values)
     found = []
@@ -119,20 +119,20 @@ def value_quantities(groups: Sequence[Group]) -> tuple[Quantity, ...]:
     return tuple(found)
 
 
-def group_indices(groups: Sequence[Group], count: int) -> NDArray[np.intp]:
+def group_indices(groups: Sequence[RobotGroup], count: int) -> NDArray[np.intp]:
     """The index of each robot's group, shape (count,): as many of each as the file says, or in that proportion."""
     ends = np.cumsum([group.count for group in groups])
     bounds = np.rint(ends * (count / ends[-1])).astype(np.intp)
     return np.searchsorted(bounds, np.arange(count), side="right")
 
 
-def values_of(groups: Sequence[Group], count: int, name: str) -> NDArray[np.float64]:
+def values_of(groups: Sequence[RobotGroup], count: int, name: str) -> NDArray[np.float64]:
     """The value called `name` of each robot, in SI, NaN where its group has none; shape (count,)."""
     each = [group.values[name].value if name in group.values else nan for group in groups]
     return np.array(each, np.float64)[group_indices(groups, count)]
 
 
-def seeing(groups: Sequence[Group], count: int) -> NDArray[np.bool_]:
+def seeing(groups: Sequence[RobotGroup], count: int) -> NDArray[np.bool_]:
     """Whether each robot has an eye for lights, shape (count,)."""
     if not groups:
         return np.ones(count, bool)
@@ -144,7 +144,7 @@ def refuse_clashes(
     robots: Sequence[Table],
     taken: Iterable[str],
     constants: Sequence[BodyConstant],
-    groups: Sequence[Sequence[Group]],
+    groups: Sequence[Sequence[RobotGroup]],
 ) -> None:
     """Raise SettingsError where a constant or a value has the name of something else that robots know (`taken`).
     groups: those in each of the tables `robots`."""

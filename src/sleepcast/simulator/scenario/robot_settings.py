@@ -9,7 +9,7 @@ from math import inf, pi
 from sleepcast.core.settings import Measure, Table, checked_name
 from sleepcast.core.units import ACCELERATION, LENGTH, NONE, RATE, SPEED, TIME, UNITS, Dimension
 from sleepcast.robot import Geometry, Limits
-from sleepcast.simulator.scenario.groups import Group
+from sleepcast.simulator.scenario.groups import RobotGroup
 from sleepcast.simulator.scenario.signals import LIGHT_NAMES, PING_NAMES
 
 MAX_ROBOTS = 1_000_000
@@ -48,7 +48,7 @@ SIGNAL_NAMES = (*LIGHT_NAMES, *PING_NAMES, "FRONT", "REAR")
 
 
 @dataclass(frozen=True, slots=True)
-class Store:
+class Supply:
     """Something that robots carry: a variable `name` in SI, shown in `unit`.
 
     low, high: at the start, drawn evenly for the `share` of the robots that carry any. full: what a robot
@@ -145,17 +145,17 @@ class RobotSpec:
     geometry: Geometry
     wander: Wander
     wanders: bool
-    stores: tuple[Store, ...]
+    stores: tuple[Supply, ...]
     speed_unit: str
     wheels: Wheels | None = None
     ring: Ring | None = None
     bumpers: int = 0
     disc: tuple[float, float, float] | None = None
     in_rows: bool = False
-    groups: tuple[Group, ...] = ()
+    groups: tuple[RobotGroup, ...] = ()
 
 
-def read_count(robots: Table, groups: tuple[Group, ...]) -> int:
+def read_count(robots: Table, groups: tuple[RobotGroup, ...]) -> int:
     """How many robots the table `robots` has; if they are in groups, that follows from them."""
     if not groups:
         return robots.whole("count", low=1, high=MAX_ROBOTS)
@@ -168,7 +168,7 @@ def read_count(robots: Table, groups: tuple[Group, ...]) -> int:
 
 
 def read_robots(
-    table: Table, count: int, groups: tuple[Group, ...], size: tuple[float, float], taken: Iterable[str]
+    table: Table, count: int, groups: tuple[RobotGroup, ...], size: tuple[float, float], taken: Iterable[str]
 ) -> RobotSpec:
     """A table of robots, all but `count` and `groups` of it. count: of robots, which may be another one than that of
     the groups; size: of the world, m; taken: names that mean something already."""
@@ -280,7 +280,7 @@ def _wander(robots: Table, limits: Limits) -> Wander:
         )
 
 
-def _stores(robots: Table, others: Iterable[str]) -> tuple[Store, ...]:
+def _stores(robots: Table, others: Iterable[str]) -> tuple[Supply, ...]:
     taken = {name.casefold() for name in others}
     found = []
     for name, table in robots.tables("stores", most=MAX_STORES).items():
@@ -294,10 +294,10 @@ def _stores(robots: Table, others: Iterable[str]) -> tuple[Store, ...]:
     return tuple(found)
 
 
-def _store(table: Table, name: str) -> Store:
+def _store(table: Table, name: str) -> Supply:
     low, high = table.span("start", None, low=0.0)
     least = max(high.value, LEAST)
-    store = Store(
+    store = Supply(
         name=name,
         unit=high.unit,
         low=low.value,

@@ -20,8 +20,8 @@ from sleepcast.channel.message_batch import NameIndex
 from sleepcast.core.errors import did_you_mean
 from sleepcast.core.settings import Table, toml_document
 from sleepcast.robot import Geometry, Limits
-from sleepcast.simulator.scenario.groups import Group
-from sleepcast.simulator.scenario.robot_settings import Ring, RobotSpec, Store
+from sleepcast.simulator.scenario.groups import RobotGroup
+from sleepcast.simulator.scenario.robot_settings import Ring, RobotSpec, Supply
 
 FORMAT = 1
 """The version of the format of types; a file of a newer one is refused."""
@@ -100,7 +100,7 @@ def combined(tables: Sequence[Table], sorts: Sequence[RobotSpec]) -> RobotSpec:
         wheels=wheels[0] if wheels else None,
         ring=_ring(rings) if rings else None,
         bumpers=max(sort.bumpers for sort in sorts),
-        groups=tuple(group for sort in sorts for group in sort.groups or (Group(sort.type, sort.count, {}),)),
+        groups=tuple(group for sort in sorts for group in sort.groups or (RobotGroup(sort.type, sort.count, {}),)),
     )
 
 
@@ -126,8 +126,8 @@ def _ring(rings: Sequence[Ring]) -> Ring:
     )
 
 
-def _stores(tables: Sequence[Table], sorts: Sequence[RobotSpec]) -> tuple[Store, ...]:
-    found: dict[str, Store] = {}
+def _stores(tables: Sequence[Table], sorts: Sequence[RobotSpec]) -> tuple[Supply, ...]:
+    found: dict[str, Supply] = {}
     for table, sort in zip(tables, sorts, strict=True):
         for store in sort.stores:
             other = found.setdefault(store.name.casefold(), store)

@@ -6,7 +6,7 @@ from math import inf, pi
 
 from sleepcast.core.model import Quantity
 from sleepcast.simulator.scenario.groups import value_quantities
-from sleepcast.simulator.scenario.robot_settings import Ring, Store
+from sleepcast.simulator.scenario.robot_settings import Ring, Supply
 from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.scenario.signals import signal_sensors
 
@@ -51,5 +51,5 @@ def _bumper_sensor(parts: int) -> tuple[Quantity]:
     return (Quantity("bumper", "", 0.0, float(parts), doc=said),)
 
 
-def _of_store(store: Store) -> Quantity:
+def _of_store(store: Supply) -> Quantity:
     return Quantity(store.name, store.unit, 0.0, store.full, doc=store.about, shown_as=store.unit)

@@ -20,7 +20,7 @@ from sleepcast.simulator.sonar.noise import Noise
 from sleepcast.simulator.world.grid import Floats, Listed, Short, Whole
 
 
-class Field(NamedTuple):
+class SonarField(NamedTuple):
     """What lies around, as the kernel wants it. x, y, cosines, sines: of all bodies, in the order of their cells;
     short_x, short_y: x and y in single precision, with LANES more at the end, far away; order: their indices; radii: of
     all in that order, shape (count,), or (1,) where all are alike. start: where the bodies of each cell begin; listed,
@@ -100,7 +100,7 @@ class Fields:
         self._known: Floats | None = None
         self._solids: Floats = np.empty((0, 6))
 
-    def of(self, view: View, share: Callable[[int, Callable[[int, int], None]], object]) -> Field:
+    def of(self, view: View, share: Callable[[int, Callable[[int, int], None]], object]) -> SonarField:
         """What lies around, for all cones. view: with what is `inside` the cells. share: lets threads share so much
         work."""
         assert isinstance(view.listed, Listed)
@@ -120,7 +120,7 @@ class Fields:
         radii = np.array([view.cones.radius]) if view.radii is None else view.radii[order]
         listed, grid = view.listed, view.grid
         x, y, cosines, sines = places
-        return Field(
+        return SonarField(
             *(x, y, cosines, sines, short[0], short[1], order, radii, start),
             *(listed.start, listed.items, self._solids, grid.size, grid.across, grid.up),
         )

@@ -37,7 +37,7 @@ class Noise(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Receiver:
+class SonarReceiver:
     """How ranges become readings. least, most: limits, m. front: numbers of the front sonars. noise: None without,
     or if already applied. wanted: which rows of the readings are asked for, shape (sonars + 1,)."""
 
@@ -72,7 +72,7 @@ def disturb_each(seen: NDArray[np.float32], counters: NDArray[np.uint64], noise:
     seen[nothing] = np.float32(noise.most)
 
 
-def tell(seen: NDArray[np.float32], which: Whole, receiver: Receiver, sensed: Floats) -> None:
+def tell(seen: NDArray[np.float32], which: Whole, receiver: SonarReceiver, sensed: Floats) -> None:
     """Write the readings of ranges `seen` (overwritten) of the robots `which` into their columns of `sensed`, m, shape
     (sonars + 1, robots), in the wanted rows; the last row is the least of the front sonars. NaN stays NaN. Limits are
     applied in double precision."""

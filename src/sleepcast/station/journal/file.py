@@ -29,7 +29,7 @@ import numpy as np
 from sleepcast.core.clock import Clock
 from sleepcast.core.errors import SleepcastError
 from sleepcast.core.files import settle
-from sleepcast.station.journal.journal import Entry, Event, JournalError
+from sleepcast.station.journal.journal import JournalEntry, JournalError, JournalEvent
 from sleepcast.station.roster import RobotNames
 
 FORMAT = 1
@@ -79,7 +79,7 @@ class Written:
     """An entry as it lies in a file. written: when, s of Unix time; `entry.time` is that of the desk's clock, which may
     be a simulation's. line, hash: see the module."""
 
-    entry: Entry
+    entry: JournalEntry
     written: float
     line: str
     hash: bytes
@@ -99,7 +99,7 @@ def digest(before: bytes, line: str) -> bytes:
     return hashlib.sha256(before + line.encode()).digest()
 
 
-def line_of(entry: Entry, written: float) -> str:
+def line_of(entry: JournalEntry, written: float) -> str:
     """An entry as a line of JSON: bytes in hexadecimal, and `null` for what is unknown or never comes."""
     details: dict[str, object] = {}
     for key, value in entry.details.items():
@@ -133,7 +133,7 @@ def read_line(line: str, hash: bytes) -> Written:
                 "text": str() as text,
                 "details": dict() as details,
             }:
-                entry = Entry(number, float(time), who, Event(event), subject, text, details)
+                entry = JournalEntry(number, float(time), who, JournalEvent(event), subject, text, details)
                 return Written(entry, float(written), line, hash)
     except (ValueError, RecursionError):
         pass
@@ -338,7 +338,7 @@ PAGE = 500
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class ArchiveLimits:
     """When a journal is full and moves into an archive. size: bytes of its file; age: s since its first entry was
     written; whichever comes first."""
 
@@ -366,13 +366,20 @@ class SqliteJournal:
             self._connection.close()
 
     def append(
-        self, time: float, who: str, event: Event, *, subject: str = "", text: str = "", details: Mapping[str, object]
+        self,
+        time: float,
+        who: str,
+        event: JournalEvent,
+        *,
+        subject: str = "",
+        text: str = "",
+        details: Mapping[str, object],
     ) -> None:
         """Write one entry; its number is the next one. It is on the disk when this returns, or, within `together`,
         when that ends."""
         with self.together():
             number, before = self._head()
-            entry = Entry(number + 1, time, who, event, subject, text, details)
+            entry = JournalEntry(number + 1, time, who, event, subject, text, details)
             line = line_of(entry, self._clock.now())
             with journal_errors(self.file):
                 self._connection.execute(
@@ -397,7 +404,7 @@ class SqliteJournal:
                 finally:
                     self._together = False
 
-    def entries(self, after: int = 0) -> Iterator[Entry]:
+    def entries(self, after: int = 0) -> Iterator[JournalEntry]:
         """The entries in this file with a number above `after`, oldest first."""
         rows: list[tuple[int, str, bytes]] = [(after, "", b"")]
         while rows:
@@ -417,14 +424,14 @@ class SqliteJournal:
     # ---- another file
 
     @property
-    def limits(self) -> Limits:
+    def limits(self) -> ArchiveLimits:
         """When it moves into an archive by itself; every writer keeps to it."""
         with self._lock, journal_errors(self.file):
             size, age = get_attribute(self._connection, "most_bytes"), get_attribute(self._connection, "most_seconds")
-        return Limits(float(size or inf), float(age or inf))
+        return ArchiveLimits(float(size or inf), float(age or inf))
 
     @limits.setter
-    def limits(self, limits: Limits) -> None:
+    def limits(self, limits: ArchiveLimits) -> None:
         with self._lock, journal_errors(self.file), transaction(self._connection):
             set_attribute(self._connection, "most_bytes", repr(limits.size))
             set_attribute(self._connection, "most_seconds", repr(limits.age))
@@ -466,7 +473,7 @@ class SqliteJournal:
 
     def _is_full(self) -> bool:
         limits = self.limits
-        if limits == Limits():
+        if limits == ArchiveLimits():
             return False
         with journal_errors(self.file):
             begun = self._connection.execute("SELECT min(written) FROM entries").fetchone()[0]
@@ -505,7 +512,14 @@ class DeferredJournal:
         return self._opened
 
     def append(
-        self, time: float, who: str, event: Event, *, subject: str = "", text: str = "", details: Mapping[str, object]
+        self,
+        time: float,
+        who: str,
+        event: JournalEvent,
+        *,
+        subject: str = "",
+        text: str = "",
+        details: Mapping[str, object],
     ) -> None:
         """As `SqliteJournal`."""
         self._journal.append(time, who, event, subject=subject, text=text, details=details)
@@ -514,7 +528,7 @@ class DeferredJournal:
         """As `SqliteJournal`."""
         return self._journal.together()
 
-    def entries(self, after: int = 0) -> Iterator[Entry]:
+    def entries(self, after: int = 0) -> Iterator[JournalEntry]:
         """As `SqliteJournal`."""
         return self._journal.entries(after)
 

@@ -22,7 +22,7 @@ class JournalError(SleepcastError):
     """A journal that cannot be written or read."""
 
 
-class Event(StrEnum):
+class JournalEvent(StrEnum):
     """What an entry tells of."""
 
     SENT = "sent"
@@ -39,14 +39,14 @@ class Event(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class JournalEntry:
     """One line of the journal. number: from 1, without gaps. time: s of the desk's clock. who: the operator's desk or
     the robot. subject: the id of the command it is about, "" if none. text: the expression. details: plain values."""
 
     number: int
     time: float
     who: str
-    event: Event
+    event: JournalEvent
     subject: str
     text: str
     details: Mapping[str, object]
@@ -65,14 +65,21 @@ class Journal(Protocol):
     """Where the desk writes; it only ever appends. Whatever keeps a journal raises JournalError where it cannot."""
 
     def append(
-        self, time: float, who: str, event: Event, *, subject: str = "", text: str = "", details: Mapping[str, object]
+        self,
+        time: float,
+        who: str,
+        event: JournalEvent,
+        *,
+        subject: str = "",
+        text: str = "",
+        details: Mapping[str, object],
     ) -> None:
         """Write one entry; its number is the next one."""
 
     def together(self) -> AbstractContextManager[None]:
         """Entries that are written within this are kept at once when it ends, so that many cost what one does."""
 
-    def entries(self, after: int = 0) -> Iterable[Entry]:
+    def entries(self, after: int = 0) -> Iterable[JournalEntry]:
         """The entries with a number above `after`, oldest first."""
 
     @property
@@ -84,21 +91,28 @@ class MemoryJournal:
     """The latest `MAX_ENTRIES` entries, gone when the program ends."""
 
     def __init__(self, size: int = MAX_ENTRIES) -> None:
-        self._entries: deque[Entry] = deque(maxlen=size)
+        self._entries: deque[JournalEntry] = deque(maxlen=size)
         self._written = 0
 
     def append(
-        self, time: float, who: str, event: Event, *, subject: str = "", text: str = "", details: Mapping[str, object]
+        self,
+        time: float,
+        who: str,
+        event: JournalEvent,
+        *,
+        subject: str = "",
+        text: str = "",
+        details: Mapping[str, object],
     ) -> None:
         """Write one entry; its number is the next one."""
         self._written += 1
-        self._entries.append(Entry(self._written, time, who, event, subject, text, details))
+        self._entries.append(JournalEntry(self._written, time, who, event, subject, text, details))
 
     def together(self) -> AbstractContextManager[None]:
         """Nothing: memory keeps at once."""
         return nullcontext()
 
-    def entries(self, after: int = 0) -> list[Entry]:
+    def entries(self, after: int = 0) -> list[JournalEntry]:
         """The kept entries with a number above `after`, oldest first."""
         return [entry for entry in self._entries if entry.number > after]
 
@@ -107,7 +121,7 @@ class MemoryJournal:
         """How many of the oldest entries are not kept any more."""
         return self._written - len(self._entries)
 
-    def fill(self, entries: Iterable[Entry], dropped: int) -> None:
+    def fill(self, entries: Iterable[JournalEntry], dropped: int) -> None:
         """Have just these entries, after so many that are not kept any more."""
         self._entries.clear()
         self._entries.extend(entries)
@@ -123,11 +137,11 @@ AGAIN = 1.0
 
 
 class PendingEntry(NamedTuple):
-    """An entry without its number; see `Entry`."""
+    """An entry without its number; see `JournalEntry`."""
 
     time: float
     who: str
-    event: Event
+    event: JournalEvent
     subject: str
     text: str
     details: Mapping[str, object]

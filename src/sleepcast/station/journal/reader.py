@@ -17,7 +17,7 @@ from sleepcast.station.journal.file import (
     origin_of,
     read_line,
 )
-from sleepcast.station.journal.journal import Event, JournalError
+from sleepcast.station.journal.journal import JournalError, JournalEvent
 
 MAX_ARCHIVES = 100_000
 """Archives of one journal: more than a folder holds with comfort; files that name each other in a circle end here."""
@@ -36,7 +36,7 @@ class Query:
     until: float | None = None
     text: str = ""
     robot: str = ""
-    event: Event | None = None
+    event: JournalEvent | None = None
     command: str = ""
 
     def from_on(self, after: int) -> Query:

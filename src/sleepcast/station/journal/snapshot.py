@@ -6,7 +6,7 @@ import numpy as np
 
 from sleepcast.channel.message_batch import NameIndex, ascending
 from sleepcast.core.serial import Array, SerialError
-from sleepcast.station.journal.journal import MAX_ENTRIES, Entry, Journal, MemoryJournal
+from sleepcast.station.journal.journal import MAX_ENTRIES, Journal, JournalEntry, MemoryJournal
 from sleepcast.station.roster import RobotNames
 from sleepcast.station.serialized import EntryState, JournalState
 
@@ -26,14 +26,14 @@ def restore_journal(journal: MemoryJournal, state: JournalState, names: NameInde
     journal.fill([_entry(number, entry, names) for number, entry in entries], state.dropped)
 
 
-def _entry_parcel(entry: Entry) -> EntryState:
+def _entry_parcel(entry: JournalEntry) -> EntryState:
     robots = {key: value for key, value in entry.details.items() if isinstance(value, RobotNames)}
     details = {key: value for key, value in entry.details.items() if key not in robots}
     places = {key: Array.of(some.places.astype(np.int32)) for key, some in robots.items()}
     return EntryState(entry.time, entry.who, entry.event, entry.subject, entry.text, details, places)
 
 
-def _entry(number: int, state: EntryState, names: NameIndex) -> Entry:
+def _entry(number: int, state: EntryState, names: NameIndex) -> JournalEntry:
     robots = {key: RobotNames(names, ascending(places, len(names))) for key, places in state.robots.items()}
     details = state.details | robots
-    return Entry(number, state.time, state.who, state.event, state.subject, state.text, details)
+    return JournalEntry(number, state.time, state.who, state.event, state.subject, state.text, details)

@@ -1,14 +1,14 @@
 """Many simulated bodies in one world, described by scenario files.
 
-    simd       vectors, formulas and compiled kernels: what the heavy work is written in
-    world      what is solid, and where from: shapes, mazes, drawings, maps; the grid that finds what is near
-    scenario   scenario files, robot types, missions
-    sonar      cones, noise, firing order and cross-talk, in NumPy and as kernels
-    motion     driving, steps and contact, in NumPy and as kernels
-    engine     the machine that does the heavy work: NumPy always, or `fast` with the kernels
-    bodies     the robots' state as columns; their sonars, bumpers and senses
-    simulation puts everything together; `snapshot` keeps it, `recording` writes it down and reads it
-    nomads     drives such bodies axis by axis, as a server of Nomads does
+simd       vectors, formulas and compiled kernels for the heavy computations
+world      solid things and where they come from: shapes, mazes, drawings, maps; the grid that finds neighbours
+scenario   scenario files, robot types, missions
+sonar      cones, noise, firing order and cross-talk, in NumPy and as kernels
+motion     driving, steps and contact, in NumPy and as kernels
+engine     array backends: NumPy always, or `fast` with the kernels
+bodies     the robots' state as columns; their sonars, bumpers and sensors
+simulation the simulator itself; `snapshot` saves and resumes it, `recording` writes runs to files and reads them
+nomads     drives these bodies axis by axis, as a Nomad server does
 
 Each imports only what stands above it; tests/test_layout.py checks that.
 """

@@ -1,7 +1,7 @@
-"""Array backends for motion, contact and sonar: NumPy always, compiled kernels (numba) where they are installed.
+"""Array backends for motion, contact and sonar: NumPy always, compiled kernels where numba is installed.
 
-Both have the same methods. Ranges of whole rings agree to a few micrometres, because the compiled kernels compute most
-pairs in single precision; everything else agrees to the last bit. Results do not depend on the number of threads.
+Both have the same methods. Ranges of whole rings agree to a few micrometres, because the compiled kernels compute
+most pairs in single precision; all other results are bit-identical. Results do not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -26,29 +26,30 @@ from sleepcast.simulator.world import grid
 from sleepcast.simulator.world.grid import Floats, Grid, Listed, Sorted, Whole
 
 MAX_THREADS = 64
-"""Threads of one machine: more cores than this share one memory badly."""
+"""Most threads of one backend: beyond that, memory bandwidth is the limit."""
 
 
 def cores() -> int:
-    """Cores that this process may use, as far as they are of use."""
+    """Number of cores that this process may use, at most MAX_THREADS."""
     there = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return min(there, MAX_THREADS)
 
 
 class Machine(Protocol):
-    """See the functions of the same names in `grid`, `cones`, `steps` and `noise` for what each does."""
+    """An array backend; the functions of the same names in `grid`, `cones`, `steps` and `noise` say what each method
+    does."""
 
     @property
     def name(self) -> str: ...
 
     @property
     def pool(self) -> ThreadPool | None:
-        """The threads that it works with, if there are any."""
+        """The thread pool it uses, if it has one."""
 
     def sort(self, grid: Grid, x: Floats, y: Floats, /) -> Sorted: ...
 
     def in_sight(self, listed: Listed, solids: Floats, /) -> Seen:
-        """These rows of `solids` in the form that `ranges` and `hear` use."""
+        """These rows of `solids` in the form that `ranges` and `hear` expect."""
 
     def ranges(self, view: View, which: Whole, /) -> Ranges: ...
 
@@ -61,7 +62,7 @@ class Machine(Protocol):
         """Fire all sonars that are due in this tick; see `firing.fire`."""
 
     def room(self, count: int, /) -> tuple[Proposal, Floats]:
-        """Room for where so many bodies are going in a tick, and for the share of it that they may go."""
+        """Scratch arrays for `count` bodies: the poses they propose, and the share of each move that they may make."""
 
     def propose(self, bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Proposal, /) -> None: ...
 
@@ -85,12 +86,12 @@ class Machine(Protocol):
     def tell(self, seen: Ranges, which: Whole, receiver: SonarReceiver, sensed: Floats, /) -> None: ...
 
     def share(self, count: int, work: Callable[[int, int], object], /) -> None:
-        """Let `work`, which is little for each, be done for so many things, in stretches from a number up to another
-        one, by all threads."""
+        """Call `work(start, stop)` for consecutive slices of `range(count)`, on all threads; the work per item should
+        be small."""
 
 
 class NumPyMachine:
-    """Everything in NumPy, on one thread."""
+    """NumPy on one thread."""
 
     name = "numpy"
     pool = None
@@ -120,8 +121,8 @@ class NumPyMachine:
 
 
 def choose(name: str | None = None, threads: int | None = None) -> Machine:
-    """The machine `name`, "numpy" or "numba"; None is the fastest that is installed. threads: None is one for each
-    core. Raises MisuseError for a machine that is not there."""
+    """The backend `name`, "numpy" or "numba"; None chooses the fastest one installed. threads: None means one per core.
+    Raises MisuseError for an unknown or missing backend."""
     if threads is not None and not 1 <= threads <= MAX_THREADS:
         raise MisuseError(f"a machine has 1 to {MAX_THREADS} threads, not {threads}")
     there = find_spec("numba") is not None

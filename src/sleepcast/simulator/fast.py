@@ -1,8 +1,8 @@
-"""The machine of compiled kernels: NumPy's arrays in and out, kernels in between, on one or more threads.
+"""The array backend with compiled kernels: takes and returns NumPy arrays, on one or more threads.
 
-Threads share the rows of cells, each with about as many robots, or the robots by number; below `ALONE` robots, `LIGHT`
-where little is done for each, or `WATCHFUL` where much is, one does everything, because calling another one takes
-longer.
+Threads divide the rows of cells, with about equally many robots each, or the robots by number. Handing work to
+another thread takes longer than small tasks do, so one thread works alone below `ALONE` robots; the limit is `LIGHT`
+for cheap work and `WATCHFUL` for expensive work.
 """
 
 from __future__ import annotations
@@ -34,30 +34,30 @@ Result = TypeVar("Result")
 Flags: TypeAlias = NDArray[np.bool_]
 
 ALONE = 5_000
-"""Robots up to which one thread is faster than several."""
+"""Number of robots up to which one thread is faster than several."""
 LIGHT = 50_000
-"""The same where numbers are only put into another order: some nanoseconds for each robot."""
+"""The same limit for work that only reorders numbers: some nanoseconds per robot."""
 WATCHFUL = 2_000
-"""The same of robots that look around with all their sonars: some tenths of a microsecond for each."""
+"""The same limit for computing all sonars: some tenths of a microsecond per robot."""
 CROWDED = 1_000
-"""The same of robots that are within reach of each other: what they do to each other takes longer."""
+"""The same limit for contact between robots within reach of each other, which takes longer."""
 MANY = 50_000
-"""Robots from which on even the smallest stretches take much longer than to begin them."""
+"""Number of robots from which on even the smallest slices take much longer than starting them."""
 MOST = 106
-"""Bytes for each robot that most tasks get by with."""
+"""Scratch memory per robot that most tasks need, bytes."""
 ROUNDING = 1e-3
-"""Metres, much more than single precision errs by in the distance of two bodies in reach of each other."""
+"""Metres: a generous bound on the single-precision error of the distance between two bodies within reach."""
 FINE = 1e-6
-"""Metres of a unit of positions, up to which the kernel may work with these; in the large cells of a wide world with
-few robots it looks at all of them in double precision."""
+"""Metres: the kernel may use integer positions while their unit is at most this; in the large cells of a wide world
+with few robots it computes everything in double precision."""
 AGAIN = 1.1
-"""How much farther than this time contact may want to know next time who is there: the fastest body may be faster."""
+"""Margin for the radius of the next contact search, relative to this one: the fastest body may have become faster."""
 FOLDED = 16
-"""Sonars of a ring whose bearings the kernel can fold."""
+"""Number of sonars in a ring whose bearings the kernel can fold."""
 
 
 class _Around(NamedTuple):
-    """What sonars have found out of points in this order: `close` is False for those that have no other one within
+    """What the sonars found out about points in this order: `close` is False for points with no other point within
     `reach` m."""
 
     order: Short
@@ -66,9 +66,9 @@ class _Around(NamedTuple):
 
 
 class _Ring(NamedTuple):
-    """Cones as the kernel wants them. axis_cos, axis_sin: of their axes, as many as fill whole LANES; rear: which of
-    them look behind; lone: see `Cones.lone`; measures: radii of those who look and of others, reach, most, cosine and
-    sine of half an opening, what is grazed in both forms."""
+    """Cones as the kernel expects them. axis_cos, axis_sin: of their axes, padded to whole LANES; rear: which of them
+    look behind; lone: see `Cones.lone`; measures: radii of the looking robot and of others, reach, most, cosine and
+    sine of half the opening, and the grazing limit in both forms."""
 
     axis_cos: Floats
     axis_sin: Floats
@@ -99,17 +99,17 @@ class NumbaMachine:
         self._fields = Fields(self._arena)
         self._around: _Around | None = None
         self._beside = np.inf
-        """Metres within which others matter to contact, as far as is known."""
+        """Metres within which other bodies can touch, as far as is known."""
         self._boxed: tuple[Floats, Floats] | None = None
-        """Solids, and the boxes round them."""
+        """Solids and their bounding boxes."""
 
     def sort(self, grid: Grid, x: Floats, y: Floats) -> Sorted:
         cells, order = np.empty(len(x), np.int32), np.empty(len(x), np.int32)
         start = np.empty(grid.cells + 1, np.int32)
-        shares = 1 if len(x) <= LIGHT else self.pool.threads  # each needs counts of its own
+        shares = 1 if len(x) <= LIGHT else self.pool.threads  # each share needs its own counts
         ends = [len(x) * share // shares for share in range(shares + 1)]
         counts = np.zeros((shares, grid.cells), np.int32)
-        places = dict(zip(ends, counts, strict=False))  # by where their stretch begins
+        places = dict(zip(ends, counts, strict=False))  # indexed by the start of each slice
 
         def count(first: int, last: int) -> None:
             kernels.count(x, y, grid.size, grid.across, grid.up, first, last, cells, places[first])
@@ -141,8 +141,8 @@ class NumbaMachine:
         self._share(len(which), work)
 
     def _squares(self, view: View, which: Whole, *, forward: bool = False) -> Ranges:
-        """The squared ranges that the robots `which` see, a row for each. forward: nobody asks for cones that look
-        behind."""
+        """The squared ranges seen by the robots `which`, one row each. forward: cones that look behind are not
+        needed."""
         cones, grid, points, listed, solids, pose, radii = view
         robots, order, arena = len(pose[0]), points.order, self._arena
         arena.begin(MOST * robots)
@@ -179,13 +179,14 @@ class NumbaMachine:
         return squares
 
     def _looked_around(self, points: Sorted, reach: float) -> Flags:
-        """Sonars look at these points, and find out who is alone within `reach` m; gives where that is noted."""
+        """The flags in which the sonars note, while looking at these points, which have another point within `reach`
+        m."""
         if self._around is None or self._around.order is not points.order or self._around.reach != reach:
             self._around = _Around(points.order, reach, np.ones(len(points.order), np.bool_))
         return self._around.close
 
     def _close(self, points: Sorted, reach: float) -> Flags:
-        """Which of these points may have another one within `reach` m, as far as sonars have found out."""
+        """Which of these points may have another one within `reach` m, as far as the sonars have found out."""
         found = self._around
         if found is not None and found.order is points.order and reach < found.reach - ROUNDING:
             return found.close
@@ -211,7 +212,7 @@ class NumbaMachine:
         return Proposal(*rows[:3]), rows[3]
 
     def propose(self, bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Proposal) -> None:
-        if not laws.track:  # crafts without wheels are few
+        if not laws.track:  # there are only few bodies without wheels
             steps.propose(bodies, laws, draws, proposal)
             return
         roam, left, right = (np.uint64(draw) for draw in draws)
@@ -287,8 +288,8 @@ class NumbaMachine:
         self._share(count, work, LIGHT)
 
     def _share(self, count: int, work: Callable[[int, int], Result], alone: int = ALONE) -> list[Result]:
-        """Let `work` be done for so many things, in stretches of numbers; gives what comes of each. alone: for how many
-        one thread is enough."""
+        """Run `work` on slices of `range(count)` and return the result of each. alone: count up to which one thread
+        suffices."""
         if count <= alone:
             return [work(0, count)]
         return self.pool.share(work, self._borders(count))
@@ -296,15 +297,15 @@ class NumbaMachine:
     def _share_rows(
         self, work: Callable[[int, int], None], grid: Grid, start: Short, busy: int | None = None, alone: int = ALONE
     ) -> None:
-        """Let `work` be done for all rows of cells, in stretches of about as many robots. busy: how many there is
-        something to do for, if not all; alone: for how many one thread is enough."""
+        """Run `work` on slices of the rows of cells, with about equally many robots each. busy: number of robots with
+        work to do, if not all; alone: number up to which one thread suffices."""
         count = int(start[-1])
         if self.pool.threads == 1 or (count if busy is None else busy) <= alone:
             work(0, grid.up)
             return
-        ends = start[grid.across :: grid.across]  # robots up to and with each row
+        ends = start[grid.across :: grid.across]  # number of robots up to and including each row
         self.pool.share(work, [0, *(np.searchsorted(ends, self._borders(count)[1:-1]) + 1).tolist(), grid.up])
 
     def _borders(self, count: int) -> list[int]:
-        """Where stretches of so many robots begin, and their end."""
+        """Start indices of the slices of `range(count)`, followed by `count`."""
         return borders(count, self.pool.threads, FEW if count < MANY else SIZES, LANES)

@@ -1,8 +1,8 @@
-"""Warm-up: at the very first start, two processes compile the kernels at once.
+"""Warm-up: at the very first start, two processes compile the kernels in parallel.
 
-Compiling is Python's work as much as LLVM's, and numba does it under one lock, so a second thread would not help. A
-second process lets a few robots look around, and this one lets them move, which takes about as long; each finds what
-the other has compiled in the cache. If this fails, only time is lost: kernels are then compiled when first called.
+Compiling is as much Python's work as LLVM's, and numba holds one lock meanwhile, so a second thread would not help.
+One process compiles the sonar kernels, the other the motion kernels, which takes about as long; each then finds the
+other's kernels in the cache. If this fails, only time is lost: kernels are compiled when first called.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.simulation import Simulator
 
 OTHER = f"from {__name__} import run_other_process; run_other_process()"
-"""What the other process runs."""
+"""The program of the second process."""
 PATIENCE = 60.0
-"""Seconds that are waited for the other process: some times what it takes on a slow machine."""
+"""Seconds to wait for the second process: several times what it takes on a slow machine."""
 
 
 def compile_kernels(scenario: Scenario) -> None:
-    """Compile what the robots of a scenario need, if no kernel has ever been compiled.
-    scenario: one with few robots."""
+    """Compile the kernels that the robots of a scenario need, if none has been compiled yet. scenario: one with few
+    robots."""
     if choose().name == "numpy" or not any(sort.ring for sort in scenario.each_sort):
         return
     from sleepcast.simulator.simd.compiled import kept_in
@@ -62,7 +62,7 @@ def _collector_paused() -> Iterator[None]:
 @contextmanager
 def _other_process(scenario: Scenario) -> Iterator[subprocess.Popen[bytes]]:
     """The second process; it is killed at the end of the block."""
-    command, quiet = [sys.executable, "-P", "-c", OTHER], subprocess.DEVNULL  # -P: nothing of the folder we are in
+    command, quiet = [sys.executable, "-P", "-c", OTHER], subprocess.DEVNULL  # -P: import nothing from this folder
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet) as other:
         try:
             assert other.stdin
@@ -74,21 +74,22 @@ def _other_process(scenario: Scenario) -> Iterator[subprocess.Popen[bytes]]:
 
 
 def run_other_process() -> None:
-    """What the other process does: let the robots of the scenario that comes in by the door look around."""
+    """The work of the second process: read a scenario from standard input and compile its sonar kernels."""
     scenario = unpack(Scenario, sys.stdin.buffer.read())
     with _collector_paused():
         compile_sonar_kernels(scenario)
-    os._exit(0)  # kernels are kept, and to give back all that compiling has made takes a second
+    os._exit(0)  # the kernels are cached, and freeing everything that compiling has allocated takes a second
 
 
 def compile_motion_kernels(scenario: Scenario) -> None:
-    """Let robots move that cannot look around."""
+    """Let robots without sonars move, which compiles the motion kernels."""
     blind = [replace(sort, ring=None) for sort in (scenario.robots, *scenario.sorts)]
     Simulator(replace(scenario, robots=blind[0], sorts=tuple(blind[1:])), machine=choose(threads=1)).step()
 
 
 def compile_sonar_kernels(scenario: Scenario) -> None:
-    """Let robots look around, and fire their sonars. They are brought into order first, which the others need later."""
+    """Let robots look and fire their sonars, which compiles the sonar kernels. First they are sorted into cells, as the
+    motion kernels need them later."""
     simulator = Simulator(scenario, threads=1)
     simulator.readings()
     bodies = simulator.bodies

@@ -1,7 +1,7 @@
 """Serialization of scenarios as JSON for recordings and snapshots: every dataclass as its name and its fields.
 
-`unpack` follows the annotations of the dataclasses, makes nothing else, and rejects data that do not fit. Renaming a
-packed class or field would break existing files. Infinities are written as Python's JSON does.
+`unpack` follows the annotations of the dataclasses, creates no other types, and rejects data that do not fit.
+Renaming a packed class or field would break existing files. Infinities are written as Python's JSON does.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from types import NoneType, UnionType
 from typing import TypeVar, Union, get_args, get_origin, get_type_hints
 
 TYPE = "type of"
-"""The key under which a dataclass says which it is; no field can have a blank in its name."""
+"""The key that holds a dataclass's name; it contains a blank, so no field can have the same name."""
 
 Kind = TypeVar("Kind")
 
@@ -25,7 +25,7 @@ def pack(value: object) -> bytes:
 
 
 def unpack(kind: type[Kind], data: bytes) -> Kind:
-    """The `kind` that was packed into `data`. Raises ValueError if it is none."""
+    """The `kind` that was packed into `data`. Raises ValueError if the data hold something else."""
     found = _made(kind, json.loads(data))
     if not isinstance(found, kind):
         raise ValueError(f"wanted {kind.__name__}, got {type(found).__name__}")
@@ -48,7 +48,7 @@ def _hints(kind: type) -> dict[str, object]:
 
 
 def _made(hint: object, data: object) -> object:
-    """What `data` stands for where `hint` is annotated."""
+    """The value of type `hint` that `data` stands for."""
     origin, choices = get_origin(hint), get_args(hint)
     if origin in (Union, UnionType):
         return _one_of(choices, data)

@@ -25,18 +25,18 @@ from sleepcast.simulator.scenario.robot_types import names_of
 from sleepcast.simulator.scenario.scenario import Scenario
 
 MOST_CASTE = 254
-"""What a byte tells apart besides silence; a higher caste is shown as this one."""
+"""`pinged` gives one byte per robot; castes above this are reported as this one."""
 
 
 class Simulator:
-    """A running scenario; `seed` replaces the scenario's own. Equal seeds give equal runs, bit for bit, on any
-    number of threads.
+    """A running scenario; `seed` replaces the scenario's own. Equal seeds give equal runs, bit for bit, on any number
+    of threads.
 
-    machine: the array backend (see `engine`); None is the fastest installed one on `threads` threads (None: one for
-    each core), or NumPy without bumpers and sonars, since loading the other one takes a second.
+    machine: the array backend (see `engine`). None chooses the fastest one installed, on `threads` threads (None:
+    one per core); but NumPy for robots without bumpers and sonars, since loading numba takes a second.
 
-    names, robots: of each robot by its index; a robot's own number is its index + 1. model: what they all
-    are.
+    names, robots: one for each robot, by its index; a robot's own number is its index + 1. model: the robots' common
+    model.
     """
 
     def __init__(
@@ -52,10 +52,10 @@ class Simulator:
             light = scenario.robots.ring is None and not scenario.robots.bumpers
             machine = choose("numpy" if light else None, threads)
         self.pool = machine.pool or ThreadPool(threads or cores())
-        """The threads that may work at once."""
+        """The threads available to the simulator."""
         self.bodies = Bodies(scenario, self.seed, machine)
         self.world = self.bodies.world
-        """The solid things, which may be changed between ticks."""
+        """The solid things; they may be changed between ticks."""
         self.model = model_of(scenario, self.bodies)
         self.names = names_of(scenario.each_sort, scenario.robots.count)
         self.robots = Robots(self.bodies, self.model)
@@ -75,7 +75,7 @@ class Simulator:
 
     @property
     def x(self) -> Floats:
-        """Where the robots are, m, shape (robots,); the simulator's own array."""
+        """Positions of the robots, m, shape (robots,); the simulator's own array."""
         return self.bodies.x
 
     @property
@@ -84,7 +84,7 @@ class Simulator:
 
     @property
     def said(self) -> deque[Saying]:
-        """The latest sayings of robots (`TK`)."""
+        """The latest messages that robots have spoken with `TK`."""
         return self.bodies.said
 
     def step(self) -> None:
@@ -98,8 +98,8 @@ class Simulator:
 
     @property
     def sensed(self) -> Floats:
-        """What the robots sense, in the order of `model.sensors`: SI, shape (sensors, robots); NaN for what was never
-        measured. The simulator's own table, up to date for those for whom `sense` was called in this tick."""
+        """Sensor values in the order of `model.sensors`: SI, shape (sensors, robots); NaN for values never measured.
+        This is the simulator's own table, up to date for the robots passed to `sense` in this tick."""
         return self.bodies.sensed
 
     @property
@@ -108,36 +108,36 @@ class Simulator:
         return range(len(self.bodies.sensors), len(self.model.sensors))
 
     def sense(self, robots: NDArray[np.intp] | None = None, sonars: bool | Collection[int] = True) -> None:
-        """Bring `sensed` up to date for the robots with these indices (None: all), noise included; asked twice in a
-        tick, it says the same. sonars: whether the sonars as well, which is most of the work, or which rows of theirs
-        at least. Changes no state."""
+        """Bring `sensed` up to date for the robots with these indices (None: all), noise included; a second call in the
+        same tick gives the same values. sonars: whether to compute sonars too, which is most of the work, or the sonar
+        rows that are needed. Changes no state."""
         self.bodies.sense(robots, sonars)
 
     def act(self, actuator: str, robots: NDArray[np.intp] | slice, values: Floats) -> None:
-        """Ask these bodies to move: set their actuator of this name to `values` (SI), one for each, as `Body.act` does.
-        Stopped bodies do nothing; NaN leaves the value as it was. Raises MisuseError for no such actuator."""
+        """Set the actuator of this name to `values` (SI), one per robot, as `Body.act` does. Stopped bodies do nothing;
+        NaN leaves the value unchanged. Raises MisuseError for an unknown actuator."""
         self.bodies.act(actuator, robots, values)
 
     def readings(self, numbers: Sequence[int] | None = None) -> list[list[float]]:
-        """What the robots with these indices (None: all) sense; see `Bodies.readings`."""
+        """Sensor values of the robots with these indices (None: all); see `Bodies.readings`."""
         return self.bodies.readings(numbers)
 
     def place(self, number: int, x: float, y: float, heading: float) -> None:
-        """Put robot `number` somewhere (m, rad), at rest; it believes to be there."""
+        """Put robot `number` at this pose (m, rad), at rest; its odometry is set to the same pose."""
         self.bodies.place(number, x, y, heading)
 
     def ping(self, number: int, caste: float) -> None:
-        """Robot `number` sends a ping that carries `caste`; those in reach hear it in the next tick."""
+        """Robot `number` sends a ping that carries `caste`; robots within reach receive it in the next tick."""
         self.pings(np.array([number]), np.array([caste]))
 
     def pings(self, robots: NDArray[np.intp], castes: Floats) -> None:
-        """The same for many robots. A robot that pings twice in a tick is heard once, the first time."""
+        """Send pings from many robots. If a robot pings twice in a tick, only its first ping is received."""
         self._pinged[robots] = 1.0 + np.rint(np.clip(np.nan_to_num(castes, nan=MOST_CASTE), 0.0, MOST_CASTE))
         self.senses.ping(robots, castes)
 
     def pinged(self) -> bytes:
-        """Who has pinged since this was last asked, to show it: a byte for each robot, 0 or its latest caste + 1; empty
-        if nobody has. Changes nothing of the run."""
+        """Pings since the last call, for display: one byte per robot, 0 or its latest caste + 1; empty if no robot has
+        pinged. Does not affect the run."""
         found = self._pinged.tobytes() if self._pinged.any() else b""
         self._pinged.fill(0)
         return found
@@ -151,9 +151,7 @@ class Simulator:
         return self.bodies.state_hash(self.senses.state())
 
 
-# All bodies of a simulator: each as a `Robot` of its own when somebody asks for it, and many at once where they all are
-# to do the same.
-# to do the same.
+# All bodies of a simulator: a `Robot` for each one on demand, and functions that command many of them at once.
 
 
 class Robots(Sequence[Body]):
@@ -186,7 +184,7 @@ class Robots(Sequence[Body]):
         self._bodies.stopped[robots] = False
 
     def hold(self, robots: Whole, still: Flags) -> None:
-        """See `Robot.hold`; still: for each of them."""
+        """See `Robot.hold`; still: one flag per robot."""
         self._bodies.held[robots] = still
 
     # ---- the functions of `Body`, with one array for each argument
@@ -253,8 +251,8 @@ _BITS = 0xFFFF_FFFF_FFFF_FFFF
 
 
 def step(bodies: Bodies) -> None:
-    """Move all bodies through the tick `bodies.tick`, and count it. The spatial index of the last
-    tick is reused unless a body was placed."""
+    """Move all bodies through the tick `bodies.tick`, and count it. Reuses the spatial index of the last tick unless a
+    body was placed."""
     draws = Draws(
         bodies.tick * GOLDEN & _BITS,
         key(bodies.seed, "slip", "left", bodies.tick),
@@ -271,7 +269,7 @@ def step(bodies: Bodies) -> None:
         clear(settled)
     for part, which in sorts:
         machine.commit(part.columns, part.laws, proposal.of(which), Settled(*(each[which] for each in settled)))
-        if not part.laws.track and part is not bodies:  # others may have wheels, so what these believe lies apart
+        if not part.laws.track and part is not bodies:  # odometry is separate where other types have wheels
             part.encoder_x[:], part.encoder_y[:], part.encoder_heading[:] = part.x, part.y, part.heading
     bodies.tick += 1
     bodies.forget()

@@ -1,6 +1,6 @@
-"""Single-robot adapter: a simulated body with its own world, for a node in its own process; and safety limits.
+"""Single-robot adapter: one simulated body in its own world, for a node in its own process; and safety limits.
 
-A reading first advances the world to the time of a clock; without a clock each reading is one tick.
+Each reading first advances the world to the clock's time; without a clock it advances the world by one tick.
 """
 
 from __future__ import annotations
@@ -25,11 +25,12 @@ from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.simulation import Simulator
 
 MOST_AT_ONCE = 10
-"""Ticks that one reading catches up; more are skipped."""
+"""Ticks that one reading catches up at most; any others are skipped."""
 
 
 class SingleRobot(Body):
-    """The first robot of `simulator`. clock: paces its time, None: a tick for each reading. limits: enforced each tick.
+    """The first robot of `simulator`. clock: sets the pace of its world; None: one tick per reading. limits: enforced
+    in each tick.
 
     A `Robot` that can be closed, like those behind a bridge.
     """
@@ -49,12 +50,12 @@ class SingleRobot(Body):
         return super().sense()
 
     def now(self) -> float:
-        """The time of its world."""
+        """Time in its world, s."""
         return self._simulator.time
 
     @property
     def lost(self) -> str:
-        """Why it cannot be reached: always empty."""
+        """The reason why it cannot be reached: always empty."""
         return ""
 
     def complaints(self) -> list[str]:
@@ -74,7 +75,7 @@ class SingleRobot(Body):
         self.close()
 
     def _due(self) -> int:
-        """Ticks that are due now."""
+        """Number of ticks due now."""
         if self._clock is None:
             return 1
         tick = self._simulator.scenario.tick
@@ -85,11 +86,11 @@ class SingleRobot(Body):
         return min(due, MOST_AT_ONCE)
 
 
-# Safety limits from a file, which hold whatever a scenario or an expression says.
+# Safety limits read from a file; neither a scenario nor an expression can override them.
 
 
 def read_limits(file: Path) -> Limits:
-    """The limits in a file. Raises SettingsError."""
+    """Read the limits from `file`. Raises SettingsError."""
     with toml_document(file).root() as root:
         return Limits(
             speed=root.number("speed", SPEED, inf, low=LEAST),
@@ -110,8 +111,8 @@ def _fence(root: Table) -> tuple[float, float, float, float]:
 
 
 def limited(scenario: Scenario, limits: Limits) -> Scenario:
-    """The same scenario with robots that keep these limits as well, and start within the fence. Raises MisuseError for
-    a fence outside of the world, and for a range where robots cannot measure any."""
+    """The scenario with robots that also keep these limits and start inside the fence. Raises MisuseError if the fence
+    lies outside the world, or if there is a least range but robots have no range sensor."""
     sorts = (scenario.robots, *scenario.sorts)
     if limits.least_range > 0.0 and not all(sort.geometry.sonars for sort in sorts):
         raise MisuseError(f"the robots of {scenario.name} have no sonars, so they cannot keep a range to anything")
@@ -120,7 +121,7 @@ def limited(scenario: Scenario, limits: Limits) -> Scenario:
 
 
 def _limited(sort: RobotSpec, limits: Limits, size: tuple[float, float]) -> RobotSpec:
-    slower = replace(sort.limits.within(limits), fence=sort.limits.fence)  # at the world's edge they turn back as usual
+    slower = replace(sort.limits.within(limits), fence=sort.limits.fence)  # robots still turn back at the world's edge
     wander = replace(sort.wander, speed=min(sort.wander.speed, slower.speed))
     found = replace(sort, limits=slower, wander=wander)
     if limits.fence is None:
@@ -131,7 +132,7 @@ def _limited(sort: RobotSpec, limits: Limits, size: tuple[float, float]) -> Robo
 
 
 def _part(start: tuple[float, float], fence: tuple[float, float], size: float) -> tuple[float, float]:
-    """The part of the start within the fence, or all within the fence if there is none."""
+    """The part of the start interval inside the fence, or the whole fenced interval if they do not overlap."""
     within = max(fence[0], 0.0), min(fence[1], size)
     if within[0] >= within[1]:
         raise MisuseError(f"a fence from {fence[0]:g} m to {fence[1]:g} m is outside of a world of {size:g} m")
@@ -140,8 +141,8 @@ def _part(start: tuple[float, float], fence: tuple[float, float], size: float) -
 
 
 class SafetyLimits:
-    """Keeps the bodies of a simulator within the fence and the least range of `limits`. They begin at rest: some may
-    stand where they could not come to rest in time."""
+    """Keeps the bodies of a simulator inside the fence and beyond the least range of `limits`. All begin at rest, since
+    some may stand where they could not brake in time."""
 
     def __init__(self, simulator: Simulator, limits: Limits) -> None:
         self._simulator, self._limits = simulator, limits
@@ -151,7 +152,7 @@ class SafetyLimits:
                 moving[:] = 0.0
 
     def enforce(self) -> None:
-        """To be called before each tick."""
+        """Call this before each tick."""
         if not self._limits.are_watched:
             return
         bodies, tick = self._simulator.bodies, self._simulator.scenario.tick
@@ -169,7 +170,7 @@ class SafetyLimits:
         self._headings = bodies.heading.copy()
 
     def _turned(self, tick: float) -> Floats:
-        """How fast each body has turned in the last tick, rad/s."""
+        """Turn rate of each body in the last tick, rad/s."""
         change = self._simulator.bodies.heading - self._headings
         turned: Floats = np.abs(np.mod(change + pi, TURN) - pi) / tick
         return turned

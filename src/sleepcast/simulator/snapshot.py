@@ -1,8 +1,8 @@
 """Snapshots: the state of a simulator, and a simulator resumed from it.
 
-The state holds the scenario as it was simulated, so it stands alone: a simulator is made of that scenario, then its
-arrays are overwritten. What comes from the seed alone is not kept; with another seed, another chance goes on from the
-same past.
+A state includes the scenario as it was simulated, so it needs no other file: a simulator is built from that
+scenario, then its arrays are overwritten. Values that follow from the seed alone are not saved; resuming with
+another seed gives another random future from the same past.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ from sleepcast.simulator.sonar.firing import AT_ONCE, Firing
 from sleepcast.simulator.world.world import Shape
 
 MAX_WORDS = 16_384
-"""Characters of one saying: what a message holds."""
+"""Longest text spoken by a robot, characters: what one message holds."""
 
 
 class SimulatorState(msgspec.Struct):
-    """scenario, things: as `packing` writes them. following: the number that the next thing gets. said: time (s), robot
-    and words. measures: see `Measuring.state`."""
+    """scenario, things: as `packing` writes them. following: the number that the next solid thing gets. said: time (s),
+    robot and text. measures: see `Measuring.state`."""
 
     scenario: bytes
     seed: int
@@ -81,7 +81,7 @@ def state_of(simulator: Simulator) -> SimulatorState:
 
 
 def resume(state: SimulatorState, seed: int | None = None, threads: int | None = None) -> Simulator:
-    """A simulator that goes on from there; seed: None is the one that it had. Raises SerialError."""
+    """A simulator that continues from `state`. seed: None keeps the old one. Raises SerialError."""
     scenario = scenario_of(state.scenario)
     for number, low, high in ((state.seed, 0, MAX_SEED), (state.tick, 0, MAX_TICKS)):
         if not low <= number <= high:
@@ -111,7 +111,7 @@ def resume(state: SimulatorState, seed: int | None = None, threads: int | None =
 
 
 def _check(simulator: Simulator) -> None:
-    """Raises SerialError for columns that no run comes to: the next ticks count on these."""
+    """Raises SerialError for columns that no run can produce: the next ticks rely on them."""
     bodies = simulator.bodies
     for name in ("x", "y", "encoder_x", "encoder_y", "target_x", "target_y"):
         within(getattr(bodies, name), -2.0 * MAX_WORLD, 2.0 * MAX_WORLD, name)
@@ -132,7 +132,7 @@ def _check(simulator: Simulator) -> None:
 
 
 def _check_firing(firing: Firing, sonars: int) -> None:
-    """The same of the order in which sonars fire."""
+    """Raises SerialError for a firing state that no run can produce."""
     within(firing.due, 0.0, np.inf, "due")
     within(firing.order, 0, sonars - 1, "order")
     within(firing.length, AT_ONCE, firing.order.shape[1], "length")
@@ -146,7 +146,7 @@ def _check_firing(firing: Firing, sonars: int) -> None:
 
 
 def scenario_of(data: bytes) -> Scenario:
-    """The scenario that was packed into `data`. Raises SerialError for one that cannot be simulated."""
+    """The scenario packed into `data`. Raises SerialError if it cannot be simulated."""
     try:
         found = unpack(Scenario, data)
     except (ValueError, RecursionError, SleepcastError) as error:
@@ -160,7 +160,7 @@ def scenario_of(data: bytes) -> Scenario:
 
 
 def _bounds(scenario: Scenario) -> Iterator[tuple[str, float, float, float]]:
-    """What has bounds on which memory and time depend: its name, the value, the least and the most."""
+    """All values that memory or run time depend on: name, value, least and most."""
     yield "s in a tick", scenario.tick, 1e-3, 60.0
     yield "s between two samples", scenario.telemetry, LEAST, MAX_TIME
     yield "simulated s in a second", scenario.speed_up, 1e-3, 1e6
@@ -175,7 +175,7 @@ def _bounds(scenario: Scenario) -> Iterator[tuple[str, float, float, float]]:
 
 
 def _bounds_of(robots: RobotSpec) -> Iterator[tuple[str, float, float, float]]:
-    """The same of one sort of robots."""
+    """The same values for one type of robots."""
     ring = robots.ring
     yield "robots of a sort", robots.count, 0, MAX_ROBOTS
     yield "m as a radius", robots.geometry.radius, LEAST, MAX_WORLD

@@ -1,1 +1,1 @@
-"""What a scenario file says: the world, its robots, events, measures and missions, read and checked."""
+"""The contents of a scenario file - world, robots, events, measures and missions - read and checked."""

@@ -13,9 +13,9 @@
     at = "40s"
     add = "gate"
 
-A name may stand for several things. What is added is what the file has under that name, where it has it; a thing that
-is `absent` is not there before. An event happens in the first tick that ends at its time or later, before anything
-moves.
+Several things may share a name. `add` puts back the things defined under that name in the file; those marked
+`absent` are not in the world at the start. An event takes effect in the first tick that ends at its time or later,
+before anything moves.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from sleepcast.core.units import TIME
 from sleepcast.simulator.world.world import Point, Shape, World
 
 MAX_EVENTS = 1_000
-"""Of one scenario: one in every second of a quarter of an hour."""
+"""Events of one scenario: one per second for a quarter of an hour."""
 SORTS = ("add", "remove", "move")
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """At `time` (s) the things called `name` are added, removed or moved `by` so much (m)."""
+    """At `time` (s) the things called `name` are added, removed or moved `by` this vector (m)."""
 
     time: float
     sort: str
@@ -46,8 +46,8 @@ class Event:
 def read_events(
     root: Table, there: Sequence[Shape], absent: Sequence[Shape], size: Point, most: float
 ) -> tuple[Event, ...]:
-    """The tables `[[events]]` in the order of their times. there, absent: the things that are in the world at the
-    start, and those that are not; size: of the world, m; most: of a time, s."""
+    """The tables `[[events]]`, sorted by time. there, absent: the things in the world at the start, and those that are
+    not; size: of the world, m; most: latest time, s."""
     found: list[tuple[Event, Table]] = []
     for table in root.array("events", most=MAX_EVENTS):
         with table:
@@ -63,7 +63,7 @@ def read_events(
 
 
 def _check(events: Sequence[tuple[Event, Table]], there: set[str], absent: set[str]) -> None:
-    """Raise SettingsError for an event whose thing is not there."""
+    """Raise SettingsError for an event about a thing that is not in the world at that time."""
     known = there | absent
     present = set(there)
     for event, table in events:
@@ -79,7 +79,7 @@ def _check(events: Sequence[tuple[Event, Table]], there: set[str], absent: set[s
 
 
 def apply_events(world: World, events: Sequence[Event], things: Sequence[Shape], after: float, until: float) -> None:
-    """Apply to `world` the events due in (after, until], s; a run begins after 0. things: all that may be added."""
+    """Apply the events due in (after, until], s; a run begins after 0. things: all that may be added."""
     for event in events:
         if after < event.time <= until or event.time <= 0.0 == after:
             numbers = [number for number, shape in world.shapes.items() if shape.name == event.name]

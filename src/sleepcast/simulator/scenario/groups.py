@@ -8,8 +8,8 @@
     count = 20
     values = { myCaste = "EYES" }
 
-A constant is known by name to every robot. A value is a sensor variable of every robot, a number of its group; on the
-robots of a group that does not say it, it is unknown. Robots are numbered through the groups in the file's order.
+Every robot knows each constant by name. A value is a sensor variable of every robot and has one number per group; it
+is unknown on robots whose group does not define it. Robots are numbered through the groups in the file's order.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ from sleepcast.core.units import UNITS
 from sleepcast.robot import BodyConstant
 
 MAX_CONSTANTS = 64
-"""Names that the people who write the rules can still tell apart."""
+"""Constants: as many as people who write rules can still tell apart."""
 MAX_GROUPS = 16
-"""Groups of robots in one world: more belong into a table of data, not into a scenario."""
+"""Groups of robots in one world: more belong into a data table, not into a scenario."""
 MAX_VALUES = 16
-"""Each is one variable on every robot."""
+"""Values of a group: each is one variable on every robot."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobotGroup:
-    """Some of the robots. count: how many, or their share where the run has another number of robots than the file.
+    """A group of robots. count: their number, or their proportion if the run changes the number of robots.
 
-    values: what they have of their own, by name, in SI with the unit that was written. sees_light: whether they have
-    an eye for lights.
+    values: the group's own values by name, in SI with the unit that was written. sees_light: whether its robots have
+    a light sensor.
     """
 
     name: str
@@ -50,7 +50,7 @@ class RobotGroup:
 
 
 def read_constants(root: Table) -> tuple[BodyConstant, ...]:
-    """The table `[constants]`: a number, plain or with its unit, for each name."""
+    """The table `[constants]`: a number, plain or with a unit, for each name."""
     with root.table("constants") as table:
         if len(table.values) > MAX_CONSTANTS:
             raise root.error("constants", f"{len(table.values)} of them; at most {MAX_CONSTANTS} fit")
@@ -59,7 +59,7 @@ def read_constants(root: Table) -> tuple[BodyConstant, ...]:
 
 
 def read_groups(robots: Table, constants: Sequence[BodyConstant], most: int) -> tuple[RobotGroup, ...]:
-    """The tables `[robots.groups.NAME]`, none if all robots are alike; `most` robots in each."""
+    """The tables `[robots.groups.NAME]`, none if all robots are alike; at most `most` robots in each."""
     found = []
     for name, table in robots.tables("groups", most=MAX_GROUPS).items():
         checked_name(robots.table("groups"), name)
@@ -89,7 +89,7 @@ def _values(group: Table, constants: Sequence[BodyConstant]) -> dict[str, Measur
 
 
 def _refuse_unlike_units(groups: Iterable[tuple[Table, RobotGroup]]) -> None:
-    """One name has one meaning: the same spelling and dimension in every group, each with its table of robots."""
+    """Refuse a name with different spellings or dimensions in two groups. groups: each with its table of robots."""
     first: dict[str, tuple[str, Measure]] = {}
     for robots, group in groups:
         for name, value in group.values.items():
@@ -108,7 +108,7 @@ def _dimension(unit: str) -> object:
 
 
 def value_quantities(groups: Sequence[RobotGroup]) -> tuple[Quantity, ...]:
-    """The sensors that the groups' values are, each with the range that the values span."""
+    """The sensors for the groups' values, each with the range that the values span."""
     names = dict.fromkeys(name for group in groups for name in group.values)
     found = []
     for name in names:
@@ -120,20 +120,20 @@ def value_quantities(groups: Sequence[RobotGroup]) -> tuple[Quantity, ...]:
 
 
 def group_indices(groups: Sequence[RobotGroup], count: int) -> NDArray[np.intp]:
-    """The index of each robot's group, shape (count,): as many of each as the file says, or in that proportion."""
+    """The index of each robot's group, shape (count,); group sizes are those of the file, or in proportion to them."""
     ends = np.cumsum([group.count for group in groups])
     bounds = np.rint(ends * (count / ends[-1])).astype(np.intp)
     return np.searchsorted(bounds, np.arange(count), side="right")
 
 
 def values_of(groups: Sequence[RobotGroup], count: int, name: str) -> NDArray[np.float64]:
-    """The value called `name` of each robot, in SI, NaN where its group has none; shape (count,)."""
+    """Each robot's value called `name`, in SI, NaN where its group has none; shape (count,)."""
     each = [group.values[name].value if name in group.values else nan for group in groups]
     return np.array(each, np.float64)[group_indices(groups, count)]
 
 
 def seeing(groups: Sequence[RobotGroup], count: int) -> NDArray[np.bool_]:
-    """Whether each robot has an eye for lights, shape (count,)."""
+    """Whether each robot has a light sensor, shape (count,)."""
     if not groups:
         return np.ones(count, bool)
     return np.array([group.sees_light for group in groups], bool)[group_indices(groups, count)]
@@ -146,8 +146,8 @@ def refuse_clashes(
     constants: Sequence[BodyConstant],
     groups: Sequence[Sequence[RobotGroup]],
 ) -> None:
-    """Raise SettingsError where a constant or a value has the name of something else that robots know (`taken`).
-    groups: those in each of the tables `robots`."""
+    """Raise SettingsError where a constant or value has the name of something else that robots know (`taken`). groups:
+    those in each of the tables `robots`."""
     known = {name.casefold() for name in taken}
     for constant in constants:
         if constant.name.casefold() in known:

@@ -5,8 +5,8 @@
     to = "light"
     every = "10s"
 
-A series is a list of [seconds, metres], from the start on. It is bounded: when it is full, every second sample is let
-go and from then on half as many are taken.
+A series is a list of [seconds, metres] from the start on. Its length is bounded: when it is full, every second
+sample is dropped, and the sampling period doubles.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from sleepcast.core.units import TIME
 
 MAX_MEASURES = 16
 MAX_SAMPLES = 10_000
-"""Of one series: finer than any plot of it."""
+"""Samples of one series: finer than any plot of it."""
 RESERVED = ("awake", "groups", "stopped", "said", "radio")
-"""What is measured of every run."""
+"""Values recorded for every run; measures need other names."""
 KINDS = ("distance", "gyration")
 
 Point = tuple[float, float]
@@ -34,8 +34,8 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class MeasureSpec:
-    """One series. of: a kind of `KINDS`: how far the robots' centre is from the point `to` (m), or their radius of
-    gyration, the root mean square of their distances from that centre (m). every: s between two samples."""
+    """One series. of: one of `KINDS`: the distance of the robots' centroid from the point `to` (m), or their radius of
+    gyration, the root mean square of their distances from that centroid (m). every: sampling period, s."""
 
     name: str
     of: str
@@ -44,7 +44,7 @@ class MeasureSpec:
 
 
 def read_measures(root: Table, points: Mapping[str, Point], longest: float) -> tuple[MeasureSpec, ...]:
-    """The tables `[measures.NAME]`. points: what a distance may lead to, by name; longest: time between samples, s."""
+    """The tables `[measures.NAME]`. points: named points for distances; longest: largest sampling period, s."""
     found = []
     for name, table in root.tables("measures", most=MAX_MEASURES).items():
         around = root.table("measures")
@@ -61,7 +61,7 @@ def read_measures(root: Table, points: Mapping[str, Point], longest: float) -> t
 
 
 class Measuring:
-    """The series of one run. tick: s of simulated time in a tick; x, y: where the robots are, m, shape (robots,)."""
+    """The series of one run. tick: simulated seconds per tick; x, y: positions of the robots, m, shape (robots,)."""
 
     def __init__(self, specs: Sequence[MeasureSpec], tick: float, x: Floats, y: Floats) -> None:
         self._specs, self._x, self._y = specs, x, y
@@ -70,7 +70,7 @@ class Measuring:
         self.observe(0, 0.0)
 
     def observe(self, tick: int, time: float) -> None:
-        """Take the samples that are due at the tick of this number; time: of the run, in s."""
+        """Take the samples that are due at the tick of this number; time: simulated time of the run, s."""
         for index, spec in enumerate(self._specs):
             if tick % self._ticks[index] == 0:
                 series = self._series[index]
@@ -80,11 +80,11 @@ class Measuring:
                     self._ticks[index] *= 2
 
     def series(self) -> dict[str, list[list[float]]]:
-        """What was measured so far: for each measure its samples [seconds, metres]."""
+        """The samples so far, for each measure a list of [seconds, metres]."""
         return {spec.name: list(series) for spec, series in zip(self._specs, self._series, strict=True)}
 
     def state(self) -> list[tuple[int, list[list[float]]]]:
-        """For each series the ticks between two samples, and the samples."""
+        """For each series the sampling period in ticks, and the samples."""
         return [(ticks, list(series)) for ticks, series in zip(self._ticks, self._series, strict=True)]
 
     def restore(self, state: list[tuple[int, list[list[float]]]]) -> None:

@@ -1,11 +1,11 @@
 """Mission scripts: what an operator would send, with the times at which to send it.
 
     @10s   (WHEN (> fuel 50%) (JOIN bravo))   ; a comment
-    @1min  (WHEN (IN bravo)                   ; an order goes on over lines that begin with a blank
+    @1min  (WHEN (IN bravo)                   ; an order continues on lines that begin with a blank
              (GOTO vessel_x vessel_y))
 
-Times count from the start of the run, in simulated time, in order. The expressions are only kept here as
-text; who runs the mission has them checked.
+Times are simulated time since the start of the run, in ascending order. Expressions are stored as text; the program
+that runs the mission checks them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from sleepcast.core.settings import SettingsError, read_text
 from sleepcast.core.units import TIME, UNITS, to_si
 
 MAX_BYTES = 1_048_576
-"""Of one script, comments included."""
+"""Bytes of one script, comments included."""
 MAX_ORDERS = 1_000
 """Orders in one mission: what an operator types in a long day."""
 
@@ -29,7 +29,7 @@ _TIME = re.compile(r"@(\d++(?:\.\d*+)?+|\.\d++)\s*([A-Za-z%/0-9]*)(?=\s|$)")
 
 
 class MissionError(MisuseError):
-    """Something wrong in a mission script; the text begins with the file and the line."""
+    """An error in a mission script; the text begins with the file and the line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ def read_mission(path: Path) -> tuple[Order, ...]:
 
 
 def parse_mission(text: str, name: str) -> tuple[Order, ...]:
-    """The same for a `text`; `name` stands for the file in errors."""
+    """The orders in `text`, in time order; errors show `name` as the file. Raises MissionError."""
     orders: list[Order] = []
     for number, line in enumerate(text.split("\n"), 1):
         place = f"{name}:{number}"

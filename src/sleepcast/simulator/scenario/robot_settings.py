@@ -1,4 +1,4 @@
-"""The robots of a scenario: what the table [robots] of its file says, as plain frozen dataclasses in SI."""
+"""The robots of a scenario: the table [robots] of its file as plain frozen dataclasses in SI."""
 
 from __future__ import annotations
 
@@ -13,46 +13,46 @@ from sleepcast.simulator.scenario.groups import RobotGroup
 from sleepcast.simulator.scenario.signals import LIGHT_NAMES, PING_NAMES
 
 MAX_ROBOTS = 1_000_000
-"""Bodies in one world: a tick of so many is about real time on two cores. Minds have a bound of their own."""
+"""Bodies in one world: a tick of so many takes about real time on two cores. Minds have their own bound."""
 MAX_STORES = 16
-"""Each store is a variable on every robot."""
+"""Stores of one robot: each is a variable on every robot."""
 MAX_SONARS = 64
-"""Range sensors of one robot, each of them a variable."""
+"""Range sensors of one robot: each is a variable."""
 MAX_BUMPERS = 24
-"""Parts of a bumper that can tell of a contact apart: as many as fit into the bits of the Nomad's wire."""
+"""Segments of a bumper: as many as fit into the bits of the Nomad protocol."""
 MAX_ORDER = 256
 """Sonars in a firing order."""
 MAX_PAUSE = 60.0
-"""s between an echo and the next ping: the Nomads' longest is one."""
+"""Longest pause between an echo and the next ping, s: the longest that Nomads have is one second."""
 MAX_TIME = 10_000_000.0
-"""Seconds of one run: four months."""
+"""Simulated seconds of one run: four months."""
 MAX_TICKS = 10_000_000_000
-"""Ticks of one run: as long, in the shortest tick."""
+"""Ticks of one run: the same time in the shortest ticks."""
 MAX_WORLD = 10_000_000.0
-"""Metres, a quarter of the way round the earth: beyond, a flat world means nothing."""
+"""Size of a world, m: a quarter of the way around the earth; beyond that, a flat world makes no sense."""
 LEAST = 1e-6
-"""What must be more than nothing is at least this, in SI."""
+"""Least value of anything that must be above zero, in SI."""
 WIDEST_BEAM = pi / 2
-"""Of a sonar: wider ones would look behind themselves."""
+"""Widest opening of a sonar cone, rad: wider ones would look backwards."""
 INCH = 0.0254
 TENTH = INCH / 10
-"""m in the unit of a Nomad's commands."""
+"""Unit of length in a Nomad's commands, m."""
 
 BODY_NAMES = (
     *("x", "y", "heading", "speed", "drive_speed", "drive_turn", "bumper", "front_range"),
     *(f"sonar{number}" for number in range(MAX_SONARS)),
 )
-"""Variables that every simulated body has, or may have."""
+"""Variables that simulated bodies have or may have."""
 SIGNAL_NAMES = (*LIGHT_NAMES, *PING_NAMES, "FRONT", "REAR")
-"""What it knows besides where there are lights or pings."""
+"""Further names that bodies have in worlds with lights or pings."""
 
 
 @dataclass(frozen=True, slots=True)
 class Supply:
-    """Something that robots carry: a variable `name` in SI, shown in `unit`.
+    """A supply that robots carry: a variable `name` in SI, shown in `unit`.
 
-    low, high: at the start, drawn evenly for the `share` of the robots that carry any. full: what a robot
-    carries at most. reach: m that a full store drives a body; inf where driving uses none of it.
+    low, high: range of the uniform initial value, for the `share` of the robots that carry any. full: capacity.
+    reach: distance that a body drives on a full store, m; inf if driving uses none of it.
     """
 
     name: str
@@ -71,8 +71,8 @@ class Supply:
 
 @dataclass(frozen=True, slots=True)
 class Wander:
-    """How bodies roam by themselves: at `speed` (m/s), their turn rate wandering slowly round 0 with the
-    standard deviation `turn_rate` (rad/s), each turn lasting about `steadiness` s."""
+    """How bodies roam on their own: at `speed` (m/s), with a turn rate that varies around 0 with standard deviation
+    `turn_rate` (rad/s) and correlation time `steadiness` (s)."""
 
     speed: float
     turn_rate: float
@@ -83,9 +83,9 @@ class Wander:
 class Wheels:
     """A differential drive: two wheels `track` m apart. The limits of speed and acceleration hold for each wheel.
 
-    A wheel that turns by w m takes the body w * (1 + slip) m, with `slip_left` and `slip_right`, and by chance a
-    little more or less: the standard deviation of what gathers is `slip_noise` m after 1 m and grows with the root of
-    the way. The encoders see w.
+    A wheel that turns by w m moves the body by w * (1 + slip) m, with `slip_left` and `slip_right`, plus a random
+    part: its standard deviation is `slip_noise` m after 1 m and grows with the square root of the distance. The
+    encoders measure w.
     """
 
     track: float
@@ -96,8 +96,9 @@ class Wheels:
 
 @dataclass(frozen=True, slots=True)
 class CrosstalkModel:
-    """How sonars mistake other pings for their own. chance: that a sound which can be heard is; spread: rad between the
-    axes of the sonars that send and hear it, at most; robots: whether robots hear each other, too."""
+    """How sonars mistake other pings for their own. chance: probability that an audible foreign ping is mistaken;
+    spread: largest angle between the axes of sending and receiving sonar, rad; robots: whether pings of other robots
+    count too."""
 
     chance: float
     spread: float
@@ -106,12 +107,12 @@ class CrosstalkModel:
 
 @dataclass(frozen=True, slots=True)
 class Ring:
-    """Sonars evenly round the rim, number 0 in front, then counter-clockwise.
+    """Sonars evenly spaced around the rim, number 0 in front, then counter-clockwise.
 
-    beam: rad, the whole opening of each cone. least, most: m; what is nearer or farther reads as these. noise:
-    standard deviation as a share of the range. dropout: the chance that an echo is missed. incidence: rad from the
-    perpendicular beyond which a surface throws nothing back. pause: s between one sonar's echo and the next one's
-    ping; None where all of them fire in every tick. order: in which they fire. crosstalk: None without.
+    beam: full opening angle of each cone, rad. least, most: m; ranges outside are clamped to these. noise: standard
+    deviation as a share of the range. dropout: probability of a missed echo. incidence: angle from the perpendicular
+    beyond which a surface reflects nothing back, rad. pause: time between one sonar's echo and the next one's ping,
+    s; None if all sonars fire in every tick. order: firing order. crosstalk: None without.
     """
 
     count: int
@@ -128,13 +129,13 @@ class Ring:
 
 @dataclass(frozen=True, slots=True)
 class RobotSpec:
-    """The robots: how many of which type, where they start (evenly in x and y, m), and how they are made.
+    """The robots: number and type, start area (uniform in x and y, m), and equipment.
 
-    wanders: whether they roam from the start; otherwise they stand until a command moves them. wheels: None for
-    a craft that turns and drives without them. ring: None without sonars. bumpers: parts of the bumper, 0 for bodies
-    that nothing stops. speed_unit: in which people read their speed. disc: x, y and radius (m) of the disc in which
-    they start instead, if there is one. in_rows: whether their numbers go along rows of the world, so that neighbours
-    have numbers near each other. groups: the sorts of robots, none if all are alike.
+    wanders: whether they roam from the start; otherwise they stand until commanded. wheels: None for bodies that
+    turn and drive without wheels. ring: None without sonars. bumpers: number of bumper segments; 0 for bodies that
+    nothing stops. speed_unit: unit in which speeds are shown. disc: x, y and radius (m) of a disc to start in
+    instead, or None. in_rows: whether robots are numbered along rows of the world, so that neighbours have close
+    numbers. groups: empty if all robots are alike.
     """
 
     type: str
@@ -156,7 +157,7 @@ class RobotSpec:
 
 
 def read_count(robots: Table, groups: tuple[RobotGroup, ...]) -> int:
-    """How many robots the table `robots` has; if they are in groups, that follows from them."""
+    """Number of robots in the table `robots`; for groups it follows from their counts."""
     if not groups:
         return robots.whole("count", low=1, high=MAX_ROBOTS)
     total = sum(group.count for group in groups)
@@ -170,8 +171,8 @@ def read_count(robots: Table, groups: tuple[RobotGroup, ...]) -> int:
 def read_robots(
     table: Table, count: int, groups: tuple[RobotGroup, ...], size: tuple[float, float], taken: Iterable[str]
 ) -> RobotSpec:
-    """A table of robots, all but `count` and `groups` of it. count: of robots, which may be another one than that of
-    the groups; size: of the world, m; taken: names that mean something already."""
+    """A table of robots, except for `count` and `groups`. count: number of robots, which may differ from the groups'
+    sum; size: of the world, m; taken: names already in use."""
     whole_x, whole_y = ((Measure(0.0), Measure(end)) for end in size)
     with table:
         table.has("count"), table.has("groups")

@@ -1,10 +1,10 @@
-"""Robot types: how robots are made, as TOML files, and several sorts of robots in one world.
+"""Robot types: the equipment of robots, as TOML files, and several types of robots in one world.
 
-A table [robots], or each of several [[robots]], may say what its robots are like: a type that comes along, or a file.
-What the table does not say itself holds as the type says it.
+A table [robots], or each of several [[robots]], may name a type: one that is included, or a file. Values in the
+table override those of the type.
 
-Robots of several sorts have one vocabulary, all names of all of them: what a sort lacks is unknown on its robots, and a
-function that it lacks is a fault where it is reached. They are numbered sort by sort.
+Robots of several types share one vocabulary, all names of all types: a sensor that a type lacks is unknown on its
+robots, and calling a function that it lacks is a runtime fault. Robots are numbered type by type.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from sleepcast.simulator.scenario.groups import RobotGroup
 from sleepcast.simulator.scenario.robot_settings import Ring, RobotSpec, Supply
 
 FORMAT = 1
-"""The version of the format of types; a file of a newer one is refused."""
+"""Version of the format of type files; newer ones are refused."""
 TYPES = Path(__file__).parent.parent / "types"
 MAX_SORTS = 8
-"""Of robots in one world: each sort is moved and looked around for by itself."""
+"""Types of robots in one world: motion and sonar of each type are computed separately."""
 MADE = ("limits", "body", "wheels", "sonar", "stores", "wander")
-"""What a type says; how many there are, and where, is for the scenario."""
+"""What a type defines; the scenario defines how many robots there are, and where."""
 
 
 def type_names() -> list[str]:
-    """The types that come along, sorted."""
+    """The included types, sorted."""
     return sorted(file.stem for file in TYPES.glob("*.toml"))
 
 
 def robot_tables(root: Table) -> list[Table]:
-    """The table [robots], or each of [[robots]], on top of the type that it is like. Raises SettingsError."""
+    """The table [robots], or each of [[robots]], with the values of its type filled in. Raises SettingsError."""
     if isinstance(root.values.get("robots"), list):
         tables = root.array("robots", most=MAX_SORTS)
         if not tables:
@@ -75,8 +75,8 @@ def _on_its_type(robots: Table) -> Table:
 
 
 def combined(tables: Sequence[Table], sorts: Sequence[RobotSpec]) -> RobotSpec:
-    """What robots of several sorts, as they stand in these tables, have together: every name and the widest ranges.
-    Raises SettingsError where two of them mean different things by one name."""
+    """The union of robots of several types, given with their tables: every name and the widest ranges. Raises
+    SettingsError if two of them use one name with different meanings."""
     if len(sorts) == 1:
         return sorts[0]
     kinds = {sort.type for sort in sorts}
@@ -142,14 +142,14 @@ def _stores(tables: Sequence[Table], sorts: Sequence[RobotSpec]) -> tuple[Supply
 
 
 def slices(sorts: Sequence[RobotSpec], count: int) -> list[slice]:
-    """Which of `count` robots are of each sort: as many as the file says, or in that proportion, in its order."""
+    """The slice of `count` robots that each type has: sizes as in the file, or in proportion to them, in its order."""
     ends = np.cumsum([sort.count for sort in sorts])
     bounds = np.rint(ends * (count / ends[-1])).astype(np.int64).tolist()
     return [slice(begin, end) for begin, end in pairwise([0, *bounds])]
 
 
 def names_of(sorts: Sequence[RobotSpec], count: int) -> NameIndex:
-    """What the robots are called: their type, and a number within it."""
+    """Names of the robots: their type, and a number within it."""
     if len({sort.type for sort in sorts}) == 1:
         return NameIndex(prefix=sorts[0].type, count=count)
     used: dict[str, int] = {}

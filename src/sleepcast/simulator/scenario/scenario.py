@@ -1,8 +1,7 @@
-"""Scenarios: what a world is like at the start, as data in a TOML file.
+"""Scenarios: a world at its start, as data in a TOML file.
 
-`load` reads a scenario's folder (or its scenario.toml) into plain frozen dataclasses in SI; nothing is
-simulated here. Errors in the file are reported with their line and key. The keys are explained in
-docs/scenarios.md.
+`load` reads a scenario's folder (or its scenario.toml) into plain frozen dataclasses in SI; it simulates nothing.
+Errors are reported with their line and key. docs/scenarios.md explains the keys.
 """
 
 from __future__ import annotations
@@ -37,14 +36,14 @@ from sleepcast.simulator.scenario.world_settings import MAX_SEED, Changes, World
 from sleepcast.simulator.world.world import Shape
 
 FORMAT = 1
-"""The version of the format; a file of a newer one is refused."""
+"""Version of the format; files of a newer one are refused."""
 FILE = "scenario.toml"
 MAX_QUEUED = 10_000
-"""Messages that wait for one transmitter: at one a second, three hours."""
+"""Messages queued for one transmitter: at one per second, three hours."""
 MAX_PLACES = 32
-"""Each place is two variables on every robot."""
+"""Places of one world: each is two variables on every robot."""
 MAX_COMMANDS = 32
-"""Ready-made commands that a page can offer without scrolling for ever."""
+"""Ready-made commands: as many as a page can offer without endless scrolling."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,13 +61,13 @@ class Place:
 class Scenario:
     """A world at its start. Lengths in m, times in s of simulated time.
 
-    speed_up: simulated seconds in a second of a person's time. seconds: how long a headless run lasts by
-    default. telemetry: time between two samples of each robot. noise: standard deviation of each sensor that
-    has any, by its name. length_unit: in which people read lengths. shapes: what is solid in the world at the start;
-    absent: what may be added to it; events: when. fenced: whether robots turn back at its edge by themselves.
-    constants: numbers that rules know by name. pings: how they are heard, None where nobody hears any. measures: what
-    is to be measured of a run. robots: all of them together; sorts: each sort of them by itself, with its count or its
-    share, none where all robots are alike. nomad: whether VM takes tenths of inches, as a Nomad's programs do.
+    speed_up: simulated seconds per second of real time. seconds: default length of a headless run. telemetry: period
+    of each robot's telemetry. noise: standard deviation of each noisy sensor, by name. length_unit: unit in which
+    lengths are shown. shapes: solid things in the world at the start; absent: things that may be added later;
+    events: timed changes. fenced: whether robots turn back at the world's edge on their own. constants: named
+    numbers for rules. pings: how they are received, None if robots have none. measures: time series to record.
+    robots: all robots together; sorts: each type of them with its count or proportion, empty if there is only one
+    type. nomad: whether VM takes tenths of inches, as a Nomad's programs do.
     """
 
     name: str
@@ -102,19 +101,19 @@ class Scenario:
 
     @property
     def each_sort(self) -> tuple[RobotSpec, ...]:
-        """The sorts of robots, also where there is only one."""
+        """The types of robots, also if there is only one."""
         return self.sorts or (self.robots,)
 
 
 def load(path: Path, changes: Changes = Changes()) -> Scenario:  # noqa: B008  # frozen: nobody can change it
-    """The scenario in the folder or file `path`, with what a run changes of it. Raises SettingsError, and MissionError
+    """The scenario in the folder or file `path`, with the changes of this run. Raises SettingsError, and MissionError
     for its mission script."""
     file = path / FILE if path.is_dir() else path
     return _read(file, file.resolve().parent.name, changes)
 
 
 def read_scenario(text: str, changes: Changes = Changes()) -> Scenario:  # noqa: B008  # frozen: nobody can change it
-    """The scenario of a TOML text, in which paths begin at the working folder. Raises what `load` raises."""
+    """The scenario in a TOML text; relative paths start at the working folder. Raises what `load` raises."""
     return _read(Path(FILE), "scenario", changes, text)
 
 
@@ -124,7 +123,7 @@ def _read(file: Path, name: str, changes: Changes, text: str | None = None) -> S
         document.change(key, value)
     with document.root() as root:
         _check_format(root)
-        root.has("nomad")  # for `sites`
+        root.has("nomad")  # read by `sites`
         constants = read_constants(root)
         tables = robot_tables(root)
         groups = [read_groups(table, constants, MAX_ROBOTS) for table in tables]
@@ -207,19 +206,19 @@ def _places(root: Table, size: tuple[float, float]) -> tuple[Place, ...]:
 
 
 def _events(root: Table, world: WorldSpec, changes: Changes) -> tuple[Event, ...]:
-    """What happens in the world; nothing where a run leaves out everything solid."""
+    """The timed changes of the world; none in a run without solid things."""
     if root.has("events") and changes.walls:
         return read_events(root, world.shapes, world.absent, (world.width, world.height), MAX_TIME)
     return ()
 
 
 def _points(places: tuple[Place, ...], lights: tuple[Light, ...]) -> dict[str, tuple[float, float]]:
-    """Every point with a name."""
+    """All named points."""
     return {place.name: (place.x, place.y) for place in places} | {light.name: (light.x, light.y) for light in lights}
 
 
 def _radio(root: Table, size: tuple[float, float]) -> tuple[RadioModel, float]:
-    """The radio, and the time between two samples."""
+    """The radio, and the telemetry period."""
     usual = RadioModel()
     with root.table("radio") as table:
         seated = table.has("operator")
@@ -261,31 +260,31 @@ def _commands(root: Table) -> tuple[ReadyCommand, ...]:
     return tuple(found)
 
 
-# The gallery: the scenarios that come with sleepcast, by name; those of installed packages, by name; others by path.
+# Finding scenarios: those included with sleepcast and those of installed packages by name, others by path.
 
 GALLERY = Path(__file__).resolve().parents[2] / "scenarios"
-"""The folder of the gallery: one folder for each scenario."""
+"""The folder of the included scenarios, one folder each."""
 ADDED = "sleepcast.scenarios"
-"""The entry points of packages that add scenarios: the name of a scenario, and the package in whose folder it is."""
+"""The entry point group for packages that add scenarios: a scenario's name, and the package in whose folder it is."""
 
 
 def scenario_names() -> list[str]:
-    """The names of the scenarios in the gallery, sorted."""
+    """The names of the included scenarios, sorted."""
     return sorted(file.parent.name for file in GALLERY.glob(f"*/{FILE}"))
 
 
 def added_scenarios() -> dict[str, str]:
-    """The scenarios that installed packages add, sorted by name, each with the package that has it."""
-    from importlib.metadata import entry_points  # loading it takes longer than reading a scenario
+    """The scenarios that installed packages add, sorted by name, each with its package."""
+    from importlib.metadata import entry_points  # importing it takes longer than reading a scenario
 
     return {entry.name: entry.value for entry in sorted(entry_points(group=ADDED), key=lambda each: each.name)}
 
 
 def find_scenario(name: str, changes: Changes = Changes()) -> Scenario:  # noqa: B008  # frozen: nobody can change it
-    """The scenario of the gallery called `name`, or the one in the folder or file at that path, or the one that an
-    installed package adds under this name, with `changes`.
+    """The included scenario called `name`, or the one in the folder or file at that path, or the one that an installed
+    package adds under this name, with `changes`.
 
-    Raises MisuseError if there is none, and what `load` raises for what is wrong in it.
+    Raises MisuseError if there is none, and what `load` raises for errors in it.
     """
     names = scenario_names()
     if name in names:
@@ -304,12 +303,12 @@ def find_scenario(name: str, changes: Changes = Changes()) -> Scenario:  # noqa:
 
 
 def _package_folder(name: str, package: str) -> Path:
-    """The folder of a package with a scenario. Raises MisuseError where there is none."""
+    """The folder of a scenario's package. Raises MisuseError if it does not exist."""
     from importlib.util import find_spec
 
     try:
         spec = find_spec(package)
-    except Exception as error:  # a package around it is imported, which may do anything
+    except Exception as error:  # this imports the parent packages, which may do anything
         raise MisuseError(f'scenario "{name}" cannot be found: its package {package} fails: {error}') from error
     folders = [Path(folder) for folder in (spec and spec.submodule_search_locations) or ()]
     for folder in folders:

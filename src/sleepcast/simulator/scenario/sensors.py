@@ -1,4 +1,4 @@
-"""What robots can sense: the names, units and ranges of their sensors, in the order of a reading's values."""
+"""The sensors of robots: names, units and ranges, in the order of a reading's values."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from sleepcast.simulator.scenario.signals import signal_sensors
 
 
 def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:
-    """The sensors of the scenario's robots, in the order of the rows of `Bodies.sensed`; sonars come after them."""
+    """The sensors of the scenario's robots, in the order of the rows of `Bodies.sensed`; sonars come last."""
     length, robots = scenario.length_unit, scenario.robots
     speed = robots.limits.speed
-    # Encoders may believe to be outside of the world.
+    # Odometry may place a robot outside the world.
     low, right, top = (-inf, inf, inf) if robots.wheels else (0.0, scenario.width, scenario.height)
     return (
         Quantity("x", "m", low, right, doc="where the robot is, to the east", shown_as=length),
@@ -35,7 +35,7 @@ def sensors_of(scenario: Scenario) -> tuple[Quantity, ...]:
 
 
 def sonar_sensors(ring: Ring, length: str) -> tuple[Quantity, ...]:
-    """One for each sonar, and the nearest of those in front. length: the unit in which people read them."""
+    """One sensor for each sonar, and the shortest range of those in front. length: the unit in which it is shown."""
     unit = length if length in ("in", "ft", "cm", "m") else "m"
     return (
         *(

@@ -1,8 +1,9 @@
 """Lights and pings as a scenario file describes them, and the variables in which robots sense them.
 
-After Hoskins's vehicles: a ping carries the caste of its sender and is heard with its range and from the front or the
-rear; a light is seen in the same way. One ping at a time is presented, in pFlag, pRange, pBearing and pCaste, for one
-tick; the light in sFlag, sRange and sBearing, for as long as it is seen. `bodies.senses` simulates them.
+After Hoskins's vehicles: a ping carries the caste of its sender and is received with its range and whether it came
+from the front or the rear; a light is sensed in the same way. Pings are presented one at a time, in pFlag, pRange,
+pBearing and pCaste, for one tick each; the light in sFlag, sRange and sBearing, for as long as it is visible.
+`bodies.senses` simulates them.
 """
 
 from __future__ import annotations
@@ -17,18 +18,18 @@ from sleepcast.core.units import LENGTH
 from sleepcast.robot import BodyConstant
 
 MAX_LIGHTS = 32
-"""Every robot looks for the nearest of them at every tick."""
+"""Lights of one world: every robot looks for the nearest one at every tick."""
 MAX_QUEUE = 64
-"""Pings waiting on one robot: at one a tick, the last of them is old news already."""
+"""Pings queued on one robot: at one per tick, the last of them is already stale."""
 FRONT, REAR = 1.0, -1.0
-"""Bearings: within a quarter of a turn of the heading, or not."""
+"""Bearings: within a quarter turn of the heading, or not."""
 LIGHT_NAMES = ("sFlag", "sRange", "sBearing")
 PING_NAMES = ("pFlag", "pRange", "pBearing", "pCaste")
 
 
 @dataclass(frozen=True, slots=True)
 class Light:
-    """A light at (x, y), in m, seen from as far as `reach` m."""
+    """A light at (x, y), in m, visible up to `reach` m away."""
 
     name: str
     title: str
@@ -39,9 +40,9 @@ class Light:
 
 @dataclass(frozen=True, slots=True)
 class PingModel:
-    """How pings are heard. reach: how far, in m. loss: the chance that one hearer misses one ping.
+    """How pings are received. reach: range, m. loss: probability that a robot misses a ping.
 
-    queue: how many wait on a robot; a new one drives the oldest out.
+    queue: pings that a robot queues; a new one replaces the oldest.
     """
 
     reach: float
@@ -50,7 +51,7 @@ class PingModel:
 
 
 def read_lights(root: Table, size: tuple[float, float], places: Sequence[str]) -> tuple[Light, ...]:
-    """The tables `[lights.NAME]`. places: names that are taken."""
+    """The tables `[lights.NAME]`. places: names already in use."""
     found = []
     for name, table in root.tables("lights", most=MAX_LIGHTS).items():
         if checked_name(root.table("lights"), name) in places:
@@ -64,7 +65,7 @@ def read_lights(root: Table, size: tuple[float, float], places: Sequence[str]) -
 
 
 def read_pings(root: Table) -> PingModel | None:
-    """The table `[pings]`, None where nobody pings."""
+    """The table `[pings]`, None if there is none."""
     if not root.has("pings"):
         return None
     with root.table("pings") as table:
@@ -76,7 +77,7 @@ def read_pings(root: Table) -> PingModel | None:
 
 
 def signal_sensors(lights: tuple[Light, ...], pings: PingModel | None, length: str) -> tuple[Quantity, ...]:
-    """The sensors for what there is to see and to hear. length: the unit in which people read ranges."""
+    """The sensors for lights and pings, if there are any. length: the unit in which ranges are shown."""
     return (
         *(_sensors(LIGHT_NAMES, "a light is seen", "of the nearest light", length) if lights else ()),
         *(_sensors(PING_NAMES[:3], "a ping is presented", "of its sender", length) if pings else ()),
@@ -93,7 +94,7 @@ def _sensors(names: tuple[str, ...], flag: str, whose: str, length: str) -> tupl
 
 
 def signal_constants(lights: tuple[Light, ...], pings: PingModel | None) -> tuple[BodyConstant, ...]:
-    """The names of the bearings, where anything has one."""
+    """The names of the bearings, if there are lights or pings."""
     if not lights and pings is None:
         return ()
     return (

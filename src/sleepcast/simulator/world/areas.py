@@ -1,7 +1,7 @@
 """Which points lie inside a disc or a solid area.
 
-A point is inside an area if a line from it to the east crosses the outlines an odd number of times. The sides of an
-area are listed by level strips of it, so that a point looks at the sides of its own strip only.
+A point is inside an area if a ray from it to the east crosses the outlines an odd number of times. The sides of an
+area are listed by horizontal strips, so that each point is compared only with the sides of its own strip.
 """
 
 from __future__ import annotations
@@ -13,14 +13,15 @@ from sleepcast.simulator.world.grid import Floats, Whole, spread
 from sleepcast.simulator.world.world import Area, Circle, rows_of
 
 LISTED_PER_SIDE = 4
-"""In how many strips a side is listed, on average: what bounds the list of an area whose sides are long."""
+"""Strips that a side is listed in, on average; this bounds the list for areas with long sides."""
 MAX_STRIPS = 16_384
 MAX_PAIRS = 4_194_304
-"""Points and sides looked at in one go: some hundred megabytes of arrays."""
+"""Pairs of points and sides processed at once: some hundred megabytes of arrays."""
 
 
 def inside(area: Area | Circle, x: Floats, y: Floats) -> NDArray[np.bool_]:
-    """Whether each point x, y (m, shape (n,)) lies inside the area; on a lower or left side it does, on others not."""
+    """Whether each point x, y (m, shape (n,)) lies inside the area. Points on a lower or left side do, points on others
+    do not."""
     if isinstance(area, Circle):
         within: NDArray[np.bool_] = (x - area.x) ** 2 + (y - area.y) ** 2 < area.radius**2
         return within
@@ -55,7 +56,7 @@ def inside(area: Area | Circle, x: Floats, y: Floats) -> NDArray[np.bool_]:
 
 
 def _crosses(sides: Floats, x: Floats, y: Floats) -> NDArray[np.bool_]:
-    """Whether each side, shape (n, 4), is met on the way from its point x, y to the east."""
+    """Whether a ray from each point x, y to the east crosses its side, shape (n, 4)."""
     x0, y0, x1, y1 = sides.T
     between = (y0 <= y) != (y1 <= y)
     met: NDArray[np.bool_] = between & (x < x0 + (y - y0) / (y1 - y0) * (x1 - x0))

@@ -1,11 +1,12 @@
-"""Drawings: an SVG file to solid areas, discs and walls.
+"""Drawings: an SVG file converted to solid areas, discs and walls.
 
-What is filled is a solid area, what is not a thin wall along its line; a circle stays a circle. Paths, polygons,
-polylines, rectangles, circles, ellipses and lines are read, with the transforms, fills and ids of the groups round
-them; text and pictures are passed over. The page's lower left corner becomes the world's, its y axis turns up, and
-curves become lines that are nowhere farther than TOLERANCE from them.
+Filled shapes become solid areas, others thin walls along their lines; circles stay circles. Paths, polygons,
+polylines, rectangles, circles, ellipses and lines are read, with the transforms, fills and ids of the groups around
+them; text and pictures are skipped. The page's lower left corner becomes the world's, its y axis turns up, and
+curves become lines within TOLERANCE of them.
 
-Expat reads the XML. Entities, which can make a short file endless, are refused; nothing that a file names is opened.
+Expat reads the XML. Entities, which can expand a short file without limit, are refused; files that the drawing names
+are not opened.
 """
 
 from __future__ import annotations
@@ -32,13 +33,13 @@ from sleepcast.simulator.world.svg import (
 from sleepcast.simulator.world.world import MAX_SOLIDS, Area, Circle, Point, Shape, Wall
 
 TOLERANCE = 0.001
-"""m between a curve and the lines that stand for it: less than sonars and bumpers can tell."""
+"""Largest distance between a curve and the lines that replace it, m: less than sonars and bumpers can resolve."""
 MAX_BYTES = 8_388_608
-"""Of a drawing: floor plans of large buildings have a tenth of it."""
+"""Bytes of a drawing: floor plans of large buildings have a tenth of it."""
 MAX_ELEMENTS = 100_000
-"""Of a drawing: its shapes are found one by one."""
+"""Elements of a drawing: each is converted by itself."""
 MAX_DEPTH = 128
-"""Groups in groups."""
+"""Depth of nested groups."""
 MAX_NAME = 64
 """Characters of an id that are kept."""
 
@@ -49,7 +50,7 @@ DRAWN = ("path", "polygon", "polyline", "rect", "circle", "ellipse", "line")
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """What a drawing holds, in the frame of a world; low, high: corners of its page there, m."""
+    """The contents of a drawing in the world's frame; low, high: corners of its page there, m."""
 
     shapes: tuple[Shape, ...]
     low: Point
@@ -58,7 +59,7 @@ class Drawing:
 
 @dataclass(frozen=True, slots=True)
 class _Around:
-    """What holds inside an element, and for it."""
+    """What an element inherits from the groups around it."""
 
     matrix: Matrix = Matrix()  # noqa: RUF009  # frozen: nobody can change it
     name: str = ""
@@ -68,7 +69,8 @@ class _Around:
 
 @dataclass(frozen=True, slots=True)
 class _Drawn:
-    """One element, in units of the drawing. disc: centre and radius of a circle, also as lines. number: of its line."""
+    """One element, in units of the drawing. disc: centre and radius of a circle, which is also given as lines. number:
+    line number in the file."""
 
     lines: list[Line]
     around: _Around
@@ -77,8 +79,8 @@ class _Drawn:
 
 
 def read_drawing(path: Path, metre: float | None, at: Point = (0.0, 0.0)) -> Drawing:
-    """The drawing in the SVG file at `path`. metre: units of the drawing in a metre, None to go by the size that the
-    file says; at: where its page's lower left corner lies in the world, m. Raises SettingsError."""
+    """The drawing in the SVG file at `path`. metre: units of the drawing per metre; None uses the size that the file
+    states. at: position of the page's lower left corner in the world, m. Raises SettingsError."""
     reader = _Reader(path)
     reader.read(read_text(path, MAX_BYTES))
     page = reader.page
@@ -101,7 +103,7 @@ def read_drawing(path: Path, metre: float | None, at: Point = (0.0, 0.0)) -> Dra
 
 
 def _shapes(drawn: _Drawn, upright: Matrix) -> Iterator[Shape]:
-    """What an element is in the world."""
+    """The shapes that an element becomes in the world."""
     around = drawn.around
     whole = upright.after(around.matrix)
     if drawn.disc and around.filled and whole.grows:
@@ -119,7 +121,7 @@ def _shapes(drawn: _Drawn, upright: Matrix) -> Iterator[Shape]:
 
 
 def _points(line: Line) -> tuple[Point, ...]:
-    """Points along a line, none twice in a row, at most as many as fit into a world."""
+    """Points along a line, without repeats, at most as many as fit into a world."""
     found: list[Point] = []
     for point in line.flat(TOLERANCE):
         if not found or found[-1] != (point.real, point.imag):
@@ -130,7 +132,7 @@ def _points(line: Line) -> tuple[Point, ...]:
 
 
 def _open(points: tuple[Point, ...]) -> tuple[Point, ...]:
-    """A closed line without its first point again at the end."""
+    """The points of a closed line without the repeated first point at the end."""
     return points[:-1] if len(points) > 1 and points[0] == points[-1] else points
 
 
@@ -147,7 +149,7 @@ def _disc(attributes: dict[str, str]) -> tuple[complex, float] | None:
 
 
 def _lines(name: str, attributes: dict[str, str]) -> list[Line]:
-    """The lines of an element, by way of the path that draws the same. Raises PathError."""
+    """The lines of an element, by way of an equivalent path. Raises PathError."""
     if name == "path":
         return read_path(attributes.get("d", ""))
     if name in ("polygon", "polyline"):
@@ -194,7 +196,7 @@ class _Reader:
         self._sheet: list[str] | None = None
         self._skipped = 0
         self._elements = 0
-        self._parser = expat.ParserCreate("utf-8", " ")  # whatever the file says: it was read as this
+        self._parser = expat.ParserCreate("utf-8", " ")  # whatever encoding the file declares: it was read as this one
         self._parser.StartElementHandler = self._start
         self._parser.EndElementHandler = self._end
         self._parser.CharacterDataHandler = self._text
@@ -214,7 +216,7 @@ class _Reader:
             raise self._error("", f"more than {MAX_ELEMENTS} elements")
         if not self.page_number and (name != "svg" or space not in ("", SVG)):
             raise self._error(name, "is no drawing: wanted an svg")
-        if name == "style" and space in ("", SVG):  # often among definitions, which are passed over
+        if name == "style" and space in ("", SVG):  # often among definitions, which are skipped
             self._sheet = []
         if self._skipped or space not in ("", SVG):
             self._skipped += 1

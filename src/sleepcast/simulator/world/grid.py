@@ -1,7 +1,7 @@
 """A uniform grid: which points lie near each other, and which solids lie near a cell.
 
-Points are sorted by their cell, so that those of neighbouring cells of one row lie side by side in memory. Solids are
-listed for each cell that they come near. Everything here is NumPy; `kernels` has the fast form of the same sorting.
+Points are sorted by their cell, so that those of neighbouring cells of one row are contiguous in memory. Each cell
+lists the solids near it. Everything here is NumPy; `kernels` has a compiled version of the same sorting.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from sleepcast.simulator.world.world import World
 Floats = NDArray[np.float64]
 Whole = NDArray[np.int64]
 Short = NDArray[np.int32]
-"""Indices that are kept: of robots, solids and cells, of which there are some millions at most."""
+"""Indices that are stored: of robots, solids and cells, at most some millions."""
 
 CELLS_PER_POINT = 4
 AT_ONCE = 8_192
-"""Solids, or cells, worked on together: what is needed for a moment stays small beside what is kept."""
+"""Solids or cells processed at once, so that temporary arrays stay small beside the stored ones."""
 LEAST_CELLS = 4_096
-"""Cells that a grid may have beside `CELLS_PER_POINT` for each point: more would only be walked over empty."""
+"""Cells that a grid may have besides `CELLS_PER_POINT` for each point: more would mostly be empty."""
 
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Square cells of `size` m over a rectangle that begins at 0, 0: `across` of them in each of `up` rows. What lies
-    outside belongs to the cell at the edge."""
+    """Square cells of `size` m over a rectangle whose lower left corner is 0, 0: `across` of them in each of `up` rows.
+    Points outside belong to the nearest cell at the edge."""
 
     size: float
     across: int
@@ -51,21 +51,21 @@ class Grid:
 
 
 class Sorted(NamedTuple):
-    """Points in the order of their cells. order: their indices; start: where each cell begins, shape (cells + 1,)."""
+    """Points in the order of their cells. order: their indices; start: first entry of each cell, shape (cells + 1,)."""
 
     order: Short
     start: Short
 
 
 class Listed(NamedTuple):
-    """Solids by cell. start: where each cell's begin, shape (cells + 1,); items: rows of the world's solids."""
+    """Solids by cell. start: first entry of each cell, shape (cells + 1,); items: rows of the world's solids."""
 
     start: Short
     items: Short
 
 
 def grid_over(width: float, height: float, size: float, points: int) -> Grid:
-    """A grid with cells of at least `size` m, larger where so many cells would be more than `points` deserve."""
+    """A grid with cells of at least `size` m; larger ones where there would be too many cells for `points`."""
     most = max(LEAST_CELLS, CELLS_PER_POINT * points)
     size = max(size, sqrt(width * height / most), max(width, height) / most)
     return Grid(size, max(1, ceil(width / size)), max(1, ceil(height / size)))
@@ -78,7 +78,7 @@ def sort(grid: Grid, x: Floats, y: Floats) -> Sorted:
 
 
 def starts(cells: Whole | Short, count: int) -> Short:
-    """Where the entries of each of `count` cells begin among all, sorted by cell. cells: of each entry."""
+    """First entry of each of `count` cells among all entries, sorted by cell. cells: the cell of each entry."""
     start = np.zeros(count + 1, np.int32)
     np.cumsum(np.bincount(cells, minlength=count), dtype=np.int32, out=start[1:])
     return start
@@ -86,7 +86,7 @@ def starts(cells: Whole | Short, count: int) -> Short:
 
 def pairs(grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float, first: Whole) -> tuple[Whole, Whole]:
     """All ordered pairs of different points at most `reach` m apart: two arrays of indices. points: x and y, sorted.
-    first: the indices that the first of a pair may have."""
+    first: indices to use as the first of a pair."""
     order, start = points
     row, cells = grid.rows(y[first]), ceil(reach / grid.size)
     left, right = grid.columns(x[first] - reach), grid.columns(x[first] + reach)
@@ -104,7 +104,7 @@ def pairs(grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float, first:
 
 
 def candidates(grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float) -> Whole:
-    """How many of the `points` lie in cells within `reach` m of each place x, y: at least as many as are in reach."""
+    """For each place x, y the number of `points` in cells within `reach` m: an upper bound of those within reach."""
     row, cells = grid.rows(y), ceil(reach / grid.size)
     left, right = grid.columns(x - reach), grid.columns(x + reach)
     found = np.zeros(len(x), np.int64)
@@ -116,7 +116,7 @@ def candidates(grid: Grid, points: Sorted, x: Floats, y: Floats, reach: float) -
 
 
 def spread(items: Whole, begin: Whole | Short, end: Whole | Short) -> tuple[Whole, Whole]:
-    """Each of `items` beside every number from its `begin` up to, not with, its `end`: two arrays."""
+    """Each of `items` paired with every number from its `begin` to its `end` (exclusive): two arrays."""
     counts = (end - begin).astype(np.int64)
     total = int(counts.sum())
     skipped = np.repeat(np.cumsum(counts) - counts, counts)
@@ -124,7 +124,7 @@ def spread(items: Whole, begin: Whole | Short, end: Whole | Short) -> tuple[Whol
 
 
 def list_solids(grid: Grid, world: World, reach: float) -> Listed:
-    """The solids that come within `reach` m of any point of each cell, in the order of their rows."""
+    """The solids within `reach` m of any point of each cell, in the order of their rows."""
     solids = world.solids
     pieces = [_cells_near(grid, solids, reach, at, at + AT_ONCE) for at in range(0, len(solids), AT_ONCE)]
     cells, item = (np.concatenate([np.empty(0, np.int32), *(each[i] for each in pieces)]) for i in (0, 1))
@@ -132,12 +132,12 @@ def list_solids(grid: Grid, world: World, reach: float) -> Listed:
 
 
 def _cells_near(grid: Grid, solids: Floats, reach: float, first: int, last: int) -> tuple[Short, Short]:
-    """The solids in these rows, each beside the number of every cell that it comes near to."""
+    """The solids in these rows, each paired with the number of every cell near it."""
     x0, y0, x1, y1, radius = solids[first:last].T
     far = reach + radius
     left, right = grid.columns(np.minimum(x0, x1) - far), grid.columns(np.maximum(x0, x1) + far)
     bottom, top = grid.rows(np.minimum(y0, y1) - far), grid.rows(np.maximum(y0, y1) + far)
-    # Each solid beside each row, then beside each cell of the box round it, then without the cells that it passes by.
+    # Pair each solid with each row, then with each cell of its bounding box, then drop the cells that it misses.
     item, row = spread(np.arange(len(far)), bottom, top + 1)
     place, column = spread(np.arange(len(item)), left[item], right[item] + 1)
     item, row = item[place], row[place]
@@ -151,14 +151,14 @@ def _cells_near(grid: Grid, solids: Floats, reach: float, first: int, last: int)
 
 
 def distance(x: Floats, y: Floats, x0: Floats, y0: Floats, x1: Floats, y1: Floats) -> Floats:
-    """From each point x, y to the line from x0, y0 to x1, y1, m."""
+    """Distance from each point x, y to the line from x0, y0 to x1, y1, m."""
     across, up = nearest_point(x, y, x0, y0, x1, y1)
     away: Floats = np.sqrt(across * across + up * up)
     return away
 
 
 def nearest_point(x: Floats, y: Floats, x0: Floats, y0: Floats, x1: Floats, y1: Floats) -> tuple[Floats, Floats]:
-    """From each point x, y to the nearest point of a line: how far across and up, m."""
+    """Vector from each point x, y to the nearest point of a line: x and y components, m."""
     ex, ey = x1 - x0, y1 - y0
     length2 = ex * ex + ey * ey
     share = ((x - x0) * ex + (y - y0) * ey) / np.where(length2 > 0.0, length2, 1.0)

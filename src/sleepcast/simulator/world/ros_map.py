@@ -1,13 +1,13 @@
-"""Maps of ROS: a YAML file and the picture it names, read as ROS does, to areas along the borders of cells.
+"""ROS maps: a YAML file and the image it names, interpreted as ROS does, converted to areas along the borders of cells.
 
-A pixel is a cell of `resolution` m; the lower left corner of the picture lies at `origin` (x, y, yaw) of the map's own
-frame. A black pixel is occupied (`negate`: a white one); with p, how occupied it is from 0 to 1,
+A pixel is a cell of `resolution` m; the lower left corner of the image lies at `origin` (x, y, yaw) of the map's
+frame. Black pixels are occupied (with `negate`: white ones); with p, the occupancy from 0 to 1,
 
     trinary   p > occupied_thresh is solid, p < free_thresh is open, the rest unknown
-    scale     the same, but what lies between is open, and what is not quite opaque is unknown
-    raw       a pixel's value is percent: more than occupied_thresh is solid, more than 100 is unknown
+    scale     the same, but values in between are open, and pixels that are not fully opaque are unknown
+    raw       a pixel's value is a percentage: above occupied_thresh is solid, above 100 is unknown
 
-YAML is read by PyYAML and the picture by Pillow, where they are installed; nothing else is opened.
+PyYAML reads the YAML and Pillow the image, where they are installed; no other file is opened.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from sleepcast.core.units import LENGTH
 from sleepcast.simulator.world.world import MAX_SOLIDS, Area, Point
 
 MAX_YAML = 65_536
-"""Bytes of a map's YAML file: people's have three hundred."""
+"""Bytes of a map's YAML file: real ones have about three hundred."""
 MAX_PIXELS = 16_777_216
-"""Of a map's picture: 4096 by 4096, a square of 200 m at 5 cm a pixel."""
+"""Pixels of a map's image: 4096 by 4096, a square of 200 m at 5 cm per pixel."""
 MODES = ("trinary", "scale", "raw")
 FINEST, COARSEST = 1e-4, 1e4
-"""m of a pixel."""
+"""Size of a pixel, m."""
 
 Cells = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
 class RosMap:
-    """Which cells are solid and which unknown, both of shape (rows, columns), the row at the bottom first.
+    """Which cells are solid and which are unknown, both of shape (rows, columns), bottom row first.
 
-    resolution: m of a cell. x, y, yaw: where the lower left corner lies in the map's own frame, m and rad.
+    resolution: size of a cell, m. x, y, yaw: pose of the lower left corner in the map's frame, m and rad.
     """
 
     solid: Cells
@@ -51,9 +51,9 @@ class RosMap:
     yaw: float
 
     def area(self, at: tuple[float, float] | None, *, unknown_is_solid: bool) -> tuple[Area, Point, Point]:
-        """What is solid, in the frame of a world; and the lower left and upper right corner of the box round the whole
-        picture there. at: where the map's own (0, 0) lies in the world, m; None lays that box's lower left corner on
-        the world's. Raises MisuseError for more sides than fit."""
+        """The solid area in the world's frame, and the lower left and upper right corner of the whole image's bounding
+        box. at: position of the map's (0, 0) in the world, m; None puts the box's lower left corner on the world's.
+        Raises MisuseError for more sides than fit."""
         rows, columns = self.solid.shape
         box = [self._turned(column, row) for column in (0, columns) for row in (0, rows)]
         low = min(x for x, _ in box), min(y for _, y in box)
@@ -67,7 +67,7 @@ class RosMap:
         return area, _moved(low, move), _moved(high, move)
 
     def _turned(self, column: int, row: int) -> Point:
-        """From the picture's lower left corner to a corner of a cell, m."""
+        """Vector from the image's lower left corner to a corner of a cell, in the map's frame, m."""
         x, y = column * self.resolution, row * self.resolution
         if not self.yaw:
             return x, y
@@ -79,8 +79,8 @@ def _moved(point: Point, move: Point) -> Point:
 
 
 def read_map(path: Path) -> RosMap:
-    """The map described by the YAML file at `path`. Raises SettingsError with the file, and the line where there is
-    one; MisuseError where a library is missing."""
+    """The map described by the YAML file at `path`. Raises SettingsError with the file and, where known, the line;
+    MisuseError if a library is missing."""
     table = _document(path).root()
     resolution = table.number("resolution", LENGTH, low=FINEST, high=COARSEST)
     x, y, yaw = table.numbers("origin", ("x", "y", "yaw"))
@@ -95,7 +95,7 @@ def read_map(path: Path) -> RosMap:
 
 
 def _document(path: Path) -> Document:
-    """The values of a YAML file that is one table, and the lines of its keys."""
+    """The values of a YAML file that holds one table, and the line of each key."""
     try:
         import yaml
     except ImportError:
@@ -111,29 +111,29 @@ def _document(path: Path) -> Document:
             raise SettingsError(f"{path}:1: no map: wanted lines such as resolution: 0.05")
         lines: dict[Path_, int] = {(str(key.value),): key.start_mark.line + 1 for key, _ in node.value}
         found = loader.construct_document(node)
-        if not isinstance(found, dict):  # a set, say
+        if not isinstance(found, dict):  # for example a set
             raise SettingsError(f"{path}:1: no map: wanted lines such as resolution: 0.05")
         values: dict[str, object] = {str(key): value for key, value in found.items()}
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         raise SettingsError(f"{path}:{line}: not YAML: {error.problem or error.context}") from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # odd characters, dates of no month, depth
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # bad characters, impossible dates, depth
         raise SettingsError(f"{path}:1: not YAML: {str(error).splitlines()[0]}") from None
-    except (LookupError, AttributeError):  # !!bool before a word that is none, !!timestamp before no time
+    except (LookupError, AttributeError):  # !!bool or !!timestamp before something else
         raise SettingsError(f"{path}:1: not YAML: a tag (!!) before a value that it does not fit") from None
     return Document(path, values, lines)
 
 
 def _flag(table: Table, key: str) -> bool:
-    """Yes or no, as 0 or 1 or as YAML says it."""
+    """A boolean as 0 or 1, whether written as a number or in YAML's words."""
     if isinstance(table.values.get(key), bool):
         return table.flag(key, False)
     return table.whole(key, low=0, high=1) == 1
 
 
 def _picture(path: Path) -> tuple[NDArray[np.uint32], int, int]:
-    """The channels of a PGM or PNG picture, shape (rows, columns, channels), the row on top first; the value of white;
-    and how many of the channels are colours."""
+    """The channels of a PGM or PNG image, shape (rows, columns, channels), top row first; the value of white; and the
+    number of colour channels."""
     try:
         from PIL import Image
     except ImportError:
@@ -154,7 +154,7 @@ def _picture(path: Path) -> tuple[NDArray[np.uint32], int, int]:
                 values = np.asarray(plain).astype(np.uint32).reshape(rows, columns, -1)
     except Image.DecompressionBombError:
         raise SettingsError(f"{path}: far too many pixels; at most {MAX_PIXELS} fit") from None
-    except (OSError, ValueError, SyntaxError, EOFError) as error:  # what Pillow raises for a broken picture
+    except (OSError, ValueError, SyntaxError, EOFError) as error:  # what Pillow raises for a damaged image
         raise SettingsError(f"{path}: no PGM or PNG picture that can be read: {error}") from None
     channels = values.shape[2]
     return values, 65_535 if deep else 255, channels - 1 if channels in (2, 4) else channels
@@ -163,8 +163,8 @@ def _picture(path: Path) -> tuple[NDArray[np.uint32], int, int]:
 def _judged(
     channels: NDArray[np.uint32], white: int, colours: int, mode: str, negate: bool, occupied: float, free: float
 ) -> tuple[Cells, Cells]:
-    """Which pixels are solid and which unknown."""
-    # In trinary maps what is transparent counts as white in part, as in ROS.
+    """Which pixels are solid and which are unknown."""
+    # In trinary maps transparency counts as partly white, as in ROS.
     looked_at = channels if mode == "trinary" else channels[:, :, :colours]
     total = looked_at.sum(axis=2, dtype=np.uint32)
     most = white * looked_at.shape[2]
@@ -187,20 +187,20 @@ def _missing(library: str) -> MisuseError:
     )
 
 
-# Outlines of what is solid on a grid of cells: closed lines along the borders of cells, corner by corner, exactly.
+# Outlines of the solid cells of a grid: closed lines along the borders of cells, corner by corner, exact.
 
 Corner = tuple[int, int]
 
 SOUTH_WEST, SOUTH_EAST, NORTH_WEST, NORTH_EAST = 1, 2, 4, 8
-"""Which of the four cells round a point of the grid are solid, added up."""
+"""Which of the four cells around a grid point are solid: bits that are added up."""
 RISING = SOUTH_WEST + NORTH_EAST
 FALLING = SOUTH_EAST + NORTH_WEST
 CORNERS = np.array([bin(code).count("1") % 2 == 1 or code in (RISING, FALLING) for code in range(16)])
 
 
 def corners_of(solid: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.uint8]]:
-    """Column, row and surroundings of each corner, row by row from the bottom. solid: shape (rows, columns), the row at
-    the bottom first. A point at which two solid cells touch is two corners."""
+    """Column, row and surroundings of each corner, row by row from the bottom. solid: shape (rows, columns), bottom row
+    first. A point where two solid cells touch counts as two corners."""
     cells = np.pad(solid, 1).astype(np.uint8)
     round_ = cells[:-1, :-1] * SOUTH_WEST
     round_ += cells[:-1, 1:] * SOUTH_EAST
@@ -213,12 +213,13 @@ def corners_of(solid: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.
 
 
 def contours(solid: NDArray[np.bool_]) -> list[list[Corner]]:
-    """The closed lines round all that is solid, holes included: for each its corners (column, row), no three of them in
-    one line. solid: as above."""
+    """The closed lines around all solid cells, holes included: for each its corners (column, row), no three of them
+    collinear. solid: shape (rows, columns), bottom row first."""
     column, row, code = corners_of(solid)
     count = len(column)
     numbers = np.arange(count)
-    # Of two corners at one point the first goes left and the second right; it is the lower one where solids rise.
+    # Of two corners at one point the first belongs to the line going left, the second to the one going right; the first
+    # is the lower one where the solid cells rise to the right.
     second = np.zeros(count, bool)
     second[1:] = (column[1:] == column[:-1]) & (row[1:] == row[:-1])
     upwards = np.lexsort((second ^ (code == FALLING), row, column))
@@ -229,7 +230,7 @@ def contours(solid: NDArray[np.bool_]) -> list[list[Corner]]:
 
 
 def _rounds(corners: list[Corner], beside: list[int], above: list[int]) -> list[list[Corner]]:
-    """The corners in the order in which one walks along them, beginning with the lowest one of each line."""
+    """The corners in order along each line, beginning with its lowest one."""
     seen = bytearray(len(corners))
     found = []
     for first in range(len(corners)):

@@ -1,9 +1,9 @@
-"""SVG: the `d` attribute of a path as curves, curves as points that follow them closely, and the attributes for
-lengths, transforms, page size and fill.
+"""SVG syntax: the `d` attribute of a path as curves, curves flattened to points, and the attributes for lengths,
+transforms, page size and fill.
 
-A point is a complex number. Every curve is a Bézier curve (a line is one with two points) or a piece of an ellipse, so
-that a transform of the drawing moves a few points and nothing else; only then is it flattened. The grammar, and how an
-arc follows from its ends, are those of SVG 1.1, chapter 8 and appendix F.6.
+A point is a complex number. Every curve is a Bézier curve (a line is one with two points) or a part of an ellipse,
+so a transform only moves a few points; curves are flattened afterwards. The grammar, and how an arc follows from its
+ends, are those of SVG 1.1, chapter 8 and appendix F.6.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from math import acos, ceil, comb, cos, isfinite, pi, radians, sin, sqrt, tan
 from typing import NamedTuple
 
 MAX_NUMBER = 1e9
-"""Of a coordinate: beyond, what is small in a drawing is lost to rounding."""
+"""Largest coordinate: beyond it, small details of a drawing are lost to rounding."""
 MAX_PIECES = 10_000
-"""Of one flattened curve: a circle of 50 km is as exact as one of 1 m."""
+"""Pieces of one flattened curve: a circle of 50 km is as exact as one of 1 m."""
 
 _NEXT_NUMBER = re.compile(r"[\s,]*([+-]?(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?\d++)?+)")
 _FLAG = re.compile(r"[\s,]*([01])")
@@ -28,12 +28,12 @@ _ARGUMENTS = {"M": 2, "Z": 0, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T
 
 
 class PathError(ValueError):
-    """Something in a path that is none; the text is a sentence without its place."""
+    """Invalid path data; the text is a sentence without its location."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bezier:
-    """A curve by its two ends, the first and the last of `points`, and those that pull it."""
+    """A curve by its end points, the first and the last of `points`, and its control points between them."""
 
     points: tuple[complex, ...]
 
@@ -41,8 +41,8 @@ class Bezier:
         return Bezier(tuple(map(move, self.points)))
 
     def flat(self, tolerance: float) -> Iterator[complex]:
-        """Points on the curve after its start, so dense that no line between two is farther than `tolerance` from it
-        (Wang's bound on the second differences)."""
+        """Points on the curve after its start, dense enough that chords stay within `tolerance` of it (Wang's bound on
+        the second differences)."""
         degree = len(self.points) - 1
         bends = [abs(a - 2.0 * b + c) for a, b, c in zip(self.points, self.points[1:], self.points[2:], strict=False)]
         pieces = _piece_count(sqrt(degree * (degree - 1) / 8.0 * max(bends, default=0.0) / tolerance))
@@ -58,8 +58,8 @@ class Bezier:
 
 @dataclass(frozen=True, slots=True)
 class Arc:
-    """A piece of an ellipse: centre + right * cos(angle) + up * sin(angle), the angle from `start` on by `sweep` rad.
-    end: exactly where it ends."""
+    """Part of an ellipse: centre + right * cos(angle) + up * sin(angle), the angle from `start` on by `sweep` rad. end:
+    its exact end point."""
 
     centre: complex
     right: complex
@@ -74,8 +74,8 @@ class Arc:
         return Arc(centre, right, up, self.start, self.sweep, move(self.end))
 
     def flat(self, tolerance: float) -> Iterator[complex]:
-        """As for Bézier curves: the chord of an angle is off by 1 - cos(angle / 2) of the radius at most."""
-        radius = sqrt(abs(self.right) ** 2 + abs(self.up) ** 2)  # not less than the longer half axis
+        """As for Bézier curves: a chord deviates by at most 1 - cos(angle / 2) of the radius."""
+        radius = sqrt(abs(self.right) ** 2 + abs(self.up) ** 2)  # at least the longer half axis
         widest = 2.0 * acos(max(0.0, 1.0 - tolerance / radius)) if radius > 0.0 else pi
         pieces = _piece_count(abs(self.sweep) / widest) if widest > 0.0 else MAX_PIECES
         for piece in range(1, pieces):
@@ -90,7 +90,7 @@ def _piece_count(pieces: float) -> int:
 
 @dataclass(slots=True)
 class Line:
-    """Curves that go on from each other, from `start` on, perhaps closed."""
+    """Connected curves from `start` on, possibly closed."""
 
     start: complex
     curves: list[Bezier | Arc] = field(default_factory=list)
@@ -100,19 +100,19 @@ class Line:
         return Line(move(self.start), [curve.moved(move) for curve in self.curves], self.closed)
 
     def flat(self, tolerance: float) -> Iterator[complex]:
-        """Points along it, the start included."""
+        """Points along the line, the start included."""
         yield self.start
         for curve in self.curves:
             yield from curve.flat(tolerance)
 
 
 def read_path(text: str) -> list[Line]:
-    """The lines that a `d` attribute draws. Raises PathError for what is no path."""
+    """The lines that a `d` attribute draws. Raises PathError for invalid data."""
     return _Reader(text).read()
 
 
 class _Reader:
-    """Reads one path: `_here` is where the pen is, `_last` the letter before and `_pull` its last pulling point."""
+    """Reads one path: `_here` is the current point, `_last` the previous letter and `_pull` its last control point."""
 
     def __init__(self, text: str) -> None:
         self._text, self._place = text, 0
@@ -152,7 +152,7 @@ class _Reader:
             self._arc(values, origin + complex(values[5], values[6]))
         else:
             points = [origin + complex(*pair) for pair in zip(values[::2], values[1::2], strict=True)]
-            if upper in "ST":  # smooth: the first pull mirrors the one before
+            if upper in "ST":  # smooth: mirrors the last control point
                 smooth = self._last in ("CS" if upper == "S" else "QT")
                 points.insert(0, 2.0 * self._here - self._pull if smooth else self._here)
             self._curve(*points)
@@ -184,7 +184,7 @@ class _Reader:
         self._here = end
 
     def _draw(self, curve: Bezier | Arc) -> None:
-        if self._lines[-1].closed:  # goes on from where the closed one began
+        if self._lines[-1].closed:  # continues from the start of the closed line
             self._lines.append(Line(self._here))
         self._lines[-1].curves.append(curve)
 
@@ -197,14 +197,14 @@ def arc_between(
     start: complex, end: complex, across: float, up: float, turn: float, large: bool, sweep: bool
 ) -> Arc | Bezier:
     """The arc from `start` to `end` of an ellipse with the half axes `across` and `up`, turned by `turn` rad: the
-    `large` part or the small one, with growing angles (`sweep`) or falling ones. A line where an axis is 0."""
+    `large` part or the small one, with increasing angles (`sweep`) or decreasing ones. A line if an axis is 0."""
     if not across or not up:
         return Bezier((start, end))
     turned = rect(1.0, turn)
-    # In a frame where the ellipse is a circle of radius 1, half of the chord, and the middle's way to the centre.
+    # In a frame where the ellipse is a unit circle: half of the chord, and the vector from its middle to the centre.
     half = (start - end) / 2.0 / turned
     chord = complex(half.real / across, half.imag / up)
-    if abs(chord) > 1.0:  # too small for its ends: it grows until it just reaches them
+    if abs(chord) > 1.0:  # too small for its ends: scaled up until it just reaches them
         across, up, chord = across * abs(chord), up * abs(chord), chord / abs(chord)
     away = sqrt(max(0.0, 1.0 / abs(chord) ** 2 - 1.0)) * (1.0 if large != sweep else -1.0)
     middle = complex(chord.imag, -chord.real) * away
@@ -215,11 +215,11 @@ def arc_between(
 
 
 PIXEL = 0.0254 / 96.0
-"""m: of what SVG calls px, its unit without a name."""
+"""Size of SVG's px, m; numbers without a unit are px."""
 UNITS = {"": 1.0, "px": 1.0, "pt": 4 / 3, "pc": 16.0, "in": 96.0, "cm": 96 / 2.54, "mm": 9.6 / 2.54, "Q": 2.4 / 2.54}
-"""Of SVG, in px."""
+"""SVG's units, in px."""
 ON_SCREEN = ("", "px")
-"""Units that do not say how large something really is."""
+"""Units that do not state a real size."""
 
 _NUMBER = re.compile(r"[+-]?(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?\d++)?+")
 _LENGTH = re.compile(rf"\s*({_NUMBER.pattern})\s*([A-Za-z%]*)\s*")
@@ -228,7 +228,7 @@ _TRANSFORM = re.compile(r"[\s,]*(\w+)\s*\(([^()]*)\)[\s,]*")
 
 
 class Matrix(NamedTuple):
-    """Takes x, y to a x + c y + e, b x + d y + f; points are complex numbers."""
+    """Maps x, y to a x + c y + e, b x + d y + f; points are complex numbers."""
 
     a: float = 1.0
     b: float = 0.0
@@ -242,7 +242,7 @@ class Matrix(NamedTuple):
         return complex(self.a * x + self.c * y + self.e, self.b * x + self.d * y + self.f)
 
     def after(self, first: Matrix) -> Matrix:
-        """What comes of `first` and then this one."""
+        """The matrix that applies `first`, then this one."""
         a, b, c, d, e, f = first
         return Matrix(
             self.a * a + self.c * b,
@@ -255,15 +255,15 @@ class Matrix(NamedTuple):
 
     @property
     def grows(self) -> float | None:
-        """By what circles grow; None where they do not stay circles."""
+        """The factor by which circles are scaled; None if they do not stay circles."""
         right, up = complex(self.a, self.b), complex(self.c, self.d)
         same = abs(abs(right) - abs(up)) + abs((right * up.conjugate()).real) / max(abs(right), 1e-300)
         return abs(right) if same <= 1e-9 * abs(right) else None
 
 
 class Page(NamedTuple):
-    """The part of the drawing that is seen: its least x and y, width and height, in units of the drawing; and how many
-    m one of these is, None where the file does not say it."""
+    """The visible part of the drawing: least x and y, width and height, in units of the drawing; and the size of such a
+    unit in m, None if the file does not state it."""
 
     x: float
     y: float
@@ -273,7 +273,7 @@ class Page(NamedTuple):
 
 
 def page_of(attributes: Mapping[str, str]) -> Page:
-    """The page that the outermost element says. Raises PathError if it says none."""
+    """The page described by the outermost element. Raises PathError if there is none."""
     sizes = [sized(attributes.get(key, "")) for key in ("width", "height")]
     if "viewBox" in attributes:
         x, y, width, height = numbers(attributes["viewBox"], "viewBox", 4)
@@ -294,7 +294,7 @@ def page_of(attributes: Mapping[str, str]) -> Page:
 
 
 def sized(text: str) -> tuple[float, str] | None:
-    """A length in px and its unit; None for none, or for a share of something."""
+    """A length in px and its unit; None if it is no length, or a percentage."""
     found = _LENGTH.fullmatch(text)
     if found is None or found[2] not in UNITS:
         return None
@@ -302,7 +302,7 @@ def sized(text: str) -> tuple[float, str] | None:
 
 
 def length(attributes: Mapping[str, str], key: str, default: float = 0.0) -> float:
-    """The length under `key` in units of the drawing. Raises PathError for what is none."""
+    """The length under `key` in units of the drawing. Raises PathError if it is none."""
     if key not in attributes:
         return default
     found = sized(attributes[key])
@@ -314,7 +314,7 @@ def length(attributes: Mapping[str, str], key: str, default: float = 0.0) -> flo
 
 
 def numbers(text: str, what: str, count: int | None = None) -> list[float]:
-    """The numbers in `text`, so many of them if it is said. Raises PathError for anything else."""
+    """The numbers in `text`, exactly `count` of them if given. Raises PathError for anything else."""
     found = _NUMBER.findall(text) if _LIST.fullmatch(text) else None
     if found is None or (count is not None and len(found) != count):
         raise PathError(f'{what}: wanted {"" if count is None else f"{count} "}numbers, not "{text[:20]}"')
@@ -329,7 +329,7 @@ def _bounded(text: str) -> float:
 
 
 def transform(text: str) -> Matrix:
-    """The matrix that a `transform` attribute says. Raises PathError for what is none."""
+    """The matrix of a `transform` attribute. Raises PathError for invalid text."""
     found, place = Matrix(), 0
     while place < len(text):
         match = _TRANSFORM.match(text, place)
@@ -351,7 +351,7 @@ _STEPS = {
     "skewX": (1,),
     "skewY": (1,),
 }
-"""Of how many numbers each sort of transform is made."""
+"""Numbers of arguments that each kind of transform takes."""
 
 
 def _step(sort: str, values: list[float]) -> Matrix:
@@ -373,7 +373,7 @@ def _step(sort: str, values: list[float]) -> Matrix:
 
 
 def style_of(attributes: Mapping[str, str], classes: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
-    """What an element says of its looks: attributes, then its classes, then its own `style`, the last one holds."""
+    """An element's style: attributes, overridden by its classes, overridden by its own `style`."""
     said = {key: attributes[key] for key in ("fill", "display", "visibility") if key in attributes}
     for name in attributes.get("class", "").split():
         said |= classes.get(name, {})
@@ -381,7 +381,7 @@ def style_of(attributes: Mapping[str, str], classes: Mapping[str, Mapping[str, s
 
 
 def rules(sheet: str) -> dict[str, dict[str, str]]:
-    """What a style sheet says of each class; other rules are passed over."""
+    """The declarations of each class in a style sheet; other rules are skipped."""
     found: dict[str, dict[str, str]] = {}
     for rule in _without_comments(sheet).split("}"):
         selectors, _, said = rule.rpartition("{")
@@ -397,6 +397,6 @@ def _without_comments(sheet: str) -> str:
 
 
 def declarations(text: str) -> dict[str, str]:
-    """`fill: none; stroke: red` by name."""
+    """The declarations in a text such as `fill: none; stroke: red`, by name."""
     pairs = (part.split(":", 1) for part in text.split(";") if ":" in part)
     return {key.strip(): value.strip() for key, value in pairs}

@@ -1,6 +1,5 @@
-"""Walls as the compiled sonar wants them: for each cell, round solids first, then pieces of walls by direction and by
-line, two pieces of one line at a time, so that what pieces have in common is worked out once.
-"""
+"""Walls in the order that the compiled sonar expects: for each cell, round solids first, then pieces of walls by
+direction and by line, two pieces of one line at a time, so that what pieces have in common is computed once."""
 
 from __future__ import annotations
 
@@ -12,20 +11,20 @@ from numpy.typing import NDArray
 from sleepcast.simulator.world.grid import AT_ONCE, Floats, Listed, Short, Whole
 
 SAME_LINE, NEW_LINE, NEW_DIRECTION, ROUND = 0, 1, 2, 3
-"""What listed solids have in common with those before them."""
+"""What a listed solid has in common with those before it."""
 SAME_ANGLE, SAME_HEIGHT = 1e-9, 1e-7
-"""rad and m by which pieces may differ that are taken as parts of one line."""
+"""Tolerances, rad and m, within which pieces count as parts of one line."""
 TOUCHING = 1e-9
-"""m by which pieces of one line may be apart that are taken as one piece."""
+"""Gap, m, up to which pieces of one line count as one piece."""
 
 News = NDArray[np.int8]
 
 
 class Walls(NamedTuple):
-    """solids: as columns unit vector along the line (x, y), how far the line passes the origin on its right, where the
-    piece begins and ends along it, radius; of round ones x, y, 0, 0, 0, radius. m, shape (6, n). start: where each
-    cell's entries begin, shape (cells + 1,). items: the solid of each entry, shape (entries,). news: SAME_LINE and so
-    on for each entry."""
+    """solids: columns with the unit vector along the line (x, y), the distance by which the line passes the origin on
+    its right, where the piece begins and ends along it, and radius; for round ones x, y, 0, 0, 0, radius. m, shape (6,
+    n). start: first entry of each cell, shape (cells + 1,). items: the solid of each entry, shape (entries,). news: for
+    each entry SAME_LINE, NEW_LINE, NEW_DIRECTION or ROUND."""
 
     solids: Floats
     start: Short
@@ -51,8 +50,8 @@ def walls_of(listed: Listed, solids: Floats) -> Walls:
 def _entries(
     listed: Listed, part: Whole, direction: Whole, line: Whole, first: int, last: int
 ) -> tuple[Whole, Short, News]:
-    """How many entries each cell from `first` up to `last` has, and all their `items` and `news`. part: of which joined
-    piece each solid is one."""
+    """The number of entries of each cell from `first` to `last` (exclusive), and their `items` and `news`. part: the
+    joined piece that each solid belongs to."""
     start = listed.start[first : last + 1]
     cell, items = np.repeat(np.arange(last - first), np.diff(start)), part[listed.items[start[0] : start[-1]]]
     if not len(items):
@@ -69,11 +68,11 @@ def _entries(
 
 
 def _joined(columns: Floats, direction: Whole, line: Whole) -> tuple[Floats, Whole, Whole, Whole]:
-    """The same with pieces of one line that touch or overlap joined to one; and of which one each solid is part."""
+    """The columns with touching or overlapping pieces of one line joined; and the joined piece of each solid."""
     begin, end = columns[3:5]
     round_ = direction < 0
     order = np.lexsort((begin, line, round_))
-    # Ends by rank, lines first, so that the farthest one on the same line before each piece is the greatest before it.
+    # Ranks of the ends, by line first: the farthest end before a piece on its line is the running maximum.
     by_end = np.lexsort((end, line, round_))
     rank = np.empty(len(order), np.int64)
     rank[by_end] = np.arange(len(order))
@@ -83,14 +82,14 @@ def _joined(columns: Floats, direction: Whole, line: Whole) -> tuple[Floats, Who
     part = np.empty(len(order), np.int64)
     part[order] = np.cumsum(apart) - 1
     leads = np.flatnonzero(apart)
-    joined = columns.take(order[leads], axis=1)  # in rows, as kernels always get them: brackets give columns
+    joined = columns.take(order[leads], axis=1)  # row by row, as kernels get all arrays: indexing gives columns
     if len(leads):
         joined[4] = np.maximum.reduceat(end[order], leads)
     return joined, direction[order[leads]], line[order[leads]], part
 
 
 def _columns(solids: Floats) -> tuple[Floats, Whole, Whole]:
-    """The solids as columns, and the number of each one's direction (-1 for round ones) and line."""
+    """The solids as columns, the number of each one's direction (-1 for round ones) and of its line."""
     x0, y0, x1, y1, radius = solids.T
     ex, ey = x1 - x0, y1 - y0
     length = np.sqrt(ex * ex + ey * ey)
@@ -112,5 +111,5 @@ def _columns(solids: Floats) -> tuple[Floats, Whole, Whole]:
 
 
 def _changes(values: Whole) -> NDArray[np.bool_]:
-    """Where a value differs from the one before it; the first one always does."""
+    """Where a value differs from the previous one; always true for the first."""
     return np.append(True, values[1:] != values[:-1])

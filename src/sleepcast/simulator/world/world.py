@@ -1,8 +1,8 @@
-"""The solid things of a world: polygons, areas, circles and walls, which may be added, moved and removed while it runs.
+"""The solid things of a world: polygons, areas, circles and walls, which may be added, moved and removed during a run.
 
-Whatever its shape, a thing is kept twice: as people wrote it, under a number and perhaps a name, and as *solids*, rows
-of one array that motion and sonar read. A solid is a stadium: all points within `radius` of a line from one end to the
-other. The side of a polygon and a piece of wall are stadiums without a radius, a circle is one without a length.
+Each thing is stored twice: as it was defined, under a number and perhaps a name; and as *solids*, rows of one array
+that motion and sonar read. A solid is a stadium: all points within `radius` of a line segment. The side of a polygon
+or a piece of wall is a stadium without a radius, a circle is one without a length.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from numpy.typing import NDArray
 from sleepcast.core.errors import MisuseError
 
 MAX_SOLIDS = 1_000_000
-"""Rows in the array of solids: as many as robots; beyond, an index of them no longer fits into a cache."""
+"""Rows in the array of solids: as many as robots; an index of more no longer fits into a cache."""
 
 MAX_ROOMS = MAX_SOLIDS // 4
-"""Of one world: each brings about four pieces of wall."""
+"""Rooms of one world: each adds about four pieces of wall."""
 
 Point = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class Polygon:
-    """A closed line through `corners` (x, y in m), in either sense. Bodies stay on the side they are on."""
+    """A closed line through `corners` (x, y in m), clockwise or not. Bodies stay on the side they are on."""
 
     corners: tuple[Point, ...]
     name: str = ""
@@ -37,8 +37,8 @@ class Polygon:
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """What lies inside an odd number of the closed `outlines` (each its corners, x, y in m): solid all through, holes
-    left out. No body starts in it."""
+    """The points inside an odd number of the closed `outlines` (each given by its corners, x, y in m): solid
+    throughout, except for holes. No body starts in it."""
 
     outlines: tuple[tuple[Point, ...], ...]
     name: str = ""
@@ -46,7 +46,7 @@ class Area:
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """A disc; m."""
+    """A disc; centre and radius in m."""
 
     x: float
     y: float
@@ -67,7 +67,7 @@ Row = tuple[float, float, float, float, float]
 
 
 class World:
-    """The solid things, by number. shapes: as they were given, to look at. version: counts the changes."""
+    """The solid things, by number. shapes: as they were defined, read-only. version: counts the changes."""
 
     def __init__(self, shapes: Iterable[Shape] = ()) -> None:
         self._shapes: dict[int, Shape] = {}
@@ -84,14 +84,14 @@ class World:
 
     @property
     def solids(self) -> NDArray[np.float64]:
-        """All of them, shape (n, 5): x and y of one end, x and y of the other, radius; m."""
+        """All solids, shape (n, 5): x and y of one end, x and y of the other, radius; m."""
         if self._rows is None:
             rows = (row for shape in self._shapes.values() for row in rows_of(shape))
             self._rows = np.fromiter(rows, np.dtype((np.float64, 5)))
         return self._rows
 
     def add(self, shape: Shape) -> int:
-        """Put a thing into the world; gives its number. Raises MisuseError for what is no shape."""
+        """Add a thing and return its number. Raises MisuseError for an invalid shape."""
         sides = len(rows_of(shape))
         if self._sides + sides > MAX_SOLIDS:
             raise MisuseError(f"the world is full: at most {MAX_SOLIDS} walls and sides of polygons fit; remove some")
@@ -103,20 +103,20 @@ class World:
         return number
 
     def move(self, number: int, across: float, up: float) -> None:
-        """Move a thing by `across` m to the east and `up` m to the north. Raises MisuseError if there is none."""
+        """Move a thing by `across` m to the east and `up` m to the north. Raises MisuseError if it does not exist."""
         moved = shifted(self._known(number), across, up)
         rows_of(moved)
         self._shapes[number] = moved
         self._changed()
 
     def remove(self, number: int) -> None:
-        """Take a thing away. Raises MisuseError if there is none."""
+        """Remove a thing. Raises MisuseError if it does not exist."""
         self._sides -= len(rows_of(self._known(number)))
         del self._shapes[number]
         self._changed()
 
     def put(self, number: int, shape: Shape) -> None:
-        """Let the thing with this number be `shape`, whether there was one or not: a recorded run is repeated so."""
+        """Set the thing with this number to `shape`, new or not: this is how a recorded run is repeated."""
         before = self._shapes.get(number)
         self._sides += len(rows_of(shape)) - (len(rows_of(before)) if before is not None else 0)
         self._shapes[number] = shape
@@ -124,7 +124,7 @@ class World:
         self._changed()
 
     def clear(self) -> None:
-        """Take everything away."""
+        """Remove all things."""
         self._shapes.clear()
         self._sides = 0
         self._changed()
@@ -135,8 +135,8 @@ class World:
         return self._next
 
     def fill(self, shapes: Mapping[int, Shape], following: int) -> None:
-        """Have just these things, under these numbers. Raises MisuseError for what is no shape, for a number that is
-        not below `following`, and for too many."""
+        """Replace all things by these, under these numbers. Raises MisuseError for an invalid shape, a number not below
+        `following`, or too many solids."""
         if any(not 0 < number < following for number in shapes):
             raise MisuseError(f"the numbers of things lie from 1 up to {following}, not with it")
         sides = sum(len(rows_of(shape)) for shape in shapes.values())
@@ -156,7 +156,7 @@ class World:
 
 
 def rows_of(shape: Shape) -> list[Row]:
-    """The solids of a shape. Raises MisuseError for a shape that is none."""
+    """The solids of a shape. Raises MisuseError for an invalid shape."""
     if isinstance(shape, Circle):
         if not (isfinite(shape.x) and isfinite(shape.y) and 0.0 < shape.radius < float("inf")):
             raise MisuseError(f"no circle: {shape}; wanted finite numbers and a radius above 0")
@@ -169,7 +169,7 @@ def rows_of(shape: Shape) -> list[Row]:
 
 
 def _sides_of(points: tuple[Point, ...], noun: str, *, closed: bool) -> list[Row]:
-    """The lines from point to point, and back to the first one if the line is `closed`."""
+    """The lines from point to point, and back to the first one if `closed`."""
     least = 3 if closed else 2
     if len(points) < least:
         raise MisuseError(f"{noun} of {len(points)} points; wanted at least {least}")
@@ -187,7 +187,7 @@ def _shown(points: tuple[Point, ...]) -> str:
 
 
 def shifted(shape: Shape, across: float, up: float) -> Shape:
-    """The same shape, so many m to the east and to the north."""
+    """The shape moved by `across` m to the east and `up` m to the north."""
     if isinstance(shape, Circle):
         return replace(shape, x=shape.x + across, y=shape.y + up)
     if isinstance(shape, Wall):
@@ -202,14 +202,14 @@ def _shifted(points: tuple[Point, ...], across: float, up: float) -> tuple[Point
 
 
 def boundary(width: float, height: float) -> Wall:
-    """A wall round the whole world."""
+    """A wall around the whole world."""
     return Wall(((0.0, 0.0), (width, 0.0), (width, height), (0.0, height), (0.0, 0.0)))
 
 
 def rooms(width: float, height: float, size: float, door: float) -> list[Wall]:
-    """Walls that part a rectangle into square rooms of `size` m (the last row and column may be smaller or larger),
-    with a door of `door` m in the middle of each side of a room. A side too short for its door is left out. A wall goes
-    from door to door, with a corner where it crosses another one. Raises MisuseError for more than MAX_ROOMS."""
+    """Walls that divide a rectangle into square rooms of `size` m (the last row and column may be smaller or larger),
+    with a door of `door` m in the middle of each side of a room. A side too short for its door is left out. Each wall
+    goes from door to door, with a corner where it crosses another one. Raises MisuseError for more than MAX_ROOMS."""
     rooms_across, rooms_up = _rooms_along(width, size), _rooms_along(height, size)
     if rooms_across * rooms_up > MAX_ROOMS:
         raise MisuseError(f"{rooms_across} by {rooms_up} rooms; at most {MAX_ROOMS} fit: make them larger")
@@ -221,17 +221,17 @@ def rooms(width: float, height: float, size: float, door: float) -> list[Wall]:
 
 
 def _rooms_along(length: float, size: float) -> int:
-    """How many rooms there are along a side: the last one has between half a size and one and a half."""
+    """Number of rooms along a side: the last one has between half a size and one and a half."""
     return max(1, ceil(length / size - 0.5))
 
 
 def _marks(length: float, size: float, count: int) -> list[float]:
-    """Where the walls of so many rooms stand along a side: every `size` m."""
+    """Positions of the walls between `count` rooms along a side: every `size` m."""
     return [*(number * size for number in range(count)), length]
 
 
 def _from_door_to_door(marks: list[float], door: float) -> list[list[float]]:
-    """The walls along a line that crosses others at `marks`: where each begins, crosses and ends."""
+    """The walls along a line that crosses others at `marks`: for each its begin, crossing and end."""
     found, piece = [], marks[:1]
     for low, high in pairwise(marks):
         middle, fits = (low + high) / 2.0, high - low > door

@@ -31,6 +31,8 @@ COMMANDS = {
     "run": ("sleepcast.cli.run", "run"),
     "replay": ("sleepcast.cli.replay", "replay"),
     "nserver": ("sleepcast.cli.nserver", "nserver"),
+    "sweep": ("sleepcast.cli.sweep", "sweep"),
+    "plot": ("sleepcast.cli.sweep", "plot"),
     "scenarios": ("sleepcast.cli.scenarios", "scenarios"),
     "prepare": ("sleepcast.cli.prepare", "prepare"),
     "node": ("sleepcast.cli.node", "node"),

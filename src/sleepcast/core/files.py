@@ -51,6 +51,26 @@ def replace_file(file: Path, data: bytes, *, private: bool = False) -> None:
         raise
 
 
+def lock_file(file: Path) -> int | None:
+    """Keep other processes from locking `file`, which is made if it is missing, until the descriptor is closed or this
+    process ends; None where the system or the file system knows no locks. Raises BlockingIOError if another process
+    has locked it, OSError if it cannot be made."""
+    try:
+        import fcntl
+    except ImportError:
+        return None
+    descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o600)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise
+    except OSError:
+        os.close(descriptor)
+        return None
+    return descriptor
+
+
 def _private(path: str, flags: int) -> int:
     return os.open(path, flags, 0o600)
 

@@ -20,7 +20,7 @@ import msgspec
 from sleepcast.channel.message import Message
 from sleepcast.channel.sequencer import MAX_STANDING, StandingCommand, StoredWindow, StreamId, StreamProgress
 from sleepcast.core.errors import MisuseError, SleepcastError
-from sleepcast.core.files import settle
+from sleepcast.core.files import lock_file, settle
 from sleepcast.core.serial import SerialError, unpack
 from sleepcast.mind.state import MindState
 from sleepcast.node.integrity import DamageError, Marker, Seal, doubt_about, sum_of
@@ -262,24 +262,14 @@ def connect(file: Path, seal: Seal | None) -> tuple[sqlite3.Connection, Seal]:
 def lock(file: Path) -> int | None:
     """Keep other processes from using this store until the descriptor is closed or this process ends; None where that
     cannot be asked for. Raises StoreError if another one has it, OSError if nothing can be written there."""
-    try:
-        import fcntl
-    except ImportError:
-        return None
     file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    descriptor = os.open(file.with_name(f"{file.name}.lock"), os.O_RDWR | os.O_CREAT, 0o600)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return lock_file(file.with_name(f"{file.name}.lock"))
     except BlockingIOError:
-        os.close(descriptor)
         raise InUseError(
             f"{file} is in use: does a robot of this name run already? Name another with --store, or take none with "
             "--no-store"
         ) from None
-    except OSError:  # this file system knows no locks
-        os.close(descriptor)
-        return None
-    return descriptor
 
 
 def set_aside(file: Path, now: float) -> Path | None:

@@ -1,0 +1,203 @@
+"""`sleepcast sweep` and `sleepcast plot`: a scenario run many times, and figures of what came of it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from sleepcast.cli.options import SimulatedTime
+from sleepcast.cli.streams import announce, complain, put
+from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
+
+if TYPE_CHECKING:
+    from sleepcast.experiments.plan import Experiment
+
+TABLES = (".parquet", ".csv")
+FIGURES = (".svg", ".pdf", ".png")
+SHOWN_ERRORS = 3
+"""Different errors of failed runs that are printed at the end."""
+
+
+@click.command("sweep", short_help="Run a scenario many times, with other settings and seeds.")
+@click.argument("what", metavar="SCENARIO|FILE.toml|RESULTS")
+@click.option("--over", metavar="KEY=V,V", multiple=True, help="Values of a key of the scenario; may be repeated.")
+@click.option("--seeds", metavar="N", type=click.IntRange(min=1), help="Runs at each point (default: 1).")
+@click.option(
+    "--measure", "measures", metavar="[NAME=]M", multiple=True, help="What is measured: mean fuel; may be repeated."
+)
+@click.option("--seconds", metavar="TIME", type=SimulatedTime(), help="Length of a run (default: the scenario's).")
+@click.option("--every", metavar="TIME", type=SimulatedTime(), help="Measure all along, not only at the end.")
+@click.option("--until", metavar="M>=V", help="End a run early, as soon as this holds.")
+@click.option("--no-mission", is_flag=True, help="Leave out the scenario's own commands.")
+@click.option("--out", metavar="RESULTS", type=click.Path(path_type=Path), help="Folder, or table beside its folder.")
+@click.option("--workers", metavar="N", type=click.IntRange(1, 1024), help="Processes (default: one per core).")
+@click.option("--retry", is_flag=True, help="Do runs again that failed.")
+@click.option("--verify", is_flag=True, help="Do finished runs again, and compare.")
+@click.option("--runs", metavar="N", type=click.IntRange(min=1), help="With --verify: only the first N.")
+@click.option("--json", "as_json", is_flag=True, help="Print the outcome as one JSON object.")
+@click.option("--quiet", is_flag=True, help="Show no progress on standard error.")
+def sweep(what: str, out: Path | None, verify: bool, workers: int | None, as_json: bool, quiet: bool, **how) -> int:  # type: ignore[no-untyped-def]
+    """Run SCENARIO at every point of what is varied, with every seed, and keep what was measured in a folder.
+
+    A TOML file says the same as the options (see docs/howto/run-experiments.md). Begun again, it goes on where it was
+    interrupted. --out coverage.csv keeps the results in the folder coverage and writes the table coverage.csv at the
+    end; .parquet likewise.
+
+    \b
+    Examples:
+      sleepcast sweep crowd --over radio.loss=0,0.3 --seeds 5 --seconds 10s --measure 'mean battery' --out loss.csv
+      sleepcast sweep experiment.toml --out results
+      sleepcast sweep results
+      sleepcast sweep results --verify --runs 10
+    """
+    from sleepcast.experiments.run import cores
+
+    folder, table = _folder(what, out)
+    sys.path.append(str(Path(what).parent if Path(what).suffix == ".toml" else Path.cwd()))  # for measures in Python
+    many = workers or cores()
+    if verify:
+        return _verify(folder, many, how["runs"], as_json=as_json, quiet=quiet)
+    experiment = _experiment(what, folder, how)
+    return _sweep(experiment, folder, table, many, retry=how["retry"], as_json=as_json, quiet=quiet)
+
+
+def _folder(what: str, out: Path | None) -> tuple[Path, Path | None]:
+    """The folder of the results, and the table that is written at the end."""
+    if out is None:
+        path = Path(what)
+        if (path / "experiment.toml").is_file():
+            return path, None
+        raise MisuseError("say where the results are to be kept: --out results, or --out results.csv")
+    return (out.with_suffix(""), out) if out.suffix in TABLES else (out, None)
+
+
+def _experiment(what: str, folder: Path, how: dict[str, object]) -> Experiment:
+    from sleepcast.experiments.plan import experiment_of, read_experiment
+    from sleepcast.experiments.results import experiment_in
+
+    said = {key: how[key] for key in ("over", "measures", "seeds", "seconds", "every", "until") if how[key]}
+    given = [f"--{'measure' if key == 'measures' else key}" for key in said]
+    given += ["--no-mission"] if how["no_mission"] else []
+    path = Path(what)
+    is_results = (path / "experiment.toml").is_file()
+    if (is_results or path.suffix == ".toml") and path.name != "scenario.toml":
+        if given:
+            raise MisuseError(f"{what} says what is varied and measured: leave out {', '.join(given)}")
+        return experiment_in(path) if is_results else read_experiment(path)
+    return experiment_of(what, mission=not how["no_mission"], **said)  # type: ignore[arg-type]  # click has checked them
+
+
+def _sweep(
+    experiment: Experiment, folder: Path, table: Path | None, workers: int, *, retry: bool, as_json: bool, quiet: bool
+) -> int:
+    from sleepcast.api.progress import steps
+    from sleepcast.experiments.results import Results, export, summary_of
+    from sleepcast.experiments.run import run_all, try_out
+
+    errors: dict[str, int] = {}
+    try_out(experiment)
+    with Results(folder, experiment) as results:
+        left = results.missing(retry=retry)
+        if not quiet and len(left) < len(experiment):
+            announce(f"{len(experiment) - len(left):,} of {len(experiment):,} runs are done already")
+        outcomes = run_all(experiment, results, left, workers)
+        try:
+            with closing(outcomes), closing(steps(len(left), "sweep", quiet=quiet)) as bar:
+                for _, outcome in zip(bar, outcomes, strict=False):
+                    if outcome.error:
+                        errors[outcome.error] = errors.get(outcome.error, 0) + 1
+        except KeyboardInterrupt:
+            complain(f"interrupted; what is done is kept: go on with sleepcast sweep {folder}")
+            raise
+    if table is not None:
+        export(folder, table)
+    summary = summary_of(folder)
+    found = {"runs": summary.runs, "done": summary.done, "failed": summary.failed, "unknown": summary.unknown}
+    place = {"results": str(folder), "table": None if table is None else str(table)}
+    put(json.dumps(found | place) if as_json else f"{summary.sentence()}: {table or folder}")
+    for error, count in list(errors.items())[:SHOWN_ERRORS]:
+        complain(f"{count:,} runs failed: {error}")
+    return int(summary.failed > 0)
+
+
+def _verify(folder: Path, workers: int, most: int | None, *, as_json: bool, quiet: bool) -> int:
+    from sleepcast.api.progress import steps
+    from sleepcast.experiments.results import outcomes_in
+    from sleepcast.experiments.run import verify
+
+    count = min(sum(1 for _ in outcomes_in(folder)), most or 1_000_000_000)
+    different = []
+    outcomes = verify(folder, workers, most)
+    with closing(outcomes), closing(steps(count, "verify", quiet=quiet)) as bar:
+        for _, (again, same) in zip(bar, outcomes, strict=False):
+            if not same:
+                different.append(again.run)
+    if as_json:
+        put(json.dumps({"verified": count, "different": [run.number for run in different]}))
+    else:
+        put(f"{count - len(different):,} of {count:,} runs came out the same")
+        for run in different[:SHOWN_ERRORS]:
+            complain(f"run {run.number} ({run.point}, seed {run.seed}) came out differently")
+    return int(bool(different))
+
+
+@click.command("plot", short_help="Draw a figure of what a sweep has found.")
+@click.argument("results", type=click.Path(path_type=Path))
+@click.option("--x", required=True, metavar="COLUMN", help="What goes across: a varied key, or time.")
+@click.option("--y", required=True, metavar="COLUMN", help="What goes up: a measure.")
+@click.option("--by", metavar="COLUMN", help="A line or box for each of its values; in a heat map, the other axis.")
+@click.option("--kind", type=click.Choice(["line", "box", "heat"]), default="line", show_default=True)
+@click.option("--title", default="", help="Above the figure.")
+@click.option("--out", required=True, metavar="FILE", type=click.Path(path_type=Path), help="An SVG, PDF or PNG file.")
+def plot(results: Path, x: str, y: str, by: str | None, kind: str, title: str, out: Path) -> int:
+    """Draw a figure of RESULTS: a folder of `sleepcast sweep`, or its table as CSV.
+
+    A line shows means with 95 % bootstrap bands over the seeds. Beside the figure stand the program that drew it and
+    the table that it reads, so that you can change it.
+
+    \b
+    Examples:
+      sleepcast plot loss --x radio.loss --y mean_battery --out loss.svg
+      sleepcast plot results --x time --y covered --by robots.count --out covered.pdf
+      sleepcast plot results --x radio.loss --y covered --by robots.count --kind heat --out phases.png
+    """
+    if out.suffix not in FIGURES:
+        raise MisuseError(f"{out}: wanted a file that ends in {', '.join(FIGURES)}")
+    try:
+        import matplotlib  # noqa: F401  # only whether it is there
+    except ImportError as error:
+        raise MisuseError('a figure needs Matplotlib: install it with pip install "sleepcast[experiments]"') from error
+    from sleepcast.experiments import drawing
+    from sleepcast.experiments.results import export
+
+    file = out.with_suffix(".csv")
+    if results.suffix == ".csv":
+        file = results
+    else:
+        export(results, file)
+    try:
+        table = drawing.read_table(file)
+    except (OSError, ValueError, UnicodeDecodeError) as error:
+        raise MisuseError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+    for name in (x, y, *([by] if by else [])):
+        if name not in table:
+            raise MisuseError(f'no column "{name}"{did_you_mean(name, table)}: wanted one of {", ".join(table)}')
+    script = out.with_suffix(".py")
+    try:
+        drawing.draw(table, x=x, y=y, by=by, kind=kind, out=out, title=title)
+        asked = f"x={x!r}, y={y!r}, by={by!r}, kind={kind!r}, title={title!r}"
+        call = f'draw(read_table(HERE / "{file.name}"), {asked}, out=HERE / "{out.name}")'
+        own = Path(drawing.__file__).read_text(encoding="utf-8")
+        if file.parent.resolve() == out.parent.resolve():
+            script.write_text(f"{own}\n\nHERE = Path(__file__).parent\n{call}\n", encoding="utf-8")
+    except ValueError as error:
+        raise MisuseError(str(error)) from error
+    except OSError as error:
+        raise SleepcastError(f"{out}: cannot be written: {error.strerror or error}") from error
+    put(str(out))
+    return 0

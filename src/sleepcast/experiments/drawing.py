@@ -1,0 +1,159 @@
+"""Draw a figure from a table of results. This file stands alone: it needs Python, NumPy and Matplotlib.
+
+A line goes through the means, within a band that holds the true mean with 95 % confidence (bootstrap over the runs); a
+box shows the quartiles of the runs; a heat map shows the means over two varied keys. Of runs with several samples, all
+are drawn over the time, and only the last ones over anything else.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+KINDS = ("line", "box", "heat")
+COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#000000", "#F0E442")
+"""Okabe and Ito's, which colour-blind people can tell apart: https://jfly.uni-koeln.de/color/"""
+MARKERS = "osD^vP*X"
+RESAMPLED, CONFIDENCE = 2_000, 0.95
+
+Floats = NDArray[np.float64]
+Table = dict[str, list[str]]
+
+_NUMBER = re.compile(r"([-+]?(?:[0-9.]+(?:[eE][-+]?[0-9]+)?|nan))\s*([A-Za-z%/0-9]*)")
+
+
+def read_table(file: Path) -> Table:
+    """The columns of a CSV file, as texts."""
+    with file.open(newline="", encoding="utf-8") as opened:
+        head, *rows = list(csv.reader(opened))
+    return {name: [row[place] for row in rows] for place, name in enumerate(head)}
+
+
+def numbers(column: list[str]) -> tuple[Floats, str] | None:
+    """A column as numbers, NaN where it is empty, with their unit ("" for none); None if they are no numbers of one
+    unit."""
+    found = [_NUMBER.fullmatch(each) if each else None for each in column]
+    if any(each and match is None for each, match in zip(column, found, strict=True)):
+        return None
+    units = {match[2] for match in found if match}
+    if len(units) > 1:
+        return None
+    return np.array([float(match[1]) if match else np.nan for match in found]), "".join(units)
+
+
+def at_end(table: Table) -> Table:
+    """The last sample of each run."""
+    last = {run: row for row, run in enumerate(table["run"])}
+    return {name: [column[row] for row in last.values()] for name, column in table.items()}
+
+
+def band(values: Floats) -> tuple[float, float, float]:
+    """The mean of some runs, and the ends of its confidence interval by the percentile bootstrap (Efron, 1979)."""
+    drawn = np.random.default_rng(0).choice(values, (RESAMPLED, len(values))).mean(1)
+    low, high = np.quantile(drawn, ((1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2))
+    return float(values.mean()), float(low), float(high)
+
+
+def draw(
+    table: Table, *, x: str, y: str, by: str | None, kind: str, out: Path, title: str = "", dpi: int = 150
+) -> None:
+    """Draw the column `y` over `x`, a line or box for each value of `by` (in a heat map, `by` is the other axis), into
+    an SVG, PDF or PNG file. Raises KeyError for no such column, ValueError for one that has no numbers."""
+    if x != "time" and "run" in table:
+        table = at_end(table)
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    mpl.rcParams["svg.hashsalt"] = "sleepcast"  # the same figure is the same file
+    mpl.rcParams["svg.fonttype"] = "none"
+    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    axes = figure.add_subplot()
+    heights = numbers(table[y])
+    if heights is None:
+        raise ValueError(f"the column {y} has no numbers of one unit")
+    across = numbers(table[x])
+    ticks = sorted(set(table[x])) if across is None else np.unique(across[0][~np.isnan(across[0])]).tolist()
+    places = np.array([ticks.index(each) for each in table[x]]) if across is None else across[0]
+    unit = "s" if x == "time" else "" if across is None else across[1]
+    axes.set(xlabel=_label(x, unit), ylabel=_label(y, heights[1]), title=title)
+    if kind == "heat":
+        if by is None:
+            raise ValueError("a heat map has two axes: say what is on the other one")
+        _heat(figure, axes, table, (x, by, y))
+    else:
+        groups = [""] if by is None else _sorted(table[by])
+        for number, group in enumerate(groups):
+            mine = np.array([by is None or each == group for each in table[by or x]]) & ~np.isnan(heights[0])
+            look = (COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)])
+            if kind == "box":
+                _boxes(axes, places[mine], heights[0][mine], (number, len(groups)), look[0], group)
+            else:
+                _line(axes, places[mine], heights[0][mine], look, group)
+        if across is None:
+            axes.set_xticks(range(len(ticks)), ticks)
+        if by is not None:
+            figure.legend(title=by, frameon=False, loc="outside right upper")
+        axes.grid(color="#dddddd", linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.savefig(out, dpi=dpi, metadata={"Date": None} if out.suffix == ".svg" else None)
+
+
+def _label(name: str, unit: str) -> str:
+    return f"{name} ({unit})" if unit else name
+
+
+def _sorted(column: list[str]) -> list[str]:
+    """The different values, numbers by size."""
+    found = numbers(column)
+    different = dict.fromkeys(column)
+    return sorted(different) if found is None else sorted(different, key=lambda each: numbers([each])[0][0])  # type: ignore[index]
+
+
+def _line(axes, places: Floats, heights: Floats, look: tuple[str, str], group: str) -> None:  # type: ignore[no-untyped-def]  # Matplotlib has no types
+    at = np.unique(places)
+    bands = np.array([band(heights[places == each]) for each in at]).reshape(-1, 3)
+    colour, marker = look
+    few = {"marker": marker, "markersize": 4} if len(at) <= 40 else {}
+    axes.plot(at, bands[:, 0], color=colour, label=group, linewidth=1.6, **few)
+    axes.fill_between(at, bands[:, 1], bands[:, 2], color=colour, alpha=0.2, linewidth=0)
+
+
+def _boxes(axes, places: Floats, heights: Floats, which: tuple[int, int], colour: str, group: str) -> None:  # type: ignore[no-untyped-def]  # as above
+    at = np.unique(places)
+    step = float(np.diff(at).min()) if len(at) > 1 else 1.0
+    width = 0.7 * step / which[1]
+    middles = at + (which[0] - (which[1] - 1) / 2) * width
+    shown = {"facecolor": colour, "alpha": 0.5, "edgecolor": colour}
+    axes.boxplot(
+        [heights[places == each] for each in at],
+        positions=middles,
+        widths=0.8 * width,
+        patch_artist=True,
+        manage_ticks=False,
+        boxprops=shown,
+        medianprops={"color": "#000000"},
+        flierprops={"markersize": 3},
+    )
+    axes.plot([], [], color=colour, linewidth=6, alpha=0.5, label=group)
+    axes.set_xticks(at)
+
+
+def _heat(figure, axes, table: Table, names: tuple[str, str, str]) -> None:  # type: ignore[no-untyped-def]  # as above
+    columns, rows = _sorted(table[names[0]]), _sorted(table[names[1]])
+    sums, counts = np.zeros((len(rows), len(columns))), np.zeros((len(rows), len(columns)))
+    found = numbers(table[names[2]])
+    assert found is not None
+    for column, row, value in zip(table[names[0]], table[names[1]], found[0], strict=True):
+        if not np.isnan(value):
+            sums[rows.index(row), columns.index(column)] += value
+            counts[rows.index(row), columns.index(column)] += 1
+    means = np.divide(sums, counts, out=np.full_like(sums, np.nan), where=counts > 0)
+    drawn = axes.imshow(means, cmap="cividis", origin="lower", aspect="auto")
+    axes.set_xticks(range(len(columns)), columns)
+    axes.set_yticks(range(len(rows)), rows)
+    axes.set_ylabel(names[1])
+    figure.colorbar(drawn, ax=axes, label=_label(names[2], found[1]))

@@ -1,0 +1,142 @@
+"""Measures: one number of a whole fleet, from an expression on every robot or from a function in Python.
+
+    mean fuel                              of the robots whose fuel is known
+    share (IN bravo)                       of all robots, for which it is true
+    quantile 0.9 (DIST x y 0 0)
+    analysis.spread                        the function `spread` of the module `analysis`, which takes the fleet
+
+A package adds measures by name with entry points in the group `sleepcast.measures`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import entry_points
+from math import isfinite, nan
+from operator import ge, gt, le, lt
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sleepcast.api.fleet import SimulatedFleet
+from sleepcast.core.errors import MisuseError, did_you_mean
+
+Values: TypeAlias = NDArray[np.float64]
+Measure: TypeAlias = Callable[[SimulatedFleet], float]
+
+OF_KNOWN: dict[str, Callable[[Values], float]] = {
+    "min": lambda values: float(values.min()),
+    "mean": lambda values: float(values.mean()),
+    "median": lambda values: float(np.median(values)),
+    "max": lambda values: float(values.max()),
+    "sum": lambda values: float(values.sum()),
+    "std": lambda values: float(values.std()),
+}
+"""What is made of the values of the robots that know one; NaN if none does."""
+OF_TRUE: dict[str, Callable[[Values], float]] = {
+    "count": lambda true: float(true.sum()),
+    "share": lambda true: float(true.mean()) if true.size else nan,
+}
+"""What is made of for whom it is true; unknown is not."""
+AGGREGATES = (*OF_KNOWN, *OF_TRUE, "quantile")
+GROUP = "sleepcast.measures"
+
+_FUNCTION = re.compile(r"([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)[.:]([A-Za-z_]\w*)")
+_QUANTILE = re.compile(r"([0-9.]+)\s+(.+)", re.DOTALL)
+_STOP = re.compile(r"(.+?)\s*(>=|<=|>|<)\s*([-+]?[0-9.]+(?:[eE][-+]?\d+)?)\s*", re.DOTALL)
+_COMPARED = {">=": ge, "<=": le, ">": gt, "<": lt}
+
+
+class MeasureError(MisuseError):
+    """A measure that cannot be taken."""
+
+
+def read_measure(text: str) -> Measure:
+    """The measure that a text describes. Raises MeasureError."""
+    first, _, rest = text.strip().partition(" ")
+    expression = rest.strip()
+    if expression and first in OF_KNOWN:
+        return lambda fleet: _of_known(fleet, expression, OF_KNOWN[first])
+    if expression and first in OF_TRUE:
+        return lambda fleet: OF_TRUE[first](np.where(fleet[expression] > 0.0, 1.0, 0.0))
+    if expression and first == "quantile":
+        return _quantile(text, expression)
+    if expression:
+        raise MeasureError(
+            f'measure "{text:.80}": there is no "{first:.40}"{did_you_mean(first, AGGREGATES)}: '
+            f"wanted one of {', '.join(AGGREGATES)} and an expression, such as mean fuel"
+        )
+    return _function(first)
+
+
+def name_of(text: str) -> str:
+    """A name for a measure that got none: the function's own, or the text with `_` for everything between words."""
+    found = _FUNCTION.fullmatch(text.strip())
+    return found[2] if found else re.sub(r"\W+", "_", text).strip("_")[:32]
+
+
+@dataclass(frozen=True)
+class StopCondition:
+    """A run ends early when it holds: `share (IN bravo) >= 0.9`."""
+
+    text: str
+    measure: Measure
+    compared: Callable[[float, float], bool]
+    bound: float
+
+    def holds(self, fleet: SimulatedFleet) -> bool:
+        """Whether it does now; not while the measure is unknown."""
+        return self.compared(self.measure(fleet), self.bound)
+
+
+def read_stop(text: str) -> StopCondition:
+    """The condition that a text describes. Raises MeasureError."""
+    found = _STOP.fullmatch(text)
+    if found is None:
+        raise MeasureError(f'"{text:.80}": wanted a measure and a bound, such as share (IN bravo) >= 0.9')
+    return StopCondition(text, read_measure(found[1]), _COMPARED[found[2]], float(found[3]))
+
+
+def _of_known(fleet: SimulatedFleet, expression: str, aggregate: Callable[[Values], float]) -> float:
+    values = fleet[expression]
+    known = values[~np.isnan(values)]
+    return aggregate(known) if known.size else nan
+
+
+def _quantile(text: str, rest: str) -> Measure:
+    found = _QUANTILE.fullmatch(rest)
+    share = float(found[1]) if found and found[1].count(".") < 2 and found[1] != "." else nan
+    if found is None or not 0.0 <= share <= 1.0:
+        raise MeasureError(f'measure "{text:.80}": wanted a share and an expression, such as quantile 0.9 fuel')
+    expression = found[2]
+    return lambda fleet: _of_known(fleet, expression, lambda values: float(np.quantile(values, share)))
+
+
+def _function(name: str) -> Measure:
+    added = {each.name: each for each in entry_points(group=GROUP)}
+    try:
+        if name in added:
+            function = added[name].load()
+        elif found := _FUNCTION.fullmatch(name):
+            function = getattr(import_module(found[1]), found[2])
+        else:
+            raise MeasureError(
+                f'no measure "{name:.80}"{did_you_mean(name, added)}: wanted {", ".join(AGGREGATES)} and an '
+                "expression, such as mean fuel, or a function in Python, such as analysis.spread"
+            )
+    except MeasureError:
+        raise
+    except Exception as error:  # a module that is imported may do anything
+        raise MeasureError(f'measure "{name:.80}" cannot be loaded: {type(error).__name__}: {error}') from error
+    if not callable(function):
+        raise MeasureError(f'measure "{name:.80}" is no function')
+
+    def measured(fleet: SimulatedFleet) -> float:
+        value = float(function(fleet))
+        return value if isfinite(value) else nan
+
+    return measured

@@ -1,0 +1,342 @@
+"""The plan of an experiment: what is varied, what is measured, and the runs that follow from it.
+
+    scenario = "crowd"
+    seconds = "60s"
+    seeds = 20                                  # 1 to 20, or a list of your own
+    every = "10s"                               # between two samples; without it there is one, at the end
+    until = "share (< (DIST x y 0 0) 5m) >= 0.9"
+
+    [over]
+    radio.loss = [0, 0.1, 0.3]                  # each with each
+    robots.limits.speed = ["0.5m/s", "1m/s"]
+
+    [measures]
+    charge = "mean battery"
+
+    [[commands]]
+    at = "5s"
+    text = "(WHEN (> battery 50%) (JOIN a))"
+
+With `sampling` as "latin" (a Latin hypercube) or "sobol", and a number of `points`, `over` has ranges instead:
+`radio.loss = { low = 0, high = 0.5 }`.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice, product
+from math import isfinite, prod
+from pathlib import Path
+
+import msgspec
+
+from sleepcast.core.errors import MisuseError
+from sleepcast.core.settings import Table, toml_document
+from sleepcast.core.units import TIME
+from sleepcast.experiments.measures import name_of, read_measure, read_stop
+from sleepcast.simulator import Changes, Scenario, find_scenario
+
+SAMPLINGS = ("grid", "latin", "sobol")
+MAX_ROWS = 1_000_000
+MAX_SEED = 2**63 - 1
+MAX_VARIED, MAX_MEASURES, MAX_COMMANDS = 16, 64, 100
+LONGEST = 1e7
+"""Simulated seconds of a run: four months."""
+
+Value = bool | int | float | str
+Setting = tuple[Value, ...]
+"""What one key says, run by run."""
+
+_NUMBER = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?\d+)?)\s*([A-Za-z%/0-9]*)")
+_PLAIN_KEY = re.compile(r"[\w-]+(?:\.[\w-]+)*")
+
+
+class PlanError(MisuseError):
+    """A plan that cannot be carried out."""
+
+
+class Span(msgspec.Struct, frozen=True):
+    """From low to high, both with the same unit ("" for none)."""
+
+    low: float
+    high: float
+    unit: str = ""
+
+    def at(self, share: float) -> Value:
+        """The value so far along, as it stands in a scenario."""
+        value = self.low + share * (self.high - self.low)
+        return f"{value!r}{self.unit}" if self.unit else value
+
+
+class TimedCommand(msgspec.Struct, frozen=True):
+    """An expression that the desk sends at a simulated time, s."""
+
+    at: float
+    text: str
+
+
+class Run(msgspec.Struct, frozen=True):
+    """One run: its number from 0, what each varied key says, and the seed."""
+
+    number: int
+    point: dict[str, Value]
+    seed: int
+
+    @property
+    def key(self) -> str:
+        """The same for the same run, whatever its number."""
+        return json.dumps([self.point, self.seed], sort_keys=True)
+
+
+class Experiment(msgspec.Struct, frozen=True):
+    """See the module. seconds: of a run, None for the scenario's own. every: s between samples, None for one sample at
+    the end. mission: whether the desk sends the scenario's own commands as well. over: by key, its values, or the span
+    from which they are drawn."""
+
+    scenario: str
+    seeds: tuple[int, ...]
+    measures: dict[str, str]
+    over: dict[str, Setting | Span] = {}
+    seconds: float | None = None
+    every: float | None = None
+    until: str = ""
+    mission: bool = True
+    commands: tuple[TimedCommand, ...] = ()
+    sampling: str = "grid"
+    points: int = 0
+
+    def __len__(self) -> int:
+        """How many runs there are."""
+        return len(self.seeds) * (self.points or prod(len(_values(each)) for each in self.over.values()))
+
+    def runs(self) -> Iterator[Run]:
+        """All of them, seed by seed, so that the first ones say something of every point."""
+        points = list(self._points())
+        for number, (seed, point) in enumerate(product(self.seeds, points)):
+            yield Run(number, point, seed)
+
+    def _points(self) -> Iterator[dict[str, Value]]:
+        keys = list(self.over)
+        if not self.points:
+            for values in product(*(_values(each) for each in self.over.values())):
+                yield dict(zip(keys, values, strict=True))
+            return
+        spans = [each for each in self.over.values() if isinstance(each, Span)]
+        for shares in _drawn(self.sampling, len(spans), self.points):
+            yield {key: span.at(share) for key, span, share in zip(keys, spans, shares, strict=True)}
+
+    def scenario_at(self, point: Mapping[str, Value], seed: int | None = None) -> Scenario:
+        """The scenario with these settings. Raises what `find_scenario` raises."""
+        return find_scenario(self.scenario, Changes(seed=seed, over=tuple(point.items())))
+
+    def checked(self) -> Experiment:
+        """The same, if it can be carried out: every measure can be read, and every value of every key fits the
+        scenario. Raises MisuseError."""
+        if not self.seeds or len(self) == 0:
+            raise PlanError("an experiment without a run: wanted a seed, and a value for each key")
+        if len(self) > MAX_ROWS:
+            raise PlanError(f"{len(self):,} runs: at most {MAX_ROWS:,} fit into one experiment")
+        if not self.measures:
+            raise PlanError("nothing is measured: wanted a measure, such as mean fuel")
+        for name, text in self.measures.items():
+            if name in (*self.over, *RESERVED):
+                raise PlanError(f'measure "{name}": the table has a column of this name already; choose another name')
+            read_measure(text)
+        if self.until:
+            read_stop(self.until)
+        first = next(self._points())
+        for key, setting in self.over.items():
+            for value in _values(setting):
+                self.scenario_at(first | {key: value})
+        self.scenario_at(first)
+        return self
+
+    def to_toml(self) -> str:
+        """The file that says the same; equal for equal experiments."""
+        lines = [f"scenario = {_toml(self.scenario)}"]
+        if self.seconds is not None:
+            lines.append(f'seconds = "{self.seconds!r}s"')
+        counted = self.seeds == tuple(range(1, len(self.seeds) + 1))
+        lines.append(f"seeds = {len(self.seeds) if counted else _toml(self.seeds)}")
+        lines += [f'every = "{self.every!r}s"'] if self.every is not None else []
+        lines += [f"until = {_toml(self.until)}"] if self.until else []
+        lines += [] if self.mission else ["mission = false"]
+        lines += [f'sampling = "{self.sampling}"', f"points = {self.points}"] if self.points else []
+        varied = [f"{_key(key)} = {_toml(each)}" for key, each in self.over.items()]
+        lines += ["", "[over]", *varied] if varied else []
+        lines += ["", "[measures]", *(f"{_key(name)} = {_toml(text)}" for name, text in self.measures.items())]
+        for command in self.commands:
+            lines += ["", "[[commands]]", f'at = "{command.at!r}s"', f"text = {_toml(command.text)}"]
+        return "\n".join(lines) + "\n"
+
+
+RESERVED = ("run", "seed", "time", "error", "hash")
+"""Columns that every table of results has."""
+
+
+def read_experiment(path: Path, text: str | None = None) -> Experiment:
+    """The experiment in the TOML file at `path`; text: what would stand in it. Raises SettingsError, and MisuseError
+    for what cannot be carried out."""
+    with toml_document(path, text).root() as root:
+        sampling = root.text("sampling", "grid", choices=SAMPLINGS)
+        points = 0 if sampling == "grid" else root.whole("points", low=1, high=MAX_ROWS)
+        over = dict(_over(root, root.table("over"), sampled=sampling != "grid"))
+        if sampling != "grid" and not over:
+            raise root.error("over", f"wanted a range to draw from, since sampling is {sampling}")
+        measures = root.table("measures")
+        if len(measures.values) > MAX_MEASURES:
+            raise root.error("measures", f"{len(measures.values)} of them; at most {MAX_MEASURES} fit")
+        with measures:
+            taken = {name: measures.text(name, most=4_000) for name in measures.names()}
+        found = Experiment(
+            scenario=_scenario(root),
+            seeds=_seeds(root),
+            measures=taken,
+            over=over,
+            seconds=root.number("seconds", TIME, low=0.0, high=LONGEST) if root.has("seconds") else None,
+            every=root.number("every", TIME, low=0.001, high=LONGEST) if root.has("every") else None,
+            until=root.text("until", ""),
+            mission=root.flag("mission", True),
+            commands=tuple(_commands(root)),
+            sampling=sampling,
+            points=points,
+        )
+    return found.checked()
+
+
+def experiment_of(
+    scenario: str,
+    *,
+    over: Sequence[str] = (),
+    measures: Sequence[str] = (),
+    seeds: int = 1,
+    seconds: float | None = None,
+    every: float | None = None,
+    until: str = "",
+    mission: bool = True,
+) -> Experiment:
+    """The experiment that a line of commands describes. over: each `KEY=VALUE,VALUE`; measures: each `NAME=MEASURE`, or
+    a measure alone. Raises MisuseError."""
+    varied: dict[str, Setting | Span] = {}
+    for each in over:
+        key, equals, values = each.partition("=")
+        if not equals or not key.strip() or not values.strip():
+            raise PlanError(f'over "{each:.80}": wanted a key and its values, such as radio.loss=0,0.1,0.3')
+        varied[key.strip()] = tuple(_value(value.strip()) for value in values.split(","))
+    named = {}
+    for each in measures:
+        found = re.fullmatch(r"\s*([A-Za-z_]\w*)\s*=(?!=)(.+)", each, re.DOTALL)
+        name, text = (found[1], found[2].strip()) if found else (name_of(each), each.strip())
+        named[name] = text
+    if not 1 <= seeds <= MAX_ROWS:
+        raise PlanError(f"seeds {seeds}: wanted a whole number from 1 to {MAX_ROWS}")
+    numbers = tuple(range(1, seeds + 1))
+    name = _absolute(scenario, Path.cwd())
+    return Experiment(name, numbers, named, varied, seconds, every, until, mission).checked()
+
+
+def _values(setting: Setting | Span) -> Setting:
+    return (setting.at(0.0), setting.at(1.0)) if isinstance(setting, Span) else setting
+
+
+def _drawn(sampling: str, dimensions: int, count: int) -> Iterator[tuple[float, ...]]:
+    """That many points of the unit cube, the same in every process."""
+    try:
+        from scipy.stats import qmc
+    except ImportError as error:
+        raise PlanError(
+            f'{sampling} sampling needs scipy: install it with pip install "sleepcast[experiments]"'
+        ) from error
+    if sampling == "latin":
+        drawn = qmc.LatinHypercube(dimensions, seed=0).random(count)
+    else:
+        sobol = qmc.Sobol(dimensions, scramble=False)
+        drawn = sobol.random_base2((count - 1).bit_length())  # its balance holds for powers of two only
+    yield from islice((tuple(point) for point in drawn.tolist()), count)
+
+
+def _scenario(root: Table) -> str:
+    name = root.text("scenario", most=4_000)
+    return _absolute(name, root.document.path.parent)
+
+
+def _absolute(name: str, folder: Path) -> str:
+    """The name of a scenario of the gallery, or the whole path of one of somebody's own."""
+    path = folder / Path(name).expanduser()
+    return str(path.resolve()) if path.exists() else name
+
+
+def _seeds(root: Table) -> tuple[int, ...]:
+    if isinstance(root.values.get("seeds", 1), list):
+        return root.wholes("seeds", (), low=0, high=MAX_SEED, most=MAX_ROWS)
+    return tuple(range(1, 1 + root.whole("seeds", 1, low=1, high=MAX_ROWS)))
+
+
+def _over(root: Table, table: Table, *, sampled: bool, above: str = "") -> Iterator[tuple[str, Setting | Span]]:
+    """By key, its values; `radio.loss` may stand as one key or in a table `radio`."""
+    with table:
+        for name in table.names():
+            key, value = f"{above}{name}", table.values[name]
+            table.has(name)
+            if isinstance(value, dict) and not (sampled and value.keys() == {"low", "high"}):
+                yield from _over(root, table.table(name), sampled=sampled, above=f"{key}.")
+            elif sampled:
+                yield key, _span(table, name)
+            elif isinstance(value, list) and value and all(isinstance(each, Value) for each in value):
+                yield key, tuple(value)
+            else:
+                raise table.error(name, "wanted a list of values, such as [0, 0.1, 0.3]")
+
+
+def _span(table: Table, name: str) -> Span:
+    value = table.values[name]
+    ends = [_NUMBER.fullmatch(str(value[end])) for end in ("low", "high")] if isinstance(value, dict) else [None]
+    if any(each is None for each in ends):
+        raise table.error(name, 'wanted a range, such as { low = 0, high = 0.5 } or { low = "1m/s", high = "2m/s" }')
+    (low, unit), (high, other) = ((each[1], each[2]) for each in ends if each is not None)
+    if unit != other or not (isfinite(float(low)) and isfinite(float(high)) and float(low) < float(high)):
+        raise table.error(name, "wanted a range from the lower to the higher end, both with the same unit")
+    return Span(float(low), float(high), unit)
+
+
+def _commands(root: Table) -> Iterator[TimedCommand]:
+    for table in root.array("commands", most=MAX_COMMANDS):
+        with table:
+            yield TimedCommand(table.number("at", TIME, low=0.0, high=LONGEST), table.text("text", most=16_000))
+
+
+def _value(text: str) -> Value:
+    """A value as it would stand in TOML: a number, true or false, else a text."""
+    if text in ("true", "false"):
+        return text == "true"
+    for sort in (int, float):
+        try:
+            return sort(text)
+        except ValueError:
+            continue
+    return text
+
+
+def _key(name: str) -> str:
+    return name if _PLAIN_KEY.fullmatch(name) else _quoted(name)
+
+
+def _quoted(text: str) -> str:
+    """A basic string of TOML, whose escapes are those of JSON."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007F")
+
+
+def _toml(value: Value | Setting | Span) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return _quoted(value)
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, Span):
+        ends = (f'"{each!r}{value.unit}"' if value.unit else repr(each) for each in (value.low, value.high))
+        low, high = ends
+        return f"{{ low = {low}, high = {high} }}"
+    return repr(value)

@@ -1,0 +1,272 @@
+"""The results of an experiment: a folder that holds them and what they came from.
+
+    experiment.toml    what was wanted; the same experiment goes on here, another one is refused
+    about.json         version, machine, libraries, and the state of the git repository around it, when it began
+    runs.sqlite        each finished run, written once and in one piece
+
+The table has a row for each sample, and columns for each varied key, `run`, `seed`, `time` (simulated s), each measure,
+`error` and `hash` (the state of the whole run at its end). A failed run is one row without measures.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import platform
+import sqlite3
+import subprocess
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+
+import msgspec
+import numpy as np
+
+from sleepcast.api.table import DataTable, Numbers, Texts
+from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.core.files import lock_file, replace_file
+from sleepcast.core.settings import SettingsError
+from sleepcast.core.version import VERSION
+from sleepcast.experiments.plan import Experiment, Run, Value, read_experiment
+
+PLAN, ABOUT, RUNS, LOCK = "experiment.toml", "about.json", "runs.sqlite", ".lock"
+SCHEMA = """
+CREATE TABLE IF NOT EXISTS runs (
+    key TEXT PRIMARY KEY, number INTEGER NOT NULL, run TEXT NOT NULL, error TEXT NOT NULL, hash TEXT NOT NULL,
+    wall REAL NOT NULL, samples TEXT NOT NULL
+) STRICT
+"""
+MOST_ERROR = 4_000
+"""Characters of an error that are kept."""
+
+
+class ResultsError(MisuseError):
+    """A folder that does not hold the results that were wanted."""
+
+
+class ResultsLostError(SleepcastError):
+    """Results that could not be written."""
+
+
+class Outcome(msgspec.Struct, frozen=True):
+    """What came of a run. samples: for each its time (simulated s), then the measures in their order, None unknown.
+    error: why it failed, "" if it did not. hash: of the state at its end. wall: s that it took."""
+
+    run: Run
+    samples: tuple[tuple[float | None, ...], ...] = ()
+    error: str = ""
+    hash: str = ""
+    wall: float = 0.0
+
+    def same_as(self, other: Outcome) -> bool:
+        """Whether both found the same, to the last bit."""
+        return (self.samples, self.error, self.hash) == (other.samples, other.error, other.hash)
+
+
+class Results:
+    """The folder of an experiment, open for writing by one process. Raises ResultsError, and ResultsLostError where
+    nothing can be written."""
+
+    def __init__(self, folder: Path, experiment: Experiment) -> None:
+        self.folder, self.experiment = folder, experiment
+        try:
+            _begin(folder, experiment)
+            self._lock = lock_file(folder / LOCK)
+            self._connection = sqlite3.connect(folder / RUNS, isolation_level=None)
+            self._connection.execute("PRAGMA journal_mode = WAL")  # others may read meanwhile
+            self._connection.execute(SCHEMA)
+        except BlockingIOError:
+            raise ResultsError(
+                f"{folder}: another sweep is writing here: wait for its end, or choose another folder"
+            ) from None
+        except (OSError, sqlite3.Error) as error:
+            raise _lost(folder, error) from error
+
+    def __enter__(self) -> Results:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        with suppress(sqlite3.Error):
+            self._connection.execute("PRAGMA journal_mode = DELETE")  # so that one file holds all
+        self._connection.close()
+        if self._lock is not None:
+            os.close(self._lock)
+
+    def missing(self, *, retry: bool = False) -> list[Run]:
+        """The runs that are still to be done. retry: also those that failed."""
+        done = {key for key, error in self._connection.execute("SELECT key, error FROM runs") if not (retry and error)}
+        return [run for run in self.experiment.runs() if run.key not in done]
+
+    def keep(self, outcomes: Iterable[Outcome]) -> None:
+        """Write finished runs, all or none of them. Raises ResultsLostError."""
+        rows = [
+            (
+                *(each.run.key, each.run.number, msgspec.json.encode(each.run).decode(), each.error[:MOST_ERROR]),
+                *(each.hash, each.wall, json.dumps(each.samples)),
+            )
+            for each in outcomes
+        ]
+        try:
+            self._connection.execute("BEGIN")
+            self._connection.executemany("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
+            self._connection.execute("COMMIT")
+        except sqlite3.Error as error:
+            raise _lost(self.folder, error) from error
+
+
+class Summary(msgspec.Struct, frozen=True):
+    """runs: wanted; done: finished; failed: of these; unknown: values that no robot could give."""
+
+    runs: int
+    done: int
+    failed: int
+    unknown: int
+
+    def sentence(self) -> str:
+        """For a person."""
+        said = f"{self.done:,} of {self.runs:,} runs done"
+        said += f", {self.failed:,} of them failed" if self.failed else ""
+        return said + (f"; {self.unknown:,} values unknown" if self.unknown else "")
+
+
+def experiment_in(folder: Path) -> Experiment:
+    """What was wanted in a folder of results. Raises ResultsError."""
+    if not (folder / PLAN).is_file() or not (folder / RUNS).is_file():
+        raise ResultsError(f"{folder}: no results of an experiment: wanted a folder with {PLAN} and {RUNS}")
+    try:
+        return read_experiment(folder / PLAN)
+    except SettingsError as error:
+        raise ResultsError(f"the experiment of these results cannot be read: {error}") from error
+
+
+def outcomes_in(folder: Path) -> Iterator[Outcome]:
+    """Every finished run, by number. Raises ResultsError."""
+    try:
+        connection = sqlite3.connect(f"{(folder / RUNS).resolve().as_uri()}?mode=ro", uri=True, timeout=1.0)
+        try:
+            found = connection.execute("SELECT run, error, hash, wall, samples FROM runs ORDER BY number")
+            for run, error, state, wall, samples in found:
+                rows = tuple(tuple(each) for each in json.loads(samples))
+                yield Outcome(msgspec.json.decode(run, type=Run), rows, error, state, wall)
+        finally:
+            connection.close()
+    except (sqlite3.Error, ValueError) as error:
+        raise ResultsError(f"{folder / RUNS}: the results cannot be read: {error}") from error
+
+
+def summary_of(folder: Path) -> Summary:
+    """How far it has come. Raises ResultsError."""
+    experiment, done = experiment_in(folder), list(outcomes_in(folder))
+    unknown = sum(value is None for each in done for sample in each.samples for value in sample)
+    return Summary(len(experiment), len(done), sum(bool(each.error) for each in done), unknown)
+
+
+def table_of(folder: Path) -> DataTable:
+    """Everything that was found, see the module. Raises ResultsError."""
+    experiment = experiment_in(folder)
+    rows: list[tuple[Outcome, tuple[float | None, ...]]] = []
+    nothing = (None,) * (1 + len(experiment.measures))
+    for outcome in outcomes_in(folder):
+        rows += [(outcome, sample) for sample in outcome.samples or (nothing,)]
+    columns: dict[str, Texts | Numbers] = {
+        key: _column([outcome.run.point[key] for outcome, _ in rows]) for key in experiment.over
+    }
+    columns["run"] = np.array([outcome.run.number for outcome, _ in rows], np.int64)
+    columns["seed"] = np.array([outcome.run.seed for outcome, _ in rows], np.int64)
+    for place, name in enumerate(("time", *experiment.measures)):
+        columns[name] = np.array([np.nan if sample[place] is None else sample[place] for _, sample in rows], np.float64)
+    columns["error"] = [outcome.error for outcome, _ in rows]
+    columns["hash"] = [outcome.hash for outcome, _ in rows]
+    return DataTable(columns)
+
+
+def export(folder: Path, file: Path) -> None:
+    """Write the table into a Parquet or CSV file. Raises ResultsError, and ResultsLostError where it cannot be
+    written."""
+    if file.suffix not in (".parquet", ".csv"):
+        raise ResultsError(f"{file}: wanted a file that ends in .parquet or .csv")
+    table, half = table_of(folder), file.with_name(f".{file.name}.half")
+    try:
+        _write(table, half, file.suffix)
+        os.replace(half, file)
+    except OSError as error:
+        half.unlink(missing_ok=True)
+        raise _lost(file, error) from error
+
+
+def _write(table: DataTable, file: Path, suffix: str) -> None:
+    if suffix == ".csv":
+        with file.open("w", newline="", encoding="utf-8") as opened:
+            writer = csv.writer(opened, lineterminator="\n")
+            writer.writerow(table.columns)
+            columns = table.to_dict().values()
+            writer.writerows([["" if each is None else each for each in row] for row in zip(*columns, strict=True)])
+        return
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError as error:
+        raise ResultsError(
+            'a Parquet file needs pyarrow: install it with pip install "sleepcast[experiments]", or write a .csv file'
+        ) from error
+    pyarrow.parquet.write_table(pyarrow.table(table), file)
+
+
+def _column(values: list[Value]) -> Texts | Numbers:
+    if all(isinstance(each, int) for each in values):
+        return np.array([int(each) for each in values], np.int64)
+    if any(isinstance(each, str) for each in values):
+        return [str(each) for each in values]
+    return np.array(values, np.float64)
+
+
+def _begin(folder: Path, experiment: Experiment) -> None:
+    """Make the folder, unless it is of this experiment already."""
+    wanted = experiment.to_toml()
+    if (folder / PLAN).exists():
+        if (folder / PLAN).read_text(encoding="utf-8") != wanted:
+            raise ResultsError(
+                f"{folder}: holds the results of another experiment (its {PLAN} differs): choose another folder, or go "
+                f"on with that one: sleepcast sweep {folder}"
+            )
+        return
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ResultsError(f"{folder}: is there already, and holds no results: choose another folder")
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / ABOUT).write_text(json.dumps(_about(), indent=2) + "\n", encoding="utf-8")
+    replace_file(folder / PLAN, wanted.encode())
+
+
+def _about() -> dict[str, object]:
+    return {
+        "sleepcast": VERSION,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "machine": platform.platform(),
+        "cores": os.cpu_count(),
+        "began": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "git": _git(),
+    }
+
+
+def _git() -> str | None:
+    """The commit of the working folder, with "+" if something is changed; None where there is none."""
+    try:
+        done = subprocess.run(
+            ["git", "describe", "--always", "--abbrev=40", "--dirty=+", "--exclude=*"],
+            capture_output=True,
+            text=True,
+            timeout=10.0,
+            check=False,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip() or None
+
+
+def _lost(place: Path, error: OSError | sqlite3.Error) -> ResultsLostError:
+    reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return ResultsLostError(f"{place}: cannot be written: {reason}; what was written before is intact")

@@ -1,0 +1,202 @@
+"""Runs: one run from its start to its last sample, and many at once on worker processes that stay alive.
+
+A worker that the system ends (out of memory, a crash in a library) costs its run, which counts as failed; another
+worker takes its place. Every run has one thread: cores are used by running many. The same run gives the same samples
+and hash in any process, on any number of workers.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+from math import isnan
+from multiprocessing import connection, get_context
+from pathlib import Path
+from time import perf_counter
+
+from sleepcast.api.assembly import assemble, warm_up
+from sleepcast.api.fleet import SimulatedFleet
+from sleepcast.core.errors import MisuseError, SleepcastError
+from sleepcast.experiments.measures import read_measure, read_stop
+from sleepcast.experiments.plan import Experiment, Run
+from sleepcast.experiments.results import Outcome, Results, experiment_in, outcomes_in
+from sleepcast.simulator.scenario.mission import Order
+
+LOOKS = 1.0
+"""Simulated seconds between two looks at the stop condition where no samples are taken on the way."""
+GATHER = 64
+"""Finished runs written at once, if so many finish at the same time."""
+ENDED = "the system ended its worker process: perhaps there was not enough memory"
+
+_warm: set[str] = set()
+"""Scenarios for which everything is compiled in this process."""
+
+
+def do(experiment: Experiment, run: Run) -> Outcome:
+    """One run. What goes wrong in it is its outcome."""
+    began = perf_counter()
+    try:
+        samples, state = _done(experiment, run)
+    except Exception as error:  # a measure of somebody's own may raise anything
+        said = str(error) if isinstance(error, SleepcastError) else f"{type(error).__name__}: {error}"
+        return Outcome(run, error=said or type(error).__name__, wall=perf_counter() - began)
+    return Outcome(run, samples, "", state, perf_counter() - began)
+
+
+def opened(experiment: Experiment, run: Run) -> SimulatedFleet:
+    """The fleet at the start of a run. Raises what is wrong in the scenario or in a command."""
+    scenario = experiment.scenario_at(run.point, run.seed)
+    added = [Order(each.at, each.text, f"the experiment's command at {each.at:g} s") for each in experiment.commands]
+    orders = sorted((*(scenario.mission if experiment.mission else ()), *added), key=lambda order: order.time)
+    if experiment.scenario not in _warm:
+        warm_up(scenario, 1)
+        _warm.add(experiment.scenario)
+    return SimulatedFleet(*assemble(replace(scenario, mission=tuple(orders)), run.seed, mission=True, threads=1))
+
+
+def _done(experiment: Experiment, run: Run) -> tuple[tuple[tuple[float | None, ...], ...], str]:
+    measures = [read_measure(text) for text in experiment.measures.values()]
+    stop = read_stop(experiment.until) if experiment.until else None
+    with opened(experiment, run) as fleet:
+        scenario = fleet.swarm.simulator.scenario
+        last = max(1, round((scenario.seconds if experiment.seconds is None else experiment.seconds) / scenario.tick))
+        sample = None if experiment.every is None else max(1, round(experiment.every / scenario.tick))
+        step = sample or (last if stop is None else max(1, round(LOOKS / scenario.tick)))
+
+        def taken() -> tuple[float | None, ...]:
+            values = [measure(fleet) for measure in measures]
+            return round(fleet.time, 9), *(None if isnan(value) else value for value in values)
+
+        samples = [taken()] if sample else []
+        ticks = 0
+        while ticks < last and not (stop is not None and ticks and stop.holds(fleet)):
+            forward = min(step, last - ticks)
+            fleet.run(forward * scenario.tick, quiet=True)
+            ticks += forward
+            if sample:
+                samples.append(taken())
+        return tuple(samples or [taken()]), fleet.hash
+
+
+def run_all(experiment: Experiment, results: Results, runs: list[Run], workers: int) -> Generator[Outcome, None, None]:
+    """Do these runs, and write each one as it finishes; gives them in that order. Raises ResultsLostError."""
+    with Workers(experiment, min(workers, len(runs))) as pool:
+        for finished in pool.map(runs):
+            results.keep(finished)
+            yield from finished
+
+
+def verify(folder: Path, workers: int, most: int | None = None) -> Generator[tuple[Outcome, bool], None, None]:
+    """Do finished runs again, the first `most` of them; gives each, and whether it came out the same."""
+    experiment = experiment_in(folder)
+    before = {each.run.key: each for each in list(outcomes_in(folder))[:most]}
+    with Workers(experiment, min(workers, len(before))) as pool:
+        for finished in pool.map([each.run for each in before.values()]):
+            for again in finished:
+                yield again, again.same_as(before[again.run.key])
+
+
+class Workers:
+    """Worker processes; leaving ends them, whatever they do."""
+
+    def __init__(self, experiment: Experiment, count: int) -> None:
+        self._experiment = experiment
+        self._workers = [_Worker(experiment) for _ in range(count)]
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *ended: object) -> None:
+        for worker in self._workers:
+            worker.end()
+
+    def map(self, runs: Iterable[Run]) -> Iterator[list[Outcome]]:
+        """Do these runs; gives those that have finished, in the order in which they do."""
+        left = iter(runs)
+        busy: dict[connection.Connection, _Worker] = {}
+        for worker in self._workers:
+            if (run := next(left, None)) is not None:
+                worker.begin(run)
+                busy[worker.pipe] = worker
+        while busy:
+            finished = []
+            for ready in connection.wait(list(busy)):
+                worker = busy.pop(ready)  # type: ignore[call-overload]  # we wait for pipes only
+                outcome = worker.outcome()
+                finished.append(outcome)
+                if worker.ended:
+                    self._workers[self._workers.index(worker)] = worker = _Worker(self._experiment)
+                if (run := next(left, None)) is not None:
+                    worker.begin(run)
+                    busy[worker.pipe] = worker
+            yield finished
+
+
+class _Worker:
+    """One process, and the run that it does. ended: whether it is gone."""
+
+    def __init__(self, experiment: Experiment) -> None:
+        context = get_context("spawn")  # a fork would copy threads in the middle of something
+        self.pipe, theirs = context.Pipe()
+        self.ended = False
+        self._run: Run | None = None
+        self._process = context.Process(target=_serve, args=(theirs, experiment), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def begin(self, run: Run) -> None:
+        """Let it do a run."""
+        self._run = run
+        with suppress(OSError):  # if it is gone, its outcome says so
+            self.pipe.send(run)
+
+    def outcome(self) -> Outcome:
+        """Wait for the outcome of its run."""
+        assert self._run is not None
+        try:
+            found: Outcome = self.pipe.recv()
+        except (EOFError, OSError):
+            self.end()
+            return Outcome(self._run, error=ENDED)
+        return found
+
+    def end(self) -> None:
+        """End the process at once."""
+        self.ended = True
+        self._process.kill()
+        self._process.join()
+        self.pipe.close()
+
+
+def _serve(pipe: connection.Connection, experiment: Experiment) -> None:
+    """What a worker process does until its owner is gone. Ctrl-C is its owner's business."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    with suppress(EOFError, OSError):
+        while True:
+            pipe.send(do(experiment, pipe.recv()))
+
+
+def cores() -> int:
+    """How many workers are useful here."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def try_out(experiment: Experiment) -> None:
+    """Open the first run and take each measure once, so that a mistake is met before a thousand runs fail. Raises
+    MisuseError and whatever a measure raises, as a MisuseError."""
+    run = next(experiment.runs())
+    with opened(experiment, run) as fleet:
+        for name, text in experiment.measures.items():
+            measure = read_measure(text)
+            try:
+                measure(fleet)
+            except SleepcastError as error:
+                raise MisuseError(f'measure "{name}": {error}') from error
+            except Exception as error:  # a function of somebody's own may raise anything
+                raise MisuseError(f'measure "{name}" ({text}) fails: {type(error).__name__}: {error}') from error
+        if experiment.until:
+            read_stop(experiment.until).holds(fleet)

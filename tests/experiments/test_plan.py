@@ -1,0 +1,147 @@
+"""Plans: what a file or a line of options says, the runs that follow, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sleepcast.core.errors import MisuseError
+from sleepcast.experiments.plan import Experiment, Span, TimedCommand, experiment_of, read_experiment
+
+WHOLE = """
+scenario = "crowd"
+seconds = "1min"
+seeds = [4, 9]
+every = "500ms"
+until = "share (> x 1000km) >= 0.5"
+mission = false
+
+[over]
+radio.loss = [0, 0.3]
+"robots.limits.speed" = ["0.5m/s", "1m/s"]
+
+[measures]
+charge = "mean battery"
+far = 'quantile 0.9 (DIST x y 0 0)'
+
+[[commands]]
+at = "5s"
+text = '(WHEN (> battery 50%) (REPORT "é\\x7f"))'
+"""
+
+
+def plan(text: str) -> Experiment:
+    return read_experiment(Path("experiment.toml"), text)
+
+
+def test_a_file_says_all_of_it() -> None:
+    found = plan(WHOLE)
+    assert found.seconds == 60.0
+    assert found.every == 0.5
+    assert not found.mission
+    assert found.commands == (TimedCommand(5.0, '(WHEN (> battery 50%) (REPORT "é\\x7f"))'),)
+    assert [(run.number, run.seed, *run.point.values()) for run in found.runs()] == [
+        (0, 4, 0, "0.5m/s"),
+        (1, 4, 0, "1m/s"),
+        (2, 4, 0.3, "0.5m/s"),
+        (3, 4, 0.3, "1m/s"),
+        (4, 9, 0, "0.5m/s"),
+        (5, 9, 0, "1m/s"),
+        (6, 9, 0.3, "0.5m/s"),
+        (7, 9, 0.3, "1m/s"),
+    ]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        WHOLE,
+        'scenario = "crowd"\nseeds = 3\n[measures]\ncharge = "mean battery"\n',
+        'scenario = "crowd"\nsampling = "latin"\npoints = 5\n[measures]\na = "mean x"\n'
+        '[over.radio]\nloss = { low = 0, high = 0.5 }\n[over.robots]\nlimits.speed = { low = "1m/s", high = "2m/s" }\n',
+    ],
+)
+def test_what_is_written_is_read_as_the_same(text: str) -> None:
+    once = plan(text)
+    assert plan(once.to_toml()) == once
+    assert plan(once.to_toml()).to_toml() == once.to_toml()
+
+
+def test_options_say_the_same_as_a_file() -> None:
+    found = experiment_of(
+        "crowd",
+        over=["radio.loss=0,0.3", "world.edge=wall,fence"],
+        measures=["mean battery", "n=count (> x 5)"],
+        seeds=2,
+    )
+    text = """
+        scenario = "crowd"
+        seeds = 2
+        over.radio.loss = [0, 0.3]
+        over.world.edge = ["wall", "fence"]
+        measures.mean_battery = "mean battery"
+        measures.n = "count (> x 5)"
+    """
+    assert found == plan(text)
+    assert len(found) == 8
+
+
+@pytest.mark.parametrize("sampling", ["latin", "sobol"])
+def test_drawn_points_fill_their_ranges(sampling: str) -> None:
+    pytest.importorskip("scipy")
+    found = plan(
+        f'scenario = "crowd"\nsampling = "{sampling}"\npoints = 16\n[measures]\na = "mean x"\n'
+        '[over]\nradio.loss = { low = 0.1, high = 0.5 }\n"robots.limits.speed" = { low = "1m/s", high = "2m/s" }\n'
+    )
+    assert found.over["radio.loss"] == Span(0.1, 0.5)
+    points = [run.point for run in found.runs()]
+    assert points == [run.point for run in found.runs()]
+    losses = sorted(float(point["radio.loss"]) for point in points)
+    assert [int((loss - 0.1) / 0.4 * 16 + 1e-9) for loss in losses] == list(range(16)), "one in each sixteenth"
+    assert all(str(point["robots.limits.speed"]).endswith("m/s") for point in points)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        ("seeds = 0", r"experiment.toml:\d+: seeds: wanted a whole number from 1"),
+        ("seeds = []", r"seeds: wanted a list of 1 to"),
+        ("seconds = '5m'", r"seconds: wanted a time"),
+        ("every = 0", r"every: wanted a time"),
+        ("until = 'share'", "wanted a measure and a bound"),
+        ("until = 'meen x > 1'", 'there is no "meen" .did you mean mean'),
+        ("sampling = 'sobel'", "did you mean sobol"),
+        ("sampling = 'sobol'", "points: is missing"),
+        ("sampling = 'sobol'\npoints = 4", "over: wanted a range to draw from"),
+        ("sampling = 'sobol'\npoints = 4\nover.radio.loss = { low = 1, high = 0 }", "from the lower to the higher end"),
+        ("over.radio.loss = 3", r"radio.loss: wanted a list of values"),
+        ("over.radio.loss = []", r"radio.loss: wanted a list of values"),
+        ("over.radio.los = [0]", r"over radio.los: unknown key .did you mean loss"),
+        ("over.radio.loss = [0, 2]", r"radio.loss: wanted a plain number from 0 to 1, not 2"),
+        ("sceds = 3", "sceds: unknown key .did you mean seeds"),
+        ("measures.time = 'mean x'", "has a column of this name already"),
+        ("measures.a = 'nosuch.module'", "cannot be loaded: ModuleNotFoundError"),
+        ("measures.a = 'sleepcast.core.version.VERSION'", "is no function"),
+        ("measures.a = 'quantile 2 x'", "wanted a share and an expression"),
+        ("measures.a = 'mean'", 'no measure "mean"'),
+        ("commands = [{ at = '5s' }]", "text: is missing"),
+        ("seeds = 1000000\nover.radio.loss = [0, 0.1]", "at most 1,000,000 fit"),
+    ],
+)
+def test_what_is_wrong_is_said(wrong: str, sentence: str) -> None:
+    with pytest.raises(MisuseError, match=sentence):
+        plan(f'{wrong}\nscenario = "crowd"\nmeasures.charge = "mean battery"\n')
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        ({"over": ["radio.loss"]}, "wanted a key and its values"),
+        ({"measures": []}, "nothing is measured"),
+        ({"seeds": 0}, "seeds 0: wanted"),
+    ],
+)
+def test_wrong_options_are_refused(options: dict[str, object], sentence: str) -> None:
+    with pytest.raises(MisuseError, match=sentence):
+        experiment_of("crowd", **{"measures": ["mean x"], **options})  # type: ignore[arg-type]

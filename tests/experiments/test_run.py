@@ -1,0 +1,318 @@
+"""Runs and their results: real worker processes, real kills, and files that outlive them."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from math import isnan
+from pathlib import Path
+
+import pytest
+
+import sleepcast as sc
+from sleepcast.cli import main
+from sleepcast.experiments.plan import Experiment, experiment_of
+from sleepcast.experiments.results import Results, ResultsError, export, outcomes_in, summary_of, table_of
+from sleepcast.experiments.run import ENDED, do, run_all, verify
+
+FEW = ("robots.count=10",)
+
+
+def experiment(**changes: object) -> Experiment:
+    options = {
+        "over": ["robots.count=10", "radio.loss=0,0.5"],
+        "measures": ["mean battery"],
+        "seeds": 2,
+        "seconds": 2.0,
+    }
+    return experiment_of("crowd", **{**options, **changes})  # type: ignore[arg-type]
+
+
+def count(folder: Path) -> int:
+    """How many runs are finished, while they go on."""
+    try:
+        return sum(1 for _ in outcomes_in(folder))
+    except ResultsError:  # it has not begun
+        return 0
+
+
+def sweep(wanted: Experiment, folder: Path, workers: int = 2) -> None:
+    with Results(folder, wanted) as results:
+        for _ in run_all(wanted, results, results.missing(), workers):
+            pass
+
+
+@pytest.fixture
+def measures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A module `own_measures` that the workers find, too."""
+    monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path / "modules")])
+    (tmp_path / "modules").mkdir()
+    monkeypatch.delitem(sys.modules, "own_measures", raising=False)
+    return tmp_path / "modules" / "own_measures.py"
+
+
+class TestOneRun:
+    def test_it_is_what_the_front_door_gives(self) -> None:
+        wanted = experiment(over=FEW, measures=["mean battery", "far=share (> (DIST x y 0 0) 5m)"], seeds=1)
+        found = do(wanted, next(wanted.runs()))
+        fleet = sc.open("crowd", over={"robots.count": 10}, seed=1, mission=True).run(2.0)
+        assert found.error == ""
+        assert found.samples == ((2.0, fleet["battery"].mean(), (fleet["(DIST x y 0 0)"] > 5.0).mean()),)
+        assert found.hash == fleet.hash
+
+    def test_samples_are_taken_all_along_and_change_nothing(self) -> None:
+        wanted = experiment(over=FEW, seeds=1, every=0.5)
+        found = do(wanted, next(wanted.runs()))
+        assert [sample[0] for sample in found.samples] == [0.0, 0.5, 1.0, 1.5, 2.0]
+        without = experiment(over=FEW, seeds=1)
+        assert found.hash == do(without, next(without.runs())).hash
+
+    def test_it_ends_as_soon_as_the_condition_holds(self) -> None:
+        wanted = experiment(over=FEW, seeds=1, seconds=60.0, every=0.5, until="max time >= 0")
+        assert [sample[0] for sample in do(wanted, next(wanted.runs())).samples][-1] == 0.5
+
+    def test_commands_are_sent_in_their_time(self, tmp_path: Path) -> None:
+        text = """
+            scenario = "stop"
+            seconds = "2s"
+            every = "1s"
+            mission = false
+            measures.members = "count (IN a)"
+            commands = [{ at = "1.05s", text = "(WHEN (>= x 0) (JOIN a))" }]
+        """
+        from sleepcast.experiments.plan import read_experiment
+
+        wanted = read_experiment(tmp_path / "experiment.toml", text)
+        found = do(wanted, next(wanted.runs()))
+        robots = len(sc.open("stop"))
+        assert [sample[1] for sample in found.samples] == [0.0, 0.0, robots]
+
+    def test_what_nobody_knows_is_unknown(self) -> None:
+        wanted = experiment(over=FEW, seeds=1, measures=["mean (/ 1 0)", "n=count (> (/ 1 0) 0)"])
+        assert do(wanted, next(wanted.runs())).samples == ((2.0, None, 0.0),)
+
+
+class TestManyRuns:
+    def test_any_number_of_workers_finds_the_same(self, tmp_path: Path) -> None:
+        for workers in (1, 3):
+            sweep(experiment(), tmp_path / f"{workers}", workers)
+        one, three = (list(outcomes_in(tmp_path / f"{workers}")) for workers in (1, 3))
+        assert [each.run for each in one] == list(experiment().runs())
+        assert all(each.same_as(other) for each, other in zip(one, three, strict=True))
+        assert all(same for _, same in verify(tmp_path / "1", 2))
+
+    def test_a_failed_run_is_a_row_and_the_others_go_on(self, tmp_path: Path, measures: Path) -> None:
+        measures.write_text(
+            "def odd(fleet):\n    return 1 / (fleet.station.vocabulary and fleet.swarm.simulator.seed % 2)\n"
+        )
+        wanted = experiment(over=FEW, seeds=3, measures=["own_measures.odd"])
+        sweep(wanted, tmp_path / "results")
+        found = list(outcomes_in(tmp_path / "results"))
+        assert [each.error for each in found] == ["", "ZeroDivisionError: division by zero", ""]
+        assert summary_of(tmp_path / "results").sentence() == "3 of 3 runs done, 1 of them failed"
+        table = table_of(tmp_path / "results")
+        assert isnan(float(table["odd"][1]))
+
+    def test_a_worker_that_the_system_ends_costs_one_run(self, tmp_path: Path, measures: Path) -> None:
+        measures.write_text(
+            "import os, signal\n\n\n"
+            "def deadly(fleet):\n"
+            "    if fleet.swarm.simulator.seed == 2:\n"
+            "        os.kill(os.getpid(), signal.SIGKILL)\n"
+            "    return 1.0\n"
+        )
+        wanted = experiment(over=FEW, seeds=4, measures=["own_measures.deadly"])
+        sweep(wanted, tmp_path / "results")
+        assert [each.error for each in outcomes_in(tmp_path / "results")] == ["", ENDED, "", ""]
+        with Results(tmp_path / "results", wanted) as results:
+            assert results.missing() == []
+            assert [run.seed for run in results.missing(retry=True)] == [2]
+
+    def test_after_kill_9_nothing_is_lost_or_done_twice(self, tmp_path: Path, measures: Path) -> None:
+        measures.write_text(
+            "import pathlib\n\n\n"
+            "def noted(fleet):\n"
+            f"    with open({str(tmp_path / 'noted')!r}, 'a') as noted:\n"
+            "        noted.write(f'{fleet.swarm.simulator.seed}\\n')\n"
+            "    return 1.0\n"
+        )
+        command = [
+            *(sys.executable, "-m", "sleepcast", "sweep", "crowd", "--over", *FEW, "--seeds", "30", "--seconds", "2s"),
+            *("--measure", "own_measures.noted", "--out", str(tmp_path / "results"), "--workers", "2", "--quiet"),
+        ]
+        process = subprocess.Popen(command, cwd=measures.parent, start_new_session=True)
+        try:
+            while count(tmp_path / "results") < 5:
+                assert process.poll() is None
+                time.sleep(0.01)
+        finally:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+        kept = {each.run.seed for each in outcomes_in(tmp_path / "results")}
+        before = (tmp_path / "noted").read_text().split()
+        again = subprocess.run(command, cwd=measures.parent, capture_output=True, text=True, check=True)
+        assert "30 of 30 runs done" in again.stdout
+        after = (tmp_path / "noted").read_text().split()[len(before) :]
+        # One more is the trial of the measures before the first run, which has the seed 1.
+        assert sorted(map(int, after)) == sorted([1, *(seed for seed in range(1, 31) if seed not in kept)])
+        assert len(list(outcomes_in(tmp_path / "results"))) == 30
+
+    def test_workers_end_with_their_owner(self, tmp_path: Path, measures: Path) -> None:
+        measures.write_text(
+            "import os, pathlib\n\n\n"
+            "def seen(fleet):\n"
+            f"    pathlib.Path({str(tmp_path)!r}, f'worker-{{os.getpid()}}').touch()\n"
+            "    return 1.0\n"
+        )
+        command = [
+            *(
+                sys.executable,
+                "-m",
+                "sleepcast",
+                "sweep",
+                "crowd",
+                "--over",
+                *FEW,
+                "--seeds",
+                "9999",
+                "--seconds",
+                "1s",
+            ),
+            *("--measure", "own_measures.seen", "--out", str(tmp_path / "results"), "--workers", "2", "--quiet"),
+        ]
+        process = subprocess.Popen(command, cwd=measures.parent, stderr=subprocess.PIPE, text=True)
+        while len(workers := [each.name.split("-")[1] for each in tmp_path.glob("worker-*")]) < 3:
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        assert "go on with sleepcast sweep" in process.communicate(timeout=60)[1]
+        assert process.returncode == 130
+        for number in workers:
+            while Path("/proc", number).exists():
+                time.sleep(0.01)
+
+
+class TestResults:
+    def test_another_experiment_is_refused(self, tmp_path: Path) -> None:
+        sweep(experiment(seeds=1), tmp_path / "results")
+        with pytest.raises(ResultsError, match="holds the results of another experiment"):
+            Results(tmp_path / "results", experiment(seeds=2))
+
+    def test_a_folder_with_something_else_is_refused(self, tmp_path: Path) -> None:
+        (tmp_path / "letter").touch()
+        with pytest.raises(ResultsError, match="is there already, and holds no results"):
+            Results(tmp_path, experiment())
+
+    def test_two_sweeps_do_not_write_into_one_folder(self, tmp_path: Path) -> None:
+        with Results(tmp_path / "results", experiment()):
+            with pytest.raises(ResultsError, match="another sweep is writing here"):
+                Results(tmp_path / "results", experiment())
+            assert list(outcomes_in(tmp_path / "results")) == [], "but others may read"
+
+    def test_a_full_disk_stops_it_and_what_is_written_is_intact(self, tmp_path: Path) -> None:
+        wanted = experiment(over=FEW, seeds=400, seconds=0.1, every=0.001)
+        program = (
+            "import resource, sys\n"
+            "from pathlib import Path\n"
+            "from sleepcast.cli import main\n"
+            "resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))\n"
+            "sys.exit(main(sys.argv[1:]))\n"
+        )
+        (tmp_path / "experiment.toml").write_text(wanted.to_toml())
+        command = ("sweep", str(tmp_path / "experiment.toml"), "--out", str(tmp_path / "results"), "--quiet")
+        done = subprocess.run([sys.executable, "-c", program, *command], capture_output=True, text=True, check=False)
+        assert done.returncode == 1, done.stderr
+        assert "cannot be written" in done.stderr
+        assert "Traceback" not in done.stderr
+        kept = list(outcomes_in(tmp_path / "results"))
+        assert 0 < len(kept) < 400
+        assert all(not each.error for each in kept)
+
+    def test_tables_for_other_programs_say_the_same(self, tmp_path: Path) -> None:
+        parquet = pytest.importorskip("pyarrow.parquet")
+        sweep(experiment(measures=["mean battery", "mean (/ 1 0)"]), tmp_path / "results")
+        for name in ("table.csv", "table.parquet"):
+            export(tmp_path / "results", tmp_path / name)
+        read = parquet.read_table(tmp_path / "table.parquet").to_pydict()
+        assert read == table_of(tmp_path / "results").to_dict()
+        assert read["radio.loss"] == [0.0, 0.5, 0.0, 0.5]
+        assert read["mean_1_0"] == [None] * 4
+        lines = (tmp_path / "table.csv").read_text().splitlines()
+        assert lines[0] == "robots.count,radio.loss,run,seed,time,mean_battery,mean_1_0,error,hash"
+        assert len(lines) == 5
+        with pytest.raises(ResultsError, match="ends in"):
+            export(tmp_path / "results", tmp_path / "table.xls")
+
+
+class TestCommandLine:
+    def test_a_sweep_goes_on_is_verified_and_drawn(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        pytest.importorskip("matplotlib")
+        monkeypatch.chdir(tmp_path)
+        options = ("--seeds", "2", "--seconds", "1s", "--measure", "mean battery", "--every", "500ms", "--quiet")
+        assert main(["sweep", "crowd", "--over", "robots.count=5,10", *options, "--out", "out.csv", "--json"]) == 0
+        assert json.loads(capsys.readouterr().out) == {
+            "runs": 4,
+            "done": 4,
+            "failed": 0,
+            "unknown": 0,
+            "results": "out",
+            "table": "out.csv",
+        }
+        assert main(["sweep", "out", "--verify"]) == 0
+        assert "4 of 4 runs came out the same" in capsys.readouterr().out
+        for kind, by in (("line", ()), ("box", ()), ("heat", ("--by", "seed"))):
+            drawn = ("--y", "mean_battery", "--kind", kind, *by, "--out", f"{kind}.svg")
+            assert main(["plot", "out", "--x", "robots.count", *drawn]) == 0
+            before = (tmp_path / f"{kind}.svg").read_bytes()
+            subprocess.run([sys.executable, f"{kind}.py"], check=True)
+            assert (tmp_path / f"{kind}.svg").read_bytes() == before, "the program beside it draws the same"
+
+    def test_a_changed_result_is_found(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        import sqlite3
+
+        sweep(experiment(over=FEW, seeds=2), tmp_path / "results")
+        with sqlite3.connect(tmp_path / "results" / "runs.sqlite") as connection:
+            connection.execute("UPDATE runs SET hash = 'x' WHERE number = 1")
+        assert main(["sweep", str(tmp_path / "results"), "--verify", "--quiet"]) == 1
+        said = capsys.readouterr()
+        assert "1 of 2 runs came out the same" in said.out
+        assert "run 1 " in said.err
+
+    @pytest.mark.parametrize(
+        ("arguments", "sentence"),
+        [
+            (("sweep", "crowd", "--measure", "mean x"), "say where the results are to be kept"),
+            (("sweep", "crowd", "--out", "o"), "nothing is measured"),
+            (("sweep", "crowd", "--measure", "mean xx", "--out", "o"), 'unknown name "xx"'),
+            (("sweep", "crowd", "--measure", "math.sin", "--out", "o"), "math.sin. fails: TypeError"),
+            (("sweep", "nix.toml", "--out", "o"), "nix.toml: cannot be read"),
+            (("sweep", "nix", "--verify", "--out", "o"), "o: no results|the results cannot be read"),
+            (("plot", "nix", "--x", "a", "--y", "b", "--out", "a.svg"), "nix: no results of an experiment"),
+            (("plot", "nix.csv", "--x", "a", "--y", "b", "--out", "a.svg"), "nix.csv: cannot be read"),
+            (("plot", "nix", "--x", "a", "--y", "b", "--out", "a.gif"), "ends in .svg"),
+        ],
+    )
+    def test_misuse_is_a_sentence(
+        self,
+        arguments: tuple[str, ...],
+        sentence: str,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str],
+    ) -> None:
+        import re
+
+        monkeypatch.chdir(tmp_path)
+        assert main(list(arguments)) == 2
+        said = capsys.readouterr().err
+        assert re.search(sentence, said), said
+        assert "Traceback" not in said
+        assert not list(tmp_path.iterdir()), "nothing is left behind"

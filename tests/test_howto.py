@@ -27,7 +27,7 @@ from channel.test_udp import free_port
 from sleepcast.cli import program
 from test_docs import ROOT, SHELL, blocks_of, write_files
 
-PAGES = {"on-the-air": 20, "use-from-python": 1}
+PAGES = {"on-the-air": 20, "run-experiments": 8, "use-from-python": 1}
 """Commands at least that each page shows."""
 USUAL, GROUP = "239.255.83.76 47123", "239.255.83.79"
 SAID = "udp://239.255.83.76:47123?interface=lo"

@@ -32,7 +32,7 @@ text = '(WHEN (> battery 50%) (REPORT "é\\x7f"))'
 
 
 def plan(text: str) -> Experiment:
-    return read_experiment(Path("experiment.toml"), text)
+    return read_experiment(Path("experiment.toml"), text).checked()
 
 
 def test_a_file_says_all_of_it() -> None:
@@ -144,4 +144,4 @@ def test_what_is_wrong_is_said(wrong: str, sentence: str) -> None:
 )
 def test_wrong_options_are_refused(options: dict[str, object], sentence: str) -> None:
     with pytest.raises(MisuseError, match=sentence):
-        experiment_of("crowd", **{"measures": ["mean x"], **options})  # type: ignore[arg-type]
+        experiment_of("crowd", **{"measures": ["mean x"], **options}).checked()  # type: ignore[arg-type]

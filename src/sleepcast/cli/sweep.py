@@ -12,13 +12,12 @@ import click
 
 from sleepcast.cli.options import SimulatedTime
 from sleepcast.cli.streams import announce, complain, put
-from sleepcast.core.errors import MisuseError, SleepcastError, did_you_mean
+from sleepcast.core.errors import MisuseError
 
 if TYPE_CHECKING:
     from sleepcast.experiments.plan import Experiment
 
 TABLES = (".parquet", ".csv")
-FIGURES = (".svg", ".pdf", ".png")
 SHOWN_ERRORS = 3
 """Different errors of failed runs that are printed at the end."""
 
@@ -166,38 +165,8 @@ def plot(results: Path, x: str, y: str, by: str | None, kind: str, title: str, o
       sleepcast plot results --x time --y covered --by robots.count --out covered.pdf
       sleepcast plot results --x radio.loss --y covered --by robots.count --kind heat --out phases.png
     """
-    if out.suffix not in FIGURES:
-        raise MisuseError(f"{out}: wanted a file that ends in {', '.join(FIGURES)}")
-    try:
-        import matplotlib  # noqa: F401  # only whether it is there
-    except ImportError as error:
-        raise MisuseError('a figure needs Matplotlib: install it with pip install "sleepcast[experiments]"') from error
-    from sleepcast.experiments import drawing
-    from sleepcast.experiments.results import export
+    from sleepcast.experiments.figures import figure
 
-    file = out.with_suffix(".csv")
-    if results.suffix == ".csv":
-        file = results
-    else:
-        export(results, file)
-    try:
-        table = drawing.read_table(file)
-    except (OSError, ValueError, UnicodeDecodeError) as error:
-        raise MisuseError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
-    for name in (x, y, *([by] if by else [])):
-        if name not in table:
-            raise MisuseError(f'no column "{name}"{did_you_mean(name, table)}: wanted one of {", ".join(table)}')
-    script = out.with_suffix(".py")
-    try:
-        drawing.draw(table, x=x, y=y, by=by, kind=kind, out=out, title=title)
-        asked = f"x={x!r}, y={y!r}, by={by!r}, kind={kind!r}, title={title!r}"
-        call = f'draw(read_table(HERE / "{file.name}"), {asked}, out=HERE / "{out.name}")'
-        own = Path(drawing.__file__).read_text(encoding="utf-8")
-        if file.parent.resolve() == out.parent.resolve():
-            script.write_text(f"{own}\n\nHERE = Path(__file__).parent\n{call}\n", encoding="utf-8")
-    except ValueError as error:
-        raise MisuseError(str(error)) from error
-    except OSError as error:
-        raise SleepcastError(f"{out}: cannot be written: {error.strerror or error}") from error
+    figure(results, out, x=x, y=y, by=by, kind=kind, title=title)
     put(str(out))
     return 0

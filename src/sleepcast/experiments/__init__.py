@@ -4,5 +4,5 @@ plan       what is varied, what is measured, and the runs that follow from it
 measures   one number of a whole fleet: `mean fuel`, `share (IN bravo)`, or a function of yours
 results    a folder with everything that was found, safe against interruption; its table as Parquet or CSV
 run        one run; many at once on worker processes; the same again, to verify
-drawing    figures of a table, as a program that stands alone
+figures    figures of a table; `drawing` draws them, and is a program that stands alone
 """

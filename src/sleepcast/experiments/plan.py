@@ -177,8 +177,7 @@ RESERVED = ("run", "seed", "time", "error", "hash")
 
 
 def read_experiment(path: Path, text: str | None = None) -> Experiment:
-    """The experiment in the TOML file at `path`; text: what would stand in it. Raises SettingsError, and MisuseError
-    for what cannot be carried out."""
+    """The experiment in the TOML file at `path`; text: what would stand in it. Raises SettingsError."""
     with toml_document(path, text).root() as root:
         sampling = root.text("sampling", "grid", choices=SAMPLINGS)
         points = 0 if sampling == "grid" else root.whole("points", low=1, high=MAX_ROWS)
@@ -190,7 +189,7 @@ def read_experiment(path: Path, text: str | None = None) -> Experiment:
             raise root.error("measures", f"{len(measures.values)} of them; at most {MAX_MEASURES} fit")
         with measures:
             taken = {name: measures.text(name, most=4_000) for name in measures.names()}
-        found = Experiment(
+        return Experiment(
             scenario=_scenario(root),
             seeds=_seeds(root),
             measures=taken,
@@ -203,7 +202,6 @@ def read_experiment(path: Path, text: str | None = None) -> Experiment:
             sampling=sampling,
             points=points,
         )
-    return found.checked()
 
 
 def experiment_of(
@@ -218,7 +216,7 @@ def experiment_of(
     mission: bool = True,
 ) -> Experiment:
     """The experiment that a line of commands describes. over: each `KEY=VALUE,VALUE`; measures: each `NAME=MEASURE`, or
-    a measure alone. Raises MisuseError."""
+    a measure alone. Raises PlanError."""
     varied: dict[str, Setting | Span] = {}
     for each in over:
         key, equals, values = each.partition("=")
@@ -234,7 +232,7 @@ def experiment_of(
         raise PlanError(f"seeds {seeds}: wanted a whole number from 1 to {MAX_ROWS}")
     numbers = tuple(range(1, seeds + 1))
     name = _absolute(scenario, Path.cwd())
-    return Experiment(name, numbers, named, varied, seconds, every, until, mission).checked()
+    return Experiment(name, numbers, named, varied, seconds, every, until, mission)
 
 
 def _values(setting: Setting | Span) -> Setting:

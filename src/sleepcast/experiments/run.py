@@ -186,9 +186,9 @@ def cores() -> int:
 
 
 def try_out(experiment: Experiment) -> None:
-    """Open the first run and take each measure once, so that a mistake is met before a thousand runs fail. Raises
-    MisuseError and whatever a measure raises, as a MisuseError."""
-    run = next(experiment.runs())
+    """Check the experiment, open the first run, and take each measure once, so that a mistake is met before a thousand
+    runs fail. Raises MisuseError, also for whatever a measure raises."""
+    run = next(experiment.checked().runs())
     with opened(experiment, run) as fleet:
         for name, text in experiment.measures.items():
             measure = read_measure(text)

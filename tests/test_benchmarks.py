@@ -149,6 +149,16 @@ def test_the_channel_s_benchmark_tells_what_each_dropped_datagram_costs() -> Non
     assert [bar["wanted"] for bar in proof["bars"]] == [20.0, 20.0]
 
 
+def test_the_sweep_benchmark_compares_with_the_bare_loop() -> None:
+    command = [sys.executable, "-m", "benchmarks.sweep", "--runs", "4", "--json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert len(found["speeds"]) == 3
+    assert all(speed > 1.0 for speed in found["speeds"].values())
+    assert found["bars"][0]["value"] > 0.0
+
+
 def test_one_command_s_way_is_no_longer_than_it_was() -> None:
     command = [sys.executable, "-m", "benchmarks.path", "--json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

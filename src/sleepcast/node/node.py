@@ -152,7 +152,7 @@ class Node:
 
     @property
     def driven(self) -> bool:
-        """Whether the body was last moved by a person's command that counts once; see `deadman`."""
+        """Whether the body was last moved by a person's command that counts once; see `mind.authority`."""
         return self._memory.driven
 
     @property

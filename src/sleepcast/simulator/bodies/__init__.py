@@ -1,1 +1,1 @@
-"""The state of all simulated robots as arrays, and how they move, touch and sense."""
+"""The state of all simulated robots as arrays; their contact and sensors."""

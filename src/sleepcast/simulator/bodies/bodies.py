@@ -1,10 +1,10 @@
-"""Bodies: the state of all simulated robots as arrays, one column for each robot.
+"""Bodies: the state of all simulated robots as arrays, one column per robot.
 
-What robots sense lies in one table (`sensed`), a row for each sensor of the model, so that a reading is a column.
+Sensor values lie in one table (`sensed`), a row for each sensor of the model, so that a reading is a column.
 Proprioception (`known`: encoder pose, speed, stores and so on) shares that memory unless sensors are noisy; `sense`
-updates noise and sonars on request. A body on wheels has slip, so its true pose is stored apart from its encoder pose.
-The last command of each body is stored beside its state. Everything is float64, SI, and changed in place; random
-numbers depend on the seed and the robot's number only.
+updates noise and sonars on request. A body on wheels has slip, so its true pose is stored apart from its encoder
+pose. The last command of each body is stored beside its state. Everything is float64, SI, and changed in place;
+random numbers depend on the seed and the robot's number only.
 """
 
 from __future__ import annotations
@@ -44,12 +44,13 @@ Flags = NDArray[np.bool_]
 Whole = NDArray[np.intp]
 
 MAX_REDRAWS = 200
-"""Until every robot has found a start outside of solid areas: enough where one place in ten is open."""
+"""Attempts to find a start outside of solid areas for every robot: enough if one place in ten is free."""
 MAX_SAYINGS = 1_000
-"""Latest sayings that are kept."""
+"""Number of latest spoken messages that are kept."""
 TURN = 2.0 * pi
 ROW = 20.0
-"""Metres from row to row, where robots are numbered along rows: those whom sonars see are in the same or the next."""
+"""Distance between rows, m, where robots are numbered along rows: robots within sonar range are in the same row or the
+next."""
 
 
 _COLUMNS = attrgetter(*BodyColumns._fields)
@@ -64,7 +65,7 @@ class Mode(IntEnum):
 
 
 class Saying(NamedTuple):
-    """What a robot said aloud (`TK`): when (s), which robot (its index), and the words."""
+    """A message spoken by a robot (`TK`): time (s), the robot's index, and the text."""
 
     time: float
     robot: int
@@ -74,22 +75,22 @@ class Saying(NamedTuple):
 class Bodies:
     """`count` bodies at the start of a scenario; see the module.
 
-    Arrays of shape (count,) unless said otherwise. x, y: m in the world's frame; heading: rad, -pi..pi,
-    counter-clockwise from the x axis: where the body really is. encoder_x, encoder_y, encoder_heading: where it
-    believes to be; the same arrays without wheels. sensed: shape (sensors, count), NaN for what was never measured.
-    known: the first rows of it, without noise. speed: m/s along the heading. left, right: of the wheels, m/s.
-    bumper: the part that touches something, from 1 in front counter-clockwise, or 0; hit_x, hit_y: from the body to
-    what it touches, m, or 0. stores: shape (stores, count). mode: a
-    `Mode`; wanted_speed, wanted_turn: what DRIVE asked for, m/s and rad/s; target_x, target_y: where GOTO
-    leads, m. stopped, held: latched by STOP, kept still. swing: rad of a tumble that are still to be turned.
-    roaming: the turn rate of a wandering body, rad/s. uses: how much of each store a metre takes, shape (stores,).
+    Arrays of shape (count,) unless stated otherwise. x, y: true position in the world's frame, m; heading: true
+    heading, rad, -pi..pi, counter-clockwise from the x axis. encoder_x, encoder_y, encoder_heading: pose by
+    odometry; the same arrays for bodies without wheels. sensed: shape (sensors, count), NaN for values never
+    measured. known: its first rows, without noise. speed: along the heading, m/s. left, right: speeds of the wheels,
+    m/s. bumper: the segment that touches something, counter-clockwise from 1 in front, or 0; hit_x, hit_y: vector
+    from the body to what it touches, m, or 0. stores: shape (stores, count). mode: a `Mode`; wanted_speed,
+    wanted_turn: command of DRIVE, m/s and rad/s; target_x, target_y: destination of GOTO, m. stopped, held: latched
+    by STOP, held still. swing: remaining angle of a tumble, rad. roaming: turn rate of a wandering body, rad/s.
+    uses: what each store loses per metre, shape (stores,).
     """
 
     def __init__(self, scenario: Scenario, seed: int, machine: Machine) -> None:
         robots, sorts = scenario.robots, scenario.each_sort
         self.scenario, self.seed, self.count = scenario, seed, robots.count
         self.of_each_sort = slices(sorts, self.count)
-        """Which bodies are of each sort."""
+        """The slice of bodies of each robot type."""
         self.radii: Floats = self._each([sort.geometry.radius for sort in sorts])
         self.limits, self.geometry = robots.limits, robots.geometry
         self.fence = (0.0, 0.0, scenario.width, scenario.height)
@@ -125,7 +126,7 @@ class Bodies:
         self.stopped, self.held = np.zeros(self.count, bool), np.zeros(self.count, bool)
         self.machine, self.laws = machine, laws_of(scenario)
         self.parts = [self._part(*each) for each in zip(sorts, self.of_each_sort, strict=True)] if sorts[1:] else [self]
-        """The bodies of each sort by themselves: views of these, with what holds for that sort."""
+        """The bodies of each robot type: views of these arrays, with the parameters of that type."""
         size, cones = (scenario.width, scenario.height), [self._cones(sort) for sort in sorts]
         cell = max((each.cell for each in cones if each), default=least_cell(robots, size, scenario.tick))
         self.near = Neighbours(size, cell, self.count, self.world, machine)
@@ -135,7 +136,7 @@ class Bodies:
         self._start()
 
     def _each(self, values: Sequence[float]) -> Floats:
-        """One value for each body, by its sort; not to be written."""
+        """One value for each body, by its type; read-only."""
         if len(values) == 1:
             return np.broadcast_to(values[0], self.count)
         found = np.empty(self.count)
@@ -144,7 +145,7 @@ class Bodies:
         return found
 
     def _part(self, sort: RobotSpec, which: slice) -> Bodies:
-        """The bodies of one sort."""
+        """The bodies of one robot type."""
         part = copy(self)
         for name, value in vars(self).items():
             if isinstance(value, np.ndarray):
@@ -156,7 +157,7 @@ class Bodies:
         return part
 
     def part_of(self, number: int) -> Bodies:
-        """The bodies of the sort of body `number`."""
+        """The bodies of the same type as body `number`."""
         each = zip(self.parts, self.of_each_sort, strict=True)
         return next(part for part, which in each if which.start <= number < which.stop)
 
@@ -166,7 +167,7 @@ class Bodies:
 
     @property
     def rings(self) -> Sequence[Sonars]:
-        """The sonars of each sort of bodies that has any."""
+        """The sonars of each robot type that has any."""
         if self.sonars is None:
             return ()
         return self.sonars.rings if isinstance(self.sonars, SonarGroups) else [self.sonars]
@@ -178,7 +179,7 @@ class Bodies:
         )
 
     def _make_sonars(self, table: Floats, cones: Sequence[Cones | None]) -> Sonars | SonarGroups | None:
-        """The sonars of all sorts, which have these cones. table: where robots find what they read."""
+        """The sonars of all robot types, which have these cones. table: receives the readings."""
         found = []
         for cone, sort, which in zip(cones, self.scenario.each_sort, self.of_each_sort, strict=True):
             if sort.ring and cone and len(cones) == 1:
@@ -199,7 +200,7 @@ class Bodies:
         return BodyColumns(*_COLUMNS(self))
 
     def _uses(self) -> Floats:
-        """How much of each store a metre takes."""
+        """What each store loses per metre."""
         uses = {store.name.casefold(): store.full / store.reach for store in self.scenario.robots.stores}
         return np.array([uses.get(name, 0.0) for name in self.store_names])
 
@@ -221,7 +222,7 @@ class Bodies:
         self.forget()
 
     def act(self, actuator: str, which: Whole | slice, values: Floats) -> None:
-        """Let these bodies drive with `values` of one actuator and what was wanted of the other; see `Body.act`."""
+        """Set one actuator of these bodies to `values`, leaving the other one's wanted value; see `Body.act`."""
         wanted = {"drive_speed": self.wanted_speed, "drive_turn": self.wanted_turn}
         if actuator not in wanted:
             raise MisuseError(f'no actuator "{actuator}"{did_you_mean(actuator, wanted)}: wanted {" or ".join(wanted)}')
@@ -234,9 +235,8 @@ class Bodies:
         wanted[actuator][which[free & named]] = values[free & named]
 
     def sense(self, which: Whole | None = None, sonars: bool | Collection[int] = True) -> None:
-        """Bring the table up to date for the robots with these indices (None: all): noise, and what their sonars hear
-        if `sonars`, or at least what comes into these rows of the table. Asked twice in one tick, the answer is the
-        same."""
+        """Bring the table up to date for the robots with these indices (None: all): noise and, if `sonars`, sonar
+        readings, at least in these rows. A second call in the same tick gives the same values."""
         if self.scenario.noise:
             self._disturb(slice(None) if which is None else which)
         if sonars and self.sonars:
@@ -244,15 +244,15 @@ class Bodies:
             self.sonars.sense(which, self.tick, (self.x, self.y, self.heading), rows)
 
     def sonar_ranges(self, numbers: Sequence[int] | None = None) -> Floats:
-        """What the sonars of these robots (None: all) read, m, shape (robots, sonars). Only for robots with sonars."""
+        """Sonar readings of these robots (None: all), m, shape (robots, sonars). Only for robots with sonars."""
         assert self.sonars
         which = None if numbers is None else np.asarray(numbers, np.int64)
         self.sonars.sense(which, self.tick, (self.x, self.y, self.heading))
         return self.sensed[len(self.sensors) : -1, slice(None) if which is None else which].T
 
     def readings(self, numbers: Sequence[int] | None = None) -> list[list[float]]:
-        """What the robots with these indices (None: all) sense now: for each one value per sensor, in SI, NaN
-        where it measured nothing."""
+        """Current sensor values of the robots with these indices (None: all): for each robot one value per sensor, in
+        SI, NaN for values never measured."""
         which = None if numbers is None else np.asarray(numbers, np.int64)
         self.sense(which)
         rows: list[list[float]] = self.sensed[:, slice(None) if which is None else which].T.tolist()
@@ -265,7 +265,7 @@ class Bodies:
             deviation = self.scenario.noise.get(sensor.name, 0.0)
             if deviation:
                 noisy = self.known[row, which] + deviation * self._normal(sensor.name, self.numbers[which])
-                angle = sensor.name == "heading"  # which goes on round the circle
+                angle = sensor.name == "heading"  # which wraps around
                 self.sensed[row, which] = wrap(noisy) if angle else np.clip(noisy, sensor.low, sensor.high)
 
     def _normal(self, name: str, numbers: NDArray[np.uint64]) -> Floats:
@@ -275,13 +275,12 @@ class Bodies:
         return normal
 
     def drawn(self, purpose: str, numbers: NDArray[np.uint64] | None = None) -> Floats:
-        """For each robot (or those of `numbers`) a number from [0, 1) for `purpose`, the same in every
-        run."""
+        """For each robot (or those of `numbers`) a number from [0, 1) for `purpose`, the same in every run."""
         return uniform(key(self.seed, purpose), self.numbers if numbers is None else numbers)
 
     def state_hash(self, more: Iterable[NDArray[np.generic]] = ()) -> str:
-        """SHA-256 of the whole state, as hexadecimal digits: equal for equal runs, whatever the process. more: state
-        that others keep."""
+        """SHA-256 of the whole state, as hexadecimal digits: equal for equal runs, in any process. more: state that is
+        stored elsewhere."""
         digest = sha256(str(self.tick).encode())
         for array in (*self._state(), *more):
             digest.update(np.ascontiguousarray(array).tobytes())
@@ -346,8 +345,8 @@ class Bodies:
             row[:] = np.where(carried, _spread((store.low, store.high), self.drawn(store.name)), 0.0)
 
     def _places(self, attempt: int | None = None) -> tuple[Floats, Floats]:
-        """Where the robots start, outside of solid areas and discs; other places for each further attempt. Raises
-        MisuseError where there is hardly any such place."""
+        """Start positions outside of solid areas and discs; different ones for each further attempt. Raises MisuseError
+        if there is hardly any free place."""
         again = "" if attempt is None else f" {attempt}"
         areas = [shape for shape in self.world.shapes.values() if isinstance(shape, Area | Circle)]
         x, y = self._anywhere(again)
@@ -360,7 +359,7 @@ class Bodies:
         raise MisuseError("where the robots start nearly everything is solid: let them start elsewhere (x, y, disc)")
 
     def _anywhere(self, again: str) -> tuple[Floats, Floats]:
-        """Points of the rectangles or discs in which the robots start."""
+        """Random points of the rectangles or discs in which the robots start."""
         if self.parts[1:]:
             places = [part._anywhere(again) for part in self.parts]
             return np.concatenate([across for across, _ in places]), np.concatenate([up for _, up in places])
@@ -377,9 +376,9 @@ def _spread(ends: tuple[float, float], drawn: Floats) -> Floats:
 
 
 def _drive(stopped: NDArray[np.bool_], mode: NDArray[np.int8], wanted: Floats, values: Floats) -> None:
-    """Let these bodies, but for those that are stopped, drive with the `values` that are known."""
+    """Drive those of these bodies that are not stopped with the `values` that are not NaN."""
     if not stopped.any() and not np.isnan(values.min(initial=0.0)):
-        mode[:], wanted[:] = Mode.DRIVE.value, values  # as nearly always
+        mode[:], wanted[:] = Mode.DRIVE.value, values  # the most common case
         return
     np.putmask(mode, ~stopped, Mode.DRIVE.value)
     np.putmask(wanted, ~(stopped | np.isnan(values)), values)

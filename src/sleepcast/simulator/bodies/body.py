@@ -21,7 +21,7 @@ from sleepcast.simulator.scenario.sensors import sonar_sensors
 from sleepcast.simulator.scenario.signals import signal_constants
 
 TUMBLE = 67.0 * pi / 180.0
-"""How far a tumble turns, to one side or the other: the angle of Hoskins's vehicles."""
+"""Angle of a tumble, to one side or the other, as of Hoskins's vehicles."""
 
 
 class LackError(SleepcastError):
@@ -59,7 +59,7 @@ class Body:
     def hold(self, still: bool) -> None:
         self._bodies.held[self.number] = still
 
-    # ---- what expressions may ask; see FUNCTIONS
+    # ---- functions for expressions; see FUNCTIONS
 
     def drive(self, speed: float, turn_rate: float) -> None:
         bodies, i = self._bodies, self.number
@@ -83,7 +83,7 @@ class Body:
         self._bodies.swing[self.number] = 0.0
 
     def tumble(self) -> float:
-        """Turn by `TUMBLE` to the left (1) or right (-1), as chance has it."""
+        """Turn by `TUMBLE` to the left (1) or right (-1), at random."""
         bodies, i = self._bodies, self.number
         side = 1.0 if bodies.drawn(f"tumble {bodies.tick}", bodies.numbers[i : i + 1])[0] < 0.5 else -1.0
         if not bodies.stopped[i]:
@@ -100,7 +100,7 @@ class Body:
         self.drive((right + left) / 2.0, (right - left) / wheels.track)
 
     def turn_wheels_nomad(self, right: float, left: float) -> None:
-        """The same in tenths of inches a second."""
+        """As `turn_wheels`, in tenths of inches per second."""
         self.turn_wheels(right * TENTH, left * TENTH)
 
     def sonar(self, which: float) -> float:
@@ -164,7 +164,7 @@ NOMAD_FUNCTIONS = (
         many="turn_wheels_nomad",
     ),
 )
-"""Those with wheels, in the vocabulary `nomad`."""
+"""The wheel functions in the vocabulary `nomad`."""
 SONAR_FUNCTIONS = (
     HostFunction(
         "SONAR",
@@ -190,12 +190,12 @@ SONAR_FUNCTIONS = (
 
 
 def _lacking(scenario: Scenario, functions: tuple[HostFunction, ...]) -> tuple[HostFunction, ...]:
-    """Functions that some sorts of robots may lack are asked of one robot after the other where there are several."""
+    """With several robot types, functions that some types may lack are called robot by robot."""
     return tuple(replace(function, many="") for function in functions) if scenario.sorts else functions
 
 
 def model_of(scenario: Scenario, bodies: Bodies) -> RobotModel:
-    """What all robots of the scenario have in common."""
+    """The common model of all robots of the scenario."""
     robots = scenario.robots
     speed, turn = robots.limits.speed, robots.limits.turn_rate
     wheels = NOMAD_FUNCTIONS if scenario.nomad else WHEEL_FUNCTIONS
@@ -221,8 +221,8 @@ def model_of(scenario: Scenario, bodies: Bodies) -> RobotModel:
 
 
 def nearest(bodies: Bodies, number: int, reach: float, first: float, last: float) -> float:
-    """Metres from robot `number` to the nearest other one between the angles `first` and `last` (rad,
-    counter-clockwise from its heading, counted from first to last); `reach` m where nothing is nearer."""
+    """Distance from robot `number` to the nearest other one between the angles `first` and `last` (rad,
+    counter-clockwise from its heading, counted from first to last), m; `reach` if there is none nearer."""
     across, up = bodies.x - bodies.x[number], bodies.y - bodies.y[number]
     away = np.sqrt(across * across + up * up) - (bodies.radii + bodies.radii[number])
     away[number] = np.inf

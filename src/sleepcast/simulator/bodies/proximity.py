@@ -1,4 +1,4 @@
-"""Proximity: what is near each body. `Neighbours` finds it, bumpers stop bodies at contact and sense where it is, and
+"""Proximity: `Neighbours` finds what is near each body, bumpers stop bodies at contact and sense where it is, and
 sonars measure exact ranges of cones, with noise, dropouts, limits and age.
 
 Bodies that overlap at the start are moved apart. `motion.steps` computes how far each one gets.
@@ -72,7 +72,7 @@ class Neighbours:
         return self._listed[reach]
 
     def in_sight(self, reach: float) -> Seen:
-        """The same solids in the form that the machine's sonars use."""
+        """The solids within `reach` m of each cell, in the form that the backend's sonars use."""
         self._keep_up()
         if reach not in self._in_sight:
             listed = list_solids(self.grid, self.world, reach)
@@ -88,9 +88,9 @@ class Neighbours:
 
 
 MAX_ATTEMPTS = 1_000
-"""Times that bodies which overlap at the start are put elsewhere: a world that is not full needs a few dozen."""
+"""Attempts to move bodies that overlap at the start: a world that is not full needs a few dozen."""
 CELL = 3.0
-"""Side of a cell in radii of a body, if nothing else asks for more: about one body fits in."""
+"""Side of a cell in radii of a body, unless something else needs larger ones: about one body fits in."""
 
 
 class Bumpers:
@@ -112,9 +112,9 @@ class Bumpers:
         )
 
     def part(self, x: Floats, y: Floats, anew: Callable[[int], tuple[Floats, Floats]]) -> None:
-        """Move bodies until none overlaps another one or a solid. anew: new places for all of them,
-        by attempt. Of two that overlap the one with the higher index moves. Raises MisuseError if they do not fit."""
-        wide = self._near.grid  # its cells are made for sonars, in which a full room has too many pairs
+        """Move bodies until none overlaps another one or a solid. anew: new positions for all of them, by attempt. Of
+        two that overlap, the one with the higher index moves. Raises MisuseError if they do not fit."""
+        wide = self._near.grid  # the sonars' cells would give too many pairs in a full room
         fine = grid_over(wide.across * wide.size, wide.up * wide.size, CELL * self.radii.max(), len(x))
         for attempt in range(MAX_ATTEMPTS):
             wrong = self._overlapping(fine, x, y)
@@ -142,13 +142,13 @@ class Bumpers:
 
 
 def reach(robots: RobotSpec, tick: float) -> float:
-    """How far away a solid may be that a body can touch in one tick, slip included, m."""
+    """Greatest distance of a solid that a body can touch in one tick, slip included, m."""
     return robots.geometry.radius + SKIN + 2.0 * robots.limits.speed * tick
 
 
 def least_cell(robots: RobotSpec, size: tuple[float, float], tick: float) -> float:
-    """The side of a cell for bodies that only touch, m; larger where they are rare."""
-    each = sqrt(size[0] * size[1] / robots.count)  # the side of a square for one robot
+    """Side of a cell for bodies without sonars, m; larger where they are sparse."""
+    each = sqrt(size[0] * size[1] / robots.count)  # side of a square with one robot on average
     return max(CELL * robots.geometry.radius, reach(robots, tick), each)
 
 
@@ -163,10 +163,10 @@ FRONT = pi / 2
 class Sonars:
     """The sonars of many robots.
 
-    sensed: readings, m, shape (sonars + 1, robots), updated by `sense`; the last row is the least of the front sonars.
-    firing: which sonar fires when. readings: with a firing order, the last reading of each sonar, m, shape (robots,
-    sonars), float32, NaN before the first. turret: angle of the ring from each robot's heading, rad, changed by its
-    owner between ticks; None: 0.
+    sensed: readings, m, shape (sonars + 1, robots), updated by `sense`; the last row is the minimum of the front
+    sonars. firing: which sonar fires when. readings: with a firing order, the last reading of each sonar, m, shape
+    (robots, sonars), float32, NaN before the first. turret: angle of the ring from each robot's heading, rad,
+    changed by its owner between ticks; None: 0.
 
     With several robot types, robots: the slice of robots that have these sonars; radii: of all bodies, m. The arrays
     then hold only these robots, while indices in arguments are those of all.
@@ -202,7 +202,7 @@ class Sonars:
         self._version = -1
         self._everybody: Whole = np.arange(count)
         self._fresh = np.zeros(count, bool)
-        """Whose readings are up to date, of the `_wanted` rows."""
+        """Robots whose readings are up to date in the `_wanted` rows."""
         self._wanted = np.ones(ring.count + 1, bool)
 
     def arrange(self, robot: int, order: Sequence[int], pause: float) -> None:
@@ -255,7 +255,7 @@ class Sonars:
             for begin in range(0, len(kept), AT_ONCE):
                 some = kept[begin : begin + AT_ONCE]
                 their: slice | Whole = some
-                if (np.diff(some) == 1).all():  # side by side: nothing need be copied
+                if (np.diff(some) == 1).all():  # contiguous: nothing need be copied
                     their = slice(int(some[0]), int(some[-1]) + 1)
                 self._machine.tell(self.readings[their], some, self._receiver(None), self.sensed)
         if not len(old):
@@ -311,7 +311,7 @@ class Sonars:
         yield from self.arrays().values()
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """The same by name, for snapshots."""
+        """These arrays by name, for snapshots."""
         if not self.firing.in_order:
             return {}
         return {
@@ -321,7 +321,7 @@ class Sonars:
         }
 
     def _view(self, pose: tuple[Floats, Floats, Floats], alone: bool = False) -> View:
-        """The scene that cones are evaluated in: for whole rings, or for single sonars (`alone`)."""
+        """The scene that cones are computed in: for whole rings, or for single sonars (`alone`)."""
         near, (x, y, heading), far = self._near, pose, self.cones.radius + self.cones.most
         heading = self.turned(heading)
         listed = near.solids(far) if alone else near.in_sight(far)

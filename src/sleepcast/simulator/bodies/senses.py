@@ -1,9 +1,10 @@
 """Light sensors and ping receivers of all robots, tick by tick.
 
-A ping sent in one tick is heard in the next one, by every robot in reach but its sender, each of which may miss it by
-chance. It is stored with its range and bearing of that moment in the receiver's queue; in each tick one ping is taken
-from the queue and presented for that tick. Pings that arrive together are queued in a random order for each receiver,
-drawn from the numbers of the tick, the sender and the receiver, so that low robot numbers have no advantage.
+A ping sent in one tick is received in the next one, by every robot in reach except its sender; each of them may miss
+it at random. It is stored with its range and bearing of that moment in the receiver's queue; in each tick one ping
+is taken from the queue and presented for that tick. Pings that arrive together are queued in a random order for each
+receiver, drawn from the numbers of the tick, the sender and the receiver, so that low robot numbers have no
+advantage.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from sleepcast.simulator.scenario.signals import FRONT, LIGHT_NAMES, PING_NAMES,
 from sleepcast.simulator.world.grid import Sorted, candidates, grid_over, pairs, sort
 
 MAX_PAIRS = 1 << 20
-"""Pairs of sender and hearer looked at in one go: some hundred megabytes."""
+"""Pairs of sender and receiver processed at once: some hundred megabytes."""
 CELLS_IN_REACH = 2.0
-"""Cells of the grid that a ping reaches across: of smaller ones there are many, in larger ones many are in vain."""
+"""Grid cells per ping range: smaller cells are too many, larger ones contain too many candidates."""
 
 
 class Senses:
@@ -43,13 +44,13 @@ class Senses:
             self._pings = _PingReceiver(bodies, scenario.pings, bodies.known[first : first + len(PING_NAMES)])
 
     def ping(self, robots: NDArray[np.intp], castes: Floats) -> None:
-        """The robots with these indices ping, each with its caste. A body pings once in a tick: a second time is not
-        heard."""
+        """Send a ping from each of these robots, with its caste. Only the first ping of a body in a tick is
+        received."""
         if self._pings is not None:
             self._pings.send(robots, castes)
 
     def step(self) -> None:
-        """Sense what there is after everything has moved."""
+        """Update light sensors and received pings after everything has moved."""
         if self._bodies.scenario.lights:
             self._look()
         if self._pings is not None:
@@ -85,14 +86,14 @@ class _PingReceiver:
     def __init__(self, bodies: Bodies, model: PingModel, presented: Floats) -> None:
         self._bodies, self._model, self._presented = bodies, model, presented
         self._sent = np.zeros(bodies.count, bool)
-        """Who has pinged since the last step, and below with which caste."""
+        """Which robots have pinged since the last step, and below with which caste."""
         self._castes: Floats = np.zeros(bodies.count)
         self._waiting: Floats = np.zeros((model.queue, 3, bodies.count))
-        """Range, bearing and caste of the pings that wait on each robot, the oldest first."""
+        """Range, bearing and caste of the pings queued on each robot, oldest first."""
         self._length = np.zeros(bodies.count, np.int64)
         size = bodies.scenario.width, bodies.scenario.height
         self._reach = min(model.reach, sum(size)) * (1.0 + 1e-9)
-        """m, no farther than across the world, and a little more for rounding: who is in reach is looked at again."""
+        """Range, m, limited to the size of the world, with a margin for rounding: exact ranges are checked later."""
         self._grid = grid_over(*size, self._reach / CELLS_IN_REACH, bodies.count)
         self._presented[0] = 0.0
 
@@ -143,7 +144,7 @@ class _PingReceiver:
             self._hear_block(points, caste, some)
 
     def _hear_block(self, points: Sorted, caste: Floats, hearers: NDArray[np.intp]) -> None:
-        """The same for one block of receivers, each in a random order, at most one queue length each."""
+        """Queue pings at one block of receivers, each in a random order, at most one queue length each."""
         bodies, model = self._bodies, self._model
         hearers, sources = pairs(self._grid, points, bodies.x, bodies.y, self._reach, hearers)
         across, up = bodies.x[sources] - bodies.x[hearers], bodies.y[sources] - bodies.y[hearers]
@@ -177,5 +178,5 @@ class _PingReceiver:
 
 
 def bearing(across: Floats, up: Floats, heading: Floats) -> Floats:
-    """FRONT or REAR: on which side a point `across` m east and `up` m north lies, seen along `heading` (rad)."""
+    """FRONT or REAR: the side of a point `across` m east and `up` m north, seen along `heading` (rad)."""
     return np.where(across * np.cos(heading) + up * np.sin(heading) > 0.0, FRONT, REAR)

@@ -1,14 +1,14 @@
-"""Compiled kernels of motion and contact for bodies on wheels; see `steps` for the form in NumPy, with which they agree
-to the last bit. `fast` calls them.
+"""Compiled kernels of motion and contact for bodies on wheels; `steps` has the NumPy version, with the same bits.
+`fast` calls these.
 
-A block of bodies at a time: first what each wants, which takes decisions for those who do anything but drive, then the
-arcs, of LANES bodies at a time; at the end of a stretch of bodies there may be fewer (`most`, else None).
+Bodies are processed in blocks: first what each one wants, with branches for those that do anything but DRIVE, then
+the arcs, LANES bodies at a time; the end of a slice may have fewer (`most`, else None).
 
-Loops get arrays one by one, and look at them before any branch: numba would count references to what is taken out of a
-tuple, or used on one side only, and that costs more than all the rest.
+Loops take arrays as separate arguments, and access them before any branch: numba would count references to arrays
+that are taken out of a tuple, or used in one branch only, and that costs more than everything else.
 
-For contact, bodies come in the order of their cells. Each call does a stretch of rows of cells, so that threads can
-share the work. Most bodies have nothing within reach: only their place is read.
+For contact, bodies are sorted by cell. Each call processes a slice of the rows of cells, so that threads can share
+the work. Most bodies have nothing within reach: only their positions are read.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ from sleepcast.simulator.simd.vectors import LANES, any_of
 from sleepcast.simulator.sonar.kernels import GOLDEN, U, deviate, mixed
 
 BLOCK = 256
-"""Bodies whose numbers stay in the nearest cache."""
+"""Bodies whose data stay in the first-level cache."""
 SPEED, TURN = 0, BLOCK
-"""Where these lie in the scratch room of a block."""
+"""Offsets of these in a block's scratch array."""
 SMALL = 0.7
-"""rad of an angle that is nearer to 0 than to a quarter of a turn."""
+"""Angles below this are nearer to 0 than to a quarter turn, rad."""
 
 for each in FORMULAS:
     usable(each)
@@ -52,7 +52,7 @@ for each in FORMULAS:
 
 @woven
 def wrapped(angle):
-    """See `formulas.wrap`; without a division where all angles are out by less than a turn."""
+    """See `formulas.wrap`; without a division if all angles are out of range by less than a turn."""
     past = angle + np.pi
     if any_of((past < -FULL) | (past >= 2.0 * FULL)):
         return wrap(angle)
@@ -61,7 +61,7 @@ def wrapped(angle):
 
 @woven
 def short_arc(laws, left, right, heading):
-    """See `driving.arc`; without asking what quarter half a turn lies in where all are small."""
+    """See `driving.arc`; skips the choice of quadrant if all turns are small."""
     turn = (right - left) / laws.track
     half = turn / 2.0
     still, aside = half == 0.0, sine_of_rest(half)
@@ -74,7 +74,7 @@ def short_arc(laws, left, right, heading):
 
 @strict
 def propose(bodies, laws, roam, draw_left, draw_right, proposal, first, last):
-    """See `steps.propose`: the bodies from `first` up to `last`."""
+    """See `steps.propose`: for the bodies from `first` to `last` (exclusive)."""
     mode, held, wanted_speed, wanted_turn, _, _, swing = bodies[:7]
     numbers, x, y, heading, _, _, encoder_heading, wheel_mean, wheel_left, wheel_right, _, stores, uses = bodies[9:]
     out_across, out_up, out_turn = proposal
@@ -96,7 +96,7 @@ def propose(bodies, laws, roam, draw_left, draw_right, proposal, first, last):
 
 @part
 def drives(mode, held, first, last):
-    """Whether all of these bodies do nothing but drive."""
+    """Whether all of these bodies do nothing but DRIVE."""
     others = 0
     for i in range(first, last):
         others += np.int64((mode[i] != DRIVE) | held[i])
@@ -105,8 +105,8 @@ def drives(mode, held, first, last):
 
 @part
 def drive(laws, wanted_speed, wanted_turn, swing, x, y, stores, uses, room, first, last):
-    """Put into `room` what bodies want that drive, and may have. Gives from where to where there are all those who may
-    want something else, or are too few at the end."""
+    """Write into `room` what bodies in DRIVE mode want, within the limits. Returns the range that contains all bodies
+    that may want something else, or are too few at the end."""
     whole = last - (last - first) % LANES
     others, ends = (whole, last) if whole < last else (last, first)
     for i in range(first, whole, LANES):
@@ -129,8 +129,8 @@ def drive(laws, wanted_speed, wanted_turn, swing, x, y, stores, uses, room, firs
 
 @part
 def want(bodies, laws, roam, room, begin, first, last):
-    """Put into the `room` of the block that begins there the speed and the turn rate that each of the bodies from
-    `first` up to `last` wants and may have."""
+    """Write into the `room` of the block starting at `begin` the speed and turn rate that each of the bodies from
+    `first` to `last` (exclusive) wants, within the limits."""
     mode, held, wanted_speed, wanted_turn, target_x, target_y, swing, roaming, chance = bodies[:9]
     x, y, heading, encoder_x, encoder_y, encoder_heading, _, wheel_left, wheel_right, _, stores, uses = bodies[10:]
     for i in range(first, last):
@@ -161,7 +161,7 @@ def set_out(
     laws, slips, numbers, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right,
     out_across, out_up, out_turn, begin, end,
 ):  # fmt: skip
-    """Let wheels follow what is wanted, and propose where they lead."""
+    """Let the wheels follow what is wanted, and propose the resulting displacement."""
     whole = end - (end - begin) % LANES
     for i in range(begin, whole, LANES):
         some_set_out(
@@ -180,7 +180,7 @@ def some_set_out(
     laws, slips, numbers, draw_left, draw_right, room, x, y, towards, wheel_mean, wheel_left, wheel_right,
     out_across, out_up, out_turn, begin, i, most,
 ):  # fmt: skip
-    """The same for bodies from `i` on."""
+    """As `set_out`, for at most `most` bodies from `i` on."""
     speed, turn = at(room, SPEED + i - begin), at(room, TURN + i - begin)
     left, right = wheels_follow(laws, some(wheel_left, i, most), some(wheel_right, i, most), speed, turn)
     put_some(wheel_left, i, left, most)
@@ -199,7 +199,7 @@ def some_set_out(
 
 @strict
 def commit(bodies, laws, proposal, free, across, up, first, last):
-    """See `steps.commit`: the bodies from `first` up to `last`."""
+    """See `steps.commit`: for the bodies from `first` to `last` (exclusive)."""
     x, y, heading, encoder_x, encoder_y, encoder_heading, speed, left, right, bumper, stores, uses = bodies[10:]
     way_across, way_up, turn = proposal
     for begin in range(first, last, BLOCK):
@@ -214,7 +214,7 @@ def commit(bodies, laws, proposal, free, across, up, first, last):
 
 @part
 def spend(laws, left, right, free, use, store, first, last):
-    """Take out of a store what the way of each body takes."""
+    """Subtract from a store what each body's path uses up."""
     whole = last - (last - first) % LANES
     for i in range(first, whole, LANES):
         some_spend(laws, left, right, free, use, store, i, None)
@@ -224,7 +224,7 @@ def spend(laws, left, right, free, use, store, first, last):
 
 @woven
 def some_spend(laws, left, right, free, use, store, i, most):
-    """The same of bodies from `i` on."""
+    """As `spend`, for at most `most` bodies from `i` on."""
     speed, share = (some(left, i, most) + some(right, i, most)) / 2.0, some(free, i, most)
     rest = some(store, i, most) - np.abs(speed) * laws.tick * share * use
     put_some(store, i, either(rest < 0.0, 0.0, rest), most)
@@ -232,7 +232,7 @@ def some_spend(laws, left, right, free, use, store, i, most):
 
 @part
 def believe(laws, x, y, heading, left, right, free, first, last):
-    """Let bodies believe that they get where their wheels have turned, as far as they are free to."""
+    """Update the odometry: bodies move as their wheels have turned, as far as they are free to."""
     whole = last - (last - first) % LANES
     for i in range(first, whole, LANES):
         some_believe(laws, x, y, heading, left, right, free, i, None)
@@ -242,7 +242,7 @@ def believe(laws, x, y, heading, left, right, free, first, last):
 
 @woven
 def some_believe(laws, x, y, heading, left, right, free, i, most):
-    """The same of bodies from `i` on."""
+    """As `believe`, for at most `most` bodies from `i` on."""
     share, towards = some(free, i, most), some(heading, i, most)
     wheel_left, wheel_right = some(left, i, most) * laws.tick, some(right, i, most) * laws.tick
     across, up, turn = short_arc(laws, wheel_left, wheel_right, towards)
@@ -253,12 +253,12 @@ def some_believe(laws, x, y, heading, left, right, free, i, most):
 
 @part
 def feel(laws, heading, speed, left, right, bumper, free, across, up, first, last):
-    """Let bodies feel what stopped them, if anything did."""
+    """Let the bumpers report what stopped their bodies, if anything did."""
     feels = laws.parts != 0.0
     touched = False
     for i in range(first, last):
         touched |= (free[i] < 1.0) | (feels & (bumper[i] != 0.0))
-    if not touched:  # as nearly always
+    if not touched:  # the most common case
         return
     for i in range(first, last):
         if free[i] < 1.0:
@@ -271,7 +271,7 @@ def feel(laws, heading, speed, left, right, bumper, free, across, up, first, las
 
 @part
 def arrive(x, y, heading, across, up, turn, free, first, last):
-    """Let bodies go as far as they are free to."""
+    """Move the bodies as far as they are free to."""
     whole = last - (last - first) % LANES
     for i in range(first, whole, LANES):
         some_arrive(x, y, heading, across, up, turn, free, i, None)
@@ -281,7 +281,7 @@ def arrive(x, y, heading, across, up, turn, free, first, last):
 
 @woven
 def some_arrive(x, y, heading, across, up, turn, free, i, most):
-    """The same of bodies from `i` on."""
+    """As `arrive`, for at most `most` bodies from `i` on."""
     share = some(free, i, most)
     put_some(x, i, some(x, i, most) + share * some(across, i, most), most)
     put_some(y, i, some(y, i, most) + share * some(up, i, most), most)
@@ -292,14 +292,14 @@ def some_arrive(x, y, heading, across, up, turn, free, i, most):
 
 
 FAR = 1e9
-"""Metres to nothing."""
+"""Distance to nothing, m."""
 LITTLE = 1e-6
-"""Metres by which is looked farther than needed, so that rounding never hides anything."""
+"""Extra search distance, m, so that rounding never hides anything."""
 
 
 @inlined
 def off(px, py, x0, y0, x1, y1):
-    """From a point to the nearest point of a line; see `grid.nearest_point`."""
+    """Vector from a point to the nearest point of a line; see `grid.nearest_point`."""
     ex, ey = x1 - x0, y1 - y0
     length2 = ex * ex + ey * ey
     share = ((px - x0) * ex + (py - y0) * ey) / (length2 if length2 > 0.0 else 1.0)
@@ -309,7 +309,7 @@ def off(px, py, x0, y0, x1, y1):
 
 @inlined
 def touch_point(across, up, dx, dy, apart):
-    """See `contact.touch`: for a point."""
+    """See `steps.touch`: for a point."""
     towards = dx * across + dy * up
     rest = across * across + up * up - apart * apart
     root = towards * towards - (dx * dx + dy * dy) * rest
@@ -321,7 +321,7 @@ def touch_point(across, up, dx, dy, apart):
 
 @compiled
 def touch(px, py, dx, dy, x0, y0, x1, y1, apart):
-    """See `contact.touch`."""
+    """See `steps.touch`."""
     across, up = off(px, py, x0, y0, x1, y1)
     if across * across + up * up < apart * apart:
         stop = 0.0 if dx * across + dy * up > 0.0 else 2.0
@@ -343,7 +343,7 @@ def touch(px, py, dx, dy, x0, y0, x1, y1, apart):
 
 @compiled
 def gather(order, x, y, way_x, way_y, first, last, into):
-    """Put places into the rows of `into`, in the order of the cells; gives the square of the longest way of as many
+    """Write positions into the rows of `into`, sorted by cell; returns the square of the longest way of these
     bodies."""
     longest = 0.0
     for i in range(first, last):
@@ -356,26 +356,26 @@ def gather(order, x, y, way_x, way_y, first, last, into):
 
 @inlined
 def radius_of(radii, order, i):
-    """Of the i-th body in sorted order. radii: by body, or one for all."""
+    """Radius of the i-th body in sorted order. radii: by body, or one for all."""
     return radii[order[i]] if radii.shape[0] > 1 else radii[0]
 
 
 @inlined
 def comes_first(stop, hx, hy, best, best_x, best_y):
-    """Whether a stop comes before the best one so far; of equals the one last in x, then y."""
+    """Whether a stop comes before the best one so far; of equal ones the last in x, then y, wins."""
     return stop < best or (stop == best and (hx > best_x or (hx == best_x and hy > best_y)))
 
 
 @inlined
 def lines_near(x, reach, inverse, most):
-    """The first and the last row or column of cells within reach of x. inverse: of the side of a cell."""
+    """The first and the last row or column of cells within reach of x. inverse: 1 / side of a cell."""
     return U(max(int((x - reach) * inverse), 0)), U(min(int((x + reach) * inverse), most - 1))
 
 
 @inlined
 def from_boxes(boxes, items, first, last, px, py):
-    """How far a point is, across or up, from the nearest of the boxes of listed solids, from the `first` up to the
-    `last`; a negative number within one."""
+    """Distance of a point, across or up, from the nearest of the boxes of the listed solids `first` to `last`; negative
+    inside a box."""
     least = FAR
     for w in range(first, last):
         s = U(items[w])
@@ -386,7 +386,7 @@ def from_boxes(boxes, items, first, last, px, py):
 
 @inlined
 def anybody_near(x, y, px, py, start, reach, inverse, across, up):
-    """Whether any other body is within reach of the one at px, py."""
+    """Whether another body is within reach of the one at px, py."""
     found = 0
     left, right = lines_near(px, reach + LITTLE, inverse, across)
     below, above = lines_near(py, reach + LITTLE, inverse, up)
@@ -394,7 +394,7 @@ def anybody_near(x, y, px, py, start, reach, inverse, across, up):
         for j in range(U(start[r * U(across) + left]), U(start[r * U(across) + right + U(1)])):
             gx, gy = x[j] - px, y[j] - py
             found += np.int64(gx * gx + gy * gy <= reach * reach)
-    return found > 1  # itself is one
+    return found > 1  # one of them is the body itself
 
 
 @compiled
@@ -402,10 +402,10 @@ def stop_at_old(
     x, y, way_x, way_y, radii, order, start, size, across, up, solids, boxes, listed, items, skin, longest, reach,
     first_row, last_row, close, near, free, hit_x, hit_y, out_free, out_x, out_y,
 ):  # fmt: skip
-    """The first round of `contact.settle`, in sorted order: ways end at solids and at old places of others. way_x,
-    way_y: by body; longest: of them, m. boxes: round the solids, see `contact.boxes_of`. close: False where it is known
-    that nobody is within reach. near: whether any body is; where there is none, this round is the last, and puts the
-    results where they belong."""
+    """First round of `steps.settle`, in sorted order: ways end at solids and at old positions of others. way_x, way_y:
+    by body; longest: the longest way, m. boxes: around the solids, see `steps.boxes_of`. close: False if no body is
+    known to be within reach. near: set to whether there is one; if not, this round is the last, and writes the
+    results."""
     inverse = 1.0 / size
     for cell in range(U(first_row * across), U(last_row * across)):
         first_item, last_item = U(listed[cell]), U(listed[cell + U(1)])
@@ -464,8 +464,8 @@ def stop_at_ways(
     x, y, way_x, way_y, radii, order, start, size, across, up, skin, reach, first_row, last_row,
     near, free, hit_x, hit_y, out_free, out_x, out_y,
 ):  # fmt: skip
-    """The second round, for bodies that others are near: ways end at what is left of the ways of others. Puts the
-    results of those that are stopped where they belong."""
+    """Second round, for bodies with others near: ways end at the remaining ways of others. Writes the results of the
+    bodies that are stopped."""
     inverse = 1.0 / size
     for i in range(U(start[first_row * across]), U(start[last_row * across])):
         if not near[i]:

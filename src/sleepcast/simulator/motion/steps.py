@@ -1,13 +1,13 @@
-"""A tick of many bodies, in NumPy: what each proposes, and how far it gets before it touches something.
+"""One tick of many bodies, in NumPy: what each proposes, and how far it gets before it touches something.
 
-Every body proposes a way, a straight line from its old place to a new one. First each way ends where the body would
-touch a solid or another body's old place. Then it ends where the body would touch the remaining way of another one,
-unless the two move apart. Both steps read only old places and proposals, so their order does not matter; and of two
-bodies at least one has kept clear of the whole way of the other, so no two ever overlap.
+Every body proposes a way, a straight line from its old position to a new one. First each way ends where the body
+would touch a solid or another body's old position. Then it ends where the body would touch the remaining way of
+another one, unless the two move apart. Both steps read only old positions and proposals, so their order does not
+matter; and of two bodies at least one keeps clear of the other's whole way, so no two ever overlap.
 
-`SKIN` is kept between things that touch, so that rounding never makes an overlap. Bodies that overlap already, because
-they were put there, may only move apart. `kernels_motion` has the compiled form for bodies on wheels, with the same
-bits.
+Things that touch keep a gap of `SKIN`, so that rounding never makes them overlap. Bodies that already overlap,
+because they were placed there, may only move apart. `kernels_motion` has the compiled version for bodies on wheels,
+bit-identical.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from sleepcast.simulator.world.grid import Floats, Grid, Listed, Sorted, Whole, 
 
 UNIT = 2.0**-53
 UNIT_SPREAD = np.sqrt(12.0)
-"""Makes an even draw of width 1 one of standard deviation 1."""
+"""Scales a uniform draw of width 1 to standard deviation 1."""
 
 
 class BodyColumns(NamedTuple):
@@ -72,19 +72,20 @@ class BodyColumns(NamedTuple):
 
 
 class Proposal(NamedTuple):
-    """Where bodies are going in this tick, if they are free to: across and up, m, and round, rad. Shape (count,)."""
+    """The displacement of each body in this tick, if nothing is in its way: across and up, m, and turn, rad. Shape
+    (count,)."""
 
     across: Floats
     up: Floats
     turn: Floats
 
     def of(self, which: slice) -> Proposal:
-        """Of some of the bodies."""
+        """The proposals of some of the bodies."""
         return Proposal(*(each[which] for each in self))
 
 
 class Draws(NamedTuple):
-    """What chance depends on in this tick: 64 bits each. roam: for wandering; left, right: for the slip of wheels."""
+    """Random bits for this tick, 64 each. roam: for wandering; left, right: for the slip of wheels."""
 
     roam: int
     left: int
@@ -92,7 +93,7 @@ class Draws(NamedTuple):
 
 
 def propose(bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Proposal) -> None:
-    """Let the bodies set out: change the speeds of their wheels, and say where that leads."""
+    """Change the speeds of the wheels, and propose the resulting displacement."""
     speed, turn = _wanted(bodies, laws, draws)
     moves = ~(bodies.held | _empty(bodies))
     swinging = np.flatnonzero((bodies.swing != 0.0) & moves)
@@ -113,7 +114,7 @@ def propose(bodies: BodyColumns, laws: Laws, draws: Draws, proposal: Proposal) -
 
 
 def commit(bodies: BodyColumns, laws: Laws, proposal: Proposal, settled: Settled) -> None:
-    """Let the bodies go as far as they are free to, and feel what stopped them."""
+    """Move the bodies as far as they are free to, and let bumpers report what stopped them."""
     free = settled.free
     touched = np.flatnonzero(free < 1.0)
     if laws.parts:
@@ -139,7 +140,7 @@ def commit(bodies: BodyColumns, laws: Laws, proposal: Proposal, settled: Settled
 
 
 def _wanted(bodies: BodyColumns, laws: Laws, draws: Draws) -> tuple[Floats, Floats]:
-    """What each body wants: speed and turn rate, before anything overrules or limits it."""
+    """Wanted speed and turn rate of each body, before overrides and limits."""
     drives = bodies.mode == DRIVE
     speed, turn = np.where(drives, bodies.wanted_speed, laws.roam_speed), np.where(drives, bodies.wanted_turn, 0.0)
     roams = np.flatnonzero(bodies.mode == WANDER)
@@ -154,7 +155,7 @@ def _wanted(bodies: BodyColumns, laws: Laws, draws: Draws) -> tuple[Floats, Floa
 
 
 def _empty(bodies: BodyColumns) -> NDArray[np.bool_]:
-    """Whether each body has run out of something that driving uses."""
+    """Whether each body has run out of something that driving uses up."""
     empty = np.zeros(len(bodies.x), bool)
     for row, use in zip(bodies.stores, bodies.uses, strict=True):
         if use:
@@ -163,12 +164,12 @@ def _empty(bodies: BodyColumns) -> NDArray[np.bool_]:
 
 
 def _tumbling(laws: Laws, swing: Floats) -> Floats:
-    """The turn rates of bodies that tumble."""
+    """The turn rates of tumbling bodies."""
     return tumbling(laws, swing) if laws.track else bounded(swing / laws.tick, -laws.turn_rate, laws.turn_rate)
 
 
 def _swing(bodies: BodyColumns, laws: Laws, swinging: Whole, speed: Floats, turn: Floats) -> None:
-    """Note what is left of the swing of these bodies, after a tick in which they want that speed and turn rate."""
+    """Store the rest of the swing of these bodies, after a tick in which they want that speed and turn rate."""
     swing = bodies.swing[swinging]
     if laws.track:
         wheels = bodies.left[swinging], bodies.right[swinging]
@@ -179,7 +180,7 @@ def _swing(bodies: BodyColumns, laws: Laws, swinging: Whole, speed: Floats, turn
 
 
 def _roll(bodies: BodyColumns, laws: Laws, draws: Draws, speed: Floats, turn: Floats, proposal: Proposal) -> None:
-    """The steps of bodies on wheels; what their encoders make of them is worked out where they are gone."""
+    """Steps of bodies on wheels; odometry is updated in `commit`."""
     bodies.left[:], bodies.right[:] = wheels_follow(laws, bodies.left, bodies.right, speed, turn)
     bodies.speed[:] = (bodies.left + bodies.right) / 2.0
     left, right = bodies.left * laws.tick, bodies.right * laws.tick
@@ -193,7 +194,7 @@ def _roll(bodies: BodyColumns, laws: Laws, draws: Draws, speed: Floats, turn: Fl
 
 
 def _glide(bodies: BodyColumns, laws: Laws, speed: Floats, turn: Floats, proposal: Proposal) -> None:
-    """The steps of crafts without wheels, which know where they are."""
+    """Steps of bodies without wheels, whose odometry is exact."""
     most = laws.acceleration * laws.tick
     bodies.speed[:] += bounded(bounded(speed, -laws.speed, laws.speed) - bodies.speed, -most, most)
     turned = bounded(turn, -laws.turn_rate, laws.turn_rate) * laws.tick
@@ -202,16 +203,16 @@ def _glide(bodies: BodyColumns, laws: Laws, speed: Floats, turn: Floats, proposa
     proposal.across[:], proposal.up[:], proposal.turn[:] = way * cosine, way * sine, turned
 
 
-# ---- contact: how far bodies get before they touch something, in whatever order they are looked at
+# ---- contact: how far bodies get before they touch something, independent of their order
 
 
 SKIN = 1e-6
-"""Metres between bodies that touch."""
+"""Gap between bodies that touch, m."""
 
 
 class Settled(NamedTuple):
-    """How bodies got on. free: the share of its way that each may go, 1 where nothing is in the way. across, up: from
-    where the body is to what stopped it, m; 0, 0 where nothing did. Shape (count,)."""
+    """Results of contact. free: the share of its way that each body may go, 1 if nothing is in the way. across, up:
+    vector from the body to what stopped it, m; 0, 0 if nothing did. Shape (count,)."""
 
     free: Floats
     across: Floats
@@ -228,11 +229,11 @@ def settle(
     way: tuple[Floats, Floats],
     settled: Settled,
 ) -> None:
-    """Put into `settled` how far bodies with these `radii` (m; each, or one for all) at `place` (x, y; m) get on their
-    `way` (across, up; m).
+    """Write into `settled` how far bodies with these `radii` (m; each, or one for all) at `place` (x, y; m) get on
+    their `way` (across, up; m).
 
-    points: the places, sorted in `grid`. listed: the `solids` that come within the greatest radius and the longest way
-    of each of its cells.
+    points: the positions, sorted in `grid`. listed: the `solids` within the greatest radius plus the longest way of
+    each of its cells.
     """
     (x, y), (dx, dy) = place, way
     clear(settled)
@@ -253,14 +254,14 @@ def settle(
 
 
 def boxes_of(solids: Floats) -> Floats:
-    """The least box round each of the `solids`: left, right, bottom and top, m, shape (solids, 4)."""
+    """The bounding box of each of the `solids`: left, right, bottom and top, m, shape (solids, 4)."""
     x0, y0, x1, y1, radius = solids.T
     left, right, bottom, top = np.minimum(x0, x1), np.maximum(x0, x1), np.minimum(y0, y1), np.maximum(y0, y1)
     return np.ascontiguousarray(np.stack((left - radius, right + radius, bottom - radius, top + radius), axis=1))
 
 
 def clear(settled: Settled) -> None:
-    """Let nothing be in anybody's way."""
+    """Reset: nothing is in any body's way."""
     settled.free.fill(1.0)
     settled.across.fill(0.0)
     settled.up.fill(0.0)
@@ -275,7 +276,7 @@ def _meet(
     way: tuple[Floats, Floats],
     apart: Floats,
 ) -> None:
-    """Let ways end where they touch the way that is `left` to others."""
+    """End ways where they touch the ways `left` to others."""
     (x, y), (dx, dy) = place, left
     across, up = x[j] - x[i], y[j] - y[i]
     moves = (dx[j] != 0.0) | (dy[j] != 0.0)
@@ -298,8 +299,8 @@ def touch(
     apart: float | Floats,
 ) -> tuple[Floats, Floats, Floats]:
     """The share of the way dx, dy from x, y after which a point first comes within `apart` of a line (x and y of one
-    end and of the other), 2 where it does not; and from where it then is to the nearest point of the line. From nearer
-    than that it may go on if it does not come still nearer."""
+    end and of the other), 2 if it does not; and the vector from there to the nearest point of the line. A point that
+    starts closer than `apart` may move on if it does not get closer still."""
     x0, y0, x1, y1 = line
     across, up = nearest_point(x, y, x0, y0, x1, y1)
     inside = across * across + up * up < apart * apart
@@ -311,7 +312,7 @@ def touch(
 
 
 def _touch_point(across: Floats, up: Floats, dx: Floats, dy: Floats, apart: float | Floats) -> Floats:
-    """The same for a point, which lies `across` and `up`; only from outside."""
+    """As `touch`, for a point that lies `across` and `up` from the start; only from outside."""
     towards = dx * across + dy * up
     rest = across * across + up * up - apart * apart
     root = towards * towards - (dx * dx + dy * dy) * rest
@@ -328,12 +329,12 @@ def _touch_side(
     line: tuple[Floats, Floats, Floats, Floats] | Floats,
     apart: float | Floats,
 ) -> Floats:
-    """The same for the two sides of a line, without its ends; only from outside."""
+    """As `touch`, for the two sides of a line without its ends; only from outside."""
     x0, y0, x1, y1 = line
     ex, ey = x1 - x0, y1 - y0
     length2 = ex * ex + ey * ey
     length = np.sqrt(length2)
-    height = ex * (y - y0) - ey * (x - x0)  # times length, as are the next two
+    height = ex * (y - y0) - ey * (x - x0)  # scaled by length, as are the next two
     rate = ex * dy - ey * dx
     sign = np.where(height < 0.0, -1.0, 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -344,10 +345,10 @@ def _touch_side(
 
 
 def _take_first(settled: Settled, i: Whole, stop: Floats, across: Floats, up: Floats) -> None:
-    """Shorten ways by stops; of those that come first and together, the one last in x, then y, is what stopped."""
+    """Shorten ways by stops; among equal first stops, the one last in x, then y, counts as the cause."""
     some = np.flatnonzero(stop < settled.free[i])
     some = some[np.lexsort((up[some], across[some], -stop[some]))]
-    # The last assignment stands: the smallest stop, and among equals the greatest across, then up.
+    # The last assignment wins: the smallest stop, and among equals the greatest across, then up.
     settled.free[i[some]] = stop[some]
     settled.across[i[some]] = across[some]
     settled.up[i[some]] = up[some]

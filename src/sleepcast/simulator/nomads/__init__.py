@@ -1,1 +1,1 @@
-"""Simulated robots of a Nomad's kind: driven axis by axis, in worlds from files."""
+"""Simulated Nomads: robots driven axis by axis, in worlds from files."""

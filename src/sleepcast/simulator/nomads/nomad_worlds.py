@@ -1,4 +1,4 @@
-"""A world of Nomads from files: a site, a setup, and robots put into it."""
+"""Builds a world of Nomads from files: a site, a setup, and robots placed in it."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from sleepcast.simulator.simulation import Simulator
 from sleepcast.simulator.world.world import boundary
 
 TICK = 0.02
-"""s: a Scout at its fastest gets 2 cm farther between two looks of its sonars, less than the whole inches they tell;
-and fifty of them take a few hundredths of one core."""
+"""Tick, s: a Scout at full speed moves 2 cm between two sonar readings, less than the whole inches they report; and
+fifty ticks take a few hundredths of one core."""
 FEW = 50
-"""Robots whose ticks NumPy makes in real time with nine tenths of a core to spare."""
+"""Number of robots whose ticks NumPy computes in real time with nine tenths of a core to spare."""
 WARM_ROBOTS, WARM_TICKS = 2, 3
-"""Of a warm-up: all that happens only between robots, or when something has moved."""
+"""Size of a warm-up: enough for what happens only between robots, or after something has moved."""
 CROSSTALK = CrosstalkModel(chance=1.0, spread=pi / 6.0, robots=True)
-"""Sonars that hear each other, where a setup does not say how."""
+"""Cross-talk for setups that do not specify it."""
 
 
 def nomad_world(
@@ -43,14 +43,14 @@ def nomad_world(
 ) -> NomadWorld:
     """A world with robots in it.
 
-    world: a file or folder, see `sites`; None is an empty room. setup: its name or a file, see `setups`. robots: how
-    many; None as many as the world has starts, or one. seed: replaces the world's own. crosstalk: whether sonars take
-    each other's pings for their own; None as the setup says. tick: s of simulated time in one step. hurry: whether
-    ticks are to take as little time as they can, and compiling may take its own; otherwise up to `FEW` robots live in
-    NumPy, which is there at once. machine: see `Simulator`; None chooses by that.
+    world: a file or folder, see `sites`; None is an empty room. setup: its name or a file, see `setups`. robots:
+    number of robots; None: as many as the world has starts, or one. seed: replaces the world's own. crosstalk:
+    whether sonars mistake each other's pings for their own; None: as the setup says. tick: simulated seconds per
+    step. hurry: whether ticks should be as fast as possible even if kernels must be compiled first; otherwise up to
+    `FEW` robots use NumPy, which is ready at once. machine: see `Simulator`; None chooses according to `hurry`.
 
-    The first robot starts at the origin, heading east, and others round it, if the world does not say where. Raises
-    MisuseError, and SettingsError for what is wrong in a file.
+    Unless the world says where, the first robot starts at the origin, heading east, with the others around it.
+    Raises MisuseError, and SettingsError for errors in a file.
     """
     if robots is not None and not 1 <= robots <= MAX_NOMADS:
         raise MisuseError(f"{robots} robots: wanted 1 to {MAX_NOMADS}")
@@ -62,7 +62,8 @@ def nomad_world(
         machine = NumPyMachine()
     elif machine is None:
         _warm_up()
-    # The bodies begin in an empty world, so that there is room whatever the site is like; then they go to their starts.
+    # The bodies start in an empty world, so that there is room whatever the site is like; then they move to their
+    # starts.
     simulator = Simulator(_scenario(site, made.robots, count, tick), machine=machine)
     for shape in site.shapes:
         simulator.world.add(shape)
@@ -78,7 +79,7 @@ def nomad_world(
 
 @cache
 def _warm_up() -> None:
-    """Have the kernels of the machine that is installed, once in a process, before anybody waits for a tick."""
+    """Load the kernels of the installed backend, once per process, before anything waits for a tick."""
     setup = read_setup("nomad200")
     simulator = Simulator(_scenario(read_site(None), setup.robots, WARM_ROBOTS, TICK))
     nomads = NomadWorld(simulator, setup, (0.0, 0.0))

@@ -1,11 +1,11 @@
-"""Nomads: simulated robots that are driven axis by axis, as a server of such robots sees them (`robot.SimulatedWorld`).
+"""Nomads: simulated robots driven axis by axis, as a Nomad server sees them (`robot.SimulatedWorld`).
 
-The bodies are those of the simulator, with its encoders, slip, contact and sonars; here is what it takes to drive them
-as a Nomad is driven: motors that keep speeds or travel ways, a turret, zeroing, and obstacles by their corners. At each
-tick the motors say how fast the axes are to turn; the simulator takes the bodies there as far as they are free to go.
-Wheels that steer together are driven as two that differ in speed: the body follows the same arcs.
+The bodies are those of the simulator, with its encoders, slip, contact and sonars; this module adds what Nomads
+need: motors that hold speeds or travel distances, a turret, zeroing, and obstacles given by their corners. At each
+tick the motors set the speeds of the axes, and the simulator moves the bodies as far as they are free to go. Wheels
+that steer together are simulated as two wheels that differ in speed: the body follows the same arcs.
 
-A Nomad's frame has its 0, 0 at the origin of its site; the simulator's lies in the world's corner.
+A Nomad's frame has its 0, 0 at the origin of its site; the simulator's frame has it in a corner of the world.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ from sleepcast.simulator.world.grid import Floats, distance, nearest_point, pair
 from sleepcast.simulator.world.world import Point
 
 EDGE = 1
-"""The number of the world's edge among its things: it is put up first."""
+"""The number of the world's edge among its things: it is added first."""
 HOME = 1e-6
-"""rad within which a turret is home."""
+"""Angle within which a turret counts as home, rad."""
 TURN = 2.0 * pi
 
 
 class NomadWorld:
-    """See `robot.SimulatedWorld`. simulator: has the bodies, all made as `setup` says, and the world's edge as its
-    first thing; origin: where 0, 0 lies in its frame, m. `nomad_worlds.nomad_world` makes one.
+    """See `robot.SimulatedWorld`. simulator: has the bodies, all equipped as `setup` says, and the world's edge as its
+    first thing; origin: position of the Nomads' 0, 0 in its frame, m. Use `nomad_worlds.nomad_world` to make one.
 
-    Besides IndexError for a robot that there is not, MisuseError is raised for numbers that mean nothing.
+    Raises IndexError for an unknown robot, and MisuseError for invalid numbers.
     """
 
     def __init__(self, simulator: Simulator, setup: Setup, origin: Point) -> None:
@@ -56,7 +56,7 @@ class NomadWorld:
         self._obstacles = Obstacles(simulator.world, origin, EDGE)
         self._turns_turret = not isnan(setup.speeds.third)
         self._turret_speed = np.zeros(bodies.count)
-        # Turrets against the headings, rad: as they are, and as their encoders give them.
+        # Angles of the turrets from the headings, rad: the true ones, and those of their encoders.
         self._turret, self._believed_turret = np.zeros((2, bodies.count))
         if self._turns_turret:
             sonars.turret = self._turret
@@ -78,7 +78,7 @@ class NomadWorld:
 
     @property
     def area(self) -> tuple[float, float, float, float]:
-        """Within the world's edge: least x and y, greatest x and y, m."""
+        """The rectangle within the world's edge: least x and y, greatest x and y, m."""
         (x, y), (width, height) = self.origin, self.size
         return -x, -y, width - x, height - y
 
@@ -128,7 +128,7 @@ class NomadWorld:
         self._zeroing.add(robot)
 
     def _command(self, robot: int) -> None:
-        """Somebody commands this robot: what it was asked before is over."""
+        """A new command for this robot: cancel zeroing."""
         self._check(robot)
         self._zeroing.discard(robot)
         self._conditions[robot] = None
@@ -153,26 +153,26 @@ class NomadWorld:
         motors.count(np.stack((first, second, speeds[2] * tick)), speeds, tick)
         self._turret_speed[:] = speeds[2]
         if self.setup.steers:
-            self._turn_turrets(speeds[1] - turned / tick)  # what wheels did not turn that should have
+            self._turn_turrets(speeds[1] - turned / tick)  # the steering that the wheels could not do
         for robot in sorted(self._zeroing):
             self._zero_on(robot)
         self._forget()
 
     def _turn_turrets(self, rates: Floats) -> None:
-        """Turn them against the headings for a tick at these rates. Where wheels steer, the base does not turn with
-        them, and so a turret turns back as far as they turn."""
+        """Turn the turrets relative to the headings for one tick at these rates. Where wheels steer, the base does not
+        turn with them, so the turret turns back as far as they turn."""
         for turret in (self._turret, self._believed_turret):
             turret[:] = wrap(turret + rates * self.tick)
 
     def _speeds(self) -> Floats:
-        """How fast the axes turn, shape (3, count)."""
+        """Speeds of the axes, shape (3, count)."""
         bodies = self._bodies
         if self.setup.steers:
             return np.stack((bodies.speed, (bodies.right - bodies.left) / self.setup.track, self._turret_speed))
         return np.stack((bodies.right, bodies.left, self._turret_speed))
 
     def _zero_on(self, robot: int) -> None:
-        """The next thing that zeroing asks for, once everything rests."""
+        """Take the next step of zeroing, once all axes are at rest."""
         if any(self._motors.moving(robot, self._speeds_of(robot))):
             return
         away = float(-self._believed_turret[robot])
@@ -223,7 +223,7 @@ class NomadWorld:
         return Axes(right, left, turret)
 
     def _battery(self, robot: int) -> float:
-        """What is left, as a share; all of it where a setup says nothing of it."""
+        """Battery charge as a share; full if the setup does not model it."""
         for store, row in zip(self._bodies.scenario.robots.stores, self._bodies.stores, strict=True):
             if store.name.casefold() == "battery":
                 return float(row[robot]) / store.full
@@ -244,7 +244,7 @@ class NomadWorld:
         self._conditions[robot] = None
 
     def place(self, robot: int, pose: Pose) -> None:
-        """NaN leaves a number as it is; what lies beyond the edge of the world is put at it."""
+        """NaN leaves a number unchanged; positions beyond the world's edge are clamped to it."""
         self._command(robot)
         self._motors.rest(robot)
         bodies, radius = self._bodies, self.radius(robot)
@@ -261,7 +261,7 @@ class NomadWorld:
         self._forget()
 
     def fire(self, robot: int, order: Sequence[int], pause: float) -> None:
-        """Raises MisuseError for a sonar that there is not, or an odd pause."""
+        """Raises MisuseError for an unknown sonar, or an invalid pause."""
         self._check(robot)
         self._sonars.arrange(robot, order, pause)
 
@@ -298,13 +298,13 @@ class NomadWorld:
         return self._senses.predict(Pose(pose.x + self.origin[0], pose.y + self.origin[1], pose.heading, turret))
 
     def along(self, robot: int, start: tuple[float, float], end: tuple[float, float]) -> Contact | None:
-        """Things are all that is solid, and the other robots where they are."""
+        """Considers all solid things, and the other robots at their current positions."""
         things = self._things(robot)
         _refuse_odd("a way", (*start, *end))
         return self._own(first_along(things, self.radius(robot), self._shifted(start), self._shifted(end)))
 
     def round(self, robot: int, centre: tuple[float, float], radius: float, begin: float, end: float) -> Contact | None:
-        """The same on a circular way."""
+        """Like `along`, on a circular path."""
         things = self._things(robot)
         _refuse_odd("a way", (*centre, radius, begin, end))
         return self._own(first_round(things, self.radius(robot), self._shifted(centre), radius, begin, end))
@@ -320,7 +320,7 @@ class NomadWorld:
         return point[0] + self.origin[0], point[1] + self.origin[1]
 
     def _own(self, contact: Contact | None) -> Contact | None:
-        """A contact in the frame of the robots."""
+        """A contact in the frame of the Nomads."""
         if contact is None:
             return None
         return contact._replace(x=contact.x - self.origin[0], y=contact.y - self.origin[1])
@@ -330,19 +330,19 @@ class NomadWorld:
             raise IndexError(f"no robot {robot}: there are {self._bodies.count}, from 0 on")
 
     def _forget(self) -> None:
-        """What is known of the robots' conditions is no longer so."""
+        """Invalidate the cached conditions of the robots."""
         self._senses.forget()
         self._conditions = [None] * self._bodies.count
 
 
 def _wrap_one(angle: float) -> float:
-    """The same angle from -pi to pi."""
+    """The angle wrapped to -pi..pi."""
     return remainder(angle, TURN) if isfinite(angle) else nan
 
 
 def _way(across: Floats, up: Floats, heading: Floats, turned: Floats) -> Floats:
-    """How far bodies went on arcs that began with these headings and turned so much (rad), m: forwards, or less than
-    nothing."""
+    """Path lengths of bodies on arcs that began with these headings and turned by this much (rad), m; negative
+    backwards."""
     middle = heading + turned / 2.0
     way: Floats = (across * np.cos(middle) + up * np.sin(middle)) / np.sinc(turned / TURN)
     return way
@@ -353,27 +353,28 @@ def _refuse_odd(what: str, numbers: Sequence[float]) -> None:
         raise MisuseError(f"{what} with a number that is not finite: {', '.join(map(str, numbers))}")
 
 
-# Motors of bodies that are driven axis by axis: how fast each axis is to turn in the next tick.
+# Motors of bodies that are driven axis by axis: the speed of each axis in the next tick.
 
 AXES = 3
 ARRIVED = 1e-9
-"""m or rad that rounding may leave of a way."""
+"""Remaining distance that counts as rounding, m or rad."""
 SLOWEST = 1e-9
-"""m/s or rad/s: what is slower rests."""
+"""Slowest speed that counts as moving, m/s or rad/s."""
 FARTHEST = 1e7
-"""m or rad of one way: a quarter of the way round the earth."""
+"""Longest travel in one command, m or rad: a quarter of the way around the earth."""
 ROLL_OUT = 0.25
-"""Share of its greatest acceleration with which friction slows an axis down that nobody drives or brakes."""
+"""Share of its greatest acceleration with which friction slows an axis that is neither driven nor braked."""
 
 SPEED, TRAVEL, LIMP = range(3)
-"""What an axis does."""
+"""Modes of an axis."""
 
 
 class Motors:
     """The axes of `count` bodies, arrays of shape (3, count), SI.
 
-    most_speed, most_acceleration: the limits, NaN for an axis that a body lacks. drive: SPEED, TRAVEL or LIMP; speed:
-    wanted by SPEED; left: of the way, by TRAVEL; cruise: how fast it goes; acceleration: how fast speeds change.
+    most_speed, most_acceleration: the limits, NaN for an axis that a body lacks. drive: SPEED, TRAVEL or LIMP;
+    speed: wanted in SPEED mode; left: remaining distance in TRAVEL mode; cruise: speed of travel; acceleration: rate
+    of speed changes.
     """
 
     def __init__(self, count: int, speeds: Axes, accelerations: Axes) -> None:
@@ -393,7 +394,7 @@ class Motors:
         self.speed[named, robot] = np.clip(np.array(speeds)[named], -most, most)
 
     def travel(self, robot: int, distances: Axes) -> None:
-        """Turn these axes by so much and rest there."""
+        """Turn these axes by these distances and stop there."""
         named = self._named(robot, distances)
         self.drive[named, robot] = TRAVEL
         self.left[named, robot] = np.clip(np.array(distances)[named], -FARTHEST, FARTHEST)
@@ -403,7 +404,7 @@ class Motors:
         self.cruise[named, robot] = np.clip(np.array(speeds)[named], 0.0, self.most_speed[named, robot])
 
     def set_acceleration(self, robot: int, accelerations: Axes) -> None:
-        """More than 0 and within the limits; what is 0 or less changes nothing."""
+        """Set accelerations within the limits; values of 0 or less change nothing."""
         wanted = np.array(accelerations)
         named = self._named(robot, accelerations)
         named = named[wanted[named] > 0.0]
@@ -417,7 +418,7 @@ class Motors:
         self.speed[:, robot] = 0.0
 
     def next_speeds(self, speeds: Floats, tick: float) -> Floats:
-        """How fast the axes are to turn in the next tick (s), shape (3, count). speeds: how fast they turn now."""
+        """Speeds of the axes for the next tick (s), shape (3, count). speeds: the current ones."""
         limp, travels = self.drive == LIMP, self.drive == TRAVEL
         change = np.where(limp, ROLL_OUT * self.most_acceleration, self.acceleration) * tick
         left = np.abs(self.left) / tick
@@ -428,7 +429,7 @@ class Motors:
         return np.nan_to_num(following)
 
     def count(self, gone: Floats, speeds: Floats, tick: float) -> None:
-        """The axes have turned by `gone` in a tick (s) at these `speeds`, both of shape (3, count)."""
+        """Account for axes that have turned by `gone` in a tick (s) at these `speeds`, both of shape (3, count)."""
         travels = self.drive == TRAVEL
         self.left -= np.where(travels, gone, 0.0)
         slow = np.abs(speeds) <= self.acceleration * tick + SLOWEST
@@ -437,7 +438,7 @@ class Motors:
         self.speed[there] = self.left[there] = 0.0
 
     def moving(self, robot: int, speeds: Axes) -> tuple[bool, bool, bool]:
-        """Which of a body's axes turn, or are about to. speeds: how fast they turn now."""
+        """Which of a body's axes turn, or are about to. speeds: the current ones."""
         first, second, third = speeds
         return self._moves(0, robot, first), self._moves(1, robot, second), self._moves(2, robot, third)
 
@@ -450,20 +451,20 @@ class Motors:
         return drive == SPEED and bool(self.speed[axis, robot] != 0.0)
 
     def _named(self, robot: int, values: Axes) -> NDArray[np.intp]:
-        """The axes that this body has and that `values` speak of."""
+        """The axes that this body has and that have a value in `values`."""
         return np.flatnonzero(~np.isnan(np.array(values)) & ~np.isnan(self.most_speed[:, robot]))
 
 
-# What robots of a Nomad's kind sense of the world around them, and what they would sense elsewhere.
+# Sensors of Nomads: what they read now, and what they would read elsewhere.
 
 FELT = 1e-3
-"""m of a gap that a bumper still feels: bodies that were stopped keep a little less between them."""
+"""Gap that a bumper still registers, m: bodies that were stopped keep a slightly smaller one between them."""
 
 Values = tuple[float, ...]
 
 
 class NomadSenses:
-    """The sensors of `bodies`, all of one kind, with `sonars` in a ring."""
+    """The sensors of `bodies`, all of one type, with `sonars` in a ring."""
 
     def __init__(self, bodies: Bodies, sonars: Sonars, infrared: Infrared | None) -> None:
         self._bodies, self._sonars = bodies, sonars
@@ -479,26 +480,26 @@ class NomadSenses:
         self._touched: list[Values] = []
 
     def forget(self) -> None:
-        """Something has changed."""
+        """Invalidate cached readings: something has changed."""
         self._known = False
 
     def sonars(self, robot: int) -> Values:
-        """What each sonar last read, m; NaN before it has fired."""
+        """Last reading of each sonar, m; NaN before it has fired."""
         self._look()
         return self._sonar_readings[robot]
 
     def infrared(self, robot: int) -> Values:
-        """What each infrared sensor sees, m; none without such sensors."""
+        """Range of each infrared sensor, m; empty without such sensors."""
         self._look()
         return self._seen[robot]
 
     def touched(self, robot: int) -> Values:
-        """Angles of what presses the bumper, rad from the heading, each once."""
+        """Angles at which the bumper is pressed, rad from the heading, without repeats."""
         self._look()
         return self._touched[robot]
 
     def predict(self, pose: Pose) -> tuple[Values, Values]:
-        """What sonars and infrared sensors of a body at this pose would read, m, if there were no other robots."""
+        """Readings that sonars and infrared sensors of a body at this pose would have, m, without other robots."""
         ring = self._sonars.ring
         at = np.array([pose.x]), np.array([pose.y]), np.array([pose.turret])
         heard = np.clip(self._lonely(self._sonars.cones, at), ring.least, ring.most)
@@ -531,7 +532,7 @@ class NomadSenses:
         self._touched = self._pressed()
 
     def _pressed(self) -> list[Values]:
-        """What presses each bumper."""
+        """The angles at which each robot's bumper is pressed."""
         bodies, every = self._bodies, np.arange(self._bodies.count)
         x, y, radius, near = bodies.x, bodies.y, bodies.geometry.radius, bodies.near
         listed, solids, cell = near.solids(self._reach), near.world.solids, near.grid.cells_of(x, y)

@@ -1,7 +1,7 @@
-"""Polygons that are put up, moved and taken away by their corners, as people without numbers for them name them.
+"""Polygons that are added, moved and removed by their corners, for programs that know no numbers for them.
 
-The same corners are the same polygon wherever the list of them begins and whichever way it goes round, and if they
-agree as well as whole tenths of an inch can say.
+Two lists of corners mean the same polygon even if they start at different corners or have the opposite orientation,
+and if they agree to within the resolution of tenths of an inch.
 """
 
 from __future__ import annotations
@@ -18,31 +18,31 @@ from sleepcast.simulator.world.areas import inside
 from sleepcast.simulator.world.world import Area, Circle, Point, Polygon, Shape, Wall, World
 
 MAX_OBSTACLES = 1_000
-"""Polygons that are put up in mid-run: all are looked through for one of them."""
+"""Polygons added during a run: all of them are searched for one."""
 MAX_CORNERS = 1_000
-"""Of one polygon that is put up: the wire's contract is ten."""
+"""Corners of one added polygon: the Nomad protocol allows ten."""
 MAX_SIDES = 20_000
-"""Sides of all these together: a change of the world lists them anew, some ten milliseconds."""
+"""Sides of all added polygons together: a change of the world rebuilds its lists of solids, some ten milliseconds."""
 SAME = 0.0013
-"""m by which two corners may differ and be the same: half a tenth of an inch, and rounding."""
+"""Distance up to which two corners count as equal, m: half a tenth of an inch, and rounding."""
 FLAT = 1e-4
-"""m from a line, within which corners enclose nothing."""
+"""Distance from a line, m, within which corners enclose no area."""
 ROUND = 24
 """Corners of a circle that is shown as a polygon."""
 
 
 class Obstacles:
-    """What stands in a world, named by corners in a frame whose 0, 0 lies at `origin` of the world's own, m. edge: the
-    number of the thing that is the world's edge and stays."""
+    """The things in a world, identified by corners in a frame whose 0, 0 lies at `origin` of the world's own, m. edge:
+    the number of the thing that is the world's edge and stays."""
 
     def __init__(self, world: World, origin: Point, edge: int) -> None:
         self._world, self._origin, self._edge = world, origin, edge
         self._put_up: dict[int, int] = {}
-        """How many sides each polygon has that was put up in mid-run."""
+        """Number of sides of each polygon added during the run."""
         self._shown: dict[int, tuple[Shape, list[Corners]]] = {}
 
     def shown(self) -> list[Corners]:
-        """All that stands there but the edge, as polygons, in the order in which they were put up."""
+        """All things except the edge, as polygons, in the order in which they were added."""
         things = {number: shape for number, shape in self._world.shapes.items() if number != self._edge}
         for number in [*self._shown]:
             if things.get(number) is not self._shown[number][0]:
@@ -55,7 +55,7 @@ class Obstacles:
         return [corners for number in things for corners in self._shown[number][1]]
 
     def add(self, corners: Corners) -> bool:
-        """Put a polygon up; False if that is none or there are too many."""
+        """Add a polygon; False if it is invalid or there are too many."""
         points = self._points(corners)
         full = len(self._put_up) >= MAX_OBSTACLES or sum(self._put_up.values()) + len(points) > MAX_SIDES
         if full or not _is_polygon(points):
@@ -64,7 +64,8 @@ class Obstacles:
         return True
 
     def fill(self, polygons: Sequence[Corners]) -> bool:
-        """Have just these polygons beside the edge; False, and nothing changes, if one is none or they are too many."""
+        """Replace all things except the edge by these polygons; False, without a change, if one is invalid or there are
+        too many."""
         found = [self._points(corners) for corners in polygons]
         if len(found) > MAX_OBSTACLES or sum(map(len, found)) > MAX_SIDES or not all(map(_is_polygon, found)):
             return False
@@ -76,7 +77,7 @@ class Obstacles:
         return True
 
     def remove(self, corners: Corners) -> bool:
-        """Take the polygon with these corners away; False if there is none."""
+        """Remove the polygon with these corners; False if there is none."""
         number = self._named(corners)
         if number is None:
             return False
@@ -85,7 +86,7 @@ class Obstacles:
         return True
 
     def move(self, corners: Corners, across: float, up: float) -> bool:
-        """Move the polygon with these corners by so many m; False if there is none, or nothing to move it to."""
+        """Move the polygon with these corners by this vector (m); False if there is none, or the result is invalid."""
         number = self._named(corners)
         if number is None or not _lies_in_bounds([(x + across, y + up) for x, y in corners]):
             return False
@@ -93,11 +94,11 @@ class Obstacles:
         return True
 
     def clear(self) -> None:
-        """Take everything away but the edge."""
+        """Remove everything except the edge."""
         self.fill(())
 
     def _points(self, corners: Corners) -> tuple[Point, ...]:
-        """The corners in the world's frame, each once; none for what is no polygon."""
+        """The corners in the world's frame, without repeats; empty if they form no polygon."""
         if not _lies_in_bounds(corners):
             return ()
         x, y = self._origin
@@ -142,7 +143,7 @@ def _lies_in_bounds(corners: Corners) -> bool:
 
 
 def _outlines(shape: Shape) -> Iterator[tuple[Point, ...]]:
-    """The closed lines that show a shape; an open wall goes there and back."""
+    """The closed lines that show a shape; an open wall is traced there and back."""
     if isinstance(shape, Polygon):
         yield shape.corners
     elif isinstance(shape, Area):
@@ -157,17 +158,17 @@ def _outlines(shape: Shape) -> Iterator[tuple[Point, ...]]:
 # Solid areas as polygons without holes, for displays that know polygons only.
 
 MAX_OUTLINES = 2_000
-"""Of one area: each is compared with every other one. The outlines of an area with more stay as they are."""
+"""Outlines of one area: each is compared with every other one. An area with more keeps its outlines as they are."""
 
 Outline = tuple[Point, ...]
 
 
 def without_holes(area: Area) -> list[Outline]:
-    """What is solid, as polygons."""
+    """The solid parts of the area, as polygons."""
     if len(area.outlines) == 1 or len(area.outlines) > MAX_OUTLINES:
         return list(area.outlines)
     lines = [_counter_clockwise(outline) for outline in area.outlines]
-    # The middle of a side, because lines may touch at their corners.
+    # The middle of a side, because outlines may touch at their corners.
     x, y = np.array([[(a + b) / 2.0 for a, b in zip(*line[:2], strict=True)] for line in lines]).T
     within = np.array([inside(Area((line,)), x, y) for line in lines])
     np.fill_diagonal(within, False)
@@ -187,7 +188,7 @@ def _counter_clockwise(outline: Outline) -> Outline:
 
 
 def _joined(outside: Outline, holes: list[Outline]) -> Outline:
-    """The nearest hole first, so that the cut of another one may begin at it."""
+    """Nearest hole first, so that the cut of another one may begin at it."""
     line = list(outside)
     for hole in sorted(holes, key=lambda each: _nearest(outside, each[0])[1]):
         place, _ = _nearest(line, hole[0])
@@ -196,7 +197,7 @@ def _joined(outside: Outline, holes: list[Outline]) -> Outline:
 
 
 def _nearest(line: Outline | list[Point], point: Point) -> tuple[int, float]:
-    """The place of the corner that is nearest to a point, and how far away it is."""
+    """The index of the corner nearest to a point, and its distance."""
     x, y = np.array(line).T
     away = np.hypot(x - point[0], y - point[1])
     place = int(np.argmin(away))

@@ -1,9 +1,9 @@
 """Where a disc that follows a path first touches something, and what a disc at rest touches.
 
-Things are stadiums, rows as in `World.solids`: all points within a radius of a line from one end to the other. The
-middle of a disc that touches one lies on its outline, widened by the radius of the disc: two sides and two circles
-round the ends. So a straight way is cut with these (see `contact.touch`), and so is a circular one: a side is met where
-the distance from the line is right, at two places of the circle, an end where two circles cross.
+Things are stadiums, rows as in `World.solids`: all points within a radius of a line segment. The centre of a disc
+that touches one lies on its outline, widened by the disc's radius: two sides and two circles around the ends. So a
+straight path is intersected with these (see `steps.touch`), and so is a circular one: it meets a side at up to two
+points with the right distance from the line, and an end where two circles cross.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from sleepcast.simulator.world.world import Area, Circle, Point, Polygon
 
 TURN = 2.0 * pi
 CLOSE = 1e-9
-"""m by which rounding may put a place on a path off the outline of what is touched there."""
+"""Rounding error, m, by which a point of contact may be off the outline."""
 
 
 def first_along(things: Floats, radius: float, start: Point, end: Point) -> Contact | None:
-    """Where a disc of `radius` m on the straight way from `start` to `end` first touches one of the `things`; None if
-    its way is free. What it overlaps at the start it touches there."""
+    """Where a disc of `radius` m on the straight path from `start` to `end` first touches one of the `things`; None if
+    the path is free. Things that it overlaps at the start are touched there."""
     found = contact_at_rest(things, radius, start)
     if found or not len(things):
         return found
@@ -48,8 +48,8 @@ def first_along(things: Floats, radius: float, start: Point, end: Point) -> Cont
 
 
 def first_round(things: Floats, radius: float, centre: Point, orbit: float, begin: float, end: float) -> Contact | None:
-    """The same on the circle of radius `orbit` m round `centre`, from the angle `begin` to `end`, rad; more than once
-    round is once round."""
+    """Where a disc of `radius` m first touches one of the `things` on the circle of radius `orbit` m around `centre`,
+    from the angle `begin` to `end`, rad; longer paths count as one full turn."""
     start = centre[0] + orbit * cos(begin), centre[1] + orbit * sin(begin)
     found = contact_at_rest(things, radius, start)
     if found or not len(things) or orbit <= 0.0 or begin == end:
@@ -68,8 +68,8 @@ def first_round(things: Floats, radius: float, centre: Point, orbit: float, begi
 
 
 def _crossings(things: Floats, apart: Floats, centre: Point, orbit: float) -> Floats:
-    """Angles at which the circle comes `apart` from the line or an end of each thing, shape (8, things), NaN for
-    places that there are not."""
+    """Angles at which the circle is `apart` from the line or an end of each thing, shape (8, things), NaN where there
+    is no such point."""
     x0, y0, x1, y1, _ = things.T
     ex, ey = x1 - x0, y1 - y0
     length = np.hypot(ex, ey)
@@ -91,7 +91,7 @@ def _crossings(things: Floats, apart: Floats, centre: Point, orbit: float) -> Fl
 
 
 def contact_at_rest(things: Floats, radius: float, place: Point) -> Contact | None:
-    """What a disc at `place` overlaps, the deepest; None if it is free."""
+    """The thing that a disc at `place` overlaps most; None if it is free."""
     if not len(things):
         return None
     gap = distance(np.array(place[0]), np.array(place[1]), *things[:, :4].T) - things[:, 4] - radius
@@ -105,7 +105,7 @@ def _at(thing: Floats, place: Point) -> Contact:
 
 
 def _back(across: float, up: float) -> float:
-    """The direction back from what lies `across` and `up`, rad."""
+    """The direction back from the point at `across` and `up`, rad."""
     return atan2(0.0 - up, 0.0 - across)  # with minus zero, west would be -pi
 
 
@@ -115,22 +115,22 @@ def discs(x: Floats, y: Floats, radii: Floats) -> Floats:
 
 
 def encloses(points: Floats, least: float) -> bool:
-    """Whether corners, shape (n, 2), enclose something: they do not all lie within `least` m of one line."""
+    """Whether corners, shape (n, 2), enclose an area: they do not all lie within `least` m of one line."""
     away = points - points[0]
     farthest = away[int(np.argmax(np.hypot(away[:, 0], away[:, 1])))]
     length = hypot(*farthest)
     return bool(length > least and np.abs(away @ np.array((-farthest[1], farthest[0]))).max() > least * length)
 
 
-# Room for robots: whether one fits somewhere, and where so many may start.
+# Room for robots: whether one fits somewhere, and where several may start.
 
 MAX_RINGS = 100
-"""Of places that are tried round the first one, if those before it are taken."""
+"""Rings of positions that are tried around the first one."""
 
 
 def has_room(bodies: Bodies, x: float, y: float, robot: int, among: Sequence[int] | None = None) -> bool:
-    """Whether body `robot` would be free at x, y (m): within the world, in nothing solid, and clear of other bodies
-    (None: of all; otherwise only `among` these)."""
+    """Whether body `robot` would be free at x, y (m): inside the world, outside of everything solid, and clear of other
+    bodies (None: of all; otherwise only `among` these)."""
     radius = float(bodies.radii[robot])
     _, _, width, height = bodies.fence
     if not (radius < x < width - radius and radius < y < height - radius):
@@ -148,8 +148,8 @@ def _within(area: Area | Circle, point: Point) -> bool:
 
 
 def lattice(middle: Point, apart: float) -> Iterator[Point]:
-    """Places `apart` m from each other in a square lattice: the `middle`, then ring by ring those round it, the nearest
-    of a ring first and counter-clockwise from the east."""
+    """Points `apart` m from each other in a square lattice: the `middle`, then ring by ring, the nearest of a ring
+    first and counter-clockwise from the east."""
     yield middle
     for ring in range(1, MAX_RINGS + 1):
         steps = range(-ring, ring + 1)
@@ -159,8 +159,8 @@ def lattice(middle: Point, apart: float) -> Iterator[Point]:
 
 
 def spread(bodies: Bodies, placed: Sequence[int], middle: Point, apart: Sequence[float]) -> None:
-    """Put all bodies that are not `placed` yet round the `middle` (m), heading east, where there is room on its side of
-    every polygon; as far `apart` (m) as the first of these distances that leaves room for all. Raises MisuseError if
+    """Place all bodies that are not `placed` yet around the `middle` (m), heading east, where there is room on the same
+    side of every polygon; with the first of the distances `apart` (m) that leaves room for all. Raises MisuseError if
     none does."""
     polygons = [Area((each.corners,)) for each in bodies.world.shapes.values() if isinstance(each, Polygon)]
     side = [_within(polygon, middle) for polygon in polygons]

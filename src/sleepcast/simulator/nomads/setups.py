@@ -1,7 +1,7 @@
-"""Setups: what robots of a Nomad's kind are like, read from files.
+"""Setups: the equipment of Nomads, read from files.
 
-A setup is TOML like a type of robots (see `robot_types`), with more tables: [steering] for wheels that all turn
-together, [turret] and [infrared] for what stands on them.
+A setup is a TOML file like a robot type (see `robot_types`), with more tables: [steering] for wheels that all turn
+together, [turret] and [infrared].
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from sleepcast.simulator.scenario.robot_settings import (
 from sleepcast.simulator.scenario.world_settings import MAX_SEED
 
 FORMAT = 1
-"""The version of the format of setups; a file of a newer one is refused."""
+"""Version of the format of setups; files of a newer one are refused."""
 SETUPS = Path(__file__).parent.parent / "setups"
 MADE = ("limits", "body", "wheels", "sonar", "stores")
-"""What a setup has as a type of robots has it."""
+"""Tables that a setup shares with a robot type."""
 TINIEST = 1e-300
-"""A slip that changes no number. Wheels that slip let the real way follow the real heading; without, the encoders' one
-would do, and a corrected encoder would turn the body."""
+"""A slip too small to change any number. Any slip makes the simulator track the true pose apart from the odometry;
+without it, correcting the encoders would turn the body."""
 
 
 @dataclass(frozen=True, slots=True)
 class Infrared:
-    """A ring of `count` infrared sensors: the whole opening of each, rad, and how far they see, m."""
+    """A ring of `count` infrared sensors: full opening angle of each, rad, and range, m."""
 
     count: int
     beam: float
@@ -46,8 +46,8 @@ class Infrared:
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What robots are like. robots: how they are made; track: of their wheels, m; speeds, accelerations: the limits of
-    their axes, NaN for one that they lack; steers: whether these are way, direction and turret, and not two wheels;
+    """The equipment of Nomads. robots: as for other robots; track: of their wheels, m; speeds, accelerations: limits of
+    their axes, NaN for missing axes; steers: whether the axes are drive, steering and turret, and not two wheels;
     infrared: None without."""
 
     robots: RobotSpec
@@ -60,19 +60,20 @@ class Setup:
 
 @dataclass(frozen=True, slots=True)
 class _Turning:
-    """How fast something turns at most, rad/s, and how fast that changes, rad/s2."""
+    """Greatest turn rate, rad/s, and its greatest change, rad/s2."""
 
     rate: float
     acceleration: float
 
 
 def setup_names() -> list[str]:
-    """The setups that come along, sorted."""
+    """The included setups, sorted."""
     return sorted(file.stem for file in SETUPS.glob("*.toml"))
 
 
 def read_setup(setup: Path | str) -> Setup:
-    """The setup with this name, or of this file. Raises MisuseError for no such name, SettingsError for the file."""
+    """The setup with this name, or from this file. Raises MisuseError for an unknown name, SettingsError for the
+    file."""
     name, known = str(setup), setup_names()
     if name not in known and not name.endswith(".toml"):
         raise MisuseError(f'no setup "{name}"{did_you_mean(name, known)}: wanted {", ".join(known)}, or a file *.toml')
@@ -83,13 +84,13 @@ def read_setup(setup: Path | str) -> Setup:
             raise root.error("format", f"format {version} is newer than this sleepcast, which reads format {FORMAT}")
         root.text("about", "", most=500)
         made = {part: root.values[part] for part in MADE if root.has(part)}
-        # Where they start, and in how large a world, is for others to say.
+        # The start area and the size of the world are set elsewhere.
         robots = Table(root.document, made | {"type": "nomad", "motion": "still"}, ())
         return _geared(root, read_robots(robots, 1, (), (MAX_WORLD, MAX_WORLD), ()))
 
 
 def _geared(root: Table, robots: RobotSpec) -> Setup:
-    """The setup of these robots, with what the file says of steering, turret and infrared sensors."""
+    """The setup of these robots, with the file's steering, turret and infrared sensors."""
     limits = robots.limits
     if robots.wheels is None:
         raise root.error("wheels", "is missing: wanted a table [wheels] with their track")
@@ -106,7 +107,7 @@ def _geared(root: Table, robots: RobotSpec) -> Setup:
             third = _turning(table, table.number("turn_rate", RATE, low=LEAST, high=100.0))
     speed, acceleration = limits.speed, limits.acceleration
     if steers:
-        # The bodies' two wheels stand for all: their speeds are the way's, and the steering's on top of it.
+        # The simulated body has two wheels: their greatest speed is that of the drive plus that of steering.
         speed += wheels.track / 2.0 * second.rate
         acceleration += wheels.track / 2.0 * second.acceleration
     return Setup(
@@ -120,14 +121,14 @@ def _geared(root: Table, robots: RobotSpec) -> Setup:
 
 
 def _apart(wheels: Wheels) -> Wheels:
-    """The same wheels, which know the real heading from the believed one."""
+    """Wheels whose true heading is stored apart from their odometry."""
     if wheels.slip_left or wheels.slip_right or wheels.slip_noise:
         return wheels
     return replace(wheels, slip_left=TINIEST)
 
 
 def _turning(table: Table, rate: float) -> _Turning:
-    """ramp: the time from rest to the full rate."""
+    """The key ramp is the time from rest to the full rate."""
     return _Turning(rate, rate / table.number("ramp", TIME, low=1e-3, high=60.0))
 
 

@@ -1,9 +1,9 @@
-"""Sites: the worlds that robots of a Nomad's kind are put into, read from files.
+"""Sites: the worlds that Nomads are placed in, read from files.
 
-A world is a scenario (of which the robots and everything else are left out), a TOML file with a scenario's table
-[world] alone, a ROS map, or a text with one polygon a line, `n x1 y1 ... xn yn` in tenths of an inch. One point of
-it is the origin, which robots call 0, 0: of polygons and maps their own one, otherwise the middle, or what the table
-[nomad] of the file says. Where robots start may stand there, too:
+A world is a scenario (of which robots and everything else are ignored), a TOML file with only a scenario's table
+[world], a ROS map, or a text file with one polygon per line, `n x1 y1 ... xn yn` in tenths of an inch. One point of
+it is the origin, the robots' 0, 0: for polygons and maps their own 0, 0, otherwise the centre, or what the table
+[nomad] of the file says. That table may also set where robots start:
 
     [nomad]
     origin = ["3m", "3m"]
@@ -33,21 +33,21 @@ from sleepcast.simulator.world.ros_map import read_map
 from sleepcast.simulator.world.world import Point, Polygon, Shape, shifted
 
 FORMAT = 1
-"""The version of the format of worlds; a file of a newer one is refused."""
+"""Version of the format of worlds; files of a newer one are refused."""
 MAX_NOMADS = 1_000
-"""Robots behind one server: each is asked, and answers, by itself."""
+"""Robots behind one server: each is queried, and answers, separately."""
 CELL = 24 * INCH
-"""m of the grid by which a Nomad's worlds are drawn."""
+"""Grid size of drawings of a Nomad's world, m."""
 ROOM = 30 * CELL
-"""m of a side of an empty room: from its middle, no wall is in reach of a sonar."""
+"""Side of an empty room, m: at its centre, no wall is within a sonar's range."""
 BEYOND = 2 * CELL
-"""m that a world of polygons is open beyond the farthest corner at least."""
+"""Least open space around the outermost corners of a world of polygons, m."""
 FULL_TURN = 2.0 * pi
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Where a robot begins, m and rad in the world's frame. no_room: what to raise if it does not fit there."""
+    """Where a robot starts, m and rad in the world's frame. no_room: the error to raise if it does not fit there."""
 
     x: float
     y: float
@@ -57,8 +57,8 @@ class Start:
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """A world to put robots into, of `width` by `height` m, without its edge. origin: the point that they call 0, 0;
-    starts: where they begin, none if the world does not say; seed: what chance depends on."""
+    """A world for Nomads, of `width` by `height` m, without its edge. origin: the point of their 0, 0; starts: where
+    they start, empty if the world does not say; seed: random seed."""
 
     path: Path
     width: float
@@ -70,8 +70,8 @@ class Site:
 
 
 def read_site(world: Path | None, robots: int | None = None, seed: int | None = None) -> Site:
-    """The world of a file, or an empty room. robots: how many there will be, for a world that grows with them; seed:
-    replaces the file's own. Raises SettingsError for what is wrong in the file."""
+    """The world in a file, or an empty room. robots: their number, for a world that grows with it; seed: replaces the
+    file's own. Raises SettingsError for errors in the file."""
     if world is None:
         return Site(Path("an empty room"), ROOM, ROOM, (), (ROOM / 2, ROOM / 2), seed=seed or 0)
     file = world / FILE if world.is_dir() else world
@@ -94,15 +94,15 @@ def _of_toml(file: Path, robots: int | None, seed: int | None) -> Site:
         size = world.width, world.height
         origin, starts = _nomad(root, size)
         known = root.names() if root.has("robots") else ("title", "about")
-        for key in known:  # of a scenario, the other keys are not for us
+        for key in known:  # the other keys of a scenario are ignored
             root.has(key)
-    # The edge, which comes last where it is a wall, is put up round every world.
+    # The edge, which comes last if it is a wall, is added to every world later.
     shapes = world.shapes if world.fenced else world.shapes[:-1]
     return Site(file, *size, shapes, origin, starts, chosen)
 
 
 def _nomad(root: Table, size: Point) -> tuple[Point, tuple[Start, ...]]:
-    """The origin and the starts of the table [nomad]."""
+    """The origin and the starts from the table [nomad]."""
     with root.table("nomad") as table:
         far = (-MAX_WORLD, -MAX_WORLD), (MAX_WORLD, MAX_WORLD)
         origin = table.point("origin", *far) if table.has("origin") else (size[0] / 2.0, size[1] / 2.0)
@@ -118,7 +118,7 @@ def _nomad(root: Table, size: Point) -> tuple[Point, tuple[Start, ...]]:
 
 
 def _of_map(file: Path, seed: int) -> Site:
-    """A map of ROS, whose own 0, 0 is the origin."""
+    """A ROS map, whose own 0, 0 is the origin."""
     area, low, high = read_map(file).area((0.0, 0.0), unknown_is_solid=False)
     origin = -low[0], -low[1]
     shapes = (shifted(area, *origin),) if area.outlines else ()
@@ -126,7 +126,7 @@ def _of_map(file: Path, seed: int) -> Site:
 
 
 def _of_polygons(file: Path, seed: int) -> Site:
-    """A text of polygons, with the origin in the middle of a square of whole cells round them."""
+    """Polygons from a text file, with the origin in the centre of a square of whole cells around them."""
     polygons = tuple(Polygon(tuple(corners)) for corners in read_polygons(str(file), read_text(file)))
     farthest = max((abs(value) for each in polygons for corner in each.corners for value in corner), default=0.0)
     half = max(ROOM / 2.0, CELL * ceil((farthest + BEYOND) / CELL))
@@ -135,11 +135,11 @@ def _of_polygons(file: Path, seed: int) -> Site:
     )
 
 
-# A world as a text with one polygon a line, `n x1 y1 ... xn yn` in tenths of an inch: read, and written.
+# Worlds as text, one polygon per line, `n x1 y1 ... xn yn` in tenths of an inch: reading and writing.
 
 
 def read_polygons(file: str, text: str) -> Iterator[Corners]:
-    """The corners of each polygon, m from the origin. file: what errors call it. Raises SettingsError."""
+    """The corners of each polygon, m from the origin. file: its name in errors. Raises SettingsError."""
     count = 0
     for line, written in enumerate(text.splitlines(), 1):
         words = written.partition("#")[0].split()
@@ -165,7 +165,7 @@ def read_polygons(file: str, text: str) -> Iterator[Corners]:
 
 
 def write_polygons(title: str, polygons: Sequence[Corners]) -> str:
-    """The text that has these polygons, to a hundredth of its unit. title: of what world, for people."""
+    """The text for these polygons, to a hundredth of its unit. title: a comment that names the world."""
     lines = [f"# {' '.join(title.split())}: n x1 y1 ... xn yn, in tenths of an inch"]
     lines += map(_line, polygons)
     return "\n".join((*lines, ""))

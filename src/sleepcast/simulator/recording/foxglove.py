@@ -1,9 +1,9 @@
-"""Poses, points and log lines as the standard viewers know them: Foxglove's schemas `PosesInFrame`, `PointCloud` and
-`Log`, in Protobuf.
+"""Poses, points and log lines for standard viewers: Foxglove's schemas `PosesInFrame`, `PointCloud` and `Log`, in
+Protobuf.
 
-Foxglove, Lichtblick and Rerun show them without plug-ins: the first two draw poses as arrows, Rerun draws points. What
-is needed of Protobuf is little and never changes, so it is written here by hand: the description of the schemas (a
-`FileDescriptorSet`), and the bytes of the messages. A pose in the plane always takes the same 69 bytes, so that those
+Foxglove, Lichtblick and Rerun show them without plug-ins: the first two draw poses as arrows, Rerun draws points.
+The little of Protobuf that is needed never changes, so it is written here by hand: the description of the schemas (a
+`FileDescriptorSet`), and the bytes of the messages. A pose in the plane always takes the same 69 bytes, so the poses
 of a whole swarm are one NumPy array, filled by columns.
 """
 
@@ -24,11 +24,11 @@ _NANO = 1_000_000_000
 _LENGTH_DELIMITED = 2
 _FIXED_64, _FIXED_32 = 1, 5
 _FLOAT32 = 7
-"""A number in single precision, as `PackedElementField` calls it."""
+"""The code of single precision in `PackedElementField`."""
 
 
 class Level(IntEnum):
-    """How much a log line matters."""
+    """Severity of a log line."""
 
     INFO = 2
     WARNING = 3
@@ -87,7 +87,7 @@ _POSE = np.dtype(
 
 
 def pose_frame(count: int) -> NDArray[np.void]:
-    """Room for `count` poses, to be filled again and again by `poses`."""
+    """A buffer for `count` poses, reused by `poses`."""
     frame = np.zeros(count, _POSE)
     frame["head"], frame["turn"] = _POSE_HEAD, _TURN_HEAD
     for names in (("tag_x", "tag_y", "tag_z"), ("tag_a", "tag_b", "tag_c", "tag_w")):
@@ -104,16 +104,17 @@ def poses(
     heading: NDArray[np.float64],
 ) -> bytes:
     """A `PosesInFrame`. x, y: m; heading: rad, counter-clockwise from x; float64, shape (count,). frame: `pose_frame`
-    of that count, written over."""
+    of that count, overwritten."""
     half = heading / 2.0
-    # In single precision the low half of every number is zero, which compresses well; it is a millimetre at 10 km.
+    # Single-precision values have a zero low half, which compresses well; the error is a millimetre at 10 km.
     for name, values in (("x", x), ("y", y), ("c", np.sin(half)), ("w", np.cos(half))):
         frame[name] = values.astype(np.float32)
     return _timestamp(nanoseconds) + _field(2, WORLD) + frame.tobytes()
 
 
 def read_poses(data: bytes, count: int) -> NDArray[np.float32]:
-    """What `poses` wrote of `count` robots: x, y (m), heading (rad), float32, shape (count, 3). Raises ValueError."""
+    """Poses of `count` robots written by `poses`: x, y (m), heading (rad), float32, shape (count, 3). Raises
+    ValueError."""
     size = count * _POSE.itemsize
     if len(data) < size:
         raise ValueError(f"{len(data)} bytes hold no {count} poses")
@@ -125,16 +126,16 @@ def read_poses(data: bytes, count: int) -> NDArray[np.float32]:
 
 
 _UNMOVED = _field(1, b"") + _field(2, _tag(4, _FIXED_64) + struct.pack("<d", 1.0))
-"""The pose that moves nothing: zeros need not be said."""
+"""The identity pose: zeros are omitted."""
 _POINT = 12
-"""Bytes: x, y and z."""
+"""Bytes of a point: x, y and z."""
 _COORDINATES = b"".join(
     _field(5, _field(1, name) + _fixed(2, 4 * place) + _whole(3, _FLOAT32)) for place, name in enumerate("xyz")
 )
 
 
 def points(nanoseconds: int, x: NDArray[np.float64], y: NDArray[np.float64]) -> bytes:
-    """A `PointCloud`: a point for each robot. x, y: m, float64, shape (count,)."""
+    """A `PointCloud`: one point per robot. x, y: m, float64, shape (count,)."""
     data = np.zeros((len(x), 3), "<f4")
     data[:, 0], data[:, 1] = x, y
     head = _timestamp(nanoseconds) + _field(2, WORLD) + _field(3, _UNMOVED) + _fixed(4, _POINT) + _COORDINATES
@@ -147,7 +148,7 @@ def log(nanoseconds: int, level: Level, who: str, text: str) -> bytes:
 
 
 def read_log(data: bytes) -> tuple[str, str]:
-    """Who said what in the bytes of a `Log`. Raises ValueError."""
+    """Who said what, from the bytes of a `Log`. Raises ValueError."""
     found = {3: "", 4: ""}
     at = 0
     try:
@@ -166,7 +167,7 @@ def read_log(data: bytes) -> tuple[str, str]:
 
 
 def _read_varint(data: bytes, at: int) -> tuple[int, int]:
-    """A whole number at a place, and the place behind it. Raises IndexError at the end of the data."""
+    """An integer at this position, and the position after it. Raises IndexError at the end of the data."""
     value = shift = 0
     while data[at] > 0x7F:
         value |= (data[at] & 0x7F) << shift

@@ -1,29 +1,29 @@
 """Recording: a run written to an MCAP file while it goes on.
 
-    /poses                foxglove.PosesInFrame   where every robot is; viewers draw it as it stands
+    /poses                foxglove.PosesInFrame   where every robot is, for viewers
     /points               foxglove.PointCloud     the same as points, for Rerun, which draws no poses
-    /log                  foxglove.Log            for people: commands, what became of them, what robots say, rules
-    /readings             JSON                    what every robot senses: for each sensor a list in the robots' order
-    /accounting           JSON                    what became of a command, as counts
-    /rules                JSON                    the expressions that a robot keeps, whenever they have changed
+    /log                  foxglove.Log            for people: commands, their outcomes, what robots say, rules
+    /readings             JSON                    sensor values: for each sensor a list in the robots' order
+    /accounting           JSON                    the outcome of a command, as counts
+    /rules                JSON                    the expressions stored on a robot, whenever they have changed
     /sleepcast/marks      JSON                    groups and flags of the robots, whenever they may have changed
-    /sleepcast/posted     JSON                    every message of the operator, and in which tick it went on the air
+    /sleepcast/posted     JSON                    every message of the operator, and the tick in which it was sent
     /sleepcast/state      JSON                    the hash of the state, with its tick
-    /sleepcast/obstacles  JSON                    solid things that came, moved or went, and before which tick
+    /sleepcast/obstacles  JSON                    solid things added, moved or removed, and before which tick
 
-The metadata `sleepcast` says in which version of this format the file is and from which run; the attachment `scenario`
-is the scenario as `packing` writes it. With the posted messages that is all that a run depends on, so it can be
-repeated to the last bit. If the run went on from a snapshot, the attachment `snapshot` is the swarm as it was then. All
-times in the file are simulated ones, from 0.
+The metadata `sleepcast` hold the version of this format and describe the run; the attachment `scenario` is the
+scenario as `packing` writes it. A run depends only on these and the posted messages, so it can be repeated to the
+last bit. If the run was resumed from a snapshot, the attachment `snapshot` is the swarm at that time. All times in
+the file are simulated, from 0.
 
-A long recording may be kept in parts (`Rotation`): run.mcap, run-0002.mcap, run-0003.mcap ... Each can be read by
-itself: its metadata give its number and start time, and it begins with everything earlier that still counts: every
-posted message, the solid things, accounts, rules, marks, poses and readings. The metadata `following` at its end name
-the next part.
+A long recording may be split into parts (`Rotation`): run.mcap, run-0002.mcap, run-0003.mcap ... Each can be read on
+its own: its metadata give its number and start time, and it begins with everything earlier that still matters: every
+posted message, the solid things, accounts, rules, marks, poses and readings. The metadata `following` at its end
+name the next part.
 
-What is written gathers in memory and goes to the file in whole chunks: when `CHUNK` bytes have come together, and every
-`FLUSH_PERIOD` of real time, for which a thread sees. A process that is killed loses no more than that; a file that
-cannot be written any more (a full disk) keeps all whole chunks, the recording ends, and the run goes on.
+Messages are buffered in memory and written to the file in whole chunks: every `CHUNK` bytes, and every
+`FLUSH_PERIOD` of real time by a thread. A process that is killed loses no more than that. If the file cannot be
+written any more (a full disk), all whole chunks are kept, the recording ends, and the run goes on.
 """
 
 from __future__ import annotations
@@ -55,13 +55,13 @@ from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.world.world import Shape
 
 FORMAT = 1
-"""The version of this format; a file of a newer one is refused."""
+"""Version of this format; files of a newer one are refused."""
 CHUNK = 1_048_576
-"""Bytes of messages that go to the file together; big enough to compress well, small enough to hold in memory."""
+"""Bytes of messages written together: enough to compress well, few enough to hold in memory."""
 FLUSH_PERIOD = 0.5
-"""Seconds of real time after which everything lies in the file."""
+"""Seconds of real time after which everything is in the file."""
 CHUNKS_PER_PART = 8
-"""At least, so that a part ends about where it should."""
+"""Least number of chunks per part, so that a part ends close to its limit."""
 NANO = 1_000_000_000
 
 POSES, POINTS, LOG, READINGS, ACCOUNTING, RULES = "/poses", "/points", "/log", "/readings", "/accounting", "/rules"
@@ -70,17 +70,17 @@ OBSTACLES = "/sleepcast/obstacles"
 ABOUT, FOLLOWING, SCENARIO, SNAPSHOT = "sleepcast", "following", "scenario", "snapshot"
 """The names of the metadata at the start, of those at the end of a part that is not the last, and of attachments."""
 MAX_RECORD = 64 * 1_048_576
-"""Bytes of one record: a chunk with the readings of the largest swarm is a tenth of it."""
+"""Bytes of one record: ten times a chunk with the readings of the largest swarm."""
 MAX_START = MAX_RECORD // 2
 """Bytes of a snapshot that is recorded: that of a hundred thousand robots."""
 _OBJECT = b'{"type":"object"}'
 
 
 LEAST_BYTES, MOST_BYTES = 1e5, 1e12
-"""A part: smaller ones hold little but what each begins with, and no disk is larger."""
+"""Size of a part: smaller ones hold little besides their headers, and no disk is larger."""
 LEAST_SECONDS, MOST_SECONDS = 1.0, 1e9
 MOST_PARTS = 9_999
-"""What four digits number; the last part goes on to the end."""
+"""Parts that four digits can number; the last one is not split further."""
 
 _BYTES = {"kb": 1e3, "mb": 1e6, "gb": 1e9}
 _TIMES = ("s", "min", "h")
@@ -89,14 +89,14 @@ _PIECE = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)([a-z]+)")
 
 @dataclass(frozen=True, slots=True)
 class Rotation:
-    """When a part is full. size: bytes of its file; age: simulated s; whichever comes first."""
+    """When a part is full: at `size` bytes or after `age` simulated s, whichever comes first."""
 
     size: float = inf
     age: float = inf
 
 
 ONE_FILE = Rotation()
-"""Never full."""
+"""A recording in one file, never full."""
 
 
 def read_rotation(text: str) -> Rotation:
@@ -119,7 +119,7 @@ def read_rotation(text: str) -> Rotation:
 
 
 def part_file(first: Path, number: int) -> Path:
-    """The file of the part with this number, from 1, where the first one is `first`."""
+    """The file of part `number`, from 1; `first` is the file of the first part."""
     return first if number == 1 else first.with_name(f"{first.stem}-{number:04}{first.suffix}")
 
 
@@ -128,7 +128,7 @@ class RecordingError(SleepcastError):
 
 
 class MarksBody(msgspec.Struct):
-    """Groups and flags after a tick: a byte for each robot; names: of the groups by code, from 1."""
+    """Groups and flags after a tick: one byte per robot; names: of the groups by code, from 1."""
 
     tick: int
     groups: bytes
@@ -137,8 +137,8 @@ class MarksBody(msgspec.Struct):
 
 
 class AccountBody(msgspec.Struct, omit_defaults=True):
-    """What had become of a command, in counts of robots. predicted: to obey, when it was sent. values: what was said to
-    a question, in words."""
+    """The outcome of a command, in counts of robots. predicted: robots expected to obey when it was sent. values:
+    answers to a question, as text."""
 
     command: str
     text: str
@@ -151,7 +151,7 @@ class AccountBody(msgspec.Struct, omit_defaults=True):
 
 
 class RuleBody(msgspec.Struct):
-    """An expression that a robot keeps."""
+    """An expression stored on a robot."""
 
     name: str
     text: str
@@ -159,7 +159,7 @@ class RuleBody(msgspec.Struct):
 
 
 class RulesBody(msgspec.Struct):
-    """All that a robot keeps."""
+    """All expressions stored on a robot."""
 
     robot: str
     rules: list[RuleBody]
@@ -167,9 +167,9 @@ class RulesBody(msgspec.Struct):
 
 @dataclass(frozen=True, slots=True)
 class WorldChange:
-    """What became of the solid things, by their numbers in the world, before anything moved in the tick of this number.
-    put: those that came or moved; gone: those that went. own: whether the scenario itself let it happen, so that it
-    happens again when the run is repeated."""
+    """A change of the solid things, by their numbers in the world, before anything moved in the tick of this number.
+    put: those added or moved; gone: those removed. own: whether the scenario itself caused it, so that it happens again
+    when the run is repeated."""
 
     tick: int
     put: dict[str, Shape]
@@ -178,12 +178,12 @@ class WorldChange:
 
 
 class Recorder:
-    """A run's recording in `file`, which must not be there yet; see the module for what is in it.
+    """Records a run in `file`, which must not exist yet; see the module for the contents.
 
-    version: of the program. first: the tick that the run goes on from, and the swarm as it was then, unless it is too
-    large for a record. complain: called with a sentence when nothing more can be written, or no further part be begun,
-    possibly from another thread. rotation: when a part is full. Raises MisuseError for a file that is there
-    already, RecordingError where none can be made.
+    version: of the program. first: the tick from which the run was resumed, and the swarm at that time, unless it is
+    too large for a record. complain: called with a sentence when nothing more can be written, or no further part can
+    be started, possibly from another thread. rotation: when a part is full. Raises MisuseError if the file exists,
+    RecordingError if it cannot be created.
     """
 
     def __init__(
@@ -212,37 +212,38 @@ class Recorder:
         self._saver.start()
 
     def poses(self, time: float, x: NDArray[np.float64], y: NDArray[np.float64], heading: NDArray[np.float64]) -> None:
-        """Where all robots are at `time` (s): m and rad in the world's frame, float64, shape (robots,)."""
+        """Record the poses of all robots at `time` (s): m and rad in the world's frame, float64, shape (robots,)."""
         stamp = round(time * NANO)
         self._write(POSES, stamp, foxglove.poses(stamp, self._poses, x, y, heading))
         self._write(POINTS, stamp, foxglove.points(stamp, x, y))
 
     def log(self, time: float, who: str, text: str, level: Level = Level.INFO) -> None:
-        """A line for people."""
+        """Record a log line."""
         stamp = round(time * NANO)
         self._write(LOG, stamp, foxglove.log(stamp, level, who, text))
 
     def posted(self, time: float, tick: int, message: Message) -> None:
-        """The operator's `message` goes on the air in the tick with this number."""
+        """Record that the operator's `message` was sent in this tick."""
         body = {"tick": tick, "message": msgspec.to_builtins(message)}
         # Python's own JSON has infinity, which is the deadline of many messages.
         self._write(POSTED, round(time * NANO), json.dumps(body).encode())
 
     def note(self, topic: str, time: float, body: object) -> None:
-        """Anything for one of the JSON channels, as msgspec writes it: bytes as base64, NaN as null."""
+        """Record a message for one of the JSON channels, as msgspec writes it: bytes as base64, NaN as null."""
         self._write(topic, round(time * NANO), msgspec.json.encode(body))
 
     def obstacles(self, time: float, change: WorldChange) -> None:
-        """Solid things have come, moved or gone."""
+        """Record that solid things were added, moved or removed."""
         self._write(OBSTACLES, round(time * NANO), pack(change))
 
     def full(self, time: float) -> bool:
-        """Whether it is time to turn to the next part."""
+        """Whether it is time to begin the next part."""
         aged = time - self._began >= self._rotation.age
         return (aged or self._buffer.tell() >= self._rotation.size) and self.part < MOST_PARTS and not self.failed
 
     def turn(self, time: float) -> bool:
-        """End this part and begin the next one at `time`; whether there is one. If not, this one goes on to the end."""
+        """End this part and begin the next one at `time`; returns whether that worked. If not, this part is not split
+        further."""
         file = part_file(self._first, self.part + 1)
         try:
             output = _create(file)
@@ -262,7 +263,7 @@ class Recorder:
         return True
 
     def close(self) -> None:
-        """Write the rest and the index. Afterwards nothing can be recorded."""
+        """Write the rest and the index. Nothing can be recorded afterwards."""
         self._closing.set()
         self._saver.join()
         with self._lock:
@@ -274,7 +275,7 @@ class Recorder:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
         self.close()
 
-    # ---- down to the file
+    # ---- writing the file
 
     def _begin(self, output: FileIO, time: float) -> None:
         """Write what every part begins with."""
@@ -324,7 +325,7 @@ class Recorder:
                     self._save()
 
     def _save(self) -> None:
-        """Bring everything that was recorded so far into the file."""
+        """Write everything recorded so far to the file."""
         self._writer.flush()  # type: ignore[no-untyped-call]  # the library forgot to say `-> None`
         self._store()
 
@@ -345,7 +346,7 @@ class Recorder:
             )
 
     def _cut(self, end: int) -> None:
-        """Take half a chunk off the file's end. Where that cannot be done either, readers skip it."""
+        """Cut an incomplete chunk off the file's end. If that fails too, readers skip it."""
         try:
             os.ftruncate(self._output.fileno(), end)
         except OSError:
@@ -354,14 +355,14 @@ class Recorder:
     def _output_closed(self) -> None:
         try:
             self._output.close()
-        except OSError as error:  # some disks find out here that they are full
+        except OSError as error:  # some disks report only here that they are full
             if not self.failed:
                 self.failed = True
                 self._complain(f"the end of the recording {self.file} may be missing: {error.strerror or error}")
 
 
 class _Buffer(BytesIO):
-    """What the writer has finished and the file does not hold yet; it counts on where it was taken from."""
+    """Output of the MCAP writer that is not in the file yet; positions count from the start of the file."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -383,7 +384,7 @@ class _Buffer(BytesIO):
 
 
 def _refuse(file: Path) -> None:
-    """Say no if `file` is there already."""
+    """Raise MisuseError if `file` exists."""
     if file.exists():
         raise MisuseError(f"{file} already exists: choose another name")
 

@@ -1,4 +1,4 @@
-"""Recordings read: what `recorder` wrote, also where the writing process was killed or the disk was full.
+"""Reading recordings: what `recorder` wrote, even if the writing process was killed or the disk was full.
 
 A file that ends early is read up to its last whole chunk. Recordings come from anywhere, so everything in them is
 bounded and checked before it is used.
@@ -48,25 +48,25 @@ from sleepcast.simulator.scenario.scenario import Scenario
 from sleepcast.simulator.snapshot import scenario_of
 
 MAX_MESSAGES = 1_000_000
-"""Messages of an operator, repeats included: one in every second of eleven days."""
+"""Messages of an operator, repeats included: one per second for eleven days."""
 
 LEAST_RECORDS = 10_000
-"""Records that any chunk may have; a larger one may have as many as it has compressed bytes, since each has a time of
-its own, which takes more than a byte. So the time that a file takes grows with its size, whatever it unpacks to."""
+"""Records that any chunk may have; a larger one may have as many as it has compressed bytes, since each record has its
+own time, which takes more than a byte. So reading time grows with file size, even for compression bombs."""
 RECORD_HEAD = 9
-"""Bytes of a record's sort and length."""
+"""Bytes of a record's type and length."""
 
 _BROKEN = (McapError, struct.error, ValueError, RuntimeError, EOFError, OverflowError, ZstdError)
-"""What reading a file that ends in the middle, or holds anything, may raise."""
+"""Exceptions that a truncated or malformed file may cause."""
 
 
 class NoRecordingError(MisuseError):
-    """A file that is no recording, or one that this version cannot read."""
+    """The file is not a recording, or this version cannot read it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Posted:
-    """A message of the operator, and the tick in which it went on the air."""
+    """A message of the operator, and the tick in which it was sent."""
 
     tick: int
     message: Message
@@ -83,14 +83,14 @@ class RecordedMessage:
 
 @dataclass(slots=True)
 class Recording:
-    """What a run depended on and what it came to.
+    """A recorded run.
 
-    version: of the program that recorded it. part, began: which part of a recording the file is, from 1, and the
-    simulated time at which it begins, s; following: the name of the next part's file, "" if this is the last. first:
-    the tick that the run went on from; snapshot: of the swarm in that tick, empty if it began with the scenario, or was
-    too large to be recorded. posted: in order, those of earlier parts too; obstacles: likewise. states: hash of the
-    state by tick. accounting: the last account of each command by its id. counts: messages by topic. seconds: simulated
-    time of the last message. complete: whether the file was finished in good order.
+    version: of the program that recorded it. part, began: number of this part, from 1, and the simulated time at
+    which it begins, s; following: file name of the next part, "" if this is the last. first: the tick from which the
+    run was resumed; snapshot: of the swarm in that tick, empty if the run began with the scenario, or the snapshot
+    was too large to record. posted: in order, including earlier parts; obstacles: likewise. states: hash of the
+    state by tick. accounting: the last account of each command by its id. counts: messages by topic. seconds:
+    simulated time of the last message. complete: whether the file was closed properly.
     """
 
     file: Path
@@ -115,12 +115,12 @@ Body = TypeVar("Body")
 
 
 def decoded(kind: type[Body], data: bytes) -> Body:
-    """The body of an entry. Raises ValueError if it is no such one."""
+    """The body of an entry. Raises ValueError if it is of another type."""
     return msgspec.json.decode(data, type=kind)
 
 
 def load_recording(file: Path) -> Recording:
-    """What is in `file`, without poses and readings. Raises NoRecordingError, RecordingError."""
+    """The contents of `file`, without poses and readings. Raises NoRecordingError, RecordingError."""
     found = _start(file)
     for entry in entries(file, found):
         try:
@@ -134,7 +134,7 @@ def load_recording(file: Path) -> Recording:
 
 
 def _take(found: Recording, entry: RecordedMessage) -> None:
-    """Keep what an entry says, if it is of a kind that is kept."""
+    """Store the contents of an entry, if its topic is used here."""
     if entry.topic == OBSTACLES:
         change = unpack(WorldChange, entry.data)
         if not all(name.isascii() and name.isdigit() and len(name) < 20 for name in change.put):
@@ -160,7 +160,7 @@ def _tick(body: dict[str, object]) -> int:
 
 
 def entries(file: Path, found: Recording) -> Iterator[RecordedMessage]:
-    """Every message of `file` in order, up to its end or to where it breaks off; what is seen is counted in `found`."""
+    """Every message of `file` in order, up to its end or to where it breaks off; counted in `found`."""
     topics: dict[int, str] = {}
     found.counts, found.complete = {}, False
     for record in _records(file):
@@ -177,7 +177,7 @@ def entries(file: Path, found: Recording) -> Iterator[RecordedMessage]:
 
 
 def _start(file: Path) -> Recording:
-    """What the file says of itself before its first message."""
+    """Read the metadata and attachments before the first message."""
     about: dict[str, str] | None = None
     snapshot = b""
     for record in _records(file):
@@ -233,8 +233,8 @@ def _scenario(file: Path, data: bytes) -> Scenario:
 
 @contextmanager
 def alive(recording: Recording) -> Iterator[None]:
-    """For the making of the recorded swarm. Raises NoRecordingError where that goes wrong: what is in the file may fit
-    together only in part."""
+    """Guards the reconstruction of the recorded swarm: raises NoRecordingError if it fails, because the contents of a
+    file may be inconsistent."""
     try:
         yield
     except SleepcastError:
@@ -245,7 +245,7 @@ def alive(recording: Recording) -> Iterator[None]:
 
 
 def _records(file: Path) -> Iterator[McapRecord]:
-    """Every record, those in chunks included, up to the end or to where the file breaks off."""
+    """Every record, including those in chunks, up to the end or to where the file breaks off."""
     try:
         with _Bounded(open_file(file)) as stream:
             yield from _whole_records(stream)
@@ -254,7 +254,7 @@ def _records(file: Path) -> Iterator[McapRecord]:
 
 
 class _Bounded(BufferedReader):
-    """A file that gives no more at once than a record may have, whatever the lengths in it say."""
+    """A file that returns no more bytes at once than a record may have, whatever lengths it states."""
 
     def read(self, size: int | None = -1, /) -> bytes:
         if size is None or not 0 <= size <= MAX_RECORD:
@@ -277,7 +277,7 @@ def _whole_records(stream: _Bounded) -> Iterator[McapRecord]:
 
 
 def _check_count(data: bytes, most: int) -> None:
-    """Raises ValueError for more records than so many: a few kB of zeros could become millions."""
+    """Raises ValueError for more than `most` records: a few kB of zeros could become millions."""
     at = 0
     for _ in range(most):
         if at >= len(data):
@@ -288,8 +288,8 @@ def _check_count(data: bytes, most: int) -> None:
 
 
 def _opened(chunk: Chunk) -> Chunk:
-    """The chunk uncompressed. Raises ValueError where it is larger or smaller than it says: a few bytes of zeros could
-    become gigabytes."""
+    """The chunk uncompressed. Raises ValueError if its size is not what it states: a few bytes of zeros could become
+    gigabytes."""
     size = chunk.uncompressed_size
     if size > MAX_RECORD:
         raise ValueError(f"a chunk of {size} bytes, at most {MAX_RECORD} are read")

@@ -1,1 +1,1 @@
-"""How kernels are compiled, and the vectors, memory and formulas they calculate with."""
+"""How kernels are compiled, and their building blocks: vectors, memory access and formulas."""

@@ -1,12 +1,12 @@
-"""Decorators that compile kernels, and a cache of their code under a name made of everything that it depends on,
-independent of where the package is installed. (numba's own cache goes by path, time and text of one file.)
+"""Decorators that compile kernels, and a cache of their machine code. Its keys cover everything the code depends on and
+are independent of where the package is installed. (numba's own cache uses path, time and text of one file.)
 
 Contraction to fused multiply-adds is off (results would differ between processors). Only `strict` kernels allow
 infinities and NaN. Every function states its mode, or it would inherit that of its first caller. Compiled functions
 release the GIL.
 
-Only kernels make arrays, not their parts, so that numba need not count references (with atomic instructions) at every
-call of a part.
+Only kernels allocate arrays, not the functions they call, so that numba need not count references (with atomic
+instructions) at every call.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 FASTMATH = {"nnan", "ninf", "nsz"}
 PART: dict[str, Any] = {"no_cpython_wrapper": True, "_nrt": False}
-"""Of functions that only kernels call: Python cannot, and who holds arrays is not counted."""
+"""For functions that only kernels call: no Python wrapper, no reference counting."""
 ROOM = Path(__file__).resolve().parent.parent
 SOURCES = (
     *("*/kernels*.py", "simd/*.py"),
@@ -43,13 +43,13 @@ SOURCES = (
     *("sonar/noise.py", "sonar/crosstalk.py", "sonar/fields.py"),
     "../core/counter_rng.py",
 )
-"""Kernels, and where they have numbers, formulas and named tuples from."""
+"""Kernels, and the modules with their constants, formulas and named tuples."""
 CACHE = CodeCache("kernels")
 
 
 @cache
 def _identity() -> str:
-    """What all kernels depend on: their sources, what compiles them, and the processor."""
+    """What all kernels depend on: their sources, the compiler, and the processor."""
     sources = sorted(source for names in SOURCES for source in ROOM.glob(names))
     compilers = f"{sys.implementation.cache_tag} {numba.__version__} {llvmlite.__version__}"
     states = [compilers.encode(), repr(cpu_target.target_context.codegen().magic_tuple()).encode()]
@@ -57,23 +57,23 @@ def _identity() -> str:
 
 
 class KernelCache(NullCache):
-    """What numba keeps of one function, by the types of its arguments."""
+    """numba's cache of one function, by the types of its arguments."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The code for these types, None if there is none."""
+        """The machine code for these types, None if there is none."""
         kept = CACHE.load(self._name(sig))
         if kept is None:
             return None
-        rtsys.initialize(target_context)  # and no more: all that compiling takes would take four times as long
+        rtsys.initialize(target_context)  # no more than this: full set-up for compiling takes four times as long
         types_kept, payload = pickle.loads(kept)
         rebuild: Any = CompileResult._rebuild
         return rebuild(target_context, *payload) if types_kept == sig else None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the code for these types, unless it has addresses of this process in it."""
+        """Store the machine code for these types, unless it contains addresses of this process."""
         pickled: Any = serialize.dumps
         if not data.library.has_dynamic_globals:
             CACHE.save(self._name(sig), pickled((sig, data._reduce())))
@@ -83,32 +83,32 @@ class KernelCache(NullCache):
 
 
 def kept_in() -> Path | None:
-    """The folder with kernels of these sources for this processor; None if none has ever been compiled."""
+    """The folder with kernels of these sources for this processor; None if none has been compiled yet."""
     return CACHE.holding(f"{_identity()}-")
 
 
 def compiled(function: Kernel) -> Kernel:
-    """A kernel; compiled when it is first called, and kept."""
+    """A kernel; compiled when first called, and cached."""
     return _made(function, fastmath=FASTMATH)
 
 
 def strict(function: Kernel) -> Kernel:
-    """A kernel that computes the same bits as NumPy, infinite and signed numbers included."""
+    """A kernel that computes the same bits as NumPy, including infinities and signed zeros."""
     return _made(function, fastmath=False)
 
 
 def inlined(function: Kernel) -> Kernel:
-    """A small function that becomes part of the kernels that call it, and can be called by nobody else."""
+    """A small function that is inlined into the kernels that call it; not callable from Python."""
     return _made(function, fastmath=FASTMATH, forceinline=True, **PART)
 
 
 def part(function: Kernel) -> Kernel:
-    """A part of kernels, as `strict` as these, that is compiled by itself and can be called by nobody else."""
+    """A part of `strict` kernels that is compiled separately; not callable from Python."""
     return _made(function, fastmath=False, **PART)
 
 
 def woven(function: Kernel) -> Kernel:
-    """A part of `strict` kernels that becomes part of those that call it."""
+    """A part of `strict` kernels that is inlined into those that call it."""
     return _made(function, fastmath=False, forceinline=True, **PART)
 
 
@@ -116,7 +116,7 @@ def _made(function: Kernel, **options: Any) -> Kernel:
     options |= {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
     made = numba.njit(**options)(function)
     if Path(function.__code__.co_filename).resolve().is_relative_to(ROOM) and "<locals>" not in function.__qualname__:
-        made._cache = KernelCache(function)  # the names of others would not tell all that they depend on
+        made._cache = KernelCache(function)  # the index of numba's own cache would not include all dependencies
     return cast(Kernel, made)
 
 
@@ -126,7 +126,7 @@ def _either_of_numbers(condition, yes, no):  # type: ignore[no-untyped-def]  # n
 
 
 def usable(formula: Callable[..., Any]) -> None:
-    """Let kernels call a formula that is Python's as well."""
+    """Let kernels call a formula that is also Python's."""
     register_jitable(forceinline=True, fastmath=False, error_model="numpy")(formula)
 
 

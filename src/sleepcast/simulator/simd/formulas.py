@@ -1,7 +1,7 @@
-"""Formulas that every machine computes to the same last bit: for arrays, and for one number within compiled kernels.
+"""Formulas that give the same bits on every processor: for arrays, and for single numbers in compiled kernels.
 
-Only additions, multiplications, divisions, roots and comparisons, each of which is exact to half a last place on every
-processor, in one order; NumPy's own sines and logarithms depend on the processor. Angles in rad.
+They use only additions, multiplications, divisions, roots and comparisons, which IEEE 754 rounds correctly
+everywhere, in a fixed order; NumPy's own sines and logarithms depend on the processor. Angles in rad.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ Floats: TypeAlias = NDArray[np.float64]
 
 TURN = 2.0 * np.pi
 _QUARTER, _REST = 1.57079632673412561417, 6.07710050650619224932e-11
-"""A quarter of a turn: 33 bits, so that a few of them are exact, and what is left."""
+"""A quarter turn: 33 bits, so that small multiples are exact, and the remainder."""
 
 
 def either(condition: NDArray[np.bool_], yes: Floats | float, no: Floats | float) -> Floats:
-    """`yes` where the condition holds, elsewhere `no`. Kernels have a form of their own, see `compiled`."""
+    """`yes` where the condition holds, elsewhere `no`. Kernels have their own version, see `compiled`."""
     return np.where(condition, yes, no)
 
 
 def sine_cosine(angle: Floats) -> tuple[Floats, Floats]:
-    """Sine and cosine, to about a last place, of an angle of at most some thousand turns (Cody and Waite's reduction to
-    half a quarter; Taylor's polynomials with their last terms adjusted, as in the libraries of C)."""
+    """Sine and cosine, to about one unit in the last place, of an angle of at most some thousand turns (Cody and
+    Waite's reduction to an eighth of a turn; Taylor polynomials with adjusted last terms, as in C libraries)."""
     quarters = np.floor(angle * (2.0 / np.pi) + 0.5)
     r = (angle - quarters * _QUARTER) - quarters * _REST
     z, s = r * r, sine_of_rest(r)
@@ -40,7 +40,7 @@ def sine_cosine(angle: Floats) -> tuple[Floats, Floats]:
 
 
 def sine_of_rest(r: Floats) -> Floats:
-    """Sine of an angle of half a quarter at most, either way."""
+    """Sine of an angle of at most an eighth of a turn, positive or negative."""
     z = r * r
     high = -1.98412698298579493134e-04 + z * (
         2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
@@ -49,13 +49,13 @@ def sine_of_rest(r: Floats) -> Floats:
 
 
 def arc_tangent(up: Floats, across: Floats) -> Floats:
-    """The angle, -pi..pi, of the way `across` and `up`, to a few last places; 0 for no way at all."""
+    """The angle, -pi..pi, of the vector (`across`, `up`), to a few units in the last place; 0 for the zero vector."""
     a, b = np.abs(across), np.abs(up)
     swapped = b > a
     low, high = either(swapped, a, b), either(swapped, b, a)
     t = low / either(high > 0.0, high, 1.0)
     t = t / (1.0 + np.sqrt(1.0 + t * t))  # the tangent of half the angle,
-    t = t / (1.0 + np.sqrt(1.0 + t * t))  # and of a quarter: at most 0.2, where the series is short
+    t = t / (1.0 + np.sqrt(1.0 + t * t))  # and of a quarter of it: at most 0.2, where the series is short
     z = t * t
     rest = 1.0 / 13.0 - z * (1.0 / 15.0 - z * (1.0 / 17.0 - z * (1.0 / 19.0 - z / 21.0)))
     rest = 1.0 / 7.0 - z * (1.0 / 9.0 - z * (1.0 / 11.0 - z * rest))
@@ -66,5 +66,5 @@ def arc_tangent(up: Floats, across: Floats) -> Floats:
 
 
 def wrap(angle: Floats) -> Floats:
-    """An angle within -pi..pi."""
+    """The angle wrapped to -pi..pi."""
     return angle - TURN * np.floor((angle + np.pi) / TURN)

@@ -1,6 +1,5 @@
-"""A compiled kernel that waits, without giving the core away, for a word that another thread writes: to sleep and be
-woken takes longer than most of what threads wait for here. The thread pool calls it.
-"""
+"""A compiled kernel that busy-waits for a word that another thread writes: sleeping and waking would take longer than
+most of what threads wait for here. The thread pool calls it."""
 
 from __future__ import annotations
 
@@ -13,12 +12,12 @@ from numba.extending import intrinsic
 from sleepcast.simulator.simd.compiled import compiled
 
 PAUSE = "llvm.x86.sse2.pause"
-"""What LLVM calls the instruction that lets a core rest for some dozen cycles, where there is one."""
+"""LLVM's name of the instruction that rests a core for some dozen cycles, where the processor has one."""
 
 
 @intrinsic
 def _look(typing, words):
-    """The first of these words (int64) as it is now, after a moment's rest."""
+    """The current value of the first of these words (int64), after a moment's rest."""
 
     def generate(context, build, signature, arguments):
         if platform.machine().lower() in ("x86_64", "amd64"):
@@ -32,7 +31,7 @@ def _look(typing, words):
 
 @compiled
 def wait(words, most, moment):
-    """Look at the first of these words (int64) until it is not 0, `most` times, and then `moment` times more."""
+    """Read the first of these words (int64) until it is not 0: up to `most` times, and then `moment` times more."""
     for _ in range(most):
         if _look(words):
             for _ in range(moment):

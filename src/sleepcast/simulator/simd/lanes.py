@@ -1,7 +1,7 @@
-"""Sixteen numbers at a time from memory and into it: side by side, packed, and past the caches.
+"""Loading and storing sixteen numbers at a time: contiguous, compressed, and past the caches.
 
-Numbers are packed with one vector instruction where the processor has it (AVX-512) and LLVM knows how to say it, else
-one by one; the outcome is the same.
+Numbers are compressed with one vector instruction where the processor has it (AVX-512) and this LLVM supports it,
+else one by one; the result is the same.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from sleepcast.simulator.simd.vectors import LANES, LONG, REALS, Lanes, called, 
 
 COMPRESS = "llvm.experimental.vector.compress"
 KNOWN_BY = (19, 22)
-"""Versions of LLVM, first and last tried, that know COMPRESS."""
+"""Versions of LLVM, first and last tested, that support COMPRESS."""
 
 
 def _place(context, build, its, array, index, vector):
-    """Where numbers of an array begin, for a vector of them."""
+    """Pointer to a vector in an array, from `index` on."""
     data = context.make_array(its)(context, build, array).data
     return build.bitcast(build.gep(data, [index]), vector.as_pointer())
 
 
 @intrinsic
 def at(typing, array, first):
-    """The LANES numbers of a row of numbers from `first` on."""
+    """The LANES numbers of a 1-d array from `first` on."""
 
     def generate(context, build, signature, given):
         vector = vector_of(array.dtype)
@@ -38,7 +38,7 @@ def at(typing, array, first):
 
 @intrinsic
 def put(typing, array, first, values):
-    """Write `values` into a row of numbers from `first` on."""
+    """Write `values` into a 1-d array from `first` on."""
 
     def generate(context, build, signature, given):
         into, first, values = given
@@ -50,7 +50,7 @@ def put(typing, array, first, values):
 
 @intrinsic
 def some(typing, array, first, most):
-    """The numbers of a row of numbers from `first` on, at most so many (None: LANES), and 0 for others."""
+    """The numbers of a 1-d array from `first` on, at most `most` (None: LANES); the rest is 0."""
 
     def generate(context, build, signature, given):
         vector, size = vector_of(array.dtype), array.dtype.bitwidth // 8
@@ -66,7 +66,7 @@ def some(typing, array, first, most):
 
 @intrinsic
 def put_some(typing, array, first, values, most):
-    """Write `values`, at most so many (None: all), into a row of numbers from `first` on."""
+    """Write `values`, at most `most` of them (None: all), into a 1-d array from `first` on."""
 
     def generate(context, build, signature, given):
         into, first, values, _ = given
@@ -82,7 +82,7 @@ def put_some(typing, array, first, values, most):
 
 @intrinsic
 def put_pairs(typing, array, first, evens, odds):
-    """Write pairs of each of `evens` and the one of `odds` beside it into a row of numbers from `first` on."""
+    """Write `evens` and `odds` alternately into a 1-d array from `first` on."""
 
     def generate(context, build, signature, given):
         into, first, evens, odds = given
@@ -96,7 +96,7 @@ def put_pairs(typing, array, first, evens, odds):
 
 @intrinsic
 def pair_at(typing, array, first):
-    """The two numbers of a row of numbers (float32) from `first` on, again and again."""
+    """The two numbers of a 1-d array (float32) from `first` on, repeated."""
 
     def generate(context, build, signature, given):
         data = context.make_array(array)(context, build, given[0]).data
@@ -110,8 +110,8 @@ def pair_at(typing, array, first):
 
 @intrinsic
 def put_turned(typing, table, row, column, last, into, first, step):
-    """Write LANES rows of LANES numbers each of a table into a row of numbers, columns as rows: the first column from
-    `first` on, each other one `step` further. Behind the `last` row of the table that one comes again."""
+    """Transpose LANES rows of LANES numbers of a table into a 1-d array: the first column from `first` on, each other
+    one `step` further. Rows behind the `last` one repeat it."""
 
     def generate(context, build, signature, given):
         table_, row, column, last, into_, first, step = given
@@ -134,21 +134,21 @@ def put_turned(typing, table, row, column, last, into, first, step):
 
 
 def _turned_over(build, rows):
-    """The columns of LANES rows: first within quarters of vectors, which every processor can, then whole quarters."""
+    """Transpose LANES rows: first within quarters of vectors, which every processor can do, then whole quarters."""
 
     def shuffled(one, other, order):
         return build.shuffle_vector(one, other, ir.Constant(ir.VectorType(ir.IntType(32), LANES), order))
 
     def picked(one, other, pattern):
-        """In each quarter the numbers of this pattern, from 4 on those of the other one's quarter."""
+        """Shuffle within each quarter by this pattern; numbers from 4 on select from the other vector's quarter."""
         return shuffled(one, other, [4 * q + n % 4 + LANES * (n // 4) for q in range(4) for n in pattern])
 
     def quarters(one, other, pattern):
-        """The quarters of this pattern, from 4 on those of the other one."""
+        """Shuffle whole quarters by this pattern; numbers from 4 on select from the other vector."""
         return shuffled(one, other, [4 * q + n for q in pattern for n in range(4)])
 
     low, high, pairs = (0, 4, 1, 5), (2, 6, 3, 7), ((0, 1, 4, 5), (2, 3, 6, 7))
-    fours = []  # for each four rows: in the q-th quarter of the j-th vector their column 4 q + j
+    fours = []  # for every four rows: the q-th quarter of the j-th vector holds their column 4 q + j
     for a, b, c, d in zip(*(rows[n::4] for n in range(4)), strict=True):
         halves = [(picked(a, b, half), picked(c, d, half)) for half in (low, high)]
         fours.append([picked(*half, pattern) for half in halves for pattern in pairs])
@@ -163,13 +163,13 @@ def _turned_over(build, rows):
 
 
 def at_once() -> bool:
-    """Whether this processor and this LLVM can."""
+    """Whether this processor and this LLVM can compress vectors."""
     known = KNOWN_BY[0] <= binding.llvm_version_info[0] <= KNOWN_BY[1]
     return known and bool(binding.get_host_cpu_features().get("avx512f"))
 
 
 def packing(whole: bool) -> Any:
-    """The function `pack`, for all at once or one by one."""
+    """The function `pack`, with one instruction or one by one."""
 
     def pack(typing, array, n, values, truths):
         kind = values.kind
@@ -195,14 +195,14 @@ def packing(whole: bool) -> Any:
 
 
 pack = packing(at_once())
-"""Write those of `values` that are true in `truths`, one after the other, into a row of numbers from `n` on. Room for
-LANES more must be there."""
+"""Write those of `values` whose `truths` are set, contiguously, into a 1-d array from `n` on. There must be room for
+LANES more."""
 
 
 @intrinsic
 def put_by(typing, array, row, column, values):
-    """Write `values` into a row of `array` from `column` on, past the caches, which would have to read from memory what
-    is overwritten. A line of theirs must begin there."""
+    """Write `values` into a row of `array` from `column` on, past the caches, which would first read the memory that is
+    overwritten. The target must begin at a cache line."""
 
     def generate(context, build, signature, given):
         its, row, column, values = given
@@ -219,7 +219,7 @@ def put_by(typing, array, row, column, values):
 
 @intrinsic
 def all_passed(typing):
-    """Everything that was written past the caches has come to memory before anything that is done from here on."""
+    """Memory fence: all writes past the caches complete before anything that follows."""
 
     def generate(context, build, signature, arguments):
         build.fence("seq_cst")
@@ -230,7 +230,7 @@ def all_passed(typing):
 
 @intrinsic
 def forecast(typing, array, place):
-    """Have this number of an array brought into the nearest cache, without waiting for it."""
+    """Prefetch this number of an array into the first-level cache."""
 
     def generate(context, build, signature, given):
         data = context.make_array(array)(context, build, given[0]).data

@@ -1,12 +1,12 @@
-"""Sixteen numbers as one value that kernels calculate with, a vector of LLVM's: what is written so becomes vector
-instructions on every processor, and the numbers stay in registers.
+"""Sixteen numbers as one value in kernels, an LLVM vector: such code becomes vector instructions on every processor,
+and the numbers stay in registers.
 
-`Lanes` are of float32, float64, int32, uint64, or of truths. `+ - * / < <= > >= == !=` work number by number, also with
-a single number of the same type for all, `& | ^` on truths and whole numbers, `<< >>` on whole numbers, and on reals
-`-`, `np.abs`, `np.floor`, `np.sqrt` and `formulas.either`, so that formulas for arrays hold for lanes too. What else
-there is are functions, here for what is calculated and in `lanes` for what goes to memory and comes from there.
+`Lanes` are of float32, float64, int32, uint64, or of truths. `+ - * / < <= > >= == !=` work element by element, also
+with a scalar of the same type, `& | ^` on truths and integers, `<< >>` on integers, and on reals `-`, `np.abs`,
+`np.floor`, `np.sqrt` and `formulas.either`, so that formulas for arrays work for lanes too. Everything else is a
+function: computations here, memory access in `lanes`.
 
-No operation joins others, so that results are those of the same formula for single numbers.
+Operations are never fused, so results equal those of the same formula for scalars.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ REALS, WHOLE = (SINGLE, DOUBLE), (SHORT, LONG)
 
 
 class Lanes(types.Type):
-    """Sixteen numbers of one kind."""
+    """Sixteen numbers of one type."""
 
     def __init__(self, kind: Any) -> None:
         self.kind = kind
@@ -55,7 +55,7 @@ def vector_of(kind: Any) -> ir.VectorType:
 
 
 def filled(build: Any, value: Any, vector: Any = None) -> Any:
-    """A vector of this value, and of this type if it has others than LANES."""
+    """A vector with this value in all elements, of type `vector` (None: LANES of the value's type)."""
     vector = vector or ir.VectorType(value.type, LANES)
     one = build.insert_element(ir.Constant(vector, ir.Undefined), value, ir.Constant(ir.IntType(32), 0))
     whole = ir.Constant(ir.VectorType(ir.IntType(32), vector.count), [0] * vector.count)
@@ -63,19 +63,19 @@ def filled(build: Any, value: Any, vector: Any = None) -> Any:
 
 
 def called(build: Any, name: str, result: Any, arguments: list[Any], flags: tuple[str, ...] = ()) -> Any:
-    """What LLVM's own function of this name gives."""
+    """The result of the LLVM intrinsic of this name."""
     shape = ir.FunctionType(result, [argument.type for argument in arguments])
     function = build.module.globals.get(name) or ir.Function(build.module, shape, name)
     return build.call(function, arguments, fastmath=flags)
 
 
 def bits_of(build: Any, truths: Any) -> Any:
-    """Truths as bits of one whole number."""
+    """Truths as the bits of one integer."""
     return build.bitcast(truths, ir.IntType(LANES))
 
 
 def _plain(its: Any) -> Any:
-    """The type of an operand, without the value that it may be known to have."""
+    """The type of an operand, without the constant that it may be known to have."""
     return its if isinstance(its, Lanes) else types.unliteral(its)
 
 
@@ -85,13 +85,13 @@ def _whole(build: Any, its: Any, value: Any) -> Any:
 
 
 def _pair(left: Any, right: Any) -> Any:
-    """The kind of two operands that go together; None if they do not."""
+    """The common type of two operands; None if they do not match."""
     kinds = [each.kind if isinstance(each, Lanes) else _plain(each) for each in (left, right)]
     return kinds[0] if kinds[0] == kinds[1] and isinstance(left, Lanes) | isinstance(right, Lanes) else None
 
 
 def _define(symbol: Any, kinds: tuple[Any, ...], result: Any, make: Callable[[Any, Any, Any, Any], Any]) -> None:
-    """Let an operator work on lanes of these kinds, and give lanes of the kind `result` (None: the same)."""
+    """Define an operator on lanes of these types, with results of the type `result` (None: the same)."""
 
     @type_callable(symbol)
     def typer(context: Any) -> Any:
@@ -111,13 +111,13 @@ def _define(symbol: Any, kinds: tuple[Any, ...], result: Any, make: Callable[[An
 
 
 def _by_kind(real: str, short: str) -> Callable[[Any, Any, Any, Any], Any]:
-    """LLVM's instructions of these names for reals and for whole numbers."""
+    """LLVM's instructions of these names for reals and for integers."""
     return lambda build, kind, left, right: getattr(build, real if kind in REALS else short)(left, right)
 
 
 def _comparison(sign: str) -> Callable[[Any, Any, Any, Any], Any]:
     def compare(build: Any, kind: Any, left: Any, right: Any) -> Any:
-        if kind in REALS:  # what is no number differs from all
+        if kind in REALS:  # NaN is unequal to everything
             return (build.fcmp_unordered if sign == "!=" else build.fcmp_ordered)(sign, left, right)
         return (build.icmp_signed if kind == SHORT else build.icmp_unsigned)(sign, left, right)
 
@@ -143,7 +143,7 @@ _define(
 
 
 def _of_each(make: Callable[..., Any], kinds: tuple[Any, ...], result: Any = None) -> Any:
-    """A function of lanes of these kinds that gives lanes; `make` gets LLVM's builder and the vector."""
+    """A function of lanes of these types that returns lanes; `make` gets LLVM's builder and the vector."""
 
     def typed(typing: Any, values: Any) -> Any:
         if not isinstance(values, Lanes) or values.kind not in kinds:
@@ -154,8 +154,7 @@ def _of_each(make: Callable[..., Any], kinds: tuple[Any, ...], result: Any = Non
 
 
 def _turned(name: str, kinds: tuple[Any, ...], result: Any) -> Any:
-    """A function that turns lanes of these kinds, or one number, into those of another, with an instruction of
-    LLVM's."""
+    """A function that converts lanes of these types, or one number, to another type with an LLVM instruction."""
 
     def typed(typing: Any, values: Any) -> Any:
         kind = values.kind if isinstance(values, Lanes) else values
@@ -169,7 +168,7 @@ def _turned(name: str, kinds: tuple[Any, ...], result: Any) -> Any:
 
 
 def _library(name: str) -> Callable[[Any, Any], Any]:
-    """LLVM's own function of this name."""
+    """The LLVM intrinsic of this name."""
 
     def make(build: Any, value: Any) -> Any:
         sort = "f32" if value.type.element == KINDS[SINGLE] else "f64"
@@ -190,7 +189,7 @@ shorts = _turned("fptosi", (DOUBLE,), SHORT)
 
 @intrinsic
 def every(typing, value):
-    """Lanes of this number."""
+    """Lanes that all hold this number."""
     return Lanes(types.unliteral(value))(types.unliteral(value)), lambda context, build, its, given: filled(
         build, given[0]
     )
@@ -198,13 +197,13 @@ def every(typing, value):
 
 @intrinsic
 def places(typing):
-    """The lanes' own numbers, int32."""
+    """The lanes' own indices, int32."""
     return Lanes(SHORT)(), lambda context, build, its, given: ir.Constant(vector_of(SHORT), list(range(LANES)))
 
 
 @intrinsic
 def either(typing, truths, yes, no):
-    """`yes` where it is true, else `no`; one of them may be a single number."""
+    """`yes` where it is true, else `no`; either may be a scalar."""
     kind = _pair(yes, no)
     if kind is None:
         return None
@@ -219,7 +218,7 @@ def either(typing, truths, yes, no):
 
 @intrinsic
 def like(typing, number, values):
-    """`values`, float64, as reals of the kind of `number`."""
+    """`values`, float64, as reals of the type of `number`."""
     kind = _plain(number)
 
     def generate(context, build, signature, given):
@@ -229,8 +228,8 @@ def like(typing, number, values):
 
 
 def _extreme(name: str) -> Any:
-    """LLVM's own function of this name, of numbers that are known. Said with a comparison and a choice, the lesser of
-    what is kept and something new becomes a store of some lanes only, for which the next load has to wait."""
+    """An LLVM intrinsic for the lesser or greater of two non-NaN numbers. As a comparison and a selection, a running
+    minimum would become a masked store, which the next load has to wait for."""
 
     def typed(typing: Any, left: Any, right: Any) -> Any:
         kind = _pair(left, right)
@@ -251,7 +250,7 @@ least_of, most_of = _extreme("minnum"), _extreme("maxnum")
 
 @intrinsic
 def any_of(typing, truths):
-    """Whether one of them is true."""
+    """Whether any of them is true."""
 
     def generate(context, build, signature, given):
         return build.icmp_unsigned("!=", bits_of(build, given[0]), ir.IntType(LANES)(0))
@@ -261,7 +260,7 @@ def any_of(typing, truths):
 
 @intrinsic
 def how_many(typing, truths):
-    """How many are true, uint64."""
+    """Number of true lanes, uint64."""
 
     def generate(context, build, signature, given):
         return build.zext(build.ctpop(bits_of(build, given[0])), ir.IntType(64))
@@ -271,7 +270,7 @@ def how_many(typing, truths):
 
 @intrinsic
 def truths_of(typing, bits):
-    """The lower bits of a whole number, the lowest for lane 0."""
+    """The lower bits of an integer as truths, the lowest for lane 0."""
 
     def generate(context, build, signature, given):
         return build.bitcast(build.trunc(given[0], ir.IntType(LANES)), vector_of(TRUTH))
@@ -280,7 +279,7 @@ def truths_of(typing, bits):
 
 
 def _of_lanes(function: Any, form: Any) -> None:
-    """Let lanes, too, be given to a function of real numbers, or to an operator; `form` is theirs."""
+    """Extend a function of real numbers, or an operator, to lanes; `form` is its implementation for them."""
 
     @overload(function)
     def chosen(values):

@@ -1,1 +1,1 @@
-"""What sonars read: exact ranges of cones, firing orders, cross-talk and noise, in NumPy and as kernels."""
+"""Sonar readings: exact ranges of cones, firing orders, cross-talk and noise, in NumPy and as kernels."""

@@ -1,13 +1,13 @@
-"""Sonar cones, exactly: the nearest point of any body or solid that lies within a cone, for all cones of a ring.
+"""Exact sonar cones: the nearest point of any body or solid inside a cone, for all cones of a ring.
 
-A cone opens from the transducer's face, on the rim of the body. No rays are cast; both sorts of thing have a closed
-form. For a disc, the nearest point lies on the line to its middle if that is within the cone, else on the edge of the
-cone that is nearer to the middle, if that edge meets the disc. For a line, the cone cuts out an interval (and so does
-the greatest angle of incidence, measured from the perpendicular, at which the surface still throws an echo back): the
-nearest point is the foot of the perpendicular, moved into the interval.
+A cone opens from the transducer's face, on the rim of the body. No rays are cast; discs and lines both have a closed
+form. The nearest point of a disc lies on the line to its centre if that line is inside the cone, else on the edge of
+the cone nearer to the centre, if that edge meets the disc. On a line, the cone cuts out an interval, and so does the
+greatest angle of incidence, measured from the perpendicular, at which a surface still reflects an echo back; the
+nearest point is the foot of the perpendicular, clamped to both intervals.
 
-Here is the form for NumPy, in double precision. `kernels_sonar` has `ranges` for numba, the same to some micrometres,
-and `kernels_firing` has `look`, the same to the last bit.
+This is the NumPy version, in double precision. `kernels_sonar` has `ranges` for numba, equal up to some micrometres,
+and `kernels_firing` has `look`, bit-identical.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from sleepcast.simulator.world.grid import Floats, Grid, Listed, Sorted, Whole, 
 from sleepcast.simulator.world.walls import Walls
 
 AT_ONCE = 500
-"""Robots looked at together: their pairs with everything in reach then stay in a cache of some megabytes."""
+"""Robots processed at once: their pairs with everything in reach stay in a cache of some megabytes."""
 
 Ranges = NDArray[np.float32]
 
@@ -34,9 +34,9 @@ Ranges = NDArray[np.float32]
 class Cones:
     """A ring of `count` cones, number 0 in front, then counter-clockwise, on the rim of a disc of `radius` m.
 
-    half: half of a cone's opening, rad. most: m from the rim, what is farther is not seen. incidence: rad from the
-    perpendicular, beyond which a surface throws nothing back. widest: the greatest radius of any body, m, if others
-    have another one than those who look.
+    half: half of a cone's opening, rad. most: greatest range from the rim, m. incidence: angle from the
+    perpendicular beyond which a surface reflects nothing back, rad. widest: greatest radius of any body, m, if other
+    bodies differ in radius.
     """
 
     count: int
@@ -48,13 +48,13 @@ class Cones:
 
     @property
     def reach(self) -> float:
-        """How far the middle of another body may be that is still seen, m."""
+        """Greatest distance of the centre of a visible body, m."""
         return self.radius + self.most + max(self.radius, self.widest)
 
     @property
     def cell(self) -> float:
-        """The side of a cell of a grid that suits them: the reach, and a little more for rounding, m. Smaller ones let
-        in fewer bodies that are out of reach, but who may be in reach has to be gathered for each cell anew."""
+        """Side of a grid cell that suits these cones: the reach plus a margin for rounding, m. Smaller cells contain
+        fewer bodies out of reach, but the candidates have to be gathered for each cell."""
         return 1.0000001 * self.reach
 
     @property
@@ -64,16 +64,16 @@ class Cones:
 
     @property
     def grazing(self) -> float:
-        """The tangent of the greatest incidence; large but finite where every echo comes back."""
+        """Tangent of the greatest angle of incidence; large but finite if every echo comes back."""
         return min(tan(self.incidence), 1e9) if self.incidence < pi / 2 else 1e9
 
     @lru_cache(maxsize=16)  # noqa: B019  # a few rings exist in a process, and all are equal again and again
     def lone(self, angle: float) -> float:
-        """The distance between middles, m, beyond which a body is only seen by cones whose axis is less than `angle`
-        (rad) from the line to it; inf where there is none."""
+        """Distance between centres, m, beyond which a body is seen only by cones whose axis is less than `angle` (rad)
+        from the line to it; inf if there is none."""
         if angle <= self.half:
             return inf
-        # The last such place has the body touch the cone's edge from outside, t m along the edge.
+        # At that distance the body touches the cone's edge from outside, t m along the edge.
         most = 0.0
         for step in range(2_001):
             t = self.most * step / 2_000
@@ -88,9 +88,9 @@ Seen = Listed | Walls
 
 
 class View(NamedTuple):
-    """What there is to see. pose: x, y in m and heading in rad of all robots; points: these positions, sorted in
-    `grid`; listed: the `solids` that come within `radius` + `most` of each of its cells, as they are (for `look`)
-    or as a machine likes them (for `ranges`). radii: of all bodies, m; None where all are alike."""
+    """The visible scene. pose: x, y in m and heading in rad of all robots; points: these positions, sorted in `grid`;
+    listed: the `solids` within `radius` + `most` of each of its cells, as World rows (for `look`) or in the form of the
+    array backend (for `ranges`). radii: of all bodies, m; None if all are equal."""
 
     cones: Cones
     grid: Grid
@@ -102,7 +102,7 @@ class View(NamedTuple):
 
 
 def ranges(view: View, which: Whole) -> Ranges:
-    """What the cones of the robots with indices `which` see: m from the rim, shape (len(which), count), float32;
+    """Ranges seen by the cones of the robots with indices `which`: m from the rim, shape (len(which), count), float32;
     `most` where there is nothing."""
     cones, grid, points, listed, solids, pose, radii = view
     assert isinstance(listed, Listed)
@@ -136,7 +136,7 @@ def _see_bodies(
     apart = 2.0 * pi / cones.count
     bearing, row = np.arctan2(left, ahead) / apart, place[i]
     wide = np.full(len(j), cones.radius) if radii is None else radii[j]
-    # Only the two cones that a body lies between see it when it is far.
+    # A distant body is seen only by the two cones that its bearing falls between.
     far = ahead * ahead + left * left > (cones.lone(apart) ** 2 if radii is None else inf)
     close = np.flatnonzero(~far)
     first = np.floor(bearing[far]).astype(np.int64)
@@ -149,8 +149,8 @@ def _see_bodies(
 
 
 def look(view: View, which: Whole, sonars: Whole) -> Ranges:
-    """What one cone of each of the robots with indices `which` sees: m from the rim, shape (len(which),), float32;
-    `most` where there is nothing. sonars: the cones' numbers."""
+    """Ranges seen by one cone of each of the robots `which`: m from the rim, shape (len(which),), float32; `most` where
+    there is nothing. sonars: the cones' numbers."""
     found = np.full(len(which), view.cones.most)
     for begin in range(0, len(which), AT_ONCE):
         some = slice(begin, begin + AT_ONCE)
@@ -159,7 +159,7 @@ def look(view: View, which: Whole, sonars: Whole) -> Ranges:
 
 
 def _look_at(view: View, which: Whole, sonars: Whole, found: Floats) -> None:
-    """The same for some robots, into `found`."""
+    """As `look`, for a few robots; writes into `found`."""
     cones, grid, points, listed, solids, (x, y, heading), radii = view
     assert isinstance(listed, Listed)
     sine, cosine = sine_cosine(heading[which])
@@ -186,8 +186,8 @@ def _look_at(view: View, which: Whole, sonars: Whole, found: Floats) -> None:
 def disc_range(
     cones: Cones, radius: float | Floats, across: Floats, up: Floats, axis_cos: Floats, axis_sin: Floats
 ) -> Floats:
-    """Range of a disc of `radius` m whose middle is at `across`, `up` (m, from the robot's middle) in a cone whose axis
-    has this cosine and sine in the same frame; inf where it is not seen. All arrays broadcast."""
+    """Range of a disc of `radius` m whose centre is at `across`, `up` (m, from the robot's centre) in a cone whose axis
+    has this cosine and sine in the same frame; inf if it is not visible. All arrays broadcast."""
     along = across * axis_cos + up * axis_sin - cones.radius
     aside = np.abs(up * axis_cos - across * axis_sin)
     outside = aside * cos(cones.half) - along * sin(cones.half)
@@ -195,7 +195,7 @@ def disc_range(
     within = outside <= 0.0
     cut = np.sqrt(np.maximum(radius * radius - outside * outside, 0.0))
     seen = np.where(within, np.sqrt(along * along + aside * aside) - radius, forward - cut)
-    amid = along * along + aside * aside < radius * radius  # the transducer itself is in the disc
+    amid = along * along + aside * aside < radius * radius  # the transducer itself is inside the disc
     met = within | amid | ((outside < radius * sin(cones.incidence)) & (forward > 0.0))
     found: Floats = np.where(met, np.maximum(seen, 0.0), inf)
     return found
@@ -237,8 +237,8 @@ def _see_solids(
 
 
 def line_range(cones: Cones, axis_cos: Floats, axis_sin: Floats, solids: Floats, x: Floats, y: Floats) -> Floats:
-    """Range of lines in cones: cosine and sine of their axes (world's frame), shape (n, count), of robots at x, y; row
-    by row with the lines `solids`. inf where one is not seen."""
+    """Ranges of lines in cones: cosine and sine of the cones' axes (world frame), shape (n, count), of robots at x, y;
+    row by row with the lines `solids`. inf if a line is not visible."""
     ex, ey = solids[:, 2] - solids[:, 0], solids[:, 3] - solids[:, 1]
     length = np.sqrt(ex * ex + ey * ey)
     ex, ey = ex / length, ey / length

@@ -1,20 +1,20 @@
-"""Cross-talk: a sonar takes a late echo of another ping for its own and reads too short a range.
+"""Cross-talk: a sonar mistakes a late echo of another ping for its own and reads too short a range.
 
-A sonar listens from its own ping to the first sound that it takes for an echo, and blanks the time of the least
-range. What may come in between, with path lengths in m and times through the speed of sound:
+A sonar listens from its own ping until the first sound that it takes for an echo, and ignores sounds from within the
+least range. These sounds may interfere; path lengths are in m, and times follow from the speed of sound:
 
-- of an earlier ping of the same ring, the echo of something farther away that lies before the sonar which listens now:
-  it sees this at the range d itself, so the path is 2 d, on its way since the earlier ping;
-- of an earlier ping, its echo once more, thrown back by the robot and by what it met: twice its path;
-- the ping of another robot, straight from one to the other, of the same sort or another one with cross-talk.
+- an earlier ping of the same ring, reflected by something farther away in front of the listening sonar: that sonar
+  itself sees it at range d, so the path is 2 d, travelled since the earlier ping;
+- the second echo of an earlier ping, reflected by the robot and again by what it met: twice its path;
+- the ping of another robot, on the direct path, of the same type or of another type with cross-talk.
 
-No sound is heard after more than twice the greatest range, nor by a sonar whose axis lies farther than `spread` from
-that of the one that sent it, and each of them is heard with the model's chance. So a pause of twice the greatest range
-between one echo and the next ping cures a ring of its own cross-talk.
+A sound is received only within twice the greatest range, only by a sonar whose axis is within `spread` of the
+sender's, and only with the model's probability. So a pause of twice the greatest range between an echo and the next
+ping prevents cross-talk within a ring.
 
-Bodies stand still for a tick, as in `bodies.proximity`, and what another robot sends after its end is not heard in it.
-A reading shortened by another robot does not make the next ping earlier, so the order in which robots are worked out
-does not matter.
+Bodies stand still for a tick, as in `bodies.proximity`, and pings that another robot sends after the tick's end are
+not received in it. A reading that another robot has shortened does not make the next ping earlier, so the order in
+which robots are processed does not matter.
 """
 
 from __future__ import annotations
@@ -32,20 +32,18 @@ from sleepcast.simulator.sonar.cones import Ranges
 from sleepcast.simulator.world.grid import Floats, Grid, Whole, pairs, sort, spread
 
 SOUND = 343.0
-"""m/s, in air at 20 degrees."""
+"""Speed of sound in air at 20 degrees Celsius, m/s."""
 QUICKEST = 1e-3
-"""s between two pings of a ring at least."""
+"""Least time between two pings of a ring, s."""
 MAX_PAIRS = 1 << 20
-"""Pairs of pings looked at in one go: some hundred megabytes."""
+"""Pairs of pings processed at once: some hundred megabytes."""
 CLEAR = 0.05
-"""Share by which a range may fall short of a robot that is heard all the same, for noise: what is nearer than that
-stands in the way of sound."""
+"""Share by which a noisy range may fall short of an audible robot: anything nearer than that blocks the sound."""
 
 
 class Pings(NamedTuple):
-    """Pings of one tick, arrays of the same length. robot, sonar: who sent it; axis: of the sonar, rad from the
-    heading; sent: when, s; seen: the range of what the sonar sees, and read: the range that it took for this, m (of
-    earlier ticks, the same)."""
+    """Pings of one tick, arrays of equal length. robot, sonar: the sender; axis: of the sonar, rad from the heading;
+    sent: time, s; seen: the true range, and read: the measured range, m (equal for earlier ticks)."""
 
     robot: Whole
     sonar: Whole
@@ -75,8 +73,8 @@ class Scene(NamedTuple):
 
 
 class Crosstalk:
-    """What the sonars of `count` robots have sent of late, whose first one has the index `first` among all. axes: of
-    the sonars, rad; radius: of the bodies, m; grid: over the world."""
+    """Recent pings of the sonars of `count` robots; the first of these robots has index `first`. axes: of the sonars,
+    rad; radius: of the bodies, m; grid: over the world."""
 
     def __init__(
         self,
@@ -91,10 +89,10 @@ class Crosstalk:
     ) -> None:
         self._model, self._ring, self._axes, self._radius, self._seed = model, ring, axes, radius, seed
         self._longest = 2.0 * ring.most / SOUND
-        """s for which a ping is heard."""
+        """Seconds for which a ping can be received."""
         under_way = self._most_under_way(ring.pause or 0.0)
         self._sent: Floats = np.full((count, under_way), -np.inf)
-        """When each robot's latest pings were sent, s; by which sonar, and what it saw, m."""
+        """Times of each robot's latest pings, s; the sonars that sent them, and the ranges seen, m."""
         self._by: Whole = np.zeros((count, under_way), np.int64)
         self._seen: Floats = np.zeros((count, under_way))
         self._next: Whole = np.zeros(count, np.int64)
@@ -104,7 +102,7 @@ class Crosstalk:
         self._grid, self._first = grid, first
 
     def make_room(self) -> None:
-        """Allocate for rings with any pause: as many pings as can be under way without one."""
+        """Allocate for rings with any pause: as many pings as can be under way without a pause."""
         more = self._most_under_way(0.0) - self._sent.shape[1]
         oldest_first = (self._next[:, None] + np.arange(self._sent.shape[1])) % self._sent.shape[1]
         self._next[:] = self._sent.shape[1] if more else 0
@@ -113,7 +111,7 @@ class Crosstalk:
             setattr(self, name, np.pad(kept, ((0, 0), (0, more)), constant_values=empty))
 
     def _most_under_way(self, pause: float) -> int:
-        """How many pings of one ring may be heard at a time, with this pause (s)."""
+        """Number of pings of one ring that can be audible at once, with this pause (s)."""
         shortest = max(pause + 2.0 * self._ring.least / SOUND, QUICKEST)
         return max(1, ceil(self._longest / shortest))
 
@@ -122,8 +120,8 @@ class Crosstalk:
         return {"ping_sent": self._sent, "ping_by": self._by, "ping_seen": self._seen, "ping_next": self._next}
 
     def hear(self, tick: int, robots: Whole, sonar: Whole, sent: Floats, own: Ranges) -> Ranges:
-        """What these robots' sonars read, one of each robot, that ping at the times `sent` (s) and of themselves would
-        read `own` (m)."""
+        """Readings of one sonar of each of these robots, which ping at the times `sent` (s) and would read `own` (m)
+        without cross-talk."""
         ring, seen = self._ring, own.astype(np.float64)
         if self._model.robots and not self._now:
             self._before = self._under_way()
@@ -144,24 +142,24 @@ class Crosstalk:
         return shortened
 
     def sent(self) -> tuple[Pings, Pings]:
-        """The pings of this tick, and those of before that may still be heard; by the robots' indices among all."""
+        """The pings of this tick, and the earlier ones that are still audible; with global robot indices."""
         before = self._before if self._now else self._under_way() if self._model.robots else NONE
         return Pings.joined(self._now), before
 
     def end(self) -> None:
-        """Finish the tick: keep the pings that may still be heard."""
+        """Finish the tick: keep the pings that are still audible."""
         self._now = []
-        self._draws = 0  # each tick's chance is its own
+        self._draws = 0  # each tick has its own random numbers
 
     def _under_way(self) -> Pings:
-        """The pings that may still be heard."""
+        """The pings that are still audible."""
         robot, slot = np.nonzero(self._sent > self._sent.max() - self._longest)
         seen, sonar = self._seen[robot, slot], self._by[robot, slot]
         return Pings(robot + self._first, sonar, self._axes[sonar], self._sent[robot, slot], seen, seen)
 
     def hear_others(self, tick: int, scene: Scene, mine: Pings, theirs: Pings, readings: Ranges) -> None:
-        """Shorten what was read in this tick by pings of other robots. mine: of this tick, by these robots; theirs: by
-        all; readings: shape (robots, sonars), changed in place."""
+        """Shorten the readings of this tick by pings of other robots. mine: pings of this tick, by these robots;
+        theirs: by all; readings: shape (robots, sonars), changed in place."""
         if not len(mine.robot):
             return
         mine = by_robot(mine)
@@ -173,7 +171,7 @@ class Crosstalk:
         read = mine.read.copy()
         for some in np.split(np.arange(len(i)), np.flatnonzero(np.diff(block)) + 1):
             self._hear_some(tick, scene, mine, theirs, i[some], j[some], read)
-        # A sonar may have sent twice in a tick: its last reading stays.
+        # A sonar may ping twice in a tick: only its last reading counts.
         changed, row = np.flatnonzero(read < mine.read), mine.robot - self._first
         latest = np.full(readings.shape, -1)
         np.maximum.at(latest, (row, mine.sonar), np.arange(len(read)))
@@ -181,11 +179,11 @@ class Crosstalk:
         readings[row[changed], mine.sonar[changed]] = read[changed]
 
     def _hear_some(self, tick: int, scene: Scene, mine: Pings, theirs: Pings, i: Whole, j: Whole, read: Floats) -> None:
-        """Shorten what was `read` of `mine` where the robots `i` hear the robots `j`, one beside the other."""
+        """Shorten the ranges `read` by `mine` where the robots `i` receive pings of the robots `j`, pair by pair."""
         x, y, heading, radii = scene
         apart = np.hypot(x[j] - x[i], y[j] - y[i]) - (radii[i] + radii[j])
         there = np.arctan2(y[j] - y[i], x[j] - x[i])
-        # Each pair beside each ping of the one, then those beside each ping of the other one.
+        # Combine each pair with each ping of the receiver, then these with each ping of the sender.
         pair, ping = spread(np.arange(len(i)), *_between(mine.robot, i))
         faces = self._faces(mine, ping, heading[i][pair], there[pair], apart[pair])
         pair, ping = pair[faces], ping[faces]
@@ -199,7 +197,8 @@ class Crosstalk:
         np.minimum.at(read, ping[heard], taken[heard])
 
     def _faces(self, pings: Pings, which: Whole, heading: Floats, way: Floats, apart: Floats) -> NDArray[np.bool_]:
-        """Whether the sonars of these pings look the `way` (rad) to a robot `apart` m away, and nothing is nearer."""
+        """Whether the sonars of these pings face the direction `way` (rad) to a robot `apart` m away, with nothing
+        nearer in between."""
         clear = pings.seen[which] >= (1.0 - CLEAR) * apart
         return self._near(pings.axis[which] + heading, way) & clear
 
@@ -208,18 +207,18 @@ class Crosstalk:
         return near
 
     def _by_chance(self, what: str, tick: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-        """Whether each sound is heard, drawn with the model's chance."""
+        """Whether each sound is received, drawn with the model's probability."""
         if self._model.chance >= 1.0:
             return np.ones(shape, bool)
         numbers = np.arange(self._draws, self._draws + int(np.prod(shape)), dtype=np.uint64)
         self._draws += len(numbers)
-        sort = (self._first,) if self._first else ()  # each sort of robots has chance of its own
+        sort = (self._first,) if self._first else ()  # each robot type has its own random numbers
         return (uniform(key(self._seed, "crosstalk", what, tick, *sort), numbers) < self._model.chance).reshape(shape)
 
 
 def add_crosstalk(tick: int, scene: Scene, talks: Sequence[tuple[Crosstalk, Ranges]]) -> None:
-    """The tick ends: shorten what was read in it by pings of other robots. talks: of each sort, and what its sonars
-    read, changed in place."""
+    """End the tick: shorten its readings by pings of other robots. talks: for each type its cross-talk and its
+    readings, changed in place."""
     sent = [talk.sent() for talk, _ in talks]
     theirs = by_robot(Pings.joined([*(before for _, before in sent), *(now for now, _ in sent)]))
     for (talk, readings), (mine, _) in zip(talks, sent, strict=True):
@@ -228,10 +227,10 @@ def add_crosstalk(tick: int, scene: Scene, talks: Sequence[tuple[Crosstalk, Rang
 
 
 def by_robot(pings: Pings) -> Pings:
-    """The same in the order of their robots, those of one in the order of time."""
+    """The pings sorted by robot, and by time for each robot."""
     return pings.of(np.lexsort((pings.sent, pings.robot)))
 
 
 def _between(robots: Whole, which: Whole) -> tuple[Whole, Whole]:
-    """Where the entries of each of these robots begin and end in a sorted list of robots."""
+    """Begin and end (exclusive) of the entries of each of these robots in a sorted list of robots."""
     return np.searchsorted(robots, which), np.searchsorted(robots, which, side="right")

@@ -1,4 +1,4 @@
-"""What sonars that fire one after the other look at, and with, as `kernels_firing` wants it."""
+"""The scene and the sonars that fire one after the other, in the form that `kernels_firing` expects."""
 
 from __future__ import annotations
 
@@ -21,11 +21,10 @@ from sleepcast.simulator.world.grid import Floats, Listed, Short, Whole
 
 
 class SonarField(NamedTuple):
-    """What lies around, as the kernel wants it. x, y, cosines, sines: of all bodies, in the order of their cells;
-    short_x, short_y: x and y in single precision, with LANES more at the end, far away; order: their indices; radii: of
-    all in that order, shape (count,), or (1,) where all are alike. start: where the bodies of each cell begin; listed,
-    items: the solids that can be seen from each cell; solids: see `solid_columns`. size: of a cell, m; across, up:
-    cells."""
+    """The scene as the kernel expects it. x, y, cosines, sines: of all bodies, sorted by cell; short_x, short_y: x and
+    y in single precision, padded with LANES far-away entries; order: the bodies' indices; radii: of the sorted bodies,
+    shape (count,), or (1,) if all are equal. start: first body of each cell; listed, items: the solids visible from
+    each cell; solids: see `solid_columns`. size: of a cell, m; across, up: numbers of cells."""
 
     x: Floats
     y: Floats
@@ -45,10 +44,9 @@ class SonarField(NamedTuple):
 
 
 class Beam(NamedTuple):
-    """The cones of one ring. own: m, from the robot's middle to their transducers; cosine, sine, tangent: of half their
-    opening; most: m, how far they see; widest: the greatest radius of any body, m;
-    graze: sine of the greatest angle of incidence; grazing: its tangent; axis_cos, axis_sin: of their axes, shape
-    (sonars,)."""
+    """The cones of one ring. own: distance from the robot's centre to its transducers, m; cosine, sine, tangent: of
+    half the opening; most: greatest range, m; widest: greatest radius of any body, m; graze: sine of the greatest angle
+    of incidence; grazing: its tangent; axis_cos, axis_sin: of the axes, shape (sonars,)."""
 
     own: float
     cosine: float
@@ -63,8 +61,8 @@ class Beam(NamedTuple):
 
 
 class Shots(NamedTuple):
-    """What pings of one tick change and need; see `firing.Firing` and `firing.Tick`. first: index of the robot in row
-    0; least: m; noisy: whether there is noise: share, dropout and their keys."""
+    """The arrays that pings of one tick read and change; see `firing.Firing` and `firing.Tick`. first: index of the
+    robot in row 0; least: m; noisy: whether there is noise; share, dropout and their keys."""
 
     due: Floats
     turn: Whole
@@ -93,7 +91,7 @@ def solid_columns(solids: Floats) -> Floats:
 
 
 class Fields:
-    """Makes the field of a view; what depends on the solids alone is kept until they change."""
+    """Builds the field of a view; whatever depends on the solids alone is cached until they change."""
 
     def __init__(self, arena: Arena) -> None:
         self._arena = arena
@@ -101,8 +99,7 @@ class Fields:
         self._solids: Floats = np.empty((0, 6))
 
     def of(self, view: View, share: Callable[[int, Callable[[int, int], None]], object]) -> SonarField:
-        """What lies around, for all cones. view: with what is `inside` the cells. share: lets threads share so much
-        work."""
+        """The field for all cones. view: with the solids inside its cells. share: distributes work among threads."""
         assert isinstance(view.listed, Listed)
         if self._known is not view.solids:
             self._known, self._solids = view.solids, solid_columns(view.solids)
@@ -154,7 +151,7 @@ def shots_of(firing: Firing, tick: Tick) -> Shots:
 
 
 def one_of_each(view: View, which: Whole, sonars: Whole) -> tuple[Shots, Ranges]:
-    """Pings of one sonar each of the robots `which`, and the ranges that they will find, shape (robots, sonars)."""
+    """Pings of one sonar of each of the robots `which`, and the array for their ranges, shape (robots, sonars)."""
     count = len(view.pose[0])
     due, order = np.ones(count), np.zeros((count, 1), np.int8)
     due[which], order[which, 0] = 0.0, sonars

@@ -1,8 +1,8 @@
-"""Which sonar of each robot fires when: an order and a pause for all of them, or for each one its own.
+"""Which sonar of each robot fires when: one order and pause for all robots, or one for each.
 
-A robot's sonars fire one after the other for ever: the next one `pause` s after the echo of the one before has come
-back, or after as long as an echo from the farthest would take. Only those that fire look; `kernels_firing` has the
-compiled form of `fire`, with the same bits.
+A robot's sonars fire one after the other in a loop: the next one `pause` s after the previous echo has come back, or
+after the time that an echo from the greatest range would take. Only sonars that fire are computed; `kernels_firing`
+has the compiled version of `fire`, bit-identical.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ Look = Callable[[View, Whole, Whole], Ranges]
 Hear = Callable[[Whole, Whole, Floats, Ranges], Ranges]
 
 AT_ONCE = -1
-"""The length of an order in which every sonar fires in every tick."""
+"""Length of an order in which every sonar fires in every tick."""
 
 
 class Firing:
-    """The firing of the sonars of `count` robots.
+    """The firing state of the sonars of `count` robots.
 
-    order: numbers of sonars, shape (1 or count, width), int8; length: how many of those, 0 for none at all, or AT_ONCE;
-    pause: s, of the same shape (1 or count,): one for all robots, or one for each of them. due: when each robot's next
-    sonar fires, s, and turn: its place in the order, shape (count,); empty where none fires in order.
+    order: numbers of sonars, shape (1 or count, width), int8; length: how many of them are used, 0 for none, or
+    AT_ONCE; pause: s, shape (1 or count,): one for all robots, or one for each. due: time at which each robot's next
+    sonar fires, s, and turn: its position in the order, shape (count,); empty if no sonars fire in order.
     """
 
     def __init__(self, ring: Ring, count: int) -> None:
@@ -44,7 +44,7 @@ class Firing:
         self.due: Floats = np.zeros(count if in_order else 0)
         self.turn: Whole = np.zeros(len(self.due), np.int64)
         self.arranged = False
-        """Whether each robot has an order and a pause of its own."""
+        """Whether each robot has its own order and pause."""
 
     @property
     def in_order(self) -> bool:
@@ -52,7 +52,7 @@ class Firing:
         return self._ring.pause is not None or self.arranged
 
     def part(self) -> None:
-        """Give each robot an order and a pause of its own, for now those of all."""
+        """Give each robot its own order and pause, at first a copy of the common ones."""
         if self.arranged:
             return
         order = np.zeros((self._count, MAX_ORDER), np.int8)
@@ -63,7 +63,7 @@ class Firing:
         self.arranged = True
 
     def check(self, order: Sequence[int], pause: float) -> None:
-        """Raises MisuseError for a sonar that there is not, or too long an order or pause."""
+        """Raises MisuseError for an unknown sonar, or too long an order or pause."""
         if len(order) > MAX_ORDER or not all(0 <= sonar < self._ring.count for sonar in order):
             most = self._ring.count - 1
             raise MisuseError(f"a firing order has at most {MAX_ORDER} sonars from 0 to {most}, not {str(order)[:80]}")
@@ -71,13 +71,13 @@ class Firing:
             raise MisuseError(f"the pause of a firing order is 0 to {MAX_PAUSE:g} s, not {pause}")
 
     def arrange(self, row: int, order: Sequence[int], pause: float) -> None:
-        """Let this robot's sonars fire in this order, after `part`."""
+        """Set the firing order of this robot, after `part`."""
         self.order[row] = 0
         self.order[row, : len(order)] = order
         self.length[row], self.pause[row], self.turn[row] = len(order), pause, 0
 
     def begin(self, tick: int, until: float) -> None:
-        """The tick of this number begins, which ends at `until` (s): nobody's turn was before it."""
+        """Begin this tick, which ends at `until` (s): no sonar fires before it begins."""
         np.maximum(self.due, until * (tick - 1) / tick, out=self.due)
 
     def at_once(self, rows: Whole) -> NDArray[np.bool_]:
@@ -86,21 +86,21 @@ class Firing:
         return found
 
     def ready(self, until: float) -> Whole:
-        """Rows of the robots that have a sonar which fires before the time `until` (s)."""
+        """Rows of the robots with a sonar that fires before the time `until` (s)."""
         return np.flatnonzero((self.due < until) & (self.length > 0))
 
     def next(self, rows: Whole) -> Whole:
-        """The sonars of these robots whose turn it is."""
+        """The next sonar to fire of each of these robots."""
         return self.order[rows * self.arranged, self.turn[rows]].astype(np.int64)
 
     def go_on(self, rows: Whole, read: Ranges) -> None:
-        """These robots' sonars have fired, and read so much (m): the next ones are to come."""
+        """Advance after these robots' sonars have fired and read these ranges (m)."""
         pause, length = (each[rows * self.arranged] for each in (self.pause, self.length))
         self.due[rows] += np.maximum(pause + 2.0 * read.astype(np.float64) / SOUND, QUICKEST)
         self.turn[rows] = (self.turn[rows] + 1) % length
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """The arrays that a run changes, by name; none without an order."""
+        """The arrays that a run changes, by name; none without a firing order."""
         if not self.in_order:
             return {}
         own: dict[str, NDArray[np.generic]] = {"due": self.due, "turn": self.turn}
@@ -108,9 +108,9 @@ class Firing:
 
 
 class Tick(NamedTuple):
-    """A tick in which sonars fire. view: what there is to see; first: index of the robot in row 0 of all arrays; until:
-    when it ends, s; least: m, what is nearer reads as this; noise: what disturbs echoes; readings: what the sonars
-    read, m, shape (robots, sonars), changed in place."""
+    """A tick in which sonars fire. view: the visible scene; first: index of the robot in row 0 of all arrays; until:
+    end of the tick, s; least: least reading, m; noise: noise of the echoes; readings: shape (robots, sonars), m,
+    changed in place."""
 
     view: View
     first: int
@@ -121,8 +121,9 @@ class Tick(NamedTuple):
 
 
 def fire(firing: Firing, tick: Tick, look: Look, hear: Hear | None = None) -> None:
-    """Fire all sonars that are due in this tick, one of each robot at a time. look: see `cones.look`; hear: what they
-    read (m) that are given to robots, sonars, times of their pings and what they would read of themselves."""
+    """Fire all sonars that are due in this tick, one sonar of each robot at a time. look: see `cones.look`; hear:
+    applies cross-talk: takes robots, sonars, times of their pings and their own readings (m), and returns the
+    readings."""
     count, most = tick.readings.shape[1], tick.view.cones.most
     while len(rows := firing.ready(tick.until)):
         sonars = firing.next(rows)

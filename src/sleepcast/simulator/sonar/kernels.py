@@ -1,4 +1,4 @@
-"""Compiled kernels, with numba, that bring many bodies into order and make readings of ranges; `fast` calls them."""
+"""Compiled kernels, with numba, that sort bodies by cell and turn ranges into readings; `fast` calls them."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ U = np.uint64
 GOLDEN = U(counter_rng.GOLDEN)
 
 BLOCK = 64
-"""Robots whose readings are turned from rows to columns at a time: they stay in the nearest cache."""
+"""Robots whose readings are transposed at a time: they stay in the first-level cache."""
 LINE = 8
-"""Numbers of a reading in a line of the caches."""
+"""Readings in one cache line."""
 
 
 @compiled
 def count(x, y, size, across, up, first, last, cells, counts):
-    """The first step of a counting sort by cell, see `grid.sort`: the cells of the points from `first` up to `last`,
-    and in `counts`, which is 0, how many of them lie in each."""
+    """First step of a counting sort by cell, see `grid.sort`: writes the cells of the points from `first` to `last`
+    (exclusive), and counts the points of each cell in `counts`, which must be 0."""
     whole = last - (last - first) % LANES
     for i in range(first, whole, LANES):
         count_some(x, y, size, across, up, i, None, cells, counts)
@@ -37,7 +37,7 @@ def count(x, y, size, across, up, first, last, cells, counts):
 
 @inlined
 def count_some(x, y, size, across, up, first, most, cells, counts):
-    """The same for LANES points, or at most so many."""
+    """As `count`, for LANES points, or for at most `most`."""
     columns = most_of(least_of(some(x, first, most) / size, across - 1.0), 0.0)
     rows = most_of(least_of(some(y, first, most) / size, up - 1.0), 0.0)
     put_some(cells, first, shorts(rows) * I(across) + shorts(columns), most)
@@ -47,8 +47,7 @@ def count_some(x, y, size, across, up, first, most, cells, counts):
 
 @compiled
 def begin(counts, start):
-    """The second step: where each cell begins, and in it the points of each stretch, where `counts` has said how
-    many."""
+    """Second step: where each cell begins, and within it the points of each slice; `counts` holds their numbers."""
     total = 0
     for cell in range(counts.shape[1]):
         start[cell] = total
@@ -61,7 +60,7 @@ def begin(counts, start):
 
 @compiled
 def place(cells, first, last, places, order):
-    """The third step: the order. places: where the points of this stretch begin in each cell; changed."""
+    """Third step: the sorted order. places: where the points of this slice begin in each cell; changed."""
     for i in range(first, last):
         cell = U(cells[i])
         order[U(places[cell])] = i
@@ -70,7 +69,7 @@ def place(cells, first, last, places, order):
 
 @compiled
 def arrange(order, x, y, heading, first, last, into):
-    """Put positions, and cosine and sine of the headings, into the rows of `into`, in the order of the cells."""
+    """Write positions, and cosine and sine of the headings, into the rows of `into`, sorted by cell."""
     for i in range(first, last):
         o = U(order[i])
         into[0, i], into[1, i], into[2, i] = x[o], y[o], heading[o]
@@ -80,8 +79,8 @@ def arrange(order, x, y, heading, first, last, into):
 
 @compiled
 def fix(order, x, y, units, first, last, fixed_x, fixed_y):
-    """Put positions (m) in the order of the cells, as whole numbers of `units` in a metre, into `fixed_x` and `fixed_y`
-    (int32); beyond 32 bits they begin anew, which does not matter to their differences."""
+    """Write positions (m), sorted by cell, as integers of `units` per metre into `fixed_x` and `fixed_y` (int32). They
+    wrap around beyond 32 bits, which leaves differences correct."""
     for i in range(first, last):
         o = U(order[i])
         fixed_x[i], fixed_y[i] = np.int32(np.int64(x[o] * units)), np.int32(np.int64(y[o] * units))
@@ -89,14 +88,14 @@ def fix(order, x, y, units, first, last, fixed_x, fixed_y):
 
 @compiled
 def enlist(order, place, rows):
-    """The `place` of each robot among those who are asked (-1: not asked), in the order of the cells."""
+    """For each robot, sorted by cell, its `place` in the request (-1: not requested)."""
     for i in range(order.shape[0]):
         rows[i] = place[order[i]]
 
 
 @woven
 def mixed(multiple, key):
-    """See `counter_rng.mix`. multiple: of the counter, by `GOLDEN`. Of one or of LANES."""
+    """See `counter_rng.mix`. multiple: the counter times `GOLDEN`; one number or LANES."""
     bits = multiple + key
     bits = (bits ^ (bits >> U(30))) * U(0xBF58476D1CE4E5B9)
     bits = (bits ^ (bits >> U(27))) * U(0x94D049BB133111EB)
@@ -112,7 +111,7 @@ def deviate(bits):
 
 @woven
 def disturbed(seen, multiple, share, dropout, most, key, dropout_key):
-    """Ranges with noise, one or LANES; see `noise.disturb`."""
+    """Ranges with noise, one number or LANES; see `noise.disturb`."""
     lost = seen >= most
     if share > 0.0:
         seen = seen * singles(1.0 + share * deviate(mixed(multiple, key)))
@@ -133,7 +132,7 @@ def disturb(seen, which, share, dropout, most, key, dropout_key):
 
 @compiled
 def collect(squares, seen):
-    """Ranges from their squares, of which there may be more in a row."""
+    """Ranges from their squares, whose rows may be longer."""
     for q in range(seen.shape[0]):
         for k in range(seen.shape[1]):
             seen[q, k] = sqrt(squares[q, k])
@@ -141,7 +140,7 @@ def collect(squares, seen):
 
 @strict
 def tell(seen, which, least, most, front, wanted, sensed):
-    """See `noise.tell`, without noise. front: numbers of the sonars in front; wanted: which rows of `sensed` are."""
+    """See `noise.tell`, without noise. front: numbers of the front sonars; wanted: the requested rows of `sensed`."""
     sonars, shortest = seen.shape[1], F(least)
     reported = np.empty(sonars)
     for q in range(which.shape[0]):
@@ -162,9 +161,9 @@ def tell(seen, which, least, most, front, wanted, sensed):
 
 @compiled
 def hear(squares, which, noise, least, most, front, wanted, sensed, edge):
-    """Make readings of squared ranges, which are known: `collect`, `disturb`, `tell`, sonar by sonar for a block of
-    robots. noise: share, dropout and their keys. edge: for which robot, of LINE, a line of the caches begins in all
-    rows of `sensed`, or -1."""
+    """Turn squared ranges into readings: `collect`, `disturb` and `tell`, sonar by sonar for a block of robots. noise:
+    share, dropout and their keys. edge: the robot, modulo LINE, at which a cache line begins in all rows of `sensed`,
+    or -1."""
     (share, dropout, key, dropout_key), sonars, count = noise, sensed.shape[0] - 1, which.shape[0]
     room, multiples = np.empty(squares.shape[1] * BLOCK + 2 * LINE, F), np.zeros(BLOCK, U)
     turned = room[-room.ctypes.data % 64 // 4 :]
@@ -202,7 +201,7 @@ def hear(squares, which, noise, least, most, front, wanted, sensed, edge):
 
 @inlined
 def turn_over(squares, begin, end, turned):
-    """Bring squared ranges of a block of robots into an order by sonars, LANES at a time."""
+    """Transpose the squared ranges of a block of robots to rows by sonar, LANES at a time."""
     for q in range(0, end - begin, LANES):
         for k in range(0, squares.shape[1], LANES):
             put_turned(squares, begin + q, k, end - 1, turned, k * BLOCK + q, BLOCK)
@@ -210,7 +209,7 @@ def turn_over(squares, begin, end, turned):
 
 @inlined
 def side_by_side(which):
-    """Whether these are neighbours, one after the other."""
+    """Whether these indices are consecutive."""
     apart = 0
     for q in range(which.shape[0]):
         apart |= which[q] - which[0] - q
@@ -219,14 +218,14 @@ def side_by_side(which):
 
 @inlined
 def listen(squared, multiple, share, dropout, key, dropout_key, least, most):
-    """What robots read of one sonar, of LANES robots."""
+    """Readings of one sonar of LANES robots."""
     value = disturbed(root_of(squared), multiple, share, dropout, F(most), key, dropout_key)
     return either(value <= F(least), least, least_of(doubles(value), most))
 
 
 @inlined
 def spread(values, which, first, sensed, row, streams, reported):
-    """Store the readings of robots, from the `first` of these on, in the sensor array."""
+    """Store the readings of the robots from `first` on in the sensor table."""
     if streams:
         put_by(sensed, row, which[0] + first, values)
         return

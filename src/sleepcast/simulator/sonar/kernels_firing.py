@@ -1,9 +1,9 @@
-"""The compiled kernel of sonars that fire one after the other: only the cone that fires looks.
+"""The compiled kernel for sonars that fire one after the other: only the cone that fires is computed.
 
-Of the bodies in the cells round a cone, and of the solids that can be seen from the robot's cell, those are kept that
-come near the cone, sixteen at a time in single precision. These few are looked at in double precision, formula by
-formula as in `cones.look` and `firing.fire`, with the same bits: the least of many ranges does not depend on their
-order, nor on things that are not met.
+From the bodies in the cells around a cone, and the solids visible from the robot's cell, it first selects those that
+come near the cone, sixteen at a time in single precision. These few are computed in double precision, formula by
+formula as in `cones.look` and `firing.fire`, with the same bits: the minimum of the ranges depends neither on their
+order nor on things that are missed.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from sleepcast.simulator.sonar.kernels import GOLDEN, F, U, disturbed
 
 I = np.int32  # noqa: E741  # as short as F
 MARGIN, SHARE = 1e-4, 1e-6
-"""By how much a thing may miss a cone and is kept all the same, for rounding: m, and a share of the greatest number."""
+"""Margin for rounding within which things that miss a cone are selected too: m, and a share of the largest number."""
 AWAY = F(1e9)
-"""Where there is nothing, m."""
+"""Range of nothing, m."""
 
 
 @inlined
 def disc(across, up, ax, ay, radius, own, cosine, sine, graze, found):
-    """Range of a disc in a cone, or `found` if that is less; see `cones.disc_range`."""
+    """Range of a disc in a cone, or `found` if that is smaller; see `cones.disc_range`."""
     along = across * ax + up * ay - own
     aside = abs(up * ax - across * ay)
     outside, forward = aside * cosine - along * sine, along * cosine + aside * sine
     within = outside <= 0.0
-    # Which of them holds nobody can foresee: both are worked out, so that nothing has to be taken back.
+    # This branch is unpredictable: computing both cases is faster than a mispredicted jump.
     away, size = along * along + aside * aside, radius * radius
     root = sqrt(away if within else max(size - outside * outside, 0.0))
     seen = max(root - radius if within else forward - root, 0.0)
@@ -42,7 +42,7 @@ def disc(across, up, ax, ay, radius, own, cosine, sine, graze, found):
 
 @inlined
 def line(across, up, ex, ey, length, ax, ay, own, cosine, sine, grazing, found):
-    """The same of a line; see `cones.line_range`."""
+    """Range of a line in a cone, or `found` if that is smaller; see `cones.line_range`."""
     height, begin = up * ex - across * ey, across * ex + up * ey
     normal, tangent = ay * ex - ax * ey, ax * ex + ay * ey
     away = height - own * normal
@@ -65,7 +65,7 @@ def line(across, up, ex, ey, length, ax, ay, own, cosine, sine, grazing, found):
 
 @inlined
 def near_bodies(x, y, begin, end, fx, fy, ax, ay, cosine, sine, far, wide, kept, n):
-    """Keep those of the bodies from `begin` up to `end`, and a few more, that come near a cone at fx, fy."""
+    """Select the bodies from `begin` to `end` (exclusive), and a few more, that come near a cone at fx, fy."""
     for j in range(U(begin), U(end), U(LANES)):
         dx, dy = at(x, j) - fx, at(y, j) - fy
         along, aside = dx * ax + dy * ay, size_of(dy * ax - dx * ay)
@@ -77,7 +77,7 @@ def near_bodies(x, y, begin, end, fx, fy, ax, ay, cosine, sine, far, wide, kept,
 
 @inlined
 def near_solids(x0, y0, x1, y1, breadth, w, fx, fy, ax, ay, cosine, sine, far, kept):
-    """The same of w solids."""
+    """Select those of w solids that come near a cone at fx, fy."""
     n = U(0)
     for j in range(U(0), w, U(LANES)):
         dx0, dy0, dx1, dy1, wide = at(x0, j) - fx, at(y0, j) - fy, at(x1, j) - fx, at(y1, j) - fy, at(breadth, j)
@@ -94,15 +94,16 @@ def near_solids(x0, y0, x1, y1, breadth, w, fx, fy, ax, ay, cosine, sine, far, k
 
 @inlined
 def cell_of(place, size, cells):
-    """The row or column of a place; see `grid.Grid`."""
+    """The row or column of a coordinate; see `grid.Grid`."""
     return min(max(int(place / size), 0), cells - 1)
 
 
 @strict
 def fire(field, beam, shots, first_row, last_row):
-    """Fire all sonars that are due of the robots in these rows of cells; see `firing.fire`.
+    """Fire all due sonars of the robots in these rows of cells; see `firing.fire`.
 
-    field, beam, shots: see `fields`."""
+    field, beam, shots: see `fields`.
+    """
     px, py, cosines, sines, short_x, short_y, order, radii, start, listed, items, solids, size, across, up = field
     own, cosine, sine, tangent, most, widest, graze, grazing, axis_cos, axis_sin = beam
     dues, turns, orders, lengths, pauses, readings, first, until, least, noisy, share, dropout, key, dropout_key = shots

@@ -1,15 +1,15 @@
-"""Compiled kernels of the sonars: what all cones of a ring see; `fast` calls them.
+"""Compiled kernels for all cones of a sonar ring; `fast` calls them.
 
-Most bodies are looked at in single precision, sixteen at a time, and only by the two cones of a ring of sixteen that
-their bearing falls between; the few *doubtful* ones (near enough for more cones, or barely met by the edge of one)
-again by all cones in double precision. So no decision and no range hangs on the last bit of a short number. Positions
-are whole numbers of a unit that is a tiny share of a cell: their differences are exact in any world. See
-`look_at_solids` for walls and `look_closely` for the doubtful ones.
+Most bodies are computed in single precision, sixteen at a time, and only for the two cones of a ring of sixteen that
+their bearing falls between. The few *doubtful* ones (near enough for more cones, or barely met by a cone's edge) are
+computed again for all cones in double precision, so no decision and no range depends on the last bit of a
+single-precision number. Positions are integers in a unit that is a tiny share of a cell: their differences are exact
+in any world. See `look_at_solids` for walls and `look_closely` for doubtful bodies.
 
-Robots come in the order of their cells, each with a row of squared ranges of its own. What lies round a cell is put
-into one list for all its robots; the bodies in reach of several robots are put into one list before they are looked at,
-so that vectors are full even where there are few. Each call does a stretch of rows of cells, so that threads can share
-the work; every robot's numbers come out the same whoever does them.
+Robots are sorted by cell, and each has its own row of squared ranges. The surroundings of a cell are gathered once
+for all its robots; the bodies in reach of several robots are gathered in one list before they are computed, so that
+vectors are full even in sparse places. Each call processes a slice of the rows of cells, so that threads can share
+the work; results do not depend on the slices.
 """
 
 from __future__ import annotations
@@ -44,43 +44,42 @@ F = np.float32
 I = np.int32  # noqa: E741  # as short as F
 U = np.uint64
 GRAZING = F(6e-3)
-"""Metres before a body's rim within which an edge of a cone counts as barely meeting it: the range then changes by up
-to four times the error of the place."""
+"""Metres inside a body's rim within which a cone's edge counts as barely meeting it: there the range error is up to
+four times the position error."""
 AWAY = F(1e9)
-"""Metres, or units, to a body that is none."""
+"""Distance to nothing, m or units."""
 FARTHEST = F(1e17)
-"""More than any two bodies are apart, squared; less than AWAY is."""
+"""Larger than any squared distance between bodies, smaller than AWAY squared."""
 SPAN = 28
-"""Units of a position in a cell, as a power of two: bodies may be some cells apart, and the unit is finer than what
-single precision tells of their distance."""
+"""log2 of the number of position units per cell: bodies may be some cells apart, and the unit is finer than the
+single-precision error of their distance."""
 ACROSS_THE_WORLD = I(-(2**31))
-"""Units that are as far away as any may be."""
+"""The farthest position in units."""
 BATCH = 16
-"""Robots whose bodies in reach are looked at together: what they need stays in the nearest cache."""
+"""Robots whose bodies in reach are processed together: their data stay in the first-level cache."""
 BLOCK = 64
 """Robots whose headings are turned into cosines and sines together: a few vectors."""
 OWNER, OTHER = 26, (1 << 26) - 1
-"""In the lists of bodies in reach: the bits from which on the robot's place in its batch is written, and those of the
-body's number."""
+"""In the lists of bodies in reach: the shift of the robot's place in its batch, and the mask of the body's number."""
 COS_225, SIN_225 = F(cos(pi / 8)), F(sin(pi / 8))
 ROOT_HALF = F(sqrt(0.5))
 
 
 PAST = F(2e-4)
-"""Metres beyond a rim within which single precision cannot tell whether it is met."""
+"""Metres beyond a rim within which single precision cannot decide whether the rim is met."""
 BARELY = 1e-6
-"""The share of the reach within which single precision cannot tell whether an end of a wall is met: what is compared
-there comes of about eight roundings, of a 2^24th each."""
+"""Share of the reach within which single precision cannot decide whether the end of a wall is met: the compared values
+have about eight rounding errors of 2^-24 each."""
 NEXT_TO_NOTHING = 1e-30
-"""What an edge that is parallel to a line turns away from it by, so that the two meet, far away."""
+"""Least slope between an edge and a parallel line, so that the two still intersect, far away."""
 FAR = 1e9
 NOTHING = 1e18
-"""What is not seen, squared metres; finite, because the kernels are compiled for finite numbers."""
+"""Squared range of nothing, m2; finite, because the kernels are compiled for finite numbers."""
 
 
 @inlined
 def axes(axis_cos, axis_sin, first, co, si):
-    """Cosine and sine of the axes of the cones from `first` on of a robot whose heading has this cosine and sine."""
+    """Cosine and sine of the axes of the cones from `first` on, for a robot whose heading has this cosine and sine."""
     axis_x = at(axis_cos, U(first)) * co - at(axis_sin, U(first)) * si
     return axis_x, at(axis_sin, U(first)) * co + at(axis_cos, U(first)) * si
 
@@ -99,15 +98,15 @@ def disc(along, aside, radius, cosine, sine, graze):
 
 @inlined
 def look_closely(axis_x, axis_y, dx, dy, its, own, cosine, sine, graze):
-    """What all cones see of a disc, in double precision."""
+    """Squared ranges of a disc in all cones, in double precision."""
     along = axis_x * dx + axis_y * dy - own
     return disc(along, size_of(axis_x * dy - axis_y * dx), its, cosine, sine, graze)
 
 
 @inlined
 def list_pieces(solids, items, begin, end, room, pieces):
-    """Put the pieces of walls that are listed from `begin` up to `end` side by side into runs of `room` numbers of
-    `pieces`: unit vector along their line (x, y), how far that passes the origin, where they begin and end along it."""
+    """Write the listed pieces of walls from `begin` to `end` (exclusive) into runs of `room` numbers of `pieces`: unit
+    vector along their line (x, y), distance by which that passes the origin, begin and end along the line."""
     for w in range(begin, end):
         piece, place = U(items[w]), w - begin
         for run in range(5):
@@ -116,8 +115,8 @@ def list_pieces(solids, items, begin, end, room, pieces):
 
 @inlined
 def local_pieces(zero, pieces, count, room, own_x, own_y, local):
-    """Put into a sixth run of `pieces` how far on the left of a robot the lines of `count` pieces pass, and into runs
-    of `room` numbers of `local` where these begin and end along them, in the precision of `zero`."""
+    """Write into a sixth run of `pieces` how far to the left of a robot the lines of `count` pieces pass, and into runs
+    of `room` numbers of `local` where they begin and end along them, in the precision of `zero`."""
     for p in range(U(0), count, U(LANES)):
         ex, ey = at(pieces, p), at(pieces, room + p)
         origin = ex * own_x + ey * own_y
@@ -128,12 +127,12 @@ def local_pieces(zero, pieces, count, room, own_x, own_y, local):
 
 @inlined
 def turn_to(zero, normal, first, last, near, beyond, own, cosine, grazing):
-    """What all cones make of a direction of walls: how far the transducer is off and along for it; how far along a line
-    each edge of the cone meets it, for each metre to the line on the left, no farther than an echo comes back from; and
-    whether it does so on the left, not on the right. normal: of the axes to the direction; first, last, near, beyond:
-    of the edges to it and along it. In the precision of `zero`, but for `normal`."""
+    """Values that all cones share for one direction of walls: how far the transducer is off and along that direction;
+    how far along a line each cone edge meets it, per metre of distance on the left, limited to where echoes still come
+    back; and whether it meets it on the left and not on the right. normal: of the axes to the direction; first, last,
+    near, beyond: of the edges to it and along it. In the precision of `zero`, but for `normal`."""
     real = type(zero)
-    on = (near + beyond) * real(own / (2.0 * cosine))  # the axis is in the middle of its edges
+    on = (near + beyond) * real(own / (2.0 * cosine))  # the axis bisects the edges
     first, last = first + real(NEXT_TO_NOTHING), last + real(NEXT_TO_NOTHING)
     near, beyond = most_of(near / first, -grazing), least_of(beyond / last, grazing)
     return normal * own, on, near, beyond, first > zero, last > zero
@@ -141,8 +140,8 @@ def turn_to(zero, normal, first, last, near, beyond, own, cosine, grazing):
 
 @inlined
 def meet(zero, away, near, beyond, before, after, grazing):
-    """From where to where all cones see a line so far on the left of their transducers, and whether they do at all. See
-    `turn_to`; where an edge does not meet it, as far as an echo comes back from."""
+    """The interval of a line, that far to the left of the transducers, seen by each cone, and whether the cone sees it
+    at all. See `turn_to`; where an edge misses the line, the interval ends where echoes stop coming back."""
     right = away < zero
     before, after = before ^ right, after ^ right
     low, high = either(before, near, -grazing) * away, either(after, beyond, grazing) * away
@@ -151,8 +150,8 @@ def meet(zero, away, near, beyond, before, after, grazing):
 
 @inlined
 def look_along(zero, low, high, met, on, begin, end):
-    """Where all cones, those that have `met` a line between `low` and `high`, see a piece of it from `begin` to `end`:
-    how far its nearest point is before or behind the foot of the perpendicular, less than 0 for the foot itself, and
+    """For all cones that have `met` a line between `low` and `high`, where they see a piece of it from `begin` to
+    `end`: the distance of its nearest point from the foot of the perpendicular, less than 0 for the foot itself, and
     how barely an edge meets an end."""
     from_, to = most_of(low, begin - on), least_of(high, end - on)
     width = to - from_
@@ -161,11 +160,11 @@ def look_along(zero, low, high, met, on, begin, end):
 
 @inlined
 def walls(zero, axis_x, axis_y, pieces, local, room, news, begin, count, own, cosine, sine, grazing, nothing):
-    """What all cones see of `count` pieces of walls, see `local_pieces`, those of the entries from `begin` on, and how
-    barely any of them is met: squared metres and metres. In the precision of `zero`."""
+    """For all cones, the nearest points of `count` pieces of walls (see `local_pieces`), the entries from `begin` on,
+    and how barely any of them is met: m2 and m. In the precision of `zero`."""
     real = type(zero)
     grazing, nothing = real(grazing), real(nothing)
-    # Half the opening adds to the axes' angles or is taken off, which is the same for walls along x and along y.
+    # Half the opening is added to or subtracted from the axes' angles, the same for walls along x and along y.
     cos_x, sin_x, cos_y, sin_y = axis_x * cosine, axis_x * sine, axis_y * cosine, axis_y * sine
     sum_y, rest_y = like(zero, cos_y + sin_x), like(zero, cos_y - sin_x)
     rest_x, sum_x = like(zero, cos_x - sin_y), like(zero, cos_x + sin_y)
@@ -204,7 +203,8 @@ def look_precisely(
     axis_cos, axis_sin, first, co, si, pieces, local, room, news, begin, count, own_x, own_y, own, cosine, sine,
     grazing, nothing, seen, place,
 ):  # fmt: skip
-    """Put into `seen`, from `place` on, what sixteen cones from `first` on see of walls, in double precision."""
+    """Write into `seen`, from `place` on, the squared ranges of walls in the sixteen cones from `first` on, in double
+    precision."""
     axis_x, axis_y = axes(axis_cos, axis_sin, first, co, si)
     local_pieces(0.0, pieces, count, room, own_x, own_y, local)
     precise, _ = walls(
@@ -218,9 +218,9 @@ def look_at_solids(
     axis_cos, axis_sin, first, co, si, solids, items, pieces, local, again, room, news, begin, end, own_x, own_y, own,
     cosine, sine, graze, grazing, most, seen, place,
 ):  # fmt: skip
-    """Put into `seen`, from `place` on, what sixteen cones from `first` on see of the listed solids from `begin` up to
-    `end`, squared metres, in single precision. The walls among them are `pieces`, which have room for a sixth run, see
-    `list_pieces`. local, again: scratch memory."""
+    """Write into `seen`, from `place` on, the squared ranges (m2) of the listed solids from `begin` to `end`
+    (exclusive) in the sixteen cones from `first` on, in single precision. The walls among them are `pieces`, which have
+    room for a sixth run, see `list_pieces`. local, again: scratch memory."""
     nothing = most * most
     axis_x, axis_y = axes(axis_cos, axis_sin, first, co, si)
     found = every(F(nothing))
@@ -249,7 +249,7 @@ def look_at_solids(
 
 @inlined
 def edge(outside, forward, radius, least, most, nothing):
-    """Discs in one cone each, in single precision: their squared ranges, and whether those are doubtful."""
+    """Squared ranges of discs in one cone each, in single precision, and whether they are doubtful."""
     within = outside <= F(0)
     aside = outside * outside
     root = root_of(most_of(either(within, forward * forward + aside, radius * radius - aside), F(0)))
@@ -262,9 +262,9 @@ def look_around(
     list_ahead, list_aside, number, n, lone2, cos_0, sin_0, cos_1, sin_1, off_out, off_ahead, radius, barely, past,
     nothing, pairs, whose, doubtful,
 ):  # fmt: skip
-    """Let the two cones beside each of `n` bodies look at it in single precision, and put the places of those that are
-    doubtful into `doubtful`; gives how many. For each body, into `pairs` what the even and the odd one see, squared,
-    and into `whose` which two they are, as bits, and above these whose."""
+    """Compute each of `n` bodies for the two cones beside it, in single precision, and write the places of the doubtful
+    ones into `doubtful`; returns their number. For each body, `pairs` gets the squared ranges of the even and the odd
+    cone, and `whose` the two cones as bits, with the robot in the bits above."""
     found = U(0)
     for j0 in range(U(0), n, U(LANES)):
         ahead, aside = at(list_ahead, j0), at(list_aside, j0)
@@ -294,8 +294,8 @@ def look_around(
 
 @inlined
 def put_together(pairs, whose, n, nothing, least):
-    """Keep the least of what the cones of each robot see of `n` bodies. They are taken from sixteen places in turn, so
-    that the same robot's seldom follow each other, for whom one would have to wait for the other."""
+    """Keep the minimum of what the cones of each robot see of `n` bodies. Bodies are taken from sixteen places in turn,
+    because consecutive bodies of the same robot would have to wait for each other's result."""
     vectors = (n + U(LANES - 1)) // U(LANES)
     for step in range(vectors):
         for place in range(LANES):
@@ -307,7 +307,7 @@ def put_together(pairs, whose, n, nothing, least):
 
 @inlined
 def stop_list(ahead, aside, number, n, radii, common, mixed):
-    """Put bodies that are none after the last one of a list; make those doubtful that have another radius than most."""
+    """Pad a list with far-away bodies; mark those as doubtful whose radius differs from the common one."""
     put(ahead, n, every(AWAY))
     put(aside, n, every(F(0)))
     put(number, n, every(I(0)))
@@ -319,15 +319,15 @@ def stop_list(ahead, aside, number, n, radii, common, mixed):
 
 @inlined
 def copy(values, used, into):
-    """Put the first `used` ones of some values where there is more room."""
+    """Copy the first `used` values into a larger array."""
     for j in range(used):
         into[j] = values[j]
 
 
 @inlined
 def turn(values, order, first, last, into):
-    """Put those of `values` that robots `first` up to `last` have where they are looked for, and foresee what as many
-    of the next ones have."""
+    """Gather the `values` of the robots from `first` to `last` in sorted order, and prefetch those of as many following
+    ones."""
     for i in range(first, last):
         into[i - first] = values[order[i]]
     for i in range(last, min(last + BLOCK, order.shape[0])):
@@ -336,8 +336,8 @@ def turn(values, order, first, last, into):
 
 @inlined
 def list_near(fixed_x, fixed_y, start, across, below, above, left, right, near_x, near_y, near_number):
-    """List the bodies in the cells from `left` up to `right` of the rows from `below` to `above`; gives how many. A few
-    that are none follow."""
+    """List the bodies in the cells from `left` to `right` of the rows from `below` to `above`; returns their number. A
+    few padding entries follow."""
     n = U(0)
     for row in range(below, above + 1):
         begin, end = U(start[row * across + left]), U(start[row * across + right])
@@ -354,9 +354,9 @@ def list_near(fixed_x, fixed_y, start, across, below, above, left, right, near_x
 def keep_near(
     near_x, near_y, near_number, near, me, own_x, own_y, co, si, limit, behind, mark, ahead, aside, number, n
 ):  # fmt: skip
-    """Put those of the `near` listed bodies that are in reach, and not too far behind, into the list of a batch, from
-    `n` on: how far ahead and aside they are, and who with whose `mark`; gives the new n. co, si: of the heading, times
-    the unit that is wanted."""
+    """Append to the list of a batch, from `n` on, those of the `near` listed bodies that are in reach and not too far
+    behind: their distances ahead and aside, and their numbers with the robot's `mark`; returns the new n. co, si: of
+    the heading, times the unit."""
     for j0 in range(U(0), near, U(LANES)):
         dx, dy = reals(at(near_x, j0) - own_x), reals(at(near_y, j0) - own_y)
         its = at(near_number, j0)
@@ -375,22 +375,24 @@ def see(
     own, common, reach, most, cosine, sine, graze, grazing, lone, unit, mixed, forward, axis_cos, axis_sin,
     first_row, last_row, beside, close, out,
 ):  # fmt: skip
-    """What robots in the rows of cells from `first_row` up to `last_row` see, squared; see `cones.ranges`.
+    """Squared ranges seen by the robots in the rows of cells from `first_row` to `last_row` (exclusive); see
+    `cones.ranges`.
 
-    x, y, heading: of all robots, whose `order` is that of their cells; all else is sorted. fixed_x, fixed_y: x and y in
-    units of `unit` m, with LANES more at the end. rows: for each its row in `out`, or -1 if nobody asks. size: of a
-    cell, at least the reach. solids, listed, items, news: see `walls.Walls`. own: radius of those who look; common: the
-    usual radius (bodies of others cost more; if there are none, `mixed` says so, and radii is not read); reach: how far
-    a middle may be. lone: beyond this distance a body of the common radius is seen by the two nearest of sixteen sonars
-    only; negative where all are looked at closely: there are not sixteen, or units are coarse. forward: whether nobody
-    asks for cones that look behind. axis_cos, axis_sin: of the cones, as many as a row of `out` is long: a multiple of
-    LANES. close: is made False for those who find nobody within `beside` m, which is at most `lone`.
+    x, y, heading: of all robots, whose cell order is `order`; everything else is sorted by it. fixed_x, fixed_y: x
+    and y in units of `unit` m, padded with LANES. rows: the row of each robot in `out`, or -1 if not requested.
+    size: of a cell, at least the reach. solids, listed, items, news: see `walls.Walls`. own: radius of the looking
+    robots; common: the most common radius (other bodies cost more; unless `mixed`, there are none and radii is not
+    read); reach: greatest distance of a centre. lone: beyond this distance a body of the common radius is seen only
+    by the two nearest of sixteen sonars; negative if all are computed in double precision, because there are not
+    sixteen or the units are coarse. forward: whether cones that look behind are not needed. axis_cos, axis_sin: of
+    the cones, padded to the length of a row of `out`, a multiple of LANES. close: set to False for robots with no
+    other one within `beside` m, which is at most `lone`.
     """
     count = axis_cos.shape[0]
     nothing = F(most * most)
     reach2, lone2 = F(((reach + 1e-4) / unit + 2.0) ** 2), F(lone * lone) if lone >= 0.0 else FARTHEST
     half = np.arctan2(sine, cosine)
-    # What a cone that looks aside or ahead meets is at most so far behind, and those who are close count anyhow.
+    # Cones that look aside or ahead meet bodies at most this far behind; `close` must count bodies behind too.
     behind = -F(max(common + reach * sine, lone) + 0.01) if forward else -AWAY
     cos_0, sin_0, cos_1, sin_1 = F(cosine), F(sine), F(cos(pi / 8 - half)), F(sin(pi / 8 - half))
     off_out, off_ahead, radius = F(own * sine), F(own * cosine), F(common)

@@ -1,9 +1,8 @@
-"""From ranges to readings: noise, dropout and limits; the same bits on every machine and for any subset of robots.
+"""From ranges to readings: noise, dropout and limits; bit-identical on every backend and for any subset of robots.
 
-A draw hashes a key and a counter (robot and sonar) to 64 bits. Noise is the sum of their four quarters, less its mean:
-Irwin and Hall's distribution, close to normal up to two deviations and never beyond three and a half, and whole
-numbers to the last step.
-`kernels` has the fast form of the same.
+A draw hashes a key and a counter (robot and sonar) to 64 bits. Noise is the sum of their four 16-bit quarters, minus
+its mean: the Irwin-Hall distribution, close to normal up to two deviations and never beyond three and a half, in
+integer arithmetic up to the last step. `kernels` has the fast version.
 """
 
 from __future__ import annotations
@@ -20,14 +19,14 @@ from sleepcast.simulator.world.grid import Floats, Whole
 
 QUARTER = 65_536
 MIDDLE = 2 * QUARTER - 2
-"""The mean of the sum of four numbers from 0 to 65,535."""
+"""Mean of the sum of four numbers from 0 to 65,535."""
 SCALE = sqrt(3.0) / QUARTER
-"""Makes the sum one of standard deviation 1."""
+"""Scales the sum to standard deviation 1."""
 
 
 class Noise(NamedTuple):
-    """Sonar noise. share: standard deviation as a share of the range; dropout: the chance that an echo is
-    missed; most: the reading without an echo, m; key, dropout_key: 64 bits, new in each tick."""
+    """Sonar noise. share: standard deviation as a share of the range; dropout: probability of a missed echo; most: the
+    reading without an echo, m; key, dropout_key: 64 bits, new in each tick."""
 
     share: float
     dropout: float
@@ -38,8 +37,8 @@ class Noise(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class SonarReceiver:
-    """How ranges become readings. least, most: limits, m. front: numbers of the front sonars. noise: None without,
-    or if already applied. wanted: which rows of the readings are asked for, shape (sonars + 1,)."""
+    """How ranges become readings. least, most: limits, m. front: numbers of the front sonars. noise: None without
+    noise, or if already applied. wanted: the requested rows of the readings, shape (sonars + 1,)."""
 
     least: float
     most: float
@@ -61,7 +60,7 @@ def disturb(seen: NDArray[np.float32], which: Whole, noise: Noise) -> None:
 
 
 def disturb_each(seen: NDArray[np.float32], counters: NDArray[np.uint64], noise: Noise) -> None:
-    """The same with a counter for each range."""
+    """As `disturb`, with a counter for each range."""
     nothing = seen >= np.float32(noise.most)
     if noise.share:
         bits = mix(counters * np.uint64(GOLDEN) + np.uint64(noise.key))
@@ -74,7 +73,7 @@ def disturb_each(seen: NDArray[np.float32], counters: NDArray[np.uint64], noise:
 
 def tell(seen: NDArray[np.float32], which: Whole, receiver: SonarReceiver, sensed: Floats) -> None:
     """Write the readings of ranges `seen` (overwritten) of the robots `which` into their columns of `sensed`, m, shape
-    (sonars + 1, robots), in the wanted rows; the last row is the least of the front sonars. NaN stays NaN. Limits are
+    (sonars + 1, robots), in the wanted rows; the last row is the minimum of the front sonars. NaN stays NaN. Limits are
     applied in double precision."""
     if receiver.noise is not None:
         disturb(seen, which, receiver.noise)

@@ -58,6 +58,8 @@ def test_a_file_says_all_of_it() -> None:
     [
         WHOLE,
         'scenario = "crowd"\nseeds = 3\n[measures]\ncharge = "mean battery"\n',
+        'scenario = "crowd"\nseeds = 9\nmeasures.a = "mean x"\n'
+        'precision = { measure = "a", within = 0.5, least = 3 }\n',
         'scenario = "crowd"\nsampling = "latin"\npoints = 5\n[measures]\na = "mean x"\n'
         '[over.radio]\nloss = { low = 0, high = 0.5 }\n[over.robots]\nlimits.speed = { low = "1m/s", high = "2m/s" }\n',
     ],
@@ -125,6 +127,8 @@ def test_drawn_points_fill_their_ranges(sampling: str) -> None:
         ("measures.a = 'sleepcast.core.version.VERSION'", "is no function"),
         ("measures.a = 'quantile 2 x'", "wanted a share and an expression"),
         ("measures.a = 'mean'", 'no measure "mean"'),
+        ("precision = { measure = 'chargd', within = 1 }", "precision: nothing is measured as .* .did you mean charge"),
+        ("precision = { measure = 'charge', within = -1 }", r"precision.within: wanted"),
         ("commands = [{ at = '5s' }]", "text: is missing"),
         ("seeds = 1000000\nover.radio.loss = [0, 0.1]", "at most 1,000,000 fit"),
     ],

@@ -11,11 +11,14 @@ import time
 from math import isnan
 from pathlib import Path
 
+import msgspec
+import numpy as np
 import pytest
 
 import sleepcast as sc
 from sleepcast.cli import main
-from sleepcast.experiments.plan import Experiment, experiment_of
+from sleepcast.experiments.drawing import band
+from sleepcast.experiments.plan import Experiment, Precision, experiment_of
 from sleepcast.experiments.results import Results, ResultsError, export, outcomes_in, summary_of, table_of
 from sleepcast.experiments.run import ENDED, do, run_all, verify
 
@@ -104,6 +107,26 @@ class TestManyRuns:
         assert [each.run for each in one] == list(experiment().runs())
         assert all(each.same_as(other) for each, other in zip(one, three, strict=True))
         assert all(same for _, same in verify(tmp_path / "1", 2))
+
+    def test_there_are_as_many_runs_as_the_precision_takes(self, tmp_path: Path, measures: Path) -> None:
+        measures.write_text("def scattered(fleet):\n    return fleet.swarm.simulator.seed % 5 * (len(fleet) - 5)\n")
+        wanted = experiment_of("crowd", over=["robots.count=5,10"], measures=["own_measures.scattered"], seeds=30)
+        wanted = msgspec.structs.replace(wanted, seconds=0.1, precision=Precision("scattered", 3.0, 5))
+        with Results(tmp_path / "results", wanted) as results:
+            while left := results.missing():
+                assert {run.seed for run in left} <= set(range(left[0].seed, left[0].seed + 5))
+                for _ in run_all(wanted, results, left, 2):
+                    pass
+        table = table_of(tmp_path / "results")
+        runs = {count: list(table["robots.count"]).count(count) for count in (5, 10)}
+        assert runs[5] == 5, "all alike, so the first round was enough"
+        assert 5 < runs[10] < 30
+        scattered = np.array(table["scattered"], float)[np.array(table["robots.count"]) == 10]
+        _, low, high = band(scattered)
+        assert (high - low) / 2 <= 3.0
+        _, low, high = band(scattered[:-5])
+        assert (high - low) / 2 > 3.0, "and not one round more than it takes"
+        assert summary_of(tmp_path / "results").done == runs[5] + runs[10]
 
     def test_a_failed_run_is_a_row_and_the_others_go_on(self, tmp_path: Path, measures: Path) -> None:
         measures.write_text(

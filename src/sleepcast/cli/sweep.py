@@ -102,14 +102,16 @@ def _sweep(
     try_out(experiment)
     with Results(folder, experiment) as results:
         left = results.missing(retry=retry)
-        if not quiet and len(left) < len(experiment):
-            announce(f"{len(experiment) - len(left):,} of {len(experiment):,} runs are done already")
-        outcomes = run_all(experiment, results, left, workers)
+        if not quiet and (done := results.count()):
+            announce(f"{done:,} of {len(experiment):,} runs are done already")
         try:
-            with closing(outcomes), closing(steps(len(left), "sweep", quiet=quiet)) as bar:
-                for _, outcome in zip(bar, outcomes, strict=False):
-                    if outcome.error:
-                        errors[outcome.error] = errors.get(outcome.error, 0) + 1
+            while left:
+                outcomes = run_all(experiment, results, left, workers)
+                with closing(outcomes), closing(steps(len(left), "sweep", quiet=quiet)) as bar:
+                    for _, outcome in zip(bar, outcomes, strict=False):
+                        if outcome.error:
+                            errors[outcome.error] = errors.get(outcome.error, 0) + 1
+                left = results.missing()
         except KeyboardInterrupt:
             complain(f"interrupted; what is done is kept: go on with sleepcast sweep {folder}")
             raise

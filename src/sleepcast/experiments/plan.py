@@ -17,8 +17,9 @@
     at = "5s"
     text = "(WHEN (> battery 50%) (JOIN a))"
 
-With `sampling` as "latin" (a Latin hypercube) or "sobol", and a number of `points`, `over` has ranges instead:
-`radio.loss = { low = 0, high = 0.5 }`.
+With `[precision]`, `seeds` is the most: at each point there are no more runs than it takes until the mean of a measure
+is known well enough. With `sampling` as "latin" (a Latin hypercube) or "sobol", and a number of `points`, `over` has
+ranges instead: `radio.loss = { low = 0, high = 0.5 }`.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from pathlib import Path
 
 import msgspec
 
-from sleepcast.core.errors import MisuseError
+from sleepcast.core.errors import MisuseError, did_you_mean
 from sleepcast.core.settings import Table, toml_document
 from sleepcast.core.units import TIME
 from sleepcast.experiments.measures import name_of, read_measure, read_stop
@@ -77,6 +78,15 @@ class TimedCommand(msgspec.Struct, frozen=True):
     text: str
 
 
+class Precision(msgspec.Struct, frozen=True):
+    """There are enough runs at a point once the confidence interval of the mean of a measure is at most `within` on
+    each side. least: runs in each round, after which that is looked at."""
+
+    measure: str
+    within: float
+    least: int = 5
+
+
 class Run(msgspec.Struct, frozen=True):
     """One run: its number from 0, what each varied key says, and the seed."""
 
@@ -106,9 +116,10 @@ class Experiment(msgspec.Struct, frozen=True):
     commands: tuple[TimedCommand, ...] = ()
     sampling: str = "grid"
     points: int = 0
+    precision: Precision | None = None
 
     def __len__(self) -> int:
-        """How many runs there are."""
+        """How many runs there are; with a precision, at most."""
         return len(self.seeds) * (self.points or prod(len(_values(each)) for each in self.over.values()))
 
     def runs(self) -> Iterator[Run]:
@@ -116,6 +127,12 @@ class Experiment(msgspec.Struct, frozen=True):
         points = list(self._points())
         for number, (seed, point) in enumerate(product(self.seeds, points)):
             yield Run(number, point, seed)
+
+    def rounds(self) -> Iterator[list[Run]]:
+        """The same in the rounds after which is looked whether there are enough."""
+        runs = list(self.runs())
+        size = len(runs) if self.precision is None else self.precision.least * (len(runs) // len(self.seeds))
+        yield from (runs[start : start + size] for start in range(0, len(runs), size))
 
     def _points(self) -> Iterator[dict[str, Value]]:
         keys = list(self.over)
@@ -138,6 +155,8 @@ class Experiment(msgspec.Struct, frozen=True):
             raise PlanError("an experiment without a run: wanted a seed, and a value for each key")
         if len(self) > MAX_ROWS:
             raise PlanError(f"{len(self):,} runs: at most {MAX_ROWS:,} fit into one experiment")
+        if len(self.over) > MAX_VARIED:
+            raise PlanError(f"{len(self.over)} keys are varied: at most {MAX_VARIED} fit")
         if not self.measures:
             raise PlanError("nothing is measured: wanted a measure, such as mean fuel")
         for name, text in self.measures.items():
@@ -146,6 +165,9 @@ class Experiment(msgspec.Struct, frozen=True):
             read_measure(text)
         if self.until:
             read_stop(self.until)
+        if self.precision is not None and self.precision.measure not in self.measures:
+            known = f"{did_you_mean(self.precision.measure, self.measures)}: wanted one of {', '.join(self.measures)}"
+            raise PlanError(f'precision: nothing is measured as "{self.precision.measure:.80}"{known}')
         first = next(self._points())
         for key, setting in self.over.items():
             for value in _values(setting):
@@ -167,6 +189,9 @@ class Experiment(msgspec.Struct, frozen=True):
         varied = [f"{_key(key)} = {_toml(each)}" for key, each in self.over.items()]
         lines += ["", "[over]", *varied] if varied else []
         lines += ["", "[measures]", *(f"{_key(name)} = {_toml(text)}" for name, text in self.measures.items())]
+        if (wanted := self.precision) is not None:
+            lines += ["", "[precision]", f"measure = {_toml(wanted.measure)}"]
+            lines += [f"within = {wanted.within!r}", f"least = {wanted.least}"]
         for command in self.commands:
             lines += ["", "[[commands]]", f'at = "{command.at!r}s"', f"text = {_toml(command.text)}"]
         return "\n".join(lines) + "\n"
@@ -201,6 +226,7 @@ def read_experiment(path: Path, text: str | None = None) -> Experiment:
             commands=tuple(_commands(root)),
             sampling=sampling,
             points=points,
+            precision=_precision(root.table("precision")) if root.has("precision") else None,
         )
 
 
@@ -297,6 +323,13 @@ def _span(table: Table, name: str) -> Span:
     if unit != other or not (isfinite(float(low)) and isfinite(float(high)) and float(low) < float(high)):
         raise table.error(name, "wanted a range from the lower to the higher end, both with the same unit")
     return Span(float(low), float(high), unit)
+
+
+def _precision(root: Table) -> Precision:
+    with root as table:
+        return Precision(
+            table.text("measure"), table.number("within", low=0.0), table.whole("least", 5, low=2, high=1_000)
+        )
 
 
 def _commands(root: Table) -> Iterator[TimedCommand]:

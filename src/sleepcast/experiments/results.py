@@ -17,7 +17,7 @@ import platform
 import sqlite3
 import subprocess
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -30,6 +30,7 @@ from sleepcast.core.errors import MisuseError, SleepcastError
 from sleepcast.core.files import lock_file, replace_file
 from sleepcast.core.settings import SettingsError
 from sleepcast.core.version import VERSION
+from sleepcast.experiments.drawing import band
 from sleepcast.experiments.plan import Experiment, Run, Value, read_experiment
 
 PLAN, ABOUT, RUNS, LOCK = "experiment.toml", "about.json", "runs.sqlite", ".lock"
@@ -95,10 +96,37 @@ class Results:
         if self._lock is not None:
             os.close(self._lock)
 
+    def count(self) -> int:
+        """How many runs have finished."""
+        found: int = self._connection.execute("SELECT count(*) FROM runs").fetchone()[0]
+        return found
+
     def missing(self, *, retry: bool = False) -> list[Run]:
-        """The runs that are still to be done. retry: also those that failed."""
-        done = {key for key, error in self._connection.execute("SELECT key, error FROM runs") if not (retry and error)}
-        return [run for run in self.experiment.runs() if run.key not in done]
+        """The runs that are to be done next; there may be more after these, if the experiment wants a precision. retry:
+        also those that failed."""
+        found = self._connection.execute("SELECT key, error, samples FROM runs")
+        done = {key: json.loads(samples) for key, error, samples in found if not (retry and error)}
+        precise = self._precise_points(done)
+        for runs in self.experiment.rounds():
+            left = [run for run in runs if run.key not in done and _point(run) not in precise]
+            if left:
+                return left
+        return []
+
+    def _precise_points(self, done: Mapping[str, Sequence[Sequence[float | None]]]) -> set[str]:
+        """The points at which there are enough runs. done: samples by the key of the run."""
+        wanted = self.experiment.precision
+        if wanted is None:
+            return set()
+        place = 1 + list(self.experiment.measures).index(wanted.measure)
+        values: dict[str, list[float]] = {}
+        for run in self.experiment.runs():
+            found = done[run.key][-1][place] if done.get(run.key) else None
+            if found is not None:
+                values.setdefault(_point(run), []).append(found)
+        return {
+            point for point, found in values.items() if len(found) >= wanted.least and _spread(found) <= wanted.within
+        }
 
     def keep(self, outcomes: Iterable[Outcome]) -> None:
         """Write finished runs, all or none of them. Raises ResultsLostError."""
@@ -118,7 +146,7 @@ class Results:
 
 
 class Summary(msgspec.Struct, frozen=True):
-    """runs: wanted; done: finished; failed: of these; unknown: values that no robot could give."""
+    """runs: wanted, at most; done: finished; failed: of these; unknown: values that no robot could give."""
 
     runs: int
     done: int
@@ -213,6 +241,16 @@ def _write(table: DataTable, file: Path, suffix: str) -> None:
             'a Parquet file needs pyarrow: install it with pip install "sleepcast[experiments]", or write a .csv file'
         ) from error
     pyarrow.parquet.write_table(pyarrow.table(table), file)
+
+
+def _point(run: Run) -> str:
+    return json.dumps(run.point, sort_keys=True)
+
+
+def _spread(values: Sequence[float]) -> float:
+    """Half of the confidence interval of their mean."""
+    _, low, high = band(np.array(values))
+    return (high - low) / 2
 
 
 def _column(values: list[Value]) -> Texts | Numbers:
